@@ -94,14 +94,16 @@ def assign_bodies(
     frame = float(np.median(np.diff(wrenches.time))) if len(wrenches) > 1 else 1.0
     shortest = max(1, round(options.shortest / frame))
     contacts: list[Contact] = []
-    found: list[str] = []
+    warnings: list[str] = []
     carried = np.full((len(wrenches), len(wrenches.names)), -1, dtype=np.int64)
     for plate, plate_name in enumerate(wrenches.names):
         size = np.linalg.norm(wrenches.forces[:, plate], axis=1)
         for start, stop in runs(size > 0):
             owners = _owners(distances[start:stop, plate], size[start:stop], shortest, options.clear)
             if owners is None:
-                found.append(f"no candidate body is seen while {plate_name} is loaded at {wrenches.time[start]:.2f} s")
+                warnings.append(
+                    f"no candidate body is seen while {plate_name} is loaded at {wrenches.time[start]:.2f} s"
+                )
                 continue
             carried[start:stop, plate] = owners
             for first, last in _runs(owners):
@@ -109,8 +111,8 @@ def assign_bodies(
                 contact = _contact(wrenches, plate, here, distances[here, plate], size[here], names)
                 contacts.append(contact)
                 if contact.distance > 0.6 * contact.other_distance:
-                    found.append(_doubt(contact))
-    return Assignment(_split(wrenches, carried, names), tuple(contacts), tuple(found))
+                    warnings.append(_doubt(contact))
+    return Assignment(_split(wrenches, carried, names), tuple(contacts), tuple(warnings))
 
 
 def _doubt(contact: Contact) -> str:
@@ -152,8 +154,8 @@ def _owners(distances: Array, size: Array, shortest: int, clear: float) -> NDArr
         if lengths[least] >= shortest:
             break
         start, stop = runs[least]
-        beside = [k for k in (least - 1, least + 1) if 0 <= k < len(runs)]
-        nearest[start:stop] = nearest[runs[max(beside, key=lambda k: lengths[k])][0]]
+        beside = [index for index in (least - 1, least + 1) if 0 <= index < len(runs)]
+        nearest[start:stop] = nearest[runs[max(beside, key=lambda index: lengths[index])][0]]
         runs = _runs(nearest)
     return nearest.astype(np.int64)
 
@@ -253,10 +255,10 @@ class OnlineFeet:
         self._sure = np.zeros(len(bodies), np.bool_)
         self._sought = np.array([not body for body in bodies], np.bool_)
         self._tree = compile_tree(model)
-        self._feet = [self.bodies.index(one) for one in feet]
-        self._numbers = [self._tree.body_index[one] for one in feet]
+        self._feet = [self.bodies.index(item) for item in feet]
+        self._numbers = [self._tree.body_index[item] for item in feet]
         # Heel and ball: twice the way from the body's origin to its mass center.
-        self._ahead = np.array([2.0 * model.body(one).mass_center for one in feet]).reshape(-1, 3)
+        self._ahead = np.array([2.0 * model.body(item).mass_center for item in feet]).reshape(-1, 3)
         gravity = np.asarray(model.gravity, dtype=np.float64)
         size = float(np.linalg.norm(gravity))
         self.up = -gravity / size if size > 0.0 else np.array([0.0, 1.0, 0.0])

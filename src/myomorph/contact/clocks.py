@@ -68,7 +68,7 @@ def sound_clock(
         if instrument.sites:
             each = [_changes(motion.time, site_places(model, motion, by_name[name])) for name in instrument.sites]
             changes[instrument.name] = np.max(each, axis=0)
-    used = [one for one in strokes.strokes if one.instrument in changes]
+    used = [stroke for stroke in strokes.strokes if stroke.instrument in changes]
     if len(used) < FEWEST:
         raise BadData(f"{len(used)} strokes by sites of the model: a clock needs {FEWEST} or more")
     shifts = np.arange(-reach, reach + 0.5 * STEP, STEP)

@@ -72,8 +72,8 @@ def feet_on_steps(
     moving = site_motion(model, motion, sites)
     away = np.stack([_distances(step, moving.places) for step in loads.steps], axis=1)
     nearest = np.argmin(np.where(np.isfinite(away), away, np.inf), axis=1)
-    own = np.arange(len(loads.steps))[None, :, None] == nearest[:, None]
-    near = own & (away <= options.search_range * moving.height)
+    nearest_step = np.arange(len(loads.steps))[None, :, None] == nearest[:, None]
+    near = nearest_step & (away <= options.search_range * moving.height)
     loaded = _interpolated(loads.time, loads.loaded.astype(np.float64), motion.time) > 0.5
     slow = np.linalg.norm(moving.velocities, axis=2) < options.still * moving.pace
     # A foot that swings past a step does not stand on it, unless nobody else is there.
@@ -84,8 +84,8 @@ def feet_on_steps(
         np.where(loaded[:, :, None], _interpolated(loads.time, one, motion.time), 0.0)
         for one in (loads.forces, loads.moments)
     )
-    for one, measured in ((forces, loads.forces), (moments, loads.moments)):
-        one[:, np.isnan(measured).all(axis=0)] = np.nan
+    for values, measured in ((forces, loads.forces), (moments, loads.moments)):
+        values[:, np.isnan(measured).all(axis=0)] = np.nan
     notes = [*loads.notes, *_doubts(motion.time, loads.steps, sites, loaded, standing)]
     return FeetOnSteps(
         motion.time,
@@ -128,7 +128,7 @@ def _distances(step: Step, places: Array) -> Array:
 def _interpolated(time: Array, values: Array, at: Array) -> Array:
     """Values (samples, ...) at other times; 0 outside of the recording."""
     flat = values.reshape(len(time), -1)
-    columns = [np.interp(at, time, np.nan_to_num(one), left=0.0, right=0.0) for one in flat.T]
+    columns = [np.interp(at, time, np.nan_to_num(column), left=0.0, right=0.0) for column in flat.T]
     return np.stack(columns, axis=1).reshape(len(at), *values.shape[1:])
 
 
@@ -137,12 +137,15 @@ def _doubts(
 ) -> list[str]:
     result = []
     step_time = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
-    for k, step in enumerate(steps):
+    for number, step in enumerate(steps):
         bodies = np.stack(
-            [standing[:, k, [i for i, s in enumerate(sites) if s.body == body]].any(axis=1) for body in _bodies(sites)],
+            [
+                standing[:, number, [i for i, s in enumerate(sites) if s.body == body]].any(axis=1)
+                for body in _bodies(sites)
+            ],
             axis=1,
         )
-        alone = loaded[:, k] & ~bodies.any(axis=1)
+        alone = loaded[:, number] & ~bodies.any(axis=1)
         if alone.any():
             result.append(
                 f"step '{step.name}' is loaded for {alone.sum() * step_time:.3g} s, first at {time[alone][0]:.3f} s, "
@@ -179,8 +182,8 @@ def stair_wrenches(feet: FeetOnSteps, unmeasured: Unmeasured = "unknown") -> tup
     """
     notes = list(feet.notes)
     columns: dict[tuple[str, str], tuple[Array, Array, Array]] = {}
-    for k, step in enumerate(feet.steps):
-        missing = [axis for i, axis in enumerate("xyz") if np.isnan(feet.forces[:, k, i]).all()]
+    for number, step in enumerate(feet.steps):
+        missing = [axis for i, axis in enumerate("xyz") if np.isnan(feet.forces[:, number, i]).all()]
         if missing and unmeasured == "unknown":
             notes.append(
                 f"step '{step.name}' does not measure force along {', '.join(missing)}: inverse dynamics goes without "
@@ -189,7 +192,7 @@ def stair_wrenches(feet: FeetOnSteps, unmeasured: Unmeasured = "unknown") -> tup
             continue
         if missing:
             notes.append(f"step '{step.name}' does not measure force along {', '.join(missing)}: taken for zero")
-        columns |= {(step.name, body): part for body, part in _parts(feet, k).items()}
+        columns |= {(step.name, body): part for body, part in _parts(feet, number).items()}
     frames = len(feet.time)
     values = [np.zeros((frames, len(columns), 3)) for _ in range(3)]
     for j, parts in enumerate(columns.values()):
@@ -199,14 +202,14 @@ def stair_wrenches(feet: FeetOnSteps, unmeasured: Unmeasured = "unknown") -> tup
     return Wrenches(feet.time, names, tuple(body for _, body in columns), *values), tuple(notes)
 
 
-def _parts(feet: FeetOnSteps, k: int) -> dict[str, tuple[Array, Array, Array]]:
+def _parts(feet: FeetOnSteps, index: int) -> dict[str, tuple[Array, Array, Array]]:
     """Force, point and free torque (frames, 3) of a step on each body that stands on it."""
-    step = feet.steps[k]
-    force = np.nan_to_num(feet.forces[:, k])
-    bodies = [body for body in _bodies(feet.sites) if feet.standing[:, k, _of(feet, body)].any()]
-    where = {body: _place(feet, k, body) for body in bodies}
-    here = {body: np.asarray(feet.standing[:, k, _of(feet, body)].any(axis=1)) for body in bodies}
-    center, torque = _center_of_pressure(step, force, feet.moments[:, k])
+    step = feet.steps[index]
+    force = np.nan_to_num(feet.forces[:, index])
+    bodies = [body for body in _bodies(feet.sites) if feet.standing[:, index, _of(feet, body)].any()]
+    where = {body: _place(feet, index, body) for body in bodies}
+    here = {body: np.asarray(feet.standing[:, index, _of(feet, body)].any(axis=1)) for body in bodies}
+    center, torque = _center_of_pressure(step, force, feet.moments[:, index])
     shares = _shares(bodies, here, where, center)
     result = {}
     for body in bodies:
@@ -221,15 +224,15 @@ def _of(feet: FeetOnSteps, body: str) -> list[int]:
     return [i for i, site in enumerate(feet.sites) if site.body == body]
 
 
-def _place(feet: FeetOnSteps, k: int, body: str) -> Array:
+def _place(feet: FeetOnSteps, index: int, body: str) -> Array:
     """(frames, 3) mean place of a body's sites that stand on a step, brought down onto its tread; 0 where none does."""
     members = _of(feet, body)
-    on = feet.standing[:, k, members][..., None]
+    on = feet.standing[:, index, members][..., None]
     mean = np.where(on, feet.places[:, members], 0.0).sum(axis=1) / np.maximum(on.sum(axis=1), 1)
-    pose = feet.steps[k].pose
+    pose = feet.steps[index].pose
     inside = pose.inverse().apply(mean)
     inside[:, 2] = 0.0
-    half = 0.5 * np.array(feet.steps[k].size)
+    half = 0.5 * np.array(feet.steps[index].size)
     inside[:, :2] = np.clip(inside[:, :2], -half, half)
     return pose.apply(inside)
 
@@ -253,14 +256,14 @@ def _shares(
     """Share (frames,) of a step's force that each body has."""
     count = np.sum([here[body] for body in bodies], axis=0) if bodies else np.zeros(len(center))
     shares = {body: np.where(here[body], 1.0 / np.maximum(count, 1), 0.0) for body in bodies}
-    for i, one in enumerate(bodies):
+    for i, each_body in enumerate(bodies):
         for other in bodies[i + 1 :]:
-            two = here[one] & here[other] & (count == 2) & np.isfinite(center).all(axis=1)
-            apart = where[other] - where[one]
+            two = here[each_body] & here[other] & (count == 2) & np.isfinite(center).all(axis=1)
+            apart = where[other] - where[each_body]
             square = (apart**2).sum(axis=1)
-            along = np.clip(((center - where[one]) * apart).sum(axis=1) / np.maximum(square, 1e-12), 0.0, 1.0)
+            along = np.clip(((center - where[each_body]) * apart).sum(axis=1) / np.maximum(square, 1e-12), 0.0, 1.0)
             along = np.where(square > 1e-12, along, 0.5)
-            shares[one] = np.where(two, 1.0 - along, shares[one])
+            shares[each_body] = np.where(two, 1.0 - along, shares[each_body])
             shares[other] = np.where(two, along, shares[other])
     return shares
 
@@ -275,29 +278,29 @@ def shared_stairs(feet: FeetOnSteps, leave_out: Collection[str] = ()) -> tuple[S
     ----------
     leave_out : steps whose force is known otherwise
     """
-    found = []
-    for k, step in enumerate(feet.steps):
+    results = []
+    for index, step in enumerate(feet.steps):
         if step.name in leave_out:
             continue
         groups: dict[tuple[int, ...], list[int]] = {}
-        for frame in np.flatnonzero(feet.standing[:, k].any(axis=1)):
-            groups.setdefault(tuple(np.flatnonzero(feet.standing[frame, k]).tolist()), []).append(int(frame))
+        for frame in np.flatnonzero(feet.standing[:, index].any(axis=1)):
+            groups.setdefault(tuple(np.flatnonzero(feet.standing[frame, index]).tolist()), []).append(int(frame))
         for number, (members, frames) in enumerate(groups.items()):
             forces, moments = np.full((2, len(feet.time), 3), np.nan)
-            force = feet.forces[frames, k]
+            force = feet.forces[frames, index]
             forces[frames] = force
             # About the ground's origin a moment needs the forces across it.
             middle = np.array(step.pose.translation)
             arm = np.array([[0, -middle[2], middle[1]], [middle[2], 0, -middle[0]], [-middle[1], middle[0], 0]])
             used = np.abs(arm) > 1e-12
             open_ = (used[None] & np.isnan(force)[:, None, :]).any(axis=2)
-            moved = feet.moments[frames, k] + np.nan_to_num(force) @ arm.T
+            moved = feet.moments[frames, index] + np.nan_to_num(force) @ arm.T
             moments[frames] = np.where(open_, np.nan, moved)
-            sd = max(float(feet.noise[k]), LEAST_NOISE * feet.weight)
+            sd = max(float(feet.noise[index]), LEAST_NOISE * feet.weight)
             name = step.name if len(groups) == 1 else f"{step.name}_{number + 1}"
             sites = tuple(feet.sites[i].name for i in members)
-            found.append(SharedWrench(name, sites, forces, moments, sd, sd * 0.5 * max(step.size)))
-    return tuple(found)
+            results.append(SharedWrench(name, sites, forces, moments, sd, sd * 0.5 * max(step.size)))
+    return tuple(results)
 
 
 @dataclass(frozen=True, eq=False)
@@ -343,9 +346,9 @@ def stairs_contacts(paws: FeetOnSteps) -> Contacts:
     touches = []
     for i, site in enumerate(paws.sites):
         on = paws.standing[:, :, i]
-        for k, step in enumerate(paws.steps):
+        for number, step in enumerate(paws.steps):
             touches += [
                 Touch(site.name, float(paws.time[a]), float(paws.time[b - 1]), source=f"step {step.name}")
-                for a, b in runs(on[:, k])
+                for a, b in runs(on[:, number])
             ]
     return Contacts(tuple(site.name for site in paws.sites), tuple(touches))

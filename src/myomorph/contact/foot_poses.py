@@ -47,7 +47,7 @@ class FootPoses:
     @property
     def unit(self) -> float:
         """Size of the feet over that of a human foot: what tolerances grow with."""
-        return float(np.mean([one.length for one in self.feet])) / FOOT
+        return float(np.mean([item.length for item in self.feet])) / FOOT
 
     @property
     def up(self) -> Array:
@@ -106,12 +106,12 @@ def foot_poses(model: Model, motion: Motion) -> FootPoses | None:
         return None
     owners: dict[str, int] = {}
     for number, foot in enumerate(feet):
-        own = segments[foot.heel]
+        of_foot = segments[foot.heel]
         part = foot.name.removesuffix("foot_r").removesuffix("foot_l")
         owners |= {
             name: number
             for name, segment in segments.items()
-            if segment == own and name.startswith(part) and name not in owners
+            if segment == of_foot and name.startswith(part) and name not in owners
         }
     tree = compile_tree(model)
     return FootPoses(

@@ -80,11 +80,11 @@ def _carries(inspection: Inspection) -> NDArray[np.bool_]:
     result = np.zeros((len(feet.time), len(feet.feet)), bool)
     distances = feet.distances(inspection.samples.centers(feet.up)[:, inspection.numbers])
     nearest = np.argmin(np.nan_to_num(distances, nan=9.0), axis=2)
-    for column, k in enumerate(map(int, inspection.numbers)):
-        own = feet.owners.get(inspection.wrenches.bodies[k])
-        loaded = inspection.samples.loaded[:, k]
+    for column, index in enumerate(map(int, inspection.numbers)):
+        owner = feet.owners.get(inspection.wrenches.bodies[index])
+        loaded = inspection.samples.loaded[:, index]
         for foot in range(len(feet.feet)):
-            result[:, foot] |= loaded & (nearest[:, column] == foot if own is None else own == foot)
+            result[:, foot] |= loaded & (nearest[:, column] == foot if owner is None else owner == foot)
     return result
 
 

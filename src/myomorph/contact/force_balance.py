@@ -65,7 +65,7 @@ def turns(up: Array) -> list[Turn]:
     across = np.eye(3)[np.argsort(np.abs(up))[:2]]
     a, b = across
     both = np.outer(up, up)
-    names = ["xyz"[int(np.argmax(np.abs(one)))] for one in (a, b)]
+    names = ["xyz"[int(np.argmax(np.abs(values)))] for values in (a, b)]
 
     def made(x: Array, y: Array) -> Array:
         return np.asarray(np.outer(x, a) + np.outer(y, b) + both)
@@ -98,8 +98,8 @@ def check_directions(inspection: Inspection) -> None:
         return
     what = "forces and points" if forces == points else "forces" if points == 0 else "points"
     turn = choices[forces or points]
-    for k in map(int, inspection.numbers):
-        inspection.change(k, _changed(choices[forces].matrix, choices[points].matrix))
+    for index in map(int, inspection.numbers):
+        inspection.change(index, _changed(choices[forces].matrix, choices[points].matrix))
     inspection.found(
         turn.kind,
         ", ".join(inspection.name(int(number)) for number in inspection.numbers),
@@ -120,10 +120,10 @@ def _turn_errors(inspection: Inspection, choices: list[Turn]) -> Array | None:
 
     The last entry is that of no force at all.
     """
-    found = balance(inspection)
-    if found is None:
+    result = balance(inspection)
+    if result is None:
         return None
-    measured, needed = found
+    measured, needed = result
     here = covered(inspection, measured, needed)
     time = inspection.feet.time
     if here.sum() < 15 or here.sum() * np.median(np.diff(time)) < 0.25:
@@ -133,7 +133,7 @@ def _turn_errors(inspection: Inspection, choices: list[Turn]) -> Array | None:
     if np.sqrt(np.mean(np.sum(measured**2, axis=1))) < 0.03 * inspection.feet.model.weight:
         return None
     turned = [measured @ choice.matrix.T for choice in choices]
-    return np.array([float(np.mean(np.sum((one - needed) ** 2, axis=1))) for one in (*turned, 0.0 * needed)])
+    return np.array([float(np.mean(np.sum((values - needed) ** 2, axis=1))) for values in (*turned, 0.0 * needed)])
 
 
 def _turn_of_forces(inspection: Inspection, choices: list[Turn], errors: Array | None) -> int:
@@ -144,7 +144,7 @@ def _turn_of_forces(inspection: Inspection, choices: list[Turn], errors: Array |
     if best:
         # Forces to one side only may not distinguish a turn from a reflection: the points do.
         alike = [index for index in range(1, len(choices)) if errors[index] < 1.5 * errors[best]]
-        best = min(alike, key=lambda k: _turned_misfit(inspection, choices, k, k))
+        best = min(alike, key=lambda index: _turned_misfit(inspection, choices, index, index))
     # No turn makes sense of forces that the center of mass does not feel.
     return best if best and errors[best] < min(0.35 * errors[0], 0.5 * errors[-1]) else 0
 
@@ -163,7 +163,7 @@ def _turn_of_points(inspection: Inspection, choices: list[Turn], forces: int) ->
     if forces:
         # The same turn as the forces', unless the points are better as they are.
         return forces if misfit(forces) < max(before, NEAR * unit) else 0
-    if before < NEAR * unit or any(inspection.misfit(k) < NEAR * unit for k in used):
+    if before < NEAR * unit or any(inspection.misfit(number) < NEAR * unit for number in used):
         return 0
     left = [misfit(index) for index in range(len(choices))]
     best, second = np.argsort(left)[:2]
@@ -175,27 +175,27 @@ def _turned_misfit(inspection: Inspection, choices: list[Turn], forces: int, poi
     """Mean distance of all centers of pressure to their feet with forces and points turned [m]."""
     used = [int(number) for number in inspection.numbers if inspection.weights(int(number)).any()]
     samples = inspection.samples
-    for k in used:
-        samples = samples.changed(k, _changed(choices[forces].matrix, choices[points].matrix))
-    return float(np.mean([_own_misfit(inspection, k, samples) for k in used])) if used else 0.0
+    for index in used:
+        samples = samples.changed(index, _changed(choices[forces].matrix, choices[points].matrix))
+    return float(np.mean([_own_misfit(inspection, number, samples) for number in used])) if used else 0.0
 
 
 def _own_misfit(inspection: Inspection, number: int, samples: ForceSamples) -> float:
     """Mean distance of the center of pressure to the foot that the force is put on, or to the nearest [m]."""
     feet = inspection.feet
-    own = feet.owners.get(inspection.wrenches.bodies[number])
+    owner = feet.owners.get(inspection.wrenches.bodies[number])
     distances = np.nan_to_num(feet.distances(samples.centers(feet.up)[:, [number]])[:, 0])
-    chosen = distances.min(axis=1) if own is None else distances[:, own]
+    chosen = distances.min(axis=1) if owner is None else distances[:, owner]
     return float(np.average(chosen, weights=inspection.weights(number)))
 
 
 def check_mass(inspection: Inspection) -> None:
     """The weight that the plates carry against that of the model, where all standing feet are on plates."""
-    found = balance(inspection)
-    if found is None:
+    result = balance(inspection)
+    if result is None:
         return
     up, model, time = inspection.feet.up, inspection.feet.model, inspection.feet.time
-    carried, wanted = found[0] @ up, found[1] @ up
+    carried, wanted = result[0] @ up, result[1] @ up
     steady = supported(inspection) & (wanted > 0.5 * model.weight) & (carried > 0.0)
     margin = max(2, len(time) // 25)
     steady[:margin] = steady[-margin:] = False

@@ -140,31 +140,31 @@ def check_signs(inspection: Inspection) -> None:
     up, weight = inspection.feet.up, inspection.feet.model.weight
     lifts = inspection.samples.forces @ up
     used = [int(number) for number in inspection.numbers if inspection.weights(int(number)).any()]
-    pulling = [k for k in used if _lift(inspection, k) <= -0.5]
+    pulling = [number for number in used if _lift(inspection, number) <= -0.5]
     if not pulling:
         return
     loaded = inspection.samples.loaded[:, used].any(axis=1)
     # Where all plates together pull a body down, its own weight has the wrong sign, wherever they lie.
     all_of_it = float(lifts[loaded][:, used].sum(axis=1).mean()) < -PULLED * weight
-    for k in pulling:
-        mean = float(lifts[inspection.weights(k) > 0.0, k].mean())
-        away = inspection.misfit(k)
+    for index in pulling:
+        mean = float(lifts[inspection.weights(index) > 0.0, index].mean())
+        away = inspection.misfit(index)
         if not all_of_it and away > FAR * inspection.feet.unit:
-            inspection.kept_as_measured.add(inspection.name(k))
+            inspection.kept_as_measured.add(inspection.name(index))
             inspection.found(
                 LOAD,
-                inspection.name(k),
-                f"force '{inspection.name(k)}' pulls down (mean {mean:.0f} N upwards while loaded) and lies "
+                inspection.name(index),
+                f"force '{inspection.name(index)}' pulls down (mean {mean:.0f} N upwards while loaded) and lies "
                 f"{away:.2f} m from the nearest foot",
                 advice="it seems a load in the hands: no foot gets it; name the body that carries it (--bodies, "
                 "--plates)",
             )
             continue
-        inspection.change(k, lambda force, point, torque: (-force, point, -torque))
+        inspection.change(index, lambda force, point, torque: (-force, point, -torque))
         inspection.found(
             "swapped sign",
-            inspection.name(k),
-            f"force '{inspection.name(k)}' pulls the foot down (mean {mean:.0f} N upwards while loaded)",
+            inspection.name(index),
+            f"force '{inspection.name(index)}' pulls the foot down (mean {mean:.0f} N upwards while loaded)",
             "force and moment were reversed",
             "reverse force and moment",
         )

@@ -88,15 +88,15 @@ def lag_of_mass(inspection: Inspection) -> Lag | None:
     that the body stands on. Its standard deviation is that of a time by least squares, with as many independent
     samples as the low-pass filter leaves.
     """
-    found = balance(inspection)
-    if found is None:
+    result = balance(inspection)
+    if result is None:
         return None
     core = _core(inspection)
     # On treadmills and in flight all frames count, though stances of fast runners hardly show in the feet's motion.
-    parts = (supported(inspection) & core, _between_steps(inspection, found[0]), core)
-    lags = (_lag(inspection, *found, frames) for frames in parts)
+    parts = (supported(inspection) & core, _between_steps(inspection, result[0]), core)
+    lags = (_lag(inspection, *result, frames) for frames in parts)
     known = [lag for lag in lags if lag is not None and lag.explained > EXPLAINED]
-    return min(known, key=lambda one: one.sd, default=None)
+    return min(known, key=lambda value: value.sd, default=None)
 
 
 def _lag(inspection: Inspection, measured: Array, needed: Array, frames: NDArray[np.bool_]) -> Lag | None:
@@ -112,7 +112,7 @@ def _lag(inspection: Inspection, measured: Array, needed: Array, frames: NDArray
         return np.asarray(late - late.mean(axis=0))
 
     wanted = part(needed, 0.0)
-    lag, _ = _least(lags, np.array([np.sum((part(measured, one) - wanted) ** 2) for one in lags]))
+    lag, _ = _least(lags, np.array([np.sum((part(measured, lag) - wanted) ** 2) for lag in lags]))
     best = part(measured, lag)
     left = float(np.mean((best - wanted) ** 2))
     slope = float(np.mean(part(np.gradient(measured, time, axis=0), lag) ** 2))
@@ -123,12 +123,12 @@ def _lag(inspection: Inspection, measured: Array, needed: Array, frames: NDArray
 
 def _least(lags: Array, values: Array) -> tuple[float, float]:
     """The lag of the least value, by a parabola, and that value over the one at no lag."""
-    k = int(np.argmin(values))
-    lag = float(lags[k])
-    if 0 < k < len(lags) - 1:
-        a, b, c = values[k - 1 : k + 2]
+    index = int(np.argmin(values))
+    lag = float(lags[index])
+    if 0 < index < len(lags) - 1:
+        a, b, c = values[index - 1 : index + 2]
         lag += 0.5 * float(lags[1] - lags[0]) * float((a - c) / max(a - 2.0 * b + c, 1e-300))
-    return lag, float(values[k] / max(values[len(lags) // 2], 1e-300))
+    return lag, float(values[index] / max(values[len(lags) // 2], 1e-300))
 
 
 def _core(inspection: Inspection) -> NDArray[np.bool_]:
@@ -141,10 +141,10 @@ def _between_steps(inspection: Inspection, measured: Array) -> NDArray[np.bool_]
     """Those among them (frames,) in which the plates carry most of the weight at every lag: from step to step."""
     time, weight = inspection.feet.time, inspection.feet.model.weight
     carries = measured @ inspection.feet.up > CARRIED * weight
-    found = np.zeros(len(time), bool)
+    result = np.zeros(len(time), bool)
     for start, stop in runs(carries):
-        found[start:stop] = (time[start:stop] > time[start] + SLACK) & (time[start:stop] < time[stop - 1] - SLACK)
-    return found & _core(inspection)
+        result[start:stop] = (time[start:stop] > time[start] + SLACK) & (time[start:stop] < time[stop - 1] - SLACK)
+    return result & _core(inspection)
 
 
 def _gliding(inspection: Inspection, lags: Array) -> Array | None:
@@ -155,15 +155,15 @@ def _gliding(inspection: Inspection, lags: Array) -> Array | None:
     feet, samples = inspection.feet, inspection.samples
     time = feet.time
     centers = samples.centers(feet.up)
-    used = [int(k) for k in inspection.numbers if len(inspection.episodes(int(k)))]
-    steps = sum(len(inspection.episodes(k)) for k in used)
+    used = [int(number) for number in inspection.numbers if len(inspection.episodes(int(number)))]
+    steps = sum(len(inspection.episodes(number)) for number in used)
     if steps < STEPS or time[-1] - time[0] < 4.0 * SLACK or len(time) < 20:
         return None
     nearest = np.argmin(np.nan_to_num(feet.distances(centers), nan=9.0), axis=2)
     fields = [[_field(feet, body) for body in dict.fromkeys((foot.heel, foot.toes))] for foot in feet.feet]
     total, count = np.zeros(len(lags)), 0.0
-    for k in used:
-        weights = inspection.weights(k)
+    for index in used:
+        weights = inspection.weights(index)
         frames = np.flatnonzero((weights > 0.0) & (time > time[0] + SLACK) & (time < time[-1] - SLACK))
         if not len(frames):
             continue
@@ -171,10 +171,10 @@ def _gliding(inspection: Inspection, lags: Array) -> Array | None:
         for row, lag in enumerate(lags):
             at = np.clip(np.searchsorted(time, time[frames] - lag), 0, len(time) - 1)
             for number in range(len(feet.feet)):
-                mine = nearest[frames, k] == number
+                mine = nearest[frames, index] == number
                 for part in range(2):
                     origin, drift, spin = fields[number][min(part, len(fields[number]) - 1)]
-                    here, now = at[mine], centers[frames[mine], k]
+                    here, now = at[mine], centers[frames[mine], index]
                     reach = np.einsum("fij,fj->fi", spin[here], now - origin[here])
                     speeds[row, mine, :, part] = drift[here] + reach
         firm = weights[frames] > 0.5 * inspection.feet.model.weight

@@ -60,15 +60,15 @@ class Inspection:
 
     def episodes(self, number: int) -> list[slice]:
         """Frames of each stretch of time in which a force is loaded and nearest to one foot."""
-        found = []
+        results = []
         time = self.feet.time
         distances = self.feet.distances(self.samples.centers(self.feet.up)[:, [number]])[:, 0]
         nearest = np.argmin(np.nan_to_num(distances, nan=9.0), axis=1)
         for foot in range(len(self.feet.feet)):
             for start, stop in runs(self.samples.loaded[:, number] & (nearest == foot)):
                 if time[stop - 1] - time[start] >= SHORTEST:
-                    found.append(slice(start, stop))
-        return sorted(found, key=lambda one: one.start)
+                    results.append(slice(start, stop))
+        return sorted(results, key=lambda result: result.start)
 
     def name(self, number: int) -> str:
         """Name of a force."""
@@ -90,6 +90,6 @@ class Inspection:
         """Note a finding; `mended` is what was done about it, `advice` what helps where nothing was."""
         done = bool(mended) and self.mend
         time = self.feet.time
-        spans = tuple((float(time[one.start]), float(time[one.stop - 1])) for one in times)
+        spans = tuple((float(time[span.start]), float(time[span.stop - 1])) for span in times)
         helps = mended if done else advice
         self.findings.append(Finding(kind, place, f"{text}: {helps}" if helps else text, spans, done))

@@ -48,31 +48,31 @@ def check_mirrors(inspection: Inspection) -> None:
     if not np.any(belt_velocity(inspection)):
         return
     stands = standing(inspection)
-    for k in map(int, inspection.numbers):
-        weights = inspection.weights(k)
-        if len(inspection.episodes(k)) < STEPS:
+    for number in map(int, inspection.numbers):
+        weights = inspection.weights(number)
+        if len(inspection.episodes(number)) < STEPS:
             continue
         feet = inspection.feet
-        own = feet.owners.get(inspection.wrenches.bodies[k])
-        carriers = _carriers(stands, own)
-        centers = inspection.samples.centers(feet.up)[:, k]
+        owner = feet.owners.get(inspection.wrenches.bodies[number])
+        carriers = _carriers(stands, owner)
+        centers = inspection.samples.centers(feet.up)[:, number]
         before = _distance(inspection, centers, carriers, weights)
         if before < NEAR * feet.unit:
             continue
         exchanged = np.inf
-        if own is not None:
+        if owner is not None:
             others = stands.copy()
-            others[:, own] = False
+            others[:, owner] = False
             if _share(np.asarray(others.any(axis=1)), weights) > STANDS:
                 exchanged = _distance(inspection, centers, others, weights)
-        found = _mirror(inspection, centers, carriers, weights)
-        fits = _share(_stands(stands, own), weights) > STANDS
-        if not fits or found.distance > min(FITS * feet.unit, MARKED * before):
+        result = _mirror(inspection, centers, carriers, weights)
+        fits = _share(_stands(stands, owner), weights) > STANDS
+        if not fits or result.distance > min(FITS * feet.unit, MARKED * before):
             continue
-        if found.distance < CLEARER * exchanged:
-            _mirrored(inspection, k, found, before)
-        elif exchanged > CLEARER * found.distance:
-            _doubtful(inspection, k, found, exchanged)
+        if result.distance < CLEARER * exchanged:
+            _mirrored(inspection, number, result, before)
+        elif exchanged > CLEARER * result.distance:
+            _doubtful(inspection, number, result, exchanged)
 
 
 def _carriers(stands: NDArray[np.bool_], own: int | None) -> NDArray[np.bool_]:
@@ -119,7 +119,10 @@ def _mirror(inspection: Inspection, centers: Array, carriers: NDArray[np.bool_],
             for i in range(len(axes)):
                 tried = np.tile(middle, (len(around), 1))
                 tried[:, i] += around
-                left = [_distance(inspection, _reflected(centers, axes, one), carriers, weights) for one in tried]
+                left = [
+                    _distance(inspection, _reflected(centers, axes, candidate), carriers, weights)
+                    for candidate in tried
+                ]
                 middle = tried[int(np.argmin(left))]
         left_at = _distance(inspection, _reflected(centers, axes, middle), carriers, weights)
         # One axis more has to explain more.
@@ -138,7 +141,7 @@ def _named(axes: Array) -> str:
 
 
 def _about(mirror: Mirror) -> str:
-    return ", ".join(f"{one:.2f}" for one in mirror.middle)
+    return ", ".join(f"{item:.2f}" for item in mirror.middle)
 
 
 def _mirrored(inspection: Inspection, number: int, mirror: Mirror, before: float) -> None:

@@ -59,18 +59,18 @@ class Remedy(NamedTuple):
 def check_origins(inspection: Inspection) -> None:
     """Centers of pressure far from every foot, which other units or another origin of the moments explain."""
     unit = inspection.feet.unit
-    for k in map(int, inspection.numbers):
-        before = inspection.misfit(k)
+    for number in map(int, inspection.numbers):
+        before = inspection.misfit(number)
         if before < NEAR * unit:
             continue
         best, left = None, np.inf
-        for remedy in _remedies(inspection, k):
-            after = inspection.misfit(k, inspection.samples.changed(k, remedy.change))
+        for remedy in _remedies(inspection, number):
+            after = inspection.misfit(number, inspection.samples.changed(number, remedy.change))
             if after < 0.9 * left:
                 best, left = remedy, after
         if best is not None and left < min(FITS * unit, MARKED * before):
-            inspection.change(k, best.change)
-            inspection.found(best.kind, inspection.name(k), best.text, best.mended, best.advice)
+            inspection.change(number, best.change)
+            inspection.found(best.kind, inspection.name(number), best.text, best.mended, best.advice)
 
 
 def _remedies(inspection: Inspection, number: int) -> list[Remedy]:
@@ -113,7 +113,7 @@ def _remedies(inspection: Inspection, number: int) -> list[Remedy]:
         )
     )
     origin = _origin(force, point, torque)
-    where = ", ".join(f"{one:.3f}" for one in origin)
+    where = ", ".join(f"{item:.3f}" for item in origin)
     result.append(
         Remedy(
             "moments about another origin",
@@ -164,33 +164,40 @@ def check_feet(inspection: Inspection) -> None:
     feet, unit = inspection.feet, inspection.feet.unit
     owners: dict[int, list[tuple[slice, str]]] = {}
     stands = standing(inspection)
-    for k in _looked_at(inspection):
-        body = inspection.wrenches.bodies[k]
-        weights = inspection.weights(k)
-        distances = feet.distances(inspection.samples.centers(feet.up)[:, [k]])[:, 0]
+    for number in _looked_at(inspection):
+        body = inspection.wrenches.bodies[number]
+        weights = inspection.weights(number)
+        distances = feet.distances(inspection.samples.centers(feet.up)[:, [number]])[:, 0]
         wrong: list[slice] = []
         lost: list[slice] = []
         to: list[int] = []
-        for span in inspection.episodes(k):
+        for span in inspection.episodes(number):
             mean = np.average(np.nan_to_num(distances[span], nan=9.0), axis=0, weights=weights[span])
             nearest = int(np.argmin(mean))
             alone = weights[span] * ~_between(inspection, distances)[span]
             mean[nearest] = np.average(distances[span, nearest], weights=alone) if alone.any() else 0.0
-            own = feet.owners.get(body)
+            owner = feet.owners.get(body)
             if mean[nearest] > FAR * unit:
                 lost.append(span)
-            elif own is not None and own != nearest and mean[own] > NEAR * unit and 2.0 * mean[nearest] < mean[own]:
+            elif (
+                owner is not None
+                and owner != nearest
+                and mean[owner] > NEAR * unit
+                and 2.0 * mean[nearest] < mean[owner]
+            ):
                 # A foot in the air carries nothing, however near it is.
-                if not _swings(stands[span], nearest, own):
+                if not _swings(stands[span], nearest, owner):
                     wrong.append(span)
                     to.append(nearest)
-                elif mean[own] > FAR * unit:
+                elif mean[owner] > FAR * unit:
                     lost.append(span)
-            owners.setdefault(k, []).append((span, feet.feet[nearest].heel if wrong and wrong[-1] is span else body))
+            owners.setdefault(number, []).append(
+                (span, feet.feet[nearest].heel if wrong and wrong[-1] is span else body)
+            )
         if wrong:
-            _wrong_foot(inspection, k, wrong, to, distances)
+            _wrong_foot(inspection, number, wrong, to, distances)
         if lost:
-            _lost(inspection, k, lost, np.where(stands | ~stands.any(axis=1, keepdims=True), distances, np.nan))
+            _lost(inspection, number, lost, np.where(stands | ~stands.any(axis=1, keepdims=True), distances, np.nan))
     changed = {
         name: spans
         for name, spans in owners.items()
@@ -216,14 +223,14 @@ def _wrong_foot(inspection: Inspection, number: int, spans: list[slice], to: lis
     """Note a force that is put on a foot while it acts under another."""
     feet = inspection.feet
     body = inspection.wrenches.bodies[number]
-    own = feet.owners[body]
+    owner = feet.owners[body]
     here = np.concatenate([np.arange(span.start, span.stop) for span in spans])
     other = feet.feet[to[0]]
     count = f"in {len(spans)} of {len(inspection.episodes(number))} steps "
     text = (
         f"force '{inspection.name(number)}' is put on '{body}', but {count}its center of pressure lies "
-        f"{np.nanmean(distances[here, to[0]]):.2f} m from '{other.name}' and {np.nanmean(distances[here, own]):.2f} m "
-        f"from '{feet.feet[own].name}'"
+        f"{np.nanmean(distances[here, to[0]]):.2f} m from '{other.name}' and "
+        f"{np.nanmean(distances[here, owner]):.2f} m from '{feet.feet[owner].name}'"
     )
     inspection.found(
         "wrong foot",
@@ -255,13 +262,15 @@ def _given(wrenches: Wrenches, owners: dict[int, list[tuple[slice, str]]], time:
     names, bodies, parts = [], [], []
     for index, (name, body) in enumerate(zip(wrenches.names, wrenches.bodies, strict=True)):
         steps = owners.get(index, [])
-        met = tuple(dict.fromkeys(one for _, one in steps)) or (body,)
+        met = tuple(dict.fromkeys(step for _, step in steps)) or (body,)
         edges = [0.5 * (time[a.stop - 1] + time[b.start]) for (a, _), (b, _) in pairwise(steps)]
         number = np.searchsorted(edges, wrenches.time) if edges else np.zeros(len(wrenches), np.int64)
-        for one in met:
-            own = np.array([owner == one for _, owner in steps] or [True])[np.minimum(number, max(len(steps) - 1, 0))]
-            names.append(name if len(met) == 1 else f"{name}_{one}")
-            bodies.append(one)
+        for each_body in met:
+            own = np.array([owner == each_body for _, owner in steps] or [True])[
+                np.minimum(number, max(len(steps) - 1, 0))
+            ]
+            names.append(name if len(met) == 1 else f"{name}_{each_body}")
+            bodies.append(each_body)
             mine = own[:, None]
             parts.append(
                 (
@@ -270,7 +279,7 @@ def _given(wrenches: Wrenches, owners: dict[int, list[tuple[slice, str]]], time:
                     np.where(mine, wrenches.torques[:, index], 0.0),
                 )
             )
-    forces, points, torques = (np.stack(one, axis=1) for one in zip(*parts, strict=True))
+    forces, points, torques = (np.stack(item, axis=1) for item in zip(*parts, strict=True))
     return replace(wrenches, names=tuple(names), bodies=tuple(bodies), forces=forces, points=points, torques=torques)
 
 
@@ -292,20 +301,21 @@ def check_shared_plates(inspection: Inspection) -> None:
     feet = inspection.feet
     if len(feet.feet) < 2:
         return
-    for k in _looked_at(inspection):
-        distances = feet.distances(inspection.samples.centers(feet.up)[:, [k]])[:, 0]
-        shared = _between(inspection, distances) & (inspection.weights(k) > FIRM * feet.model.weight)
+    for number in _looked_at(inspection):
+        distances = feet.distances(inspection.samples.centers(feet.up)[:, [number]])[:, 0]
+        shared = _between(inspection, distances) & (inspection.weights(number) > FIRM * feet.model.weight)
         spans = [slice(a, b) for a, b in runs(shared) if b - a > 1]
         total = sum(float(feet.time[span.stop - 1] - feet.time[span.start]) for span in spans)
         if total < SHARED or any(
-            finding.kind == "under no foot" and finding.place == inspection.name(k) for finding in inspection.findings
+            finding.kind == "under no foot" and finding.place == inspection.name(number)
+            for finding in inspection.findings
         ):
             continue
         near = float(np.median(np.concatenate([distances[span].min(axis=1) for span in spans])))
         inspection.found(
             "two feet on one plate",
-            inspection.name(k),
-            f"two feet seem to stand on '{inspection.name(k)}' for {total:.2f} s, first at "
+            inspection.name(number),
+            f"two feet seem to stand on '{inspection.name(number)}' for {total:.2f} s, first at "
             f"{feet.time[spans[0].start]:.2f} s: its center of pressure lies between the soles, {near:.2f} m "
             "from the nearer",
             advice="its force goes to one of them; `tension --contacts auto --measured shared` shares it",

@@ -28,14 +28,14 @@ def check_progress(inspection: Inspection) -> None:
     along = tips - heels
     along = along - (along @ feet.up)[..., None] * feet.up
     along = along / np.maximum(np.linalg.norm(along, axis=2, keepdims=True), 1e-12)
-    for k in map(int, inspection.numbers):
-        centers, weights = inspection.samples.centers(feet.up)[:, k], inspection.weights(k)
+    for number in map(int, inspection.numbers):
+        centers, weights = inspection.samples.centers(feet.up)[:, number], inspection.weights(number)
         distances = feet.distances(centers[:, None])[:, 0]
         judged, against = [], []
-        for span in inspection.episodes(k):
+        for span in inspection.episodes(number):
             if feet.time[span.stop - 1] - feet.time[span.start] < LASTS:
                 continue
-            body = inspection.wrenches.bodies[k]
+            body = inspection.wrenches.bodies[number]
             foot = feet.owners.get(body, int(np.argmin(np.average(distances[span], axis=0, weights=weights[span]))))
             way = along[span, foot]
             place = ((centers[span] - heels[span, foot]) * way).sum(axis=1)
@@ -52,9 +52,9 @@ def check_progress(inspection: Inspection) -> None:
             mean = -float(np.mean([moved for _, moved in against]))
             inspection.found(
                 "mirrored plate",
-                inspection.name(k),
-                f"the center of pressure of force '{inspection.name(k)}' moves {100.0 * mean:.0f} cm along the foot "
-                f"against the body in {len(against)} of {len(judged)} steps, first at {first:.2f} s",
+                inspection.name(number),
+                f"the center of pressure of force '{inspection.name(number)}' moves {100.0 * mean:.0f} cm along the "
+                f"foot against the body in {len(against)} of {len(judged)} steps, first at {first:.2f} s",
                 advice="its plate seems mirrored about its own middle along the foot, and torques there are wrong: "
                 "check the plate's corners or the sign of its moments",
                 times=tuple(span for span, _ in against),

@@ -72,7 +72,7 @@ def changed_wrenches(wrenches: Wrenches, number: int, change: Change) -> Wrenche
 def _changed(forces: ForceSamples | Wrenches, number: int, change: Change) -> dict[str, Any]:
     """Forces, points and torques with those of one wrench changed."""
     parts = {name: np.array(getattr(forces, name)) for name in ("forces", "points", "torques")}
-    changed = change(*(one[:, number] for one in parts.values()))
+    changed = change(*(part[:, number] for part in parts.values()))
     for part, other in zip(parts.values(), changed, strict=True):
         part[:, number] = other
     return parts

@@ -88,18 +88,18 @@ def heard_contacts(
     """
     options = SoundOptions(speed=plan.speed)
     sound = plan.sound
-    found: tuple[str, ...] = ()
+    result: tuple[str, ...] = ()
     if plan.find_clock:
         clock = sound_clock(hear_strokes(sound, plan.instruments, options), model, recorded, sites)
         sound = replace(sound, start=sound.start + clock.shift)
-        found = (
+        result = (
             f"the sound begins at {sound.start:.3f} s of the motion, as {clock.strokes} strokes tell "
             f"({clock.ratio:.1f} times better than the next best time)",
         )
     strokes = hear_strokes(sound, plan.instruments, options, np.asarray(recorded.time))
     struck = striking_sites(strokes, model, recorded, sites)
     own = tuple(dict.fromkeys(name for instrument in plan.instruments for name in instrument.sites))
-    inside = Strokes(strokes.instruments, tuple(strokes.strokes[k] for k in struck), strokes.warnings)
+    inside = Strokes(strokes.instruments, tuple(strokes.strokes[number] for number in struck), strokes.warnings)
     contacts = contacts_heard(inside, dict(enumerate(struck.values())), plan.pulse)
     warned: tuple[str, ...] = ()
     if plan.impulse == "motion":
@@ -108,7 +108,7 @@ def heard_contacts(
         laws = calibration_pairs(strokes, plan.known)
         impacts, warned = impacts_from_sound(strokes, laws, struck, plan.directions)
     forces = impact_wrenches(impacts, model, motion, sites, plan.pulse, cutoff)
-    return Heard(Contacts(contacts.sites, contacts.intervals, (*found, *contacts.warnings, *warned)), forces, own)
+    return Heard(Contacts(contacts.sites, contacts.intervals, (*result, *contacts.warnings, *warned)), forces, own)
 
 
 def _impacts_by_motion(
@@ -120,14 +120,14 @@ def _impacts_by_motion(
     sites: Sequence[Site],
 ) -> tuple[Impact, ...]:
     """Impulses as effective mass times change of velocity, along each instrument's direction."""
-    by_name = {one.name: one for one in sites}
-    found = []
-    for k, name in struck.items():
-        stroke, site = strokes.strokes[k], by_name[name]
+    by_name = {site.name: site for site in sites}
+    results = []
+    for index, name in struck.items():
+        stroke, site = strokes.strokes[index], by_name[name]
         direction = plan.directions[stroke.instrument]
         frame = int(np.argmin(np.abs(motion.time - stroke.time)))
         instant = Motion(motion.time[[frame]], motion.names, motion.values[[frame]])
         mass = effective_mass(model, instant, site.body, site.points.mean(axis=0), direction)[0]
         change = max(float(velocity_change(model, motion, site, stroke.time) @ direction), 0.0)
-        found.append(Impact(name, stroke.time, mass * change if np.isfinite(mass) else 0.0, direction))
-    return tuple(found)
+        results.append(Impact(name, stroke.time, mass * change if np.isfinite(mass) else 0.0, direction))
+    return tuple(results)

@@ -128,14 +128,14 @@ def needed_wrench(model: Model, motion: Motion, body: str, known: Wrenches | Non
     number = tree.body_index[body]
     bodies, forces, points, torques = external_arrays(tree, motion, known)
     applied = np.zeros((len(motion), len(tree.arrays.parent), 6))
-    for index, one in enumerate(bodies):
-        applied[:, one, :3] += forces[:, index]
-        applied[:, one, 3:] += torques[:, index] + np.cross(points[:, index], forces[:, index])
-    found = joint_wrenches(tree, *motion_arrays(tree, motion), applied)
+    for index, each_body in enumerate(bodies):
+        applied[:, each_body, :3] += forces[:, index]
+        applied[:, each_body, 3:] += torques[:, index] + np.cross(points[:, index], forces[:, index])
+    result = joint_wrenches(tree, *motion_arrays(tree, motion), applied)
     center = model.joints[number - 1].child_frame.translation
-    at = found.rotations[:, number] @ center + found.origins[:, number]
-    force = found.forces[:, number]
-    torque = found.moments[:, number] - np.cross(at, force)
+    at = result.rotations[:, number] @ center + result.origins[:, number]
+    force = result.forces[:, number]
+    torque = result.moments[:, number] - np.cross(at, force)
     return Wrenches(motion.time, (body,), (body,), force[:, None], at[:, None], torque[:, None])
 
 

@@ -134,17 +134,17 @@ def onsets(heard: Heard, options: SoundOptions | None = None) -> tuple[Onset, ..
     excess[: round(LEARNT / HOP)] = excess[-round(AHEAD / HOP) :] = 0.0
     rest = 2 * round(0.5 * options.rest / HOP) + 1
     peaks = np.flatnonzero((excess > 0.0) & (excess == maximum_filter1d(excess, rest)))
-    found: list[Onset] = []
+    results: list[Onset] = []
     for peak in peaks:
         # The fastest level that shows it tells the time best.
         signal, rate = heard.levels[int(np.argmax(table[:, peak] >= 0.5 * table[:, peak].max()))]
         time = heard.start + _first_arrival(signal, round(peak * HOP * rate), rate) / rate
-        if found and time - found[-1].time < 0.5 * options.rest:
+        if results and time - results[-1].time < 0.5 * options.rest:
             continue
         energy, background = energy_after(heard, time, options)
         if energy > 0.0:
-            found.append(Onset(heard.channel, time, energy, background))
-    return tuple(found)
+            results.append(Onset(heard.channel, time, energy, background))
+    return tuple(results)
 
 
 def energy_after(heard: Heard, time: float, options: SoundOptions) -> tuple[float, float]:
@@ -181,10 +181,10 @@ def _foreseen(past: Array, count: int) -> Array:
     if len(past) < 4 * ORDER:
         return np.zeros(count)
     weights = _prediction(past)
-    found: Array = np.concatenate([past[-ORDER:], np.zeros(count)])
-    for index in range(ORDER, len(found)):
-        found[index] = weights @ found[index - ORDER : index]
-    return found[ORDER:]
+    result: Array = np.concatenate([past[-ORDER:], np.zeros(count)])
+    for index in range(ORDER, len(result)):
+        result[index] = weights @ result[index - ORDER : index]
+    return result[ORDER:]
 
 
 def _prediction(past: Array) -> Array:
@@ -255,10 +255,10 @@ def _first_arrival(signal: Array, near: int, rate: float) -> int:
     if n < 16:
         return first + n - 2
     sums = np.cumsum(part**2)
-    k = np.arange(4, n)
+    index = np.arange(4, n)
     tiny = 1e-12 * sums[-1] + 1e-300
-    before, after = sums[k - 1] / k + tiny, (sums[-1] - sums[k - 1]) / (n - k) + tiny
-    return first + int(k[np.argmin(k * np.log(before) + (n - k) * np.log(after))])
+    before, after = sums[index - 1] / index + tiny, (sums[-1] - sums[index - 1]) / (n - index) + tiny
+    return first + int(index[np.argmin(index * np.log(before) + (n - index) * np.log(after))])
 
 
 def _unforeseen(signal: Array, known: int) -> Array:

@@ -73,8 +73,8 @@ def grip_between(
         where no frame lies in the span
     """
     tree = compile_tree(model)
-    for one in (body, other):
-        check_name("body", one, tree.body_index)
+    for values in (body, other):
+        check_name("body", values, tree.body_index)
     start, stop = (motion.time[0], motion.time[-1]) if span is None else span
     held = (motion.time >= start - 1e-9) & (motion.time <= stop + 1e-9)
     if not held.any():
@@ -89,10 +89,10 @@ def grip_between(
     weight = np.sqrt(PULL * frames) * np.hstack([np.eye(3), np.zeros((3, 3))])
     rows = np.concatenate([poses.rotations[held, b], -poses.rotations[held, o]], axis=2).reshape(-1, 6)
     gaps = (poses.origins[held, o] - poses.origins[held, b]).ravel()
-    found = np.linalg.lstsq(
+    result = np.linalg.lstsq(
         np.vstack([rows, weight]), np.concatenate([gaps, np.sqrt(PULL * frames) * guess]), rcond=None
     )[0]
-    x, y = found[:3], found[3:]
+    x, y = result[:3], result[3:]
     apart = poses.points(np.array([b]), x[None])[:, 0] - poses.points(np.array([o]), y[None])[:, 0]
     site = Site(name or f"{body}_on_{other}", body, x[None], cone or Cone(direction=None), other)
     return Grip(site, frozen_array(y), frozen_array(np.linalg.norm(apart, axis=1)))
@@ -162,7 +162,7 @@ def action_reaction(model: Model, motion: Motion, parts: Sequence[str], measured
 
 
 def _some(wrenches: Wrenches, columns: Sequence[int]) -> Wrenches:
-    names, bodies = (tuple(one[column] for column in columns) for one in (wrenches.names, wrenches.bodies))
+    names, bodies = (tuple(values[column] for column in columns) for values in (wrenches.names, wrenches.bodies))
     chosen = list(columns)
     return Wrenches(
         wrenches.time,

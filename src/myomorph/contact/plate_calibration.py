@@ -170,21 +170,21 @@ def calibrate_plate(
         for index in range(len(kept))
     ]
     apart = np.concatenate(
-        [residuals([one], other.rotation, other.center) for one, other in zip(kept, left_out, strict=True)]
+        [residuals([item], other.rotation, other.center) for item, other in zip(kept, left_out, strict=True)]
     )
     distances, angles = sizes(residuals(kept, pose.rotation, pose.center))
     out_distances, out_angles = sizes(apart)
-    if not all(one.tared for one in kept):
+    if not all(item.tared for item in kept):
         notes.append("a recording never shows the plate unloaded: what the plate reads then could not be subtracted")
     notes += unknown_notes(pose, kept, nominal is not None) + line_notes(kept, options)
     notes += outlier_notes(kept, distances, out_distances) + sign_notes(kept, pose, options)
-    shares = [one.size / one.expected for one in kept if np.isfinite(one.expected)]
+    shares = [item.size / item.expected for item in kept if np.isfinite(item.expected)]
     return PlateCalibration(
         rotation=frozen_array(pose.rotation),
         center=frozen_array(pose.center),
         covariance=frozen_array(pose.covariance),
         unknown=frozen_array(pose.unknown),
-        names=tuple(one.name for one in kept),
+        names=tuple(item.name for item in kept),
         distances=frozen_array(distances),
         angles=frozen_array(angles),
         left_out_distances=frozen_array(out_distances),
@@ -222,7 +222,7 @@ def check_plate(
 
 def place_plate(recording: PlateRecording, calibration: PlateCalibration) -> PlateRecording:
     """The recording with its plate where the calibration says, of the size it had."""
-    half = 0.5 * np.array([np.linalg.norm(recording.corners[0] - recording.corners[k]) for k in (1, 3)])
+    half = 0.5 * np.array([np.linalg.norm(recording.corners[0] - recording.corners[index]) for index in (1, 3)])
     local = np.array([[1, 1, 0], [-1, 1, 0], [-1, -1, 0], [1, -1, 0]]) * np.array([*half, 0.0])
     return replace(recording, corners=local @ calibration.rotation.T + calibration.center)
 

@@ -61,7 +61,7 @@ def plate_axes(corners: Array) -> Array:
     """Rotation (3, 3) whose columns are the x, y and z axes of a plate with these corners (4, 3) in the laboratory."""
     x = corners[0] - corners[1]
     z = np.cross(x, corners[0] - corners[3])
-    axes = np.stack([one / np.linalg.norm(one) for one in (x, np.cross(z, x), z)], axis=1)
+    axes = np.stack([values / np.linalg.norm(values) for values in (x, np.cross(z, x), z)], axis=1)
     return np.asarray(axes, np.float64)
 
 
@@ -84,11 +84,11 @@ def first_corner(plate: ForcePlate, plate_time: Array, markers: Markers) -> Firs
     if firm.sum() < FEWEST:
         return None
     center = plate.corners.mean(axis=0)
-    own = plate.points[firm] - center
-    own = own - (own @ normal)[:, None] * normal
+    pressed = plate.points[firm] - center
+    pressed = pressed - (pressed @ normal)[:, None] * normal
     target = middle[firm] - center
     target = target - (target @ normal)[:, None] * normal
-    along = own @ axes
+    along = pressed @ axes
     distances = []
     for corner in range(4):
         place = along @ plate_axes(np.roll(plate.corners, -corner, axis=0)).T

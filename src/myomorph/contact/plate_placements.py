@@ -168,7 +168,7 @@ def find_placements(
         intervals = _intervals(plate_time, loaded, markers, weight, options)
     if not intervals:
         raise BadData(f"no placement of '{weight.name}' on plate '{recording.name}': it is never loaded long enough")
-    found = []
+    results = []
     for number, (start, end) in enumerate(intervals, 1):
         samples = (plate_time >= start) & (plate_time <= end)
         frames = (markers.time >= start) & (markers.time <= end)
@@ -176,8 +176,8 @@ def find_placements(
             raise BadData(f"no samples of plate '{recording.name}' and markers between {start:g} and {end:g} s")
         name = f"{weight.name} {number} ({start:.2f} to {end:.2f} s)"
         one = _placement(name, weight, force[samples], moment[samples], plate_time[samples], markers, frames, gravity)
-        found.append(replace(one, tared=tared))
-    return tuple(found)
+        results.append(replace(one, tared=tared))
+    return tuple(results)
 
 
 def _gravity(recording: PlateRecording, markers: Markers, weight: MarkedWeight) -> Array:
@@ -259,7 +259,7 @@ def _placement(
     shares = np.full(len(means), 1.0 / len(means)) if weight.shares is None else np.array(weight.shares)
     direction, contact = -gravity, None
     if weight.axis is not None:
-        lower, upper = (means[weight.markers.index(one)] for one in weight.axis)
+        lower, upper = (means[weight.markers.index(marker)] for marker in weight.axis)
         direction = upper - lower
         if weight.tip is not None:
             contact = lower - weight.tip * direction / np.linalg.norm(direction)

@@ -133,14 +133,14 @@ class _Lines:
 
     def weighted(self, rotation: Array, center: Array) -> tuple[Array, Array]:
         """Residuals (rows,) in standard deviations and their derivatives (rows, 6) by rotation vector and center."""
-        found, turned, sides = self.residuals(rotation, center)
+        result, turned, sides = self.residuals(rotation, center)
         arms = self.nearest @ rotation.T
         along = np.einsum("nj,nj->n", self.points - center - arms, turned)
-        rates = np.zeros((len(found), 4, 6))
+        rates = np.zeros((len(result), 4, 6))
         rates[:, :2, :3] = np.cross(turned[:, None], self.beside)
         rates[:, 2:, :3] = np.cross(sides, (arms + along[:, None] * turned)[:, None])
         rates[:, 2:, 3:] = -sides
-        values = (found / self.noise).reshape(-1)
+        values = (result / self.noise).reshape(-1)
         slopes: Array = (rates / self.noise[:, :, None]).reshape(-1, 6)
         if not len(self.contacts):
             return values, slopes
@@ -202,8 +202,8 @@ def best_pose(
         rotation = axis_rotation(up, 2.0 * np.pi * index / TURNS) @ level
         middle = lines.points.mean(axis=0) - rotation @ lines.nearest.mean(axis=0)
         starts.append((rotation, middle if start is None else start[1]))
-    found = [_solved(lines, *one, options, ROUGHLY) for one in starts]
-    best = min(found, key=lambda pose: pose.cost)
+    result = [_solved(lines, *start, options, ROUGHLY) for start in starts]
+    best = min(result, key=lambda pose: pose.cost)
     return _solved(lines, best.rotation, best.center, options, ITERATIONS)
 
 
@@ -239,28 +239,33 @@ MIRRORED = 0.1
 def believed(placements: Sequence[Placement], options: PlateFitOptions) -> tuple[list[Placement], list[str]]:
     """Placements of weights that rested and weigh what they should, and what was left out."""
     kept, notes = [], []
-    for one in placements:
-        if not one.pushed and one.moved > options.most_moved:
+    for placement in placements:
+        if not placement.pushed and placement.moved > options.most_moved:
             notes.append(
-                f"placement '{one.name}' was left out: the weight was not at rest (moved {1e3 * one.moved:.1f} mm)"
+                f"placement '{placement.name}' was left out: the weight was not at rest (moved "
+                f"{1e3 * placement.moved:.1f} mm)"
             )
-        elif not one.pushed and one.unsteady > options.most_unsteady:
+        elif not placement.pushed and placement.unsteady > options.most_unsteady:
             notes.append(
-                f"placement '{one.name}' was left out: its force varied by {100 * one.unsteady:.1f} %, so the weight "
-                "was not at rest or was touched"
+                f"placement '{placement.name}' was left out: its force varied by "
+                f"{100 * placement.unsteady:.1f} %, so the weight was not at rest or was touched"
             )
         else:
-            kept.append(one)
-    for name in dict.fromkeys(one.weight for one in kept if not one.pushed):
-        same = [one for one in kept if one.weight == name and not one.pushed]
-        usual = float(np.median([one.size for one in same]))
-        odd = [one for one in same if abs(one.size - usual) > options.most_wrong * usual] if len(same) > 2 else []
-        for one in odd:
+            kept.append(placement)
+    for name in dict.fromkeys(item.weight for item in kept if not item.pushed):
+        same = [item for item in kept if item.weight == name and not item.pushed]
+        usual = float(np.median([placement.size for placement in same]))
+        odd = (
+            [placement for placement in same if abs(placement.size - usual) > options.most_wrong * usual]
+            if len(same) > 2
+            else []
+        )
+        for placement in odd:
             notes.append(
-                f"placement '{one.name}' was left out: it weighs {_kilograms(one.size)}, the other placements of "
-                f"'{name}' {_kilograms(usual)}: touched, or not wholly on the plate"
+                f"placement '{placement.name}' was left out: it weighs {_kilograms(placement.size)}, the other "
+                f"placements of '{name}' {_kilograms(usual)}: touched, or not wholly on the plate"
             )
-        kept = [one for one in kept if one not in odd]
+        kept = [item for item in kept if item not in odd]
         expected = same[0].expected
         if np.isfinite(expected) and abs(usual - expected) > options.most_wrong * expected:
             notes.append(
@@ -273,9 +278,9 @@ def believed(placements: Sequence[Placement], options: PlateFitOptions) -> tuple
             f"{len(kept)} placements can be used, expected at least {FEWEST}, spread over the plate"
             + (f" ({left})" if left else "")
         )
-    points = np.array([one.point for one in kept])
+    points = np.array([item.point for item in kept])
     spread = float(np.max(np.linalg.norm(points - points.mean(axis=0), axis=1)))
-    if spread < options.spread and not any(one.pushed for one in kept):
+    if spread < options.spread and not any(item.pushed for item in kept):
         raise BadData(
             f"all {len(kept)} placements lie within {1e3 * spread:.0f} mm of their middle: the plate's turn about the "
             "vertical is not shown; place the weight near every corner"
@@ -289,7 +294,7 @@ def _kilograms(force: float) -> str:
 
 def unknown_notes(pose: PlatePose, kept: Sequence[Placement], known: bool) -> list[str]:
     """What the placements do not show, and what becomes of it."""
-    up = np.mean([one.direction for one in kept], axis=0)
+    up = np.mean([item.direction for item in kept], axis=0)
     stays = "it stays where the file has it" if known else "it is arbitrary"
     notes = []
     for direction in pose.unknown.T:
@@ -310,9 +315,9 @@ def unknown_notes(pose: PlatePose, kept: Sequence[Placement], known: bool) -> li
 
 def line_notes(kept: Sequence[Placement], options: PlateFitOptions) -> list[str]:
     """A line if weights stand on a straight line."""
-    if any(one.pushed for one in kept):
+    if any(item.pushed for item in kept):
         return []
-    points = np.array([one.point for one in kept])
+    points = np.array([item.point for item in kept])
     level = points - np.outer(points @ kept[0].direction, kept[0].direction)
     width = float(np.linalg.svd(level - level.mean(axis=0), compute_uv=False)[1]) / np.sqrt(len(kept))
     if width > 0.2 * options.spread:
@@ -341,7 +346,7 @@ def sign_notes(kept: Sequence[Placement], pose: PlatePose, options: PlateFitOpti
     """A line if the placements say that the wrench has the other sign."""
     if float(np.max(sizes(residuals(kept, pose.rotation, pose.center))[0])) < 0.005:
         return []
-    turned = [replace(one, force=-one.force, moment=-one.moment) for one in kept]
+    turned = [replace(item, force=-item.force, moment=-item.moment) for item in kept]
     if best_pose(turned, None, options).cost > MIRRORED * pose.cost:
         return []
     return [

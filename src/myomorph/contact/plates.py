@@ -142,32 +142,33 @@ def force_plates(trial: Trial, options: PlateOptions | None = None) -> Trial:
     from another one where that is clearly better (`first_corner`), with a warning.
     """
     options = options or PlateOptions()
-    found: list[str] = []
+    warnings: list[str] = []
     recordings: list[PlateRecording] = []
     for recording in trial.plate_recordings:
         try:
             plate_wrench(recording, recording.channels[:1])
             recordings.append(recording)
         except BadData as error:
-            found.append(f"{error}; it was left out")
+            warnings.append(f"{error}; it was left out")
     rate = 1.0 / float(np.median(np.diff(trial.plate_time))) if len(trial.plate_time) > 1 else 1000.0
-    plates = [force_plate(one, samples=_tared(one, options, found)) for one in recordings]
+    plates = [force_plate(recording, samples=_tared(recording, options, warnings)) for recording in recordings]
     if options.tare == "quiet":
         states = loaded_samples(plates, rate, options)
         plates = [
-            force_plate(one, samples=_without_idle(one, state)) for one, state in zip(recordings, states, strict=True)
+            force_plate(recording, samples=_without_idle(recording, state))
+            for recording, state in zip(recordings, states, strict=True)
         ]
     states = loaded_samples(plates, rate, options)
     if _pulls_down(plates, states, trial):
-        plates = [replace(one, forces=-one.forces, torques=-one.torques) for one in plates]
-        found.append("the force plates pull the subject down as the file has it: force and moment were reversed")
+        plates = [replace(plate, forces=-plate.forces, torques=-plate.torques) for plate in plates]
+        warnings.append("the force plates pull the subject down as the file has it: force and moment were reversed")
     final = []
     for recording, plate, state in zip(recordings, plates, states, strict=True):
-        plate = _turned(plate, state, trial, found)
+        plate = _turned(plate, state, trial, warnings)
         recording = replace(recording, corners=plate.corners)
-        found += _doubts(recording, plate, state, options)
+        warnings += _doubts(recording, plate, state, options)
         final.append(_while_loaded(plate, state))
-    return replace(trial, plates=tuple(final), warnings=trial.warnings + tuple(found))
+    return replace(trial, plates=tuple(final), warnings=trial.warnings + tuple(warnings))
 
 
 def _while_loaded(plate: ForcePlate, state: NDArray[np.bool_]) -> ForcePlate:
@@ -177,14 +178,14 @@ def _while_loaded(plate: ForcePlate, state: NDArray[np.bool_]) -> ForcePlate:
     return replace(plate, points=points, torques=torques)
 
 
-def _turned(plate: ForcePlate, state: NDArray[np.bool_], trial: Trial, found: list[str]) -> ForcePlate:
+def _turned(plate: ForcePlate, state: NDArray[np.bool_], trial: Trial, warnings: list[str]) -> ForcePlate:
     """The plate turned under the body where its corners are clearly counted from the wrong one."""
     if trial.markers is None:
         return plate
     told = first_corner(_while_loaded(plate, state), trial.plate_time, trial.markers)
     if told is None or not told.clear:
         return plate
-    found.append(
+    warnings.append(
         f"the corners of {plate.name} were counted from its corner {told.best + 1}: so the center of pressure lies "
         f"{told.distances[told.best]:.2g} m from the markers' middle, as the file has them {told.distances[0]:.2g} m"
     )
@@ -203,11 +204,11 @@ def _pulls_down(plates: Sequence[ForcePlate], states: Sequence[NDArray[np.bool_]
     return load < 0
 
 
-def _tared(plate: PlateRecording, options: PlateOptions, found: list[str]) -> Array:
+def _tared(plate: PlateRecording, options: PlateOptions, warnings: list[str]) -> Array:
     if options.tare != "file":
         return plate.channels
     if plate.zero is None:
-        found.append(f"the file names no unloaded samples for {plate.name}: it was not tared")
+        warnings.append(f"the file names no unloaded samples for {plate.name}: it was not tared")
         return plate.channels
     first, last = plate.zero
     return plate.channels - np.nan_to_num(np.nanmean(plate.channels[first : last + 1], axis=0))
@@ -283,7 +284,7 @@ def _doubts(recording: PlateRecording, plate: ForcePlate, state: NDArray[np.bool
     # Near the threshold the center of pressure is noise; only well loaded samples are judged.
     firm = state & (pressing > 0.3 * np.nanmax(pressing[state])) & np.isfinite(plate.points[:, 0])
     local = (plate.points[firm] - plate.corners.mean(axis=0)) @ axes
-    half = 0.5 * np.array([np.linalg.norm(plate.corners[0] - plate.corners[k]) for k in (1, 3)])
+    half = 0.5 * np.array([np.linalg.norm(plate.corners[0] - plate.corners[index]) for index in (1, 3)])
     share = float(np.mean(np.any(np.abs(local[:, :2]) > 1.1 * half, axis=1))) if len(local) else 0.0
     if share > 0.1:
         result.append(

@@ -101,7 +101,7 @@ def _on_motion(
 
 def _over(moving: SiteMotion, outlines: Sequence[Array], margin: float) -> np.ndarray:
     """Whether a site is over a plate, less than `margin` beside its outline (frames, plates, sites)."""
-    found = []
+    results = []
     for corners in outlines:
         inside = np.ones(moving.places.shape[:2], np.bool_)
         middle = corners.mean(axis=0)
@@ -110,8 +110,8 @@ def _over(moving: SiteMotion, outlines: Sequence[Array], margin: float) -> np.nd
             normal = normal / np.linalg.norm(normal)
             outwards = normal if (corner - middle) @ normal > 0.0 else -normal
             inside &= (moving.places - corner) @ outwards < margin
-        found.append(inside)
-    return np.stack(found, axis=1)
+        results.append(inside)
+    return np.stack(results, axis=1)
 
 
 def _beside(model: Model, moving: SiteMotion, wrenches: Wrenches, sites: Sequence[Site], reach: float) -> np.ndarray:
@@ -137,11 +137,11 @@ def group_bodies(model: Model, sites: Sequence[Site]) -> dict[str, set[str]]:
     """Bodies of each group's sites, and those a joint away from them: plates' forces are put on the talus too."""
     result = {}
     for group, members in _groups(sites).items():
-        own = {sites[member].body for member in members}
-        near = {joint.parent for joint in model.joints if joint.child in own} | {
-            joint.child for joint in model.joints if joint.parent in own
+        bodies_of_group = {sites[member].body for member in members}
+        near = {joint.parent for joint in model.joints if joint.child in bodies_of_group} | {
+            joint.child for joint in model.joints if joint.parent in bodies_of_group
         }
-        result[group] = own | near
+        result[group] = bodies_of_group | near
     return result
 
 
@@ -190,7 +190,7 @@ def _together(standing: np.ndarray, loaded: np.ndarray) -> dict[tuple[tuple[int,
 
 
 def _wrenches(
-    found: dict[tuple[tuple[int, ...], tuple[int, ...]], list[int]],
+    by_members: dict[tuple[tuple[int, ...], tuple[int, ...]], list[int]],
     names: Sequence[str],
     sites: Sequence[Site],
     forces: Array,
@@ -201,7 +201,7 @@ def _wrenches(
 ) -> tuple[SharedWrench, ...]:
     shared = []
     counts: dict[str, int] = {}
-    for (plates, members), frames in found.items():
+    for (plates, members), frames in by_members.items():
         name = " + ".join(names[plate] for plate in plates)
         counts[name] = counts.get(name, 0) + 1
         force, moment = (np.full((len(forces), 3), np.nan) for _ in range(2))

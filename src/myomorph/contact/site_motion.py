@@ -89,7 +89,7 @@ def site_motion(model: Model, motion: Motion, sites: Sequence[Site]) -> SiteMoti
     tree, up = compile_tree(model), model.up
     poses = forward_kinematics(tree, tree.coordinates_of(motion))
     owner = np.repeat(np.arange(len(sites)), [len(site.points) for site in sites])
-    bodies = np.array([tree.body_index[sites[int(k)].body] for k in owner], np.int64)
+    bodies = np.array([tree.body_index[sites[int(number)].body] for number in owner], np.int64)
     points = poses.points(bodies, np.concatenate([site.points for site in sites]))
     places = np.stack([points[:, owner == index].mean(axis=1) for index in range(len(sites))], axis=1)
     lowest = np.stack([(points[:, owner == index] @ up).min(axis=1) for index in range(len(sites))], axis=1)
@@ -184,21 +184,21 @@ def rest_on_floor(
     gap = moving.lowest - floor.height
     speed = np.linalg.norm(moving.velocities - floor.velocity, axis=2)
     rests, shifts = [], np.full(len(sites), np.nan)
-    for k, site in enumerate(sites):
+    for number, site in enumerate(sites):
         members = [j for j, other in enumerate(sites) if other.group == site.group]
         pace = speed[:, members].mean(axis=1)
         rests.append(_resting(gap[:, members].mean(axis=1), pace, STILL * moving.pace))
-        if len(rests[k]) and pace[rests[k]].min() < RESTS * moving.pace:
-            shifts[k] = np.median(gap[rests[k], k])
+        if len(rests[number]) and pace[rests[number]].min() < RESTS * moving.pace:
+            shifts[number] = np.median(gap[rests[number], number])
     # A foot that swings throughout has the sole of the one that stands.
     known = np.isfinite(shifts)
     shifts[~known] = shifts[known].mean() if known.any() else 0.0
     moved = []
-    for k, site in enumerate(sites):
-        rotations = poses.rotations[rests[k], tree.body_index[site.body]]
+    for number, site in enumerate(sites):
+        rotations = poses.rotations[rests[number], tree.body_index[site.body]]
         down = -np.einsum("fji,j->fi", rotations, moving.up).sum(axis=0)
         size = float(np.linalg.norm(down))
-        moved.append(replace(site, points=site.points + shifts[k] * down / size) if size > 0.0 else site)
+        moved.append(replace(site, points=site.points + shifts[number] * down / size) if size > 0.0 else site)
     return tuple(moved), floor
 
 

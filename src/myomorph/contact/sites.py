@@ -113,8 +113,8 @@ def body_poses(model: Model) -> dict[str, Transform]:
     still = Motion(np.zeros(1), (), np.zeros((1, 0)))
     poses = forward_kinematics(tree, tree.coordinates_of(still))
     return {
-        name: Transform(poses.rotations[0, k], poses.origins[0, k])
-        for name, k in tree.body_index.items()
+        name: Transform(poses.rotations[0, index], poses.origins[0, index])
+        for name, index in tree.body_index.items()
         if name != "ground"
     }
 
@@ -127,7 +127,7 @@ def feet_of(model: Model) -> tuple[Foot, ...]:
     part are named with what stands before its heel's name: `tori_foot_r`.
     """
     segments, poses = segments_of(model), body_poses(model)
-    found: dict[str, Foot] = {}
+    by_name: dict[str, Foot] = {}
     for side, ending in (("right", "_r"), ("left", "_l")):
         bodies = [
             body for body in model.bodies if segments[body.name].name == "foot" and segments[body.name].side == side
@@ -136,16 +136,16 @@ def feet_of(model: Model) -> tuple[Foot, ...]:
             for heel in bodies:
                 match = re.search(pattern, heel.name, re.IGNORECASE)
                 part = "" if match is None else heel.name[: match.start()]
-                if match is not None and f"{part}foot{ending}" not in found:
+                if match is not None and f"{part}foot{ending}" not in by_name:
                     toes = [body for body in bodies if body.name.startswith(part) and "toe" in body.name.lower()]
                     outwards = 1.0 if side == "right" else -1.0
-                    found[f"{part}foot{ending}"] = _foot(model, f"{part}foot{ending}", heel, toes, poses, outwards)
-    if not found:
+                    by_name[f"{part}foot{ending}"] = _foot(model, f"{part}foot{ending}", heel, toes, poses, outwards)
+    if not by_name:
         raise BadData(
             f"no foot of model '{model.name}' is found by its bodies' names (calcn, heel, foot, toes, and a side): "
             "name contact sites and their points yourself"
         )
-    return tuple(found.values())
+    return tuple(by_name.values())
 
 
 def _foot(
@@ -171,19 +171,19 @@ def _foot(
 def _snapped(rotation: Array, direction: Array) -> Array:
     """The axis of a body that lies within 20 degrees of a direction, or the direction itself."""
     along = rotation.T @ direction
-    k = int(np.argmax(np.abs(along)))
-    return np.sign(along[k]) * rotation[:, k] if abs(along[k]) > np.cos(np.radians(20.0)) else direction
+    index = int(np.argmax(np.abs(along)))
+    return np.sign(along[index]) * rotation[:, index] if abs(along[index]) > np.cos(np.radians(20.0)) else direction
 
 
 def _corners(model: Model, foot: Foot, surfaces: Mapping[str, Surface], options: FootOptions) -> dict[str, Array]:
     """Corners of a sole in ground, in the default posture [m]."""
-    outline = {label: np.array(one) * foot.length for label, one in OUTLINE.items()}
+    outline = {label: np.array(corners) * foot.length for label, corners in OUTLINE.items()}
     depth = BONE_DEPTH * foot.length
     bones = {name: _vertices(model.body(name), surfaces, foot, body_poses(model)) for name in (foot.heel, foot.toes)}
     known = [bone for bone in bones.values() if len(bone)]
     if len(known) == len(bones) and known:
         outline = _outline_of(np.concatenate(known), foot.length)
-        depth = -float(min(one[:, 1].min() for one in known))
+        depth = -float(min(value[:, 1].min() for value in known))
     forward, up, out = foot.axes.T
     low = foot.origin - (depth + options.sole) * up
     return {label: low + x * forward + z * out for label, (x, z) in outline.items()}
@@ -243,10 +243,10 @@ def body_sites(model: Model, names: Sequence[str]) -> tuple[Site, ...]:
 def _hand(model: Model, name: str) -> Site:
     side = {"r": "right", "l": "left"}.get(name[-1], "")
     segments = segments_of(model)
-    bodies = [one for one in model.bodies if segments[one.name].name == "hand" and segments[one.name].side == side]
+    bodies = [body for body in model.bodies if segments[body.name].name == "hand" and segments[body.name].side == side]
     if not bodies:
         raise BadData(f"model '{model.name}' has no {side} hand for site '{name}': name a body and a point yourself")
-    body = max(bodies, key=lambda one: one.mass)
+    body = max(bodies, key=lambda body: body.mass)
     return Site(name, body.name, body.mass_center[None], Cone(direction=None, grip=0.05))
 
 
@@ -275,10 +275,10 @@ def _seat(model: Model) -> Site:
 
 def _back(model: Model) -> Site:
     segments, poses, up = segments_of(model), body_poses(model), model.up
-    bodies = [one for one in model.bodies if segments[one.name].name == "upper_trunk"]
+    bodies = [body for body in model.bodies if segments[body.name].name == "upper_trunk"]
     if not bodies:
         raise BadData(f"model '{model.name}' has no thorax for site 'back': name a body and points yourself")
-    body, foot = max(bodies, key=lambda one: one.mass), feet_of(model)[0]
+    body, foot = max(bodies, key=lambda body: body.mass), feet_of(model)[0]
     forward = foot.axes[:, 0] - (foot.axes[:, 0] @ up) * up
     forward = forward / np.linalg.norm(forward)
     out, pose = np.cross(forward, up), poses[body.name]

@@ -79,7 +79,7 @@ class Strokes:
 
     def of(self, instrument: str) -> tuple[Stroke, ...]:
         """Strokes on one instrument; raises `UnknownName`."""
-        index_of("instrument", instrument, tuple(one.name for one in self.instruments), "the sound")
+        index_of("instrument", instrument, tuple(instrument.name for instrument in self.instruments), "the sound")
         return tuple(stroke for stroke in self.strokes if stroke.instrument == instrument)
 
 
@@ -101,22 +101,22 @@ def hear_strokes(
         without an instrument, where two share a name, or sound and motion have no time in common
     """
     options = options or SoundOptions()
-    names = tuple(one.name for one in instruments)
+    names = tuple(instrument.name for instrument in instruments)
     if not names or len(set(names)) != len(names):
         raise BadData(f"instruments are named {names}: expected one or more, each with a name of its own")
     for instrument in instruments:
         for channel in (instrument.channel, *instrument.others):
             index_of("sound channel", channel, sound.names, f"the recording, for instrument '{instrument.name}',")
     warnings = [*sound.warnings, *sound_faults(sound, time)]
-    channels = tuple(dict.fromkeys(one.channel for one in instruments))
+    channels = tuple(dict.fromkeys(instrument.channel for instrument in instruments))
     heard = {name: listen(sound, name, options) for name in channels}
     arrivals = {name: onsets(heard[name], options) for name in channels}
     strokes = _told_apart(instruments, arrivals, heard, options)
     kept = [echoe for name in names for echoe in _without_echoes([s for s in strokes if s.instrument == name], options)]
     for name in names:
-        if not any(one.instrument == name for one in kept):
+        if not any(item.instrument == name for item in kept):
             warnings.append(f"no stroke on '{name}' was heard")
-    return Strokes(tuple(instruments), tuple(sorted(kept, key=lambda one: one.time)), tuple(warnings))
+    return Strokes(tuple(instruments), tuple(sorted(kept, key=lambda item: item.time)), tuple(warnings))
 
 
 def sound_faults(sound: Sound, time: Array | None = None) -> tuple[str, ...]:
@@ -127,18 +127,18 @@ def sound_faults(sound: Sound, time: Array | None = None) -> tuple[str, ...]:
     BadData
         where sound and motion have no time in common
     """
-    found = []
+    results = []
     for name in sound.names:
         channel = sound[name]
         peak = float(np.abs(channel).max(initial=0.0))
         if peak < 1e-5:
-            found.append(f"sound channel '{name}' is silent")
+            results.append(f"sound channel '{name}' is silent")
             continue
         for edge in (channel.max(), channel.min()):
             flat = _longest_run(channel == edge)
             if flat >= 3 and abs(edge) > 0.5 * peak:
                 at = sound.start + int(np.argmax(channel == edge)) / sound.rate
-                found.append(
+                results.append(
                     f"sound channel '{name}' is clipped at {abs(edge):.2g} of full scale, first at {at:.3f} s: "
                     "energies of loud strokes are too small"
                 )
@@ -151,11 +151,11 @@ def sound_faults(sound: Sound, time: Array | None = None) -> tuple[str, ...]:
                 "have no time in common"
             )
         if abs(sound.start - first) > 0.1 or abs(stop - last) > 0.1:
-            found.append(
+            results.append(
                 f"the sound runs from {sound.start:.3f} to {stop:.3f} s, the motion from {first:.3f} to {last:.3f} s: "
                 "strokes are known where both run; check the sound's start"
             )
-    return tuple(found)
+    return tuple(results)
 
 
 def contacts_heard(
@@ -184,7 +184,7 @@ def contacts_heard(
         if site is None:
             possible = owners[stroke.instrument].sites
             if len(possible) != 1:
-                has = ", ".join(f"'{one}'" for one in possible) or "none"
+                has = ", ".join(f"'{item}'" for item in possible) or "none"
                 raise BadData(f"which site struck '{stroke.instrument}' at {stroke.time:.3f} s? Its sites are {has}")
             site = possible[0]
         elif site not in known:
@@ -225,12 +225,12 @@ def _told_apart(
     for group, energy in zip(groups, energies, strict=True):
         scale = np.where(loud > 0.0, loud, 1.0)
         shares, _ = nnls(bleed * scale / scale[:, None], energy / scale)
-        own = shares * scale
+        scaled = shares * scale
         for time, i, onset in _first_of_each(group):
-            enough = own[i] >= options.own * max(energy[i], 1e-300) and own[i] >= options.softest * loud[i]
+            enough = scaled[i] >= options.own * max(energy[i], 1e-300) and scaled[i] >= options.softest * loud[i]
             if enough:
-                sure = own[i] / (energy[i] + onset.background)
-                strokes.append(Stroke(instruments[i].name, time, float(own[i]), float(min(sure, 1.0))))
+                sure = scaled[i] / (energy[i] + onset.background)
+                strokes.append(Stroke(instruments[i].name, time, float(scaled[i]), float(min(sure, 1.0))))
     return strokes
 
 
@@ -288,9 +288,9 @@ def _first_of_each(group: Sequence[tuple[float, int, Onset]]) -> list[tuple[floa
 def _without_echoes(strokes: Sequence[Stroke], options: SoundOptions) -> list[Stroke]:
     """Strokes on one instrument, in order, without weak ones soon after a loud one."""
     kept: list[Stroke] = []
-    for stroke in sorted(strokes, key=lambda one: one.time):
-        near = [one for one in kept if stroke.time - one.time <= options.echo_time]
-        if any(stroke.energy < options.echo * one.energy for one in near):
+    for stroke in sorted(strokes, key=lambda stroke: stroke.time):
+        near = [item for item in kept if stroke.time - item.time <= options.echo_time]
+        if any(stroke.energy < options.echo * candidate.energy for candidate in near):
             continue
         if kept and stroke.time - kept[-1].time < 0.5 * options.rest:
             continue

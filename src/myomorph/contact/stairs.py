@@ -59,7 +59,7 @@ class Step:
             raise BadData(
                 f"step '{self.name}' measures {self.measures}: expected some of {', '.join(COMPONENTS)}, once each"
             )
-        if not all(np.isfinite(one) and one > 0.0 for one in self.size):
+        if not all(np.isfinite(item) and item > 0.0 for item in self.size):
             raise BadData(f"step '{self.name}' has the size {self.size}: expected two lengths above 0 m")
         if self.matrix is None and len(self.channels) != len(self.measures):
             raise BadData(
@@ -157,10 +157,10 @@ def step_loads(
     pressing, loaded, noise = np.zeros((frames, count)), np.zeros((frames, count), np.bool_), np.zeros(count)
     for index, step in enumerate(steps):
         raw = channels.values[:, [channels.names.index(channel) for channel in step.channels]]
-        own = _components(step, raw)
+        components = _components(step, raw)
         if options.tare == "quiet":
-            own -= _idle(own, step, weight, options)
-        pressing[:, index] = np.nan_to_num(own[:, step.measures.index("fz")])
+            components -= _idle(components, step, weight, options)
+        pressing[:, index] = np.nan_to_num(components[:, step.measures.index("fz")])
         noise[index] = _noise(pressing[:, index])
         level = max(options.loaded * weight, options.noise * noise[index])
         if options.noise * noise[index] > options.loaded * weight:
@@ -172,7 +172,7 @@ def step_loads(
         smooth = _averaged(pressing[:, index], channels.time, options.shortest)
         state = hysteresis(smooth > level, smooth < lower)
         loaded[:, index] = steady(state, channels.time, options.shortest)
-        forces[:, index], moments[:, index] = _in_ground(step, own)
+        forces[:, index], moments[:, index] = _in_ground(step, components)
     return StepLoads(channels.time, tuple(steps), forces, moments, pressing, loaded, noise, tuple(notes))
 
 
@@ -181,7 +181,7 @@ def _check(steps: Sequence[Step], channels: Series, weight: float) -> None:
         raise BadData("no step is given: stairs need at least one")
     if not (np.isfinite(weight) and weight > 0.0):
         raise BadData(f"the body weighs {weight:g} N: thresholds of steps need its weight")
-    names = [one.name for one in steps]
+    names = [step.name for step in steps]
     if len(set(names)) != len(names):
         raise BadData(f"two steps are named '{next(name for name in names if names.count(name) > 1)}'")
     for step in steps:
@@ -199,8 +199,8 @@ def _check(steps: Sequence[Step], channels: Series, weight: float) -> None:
 
 def _components(step: Step, raw: Array) -> Array:
     """(samples, components) of force on the animal, in the cell's axes."""
-    own = raw if step.matrix is None else raw @ step.matrix.T
-    return float(step.sense) * np.array(own, dtype=np.float64)
+    components = raw if step.matrix is None else raw @ step.matrix.T
+    return float(step.sense) * np.array(components, dtype=np.float64)
 
 
 def _idle(own: Array, step: Step, weight: float, options: StairOptions) -> Array:
@@ -232,7 +232,7 @@ def _averaged(values: Array, time: Array, over: float) -> Array:
 
 def _in_ground(step: Step, own: Array) -> tuple[Array, Array]:
     """Force and moment about the tread's middle (samples, 3) in ground, NaN where an axis is not measured."""
-    known = np.array([one in step.measures for one in COMPONENTS])
+    known = np.array([item in step.measures for item in COMPONENTS])
     full = np.zeros((len(own), 6))
     for column, name in enumerate(step.measures):
         full[:, COMPONENTS.index(name)] = own[:, column]
@@ -260,9 +260,9 @@ def _reached(uses: np.ndarray, known: np.ndarray) -> np.ndarray:
 
 def loadings(loads: StepLoads) -> list[tuple[str, float, float, float]]:
     """Every loading: step, start and stop [s], greatest force along the normal [N]; in order of time."""
-    found = [
+    result = [
         (step.name, float(loads.time[a]), float(loads.time[b - 1]), float(loads.pressing[a:b, index].max()))
         for index, step in enumerate(loads.steps)
         for a, b in runs(loads.loaded[:, index])
     ]
-    return sorted(found, key=lambda one: one[1])
+    return sorted(result, key=lambda result: result[1])

@@ -211,11 +211,11 @@ def by_plates(
             here = slice(start, stop)
             share = load[here, None] * np.isfinite(away[here])
             mean = (np.nan_to_num(away[here]) * share).sum(axis=0) / np.maximum(share.sum(axis=0), 1e-12)
-            by_group = [min(mean[index] for index, one in enumerate(sites) if one.group == group) for group in groups]
+            by_group = [min(mean[index] for index, site in enumerate(sites) if site.group == group) for group in groups]
             best = int(np.argmin(by_group))
             if not by_group[best] < options.reach * moving.height:
                 continue
-            members = [index for index, one in enumerate(sites) if one.group == groups[best]]
+            members = [index for index, site in enumerate(sites) if site.group == groups[best]]
             level = moving.lowest[here][:, members]
             low = level < np.nanmin(level, axis=1, keepdims=True) + options.high * moving.height
             touching[here, members] |= low
@@ -236,15 +236,15 @@ def merge_contacts(sources: Sequence[Contacts]) -> Contacts:
     A touch is left out where one of the same site from a source before it covers half of it or more, and cut
     where it covers less.
     """
-    names = tuple(dict.fromkeys(name for one in sources for name in one.sites))
+    names = tuple(dict.fromkeys(name for source in sources for name in source.sites))
     kept: list[Touch] = []
     for source in sources:
         before = tuple(kept)
         for touch in source.intervals:
-            rest = _outside(touch, [one for one in before if one.site == touch.site])
-            if sum(one.stop - one.start for one in rest) > 0.5 * (touch.stop - touch.start) or rest == [touch]:
+            rest = _outside(touch, [item for item in before if item.site == touch.site])
+            if sum(piece.stop - piece.start for piece in rest) > 0.5 * (touch.stop - touch.start) or rest == [touch]:
                 kept += rest
-    return Contacts(names, tuple(kept), tuple(text for one in sources for text in one.warnings))
+    return Contacts(names, tuple(kept), tuple(text for source in sources for text in source.warnings))
 
 
 def _outside(touch: Touch, others: Sequence[Touch]) -> list[Touch]:
@@ -318,10 +318,10 @@ def strengths(
             raise BadData(f"contacts say nothing of site '{missing[0]}': they are of {', '.join(contacts.sites)}")
         columns = [contacts.sites.index(name) for name in names]
         sure = contacts.states(motion.time).values[:, columns]
-    walking = [index for index, one in enumerate(sites) if one.against == GROUND]
+    walking = [index for index, site in enumerate(sites) if site.against == GROUND]
     values = np.array(sure)
     if walking:
-        moving = site_motion(model, motion, [sites[k] for k in walking])
+        moving = site_motion(model, motion, [sites[number] for number in walking])
         floor = floor_under(moving, options.floor)
         z = (moving.lowest - floor.height) / moving.height
         v = np.linalg.norm(moving.velocities - floor.velocity, axis=2) / moving.pace

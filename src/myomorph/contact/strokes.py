@@ -112,12 +112,12 @@ def calibration_pairs(strokes: Strokes, known: Mapping[str, Sequence[tuple[float
         heard = strokes.of(name)
         pairs = []
         for time, impulse in entries:
-            near = min(heard, key=lambda one: abs(one.time - time), default=None)
+            near = min(heard, key=lambda stroke: abs(stroke.time - time), default=None)
             if near is not None and abs(near.time - time) <= 0.05:
                 pairs.append((near.energy, impulse))
         if not pairs:
             raise BadData(f"none of the {len(entries)} known strokes on '{name}' was heard within 50 ms of its time")
-        laws[name] = calibrate_impulse([one for one, _ in pairs], [one for _, one in pairs])
+        laws[name] = calibrate_impulse([pair for pair, _ in pairs], [pair for _, pair in pairs])
     return laws
 
 
@@ -236,7 +236,7 @@ def impacts_from_sound(
     UnknownName
         where an instrument has no law
     """
-    found, beyond = [], []
+    result, beyond = [], []
     for name, site in sites.items():
         stroke = strokes.strokes[name]
         check_name("instrument", stroke.instrument, laws, "the calibration of impulses")
@@ -244,15 +244,15 @@ def impacts_from_sound(
         if not law.covers(stroke.energy):
             beyond.append(stroke)
         direction = np.asarray(normals.get(stroke.instrument, (0.0, 1.0, 0.0)), float)
-        found.append(Impact(site, stroke.time, float(law.impulse(stroke.energy)), direction))
+        result.append(Impact(site, stroke.time, float(law.impulse(stroke.energy)), direction))
     warnings = []
     if beyond:
         first = beyond[0]
         warnings.append(
-            f"{len(beyond)} of {len(found)} strokes are louder or softer than those calibrated on, first on "
+            f"{len(beyond)} of {len(result)} strokes are louder or softer than those calibrated on, first on "
             f"'{first.instrument}' at {first.time:.3f} s: their impulses are extrapolated"
         )
-    return tuple(found), tuple(warnings)
+    return tuple(result), tuple(warnings)
 
 
 def impact_wrenches(
@@ -279,7 +279,7 @@ def impact_wrenches(
     by_name = {site.name: site for site in sites}
     for impact in impacts:
         check_name("contact site", impact.site, by_name, "the model's sites")
-    struck = tuple(dict.fromkeys(one.site for one in impacts))
+    struck = tuple(dict.fromkeys(impact.site for impact in impacts))
     forces, points = (np.zeros((len(motion), len(struck), 3)) for _ in range(2))
     for s, name in enumerate(struck):
         points[:, s] = site_places(model, motion, by_name[name])

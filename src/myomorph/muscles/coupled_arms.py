@@ -65,19 +65,19 @@ def loop_groups(tree: Tree) -> tuple[LoopGroup, ...]:
         for j, sources in zip(arrays.coupler_coordinate, arrays.coupler_source, strict=True)
     ]
     groups: list[set[int]] = []
-    for one in sets:
-        grown = one
+    for members_here in sets:
+        grown = members_here
         while more := [tie for tie in (*ties, *groups) if tie & grown and not tie <= grown]:
             grown = grown.union(*more)
         groups = [group for group in groups if not group <= grown] + [grown]
     driven = set(arrays.coupler_coordinate.tolist())
-    found = []
+    results = []
     for group in groups:
         members = np.array(sorted(group), np.int64)
         stays = [model.coordinates[j].locked or model.coordinates[j].prescribed is not None for j in members]
         leading = np.array([place for place, j in enumerate(members) if int(j) not in driven], np.int64)
-        found.append(LoopGroup(members, leading, np.array(stays, bool)))
-    return tuple(found)
+        results.append(LoopGroup(members, leading, np.array(stays, bool)))
+    return tuple(results)
 
 
 def loop_couplings(tree: Tree, group: LoopGroup, coordinates: Array, speeds: Speeds = "opensim") -> Array:
@@ -101,22 +101,22 @@ def loop_couplings(tree: Tree, group: LoopGroup, coordinates: Array, speeds: Spe
         _turn(tree, group, coordinates, T)
     result = np.zeros((frames, len(leading), n))
     places = {int(place): i for i, place in enumerate(leading)}
-    for k in range(n):
+    for index in range(n):
         free = ~group.stays[leading]
-        if k in places:
-            free[places[k]] = True
+        if index in places:
+            free[places[index]] = True
         # Least |T v - e_k| over speeds v that keep the loops closed.
         inverse = np.linalg.inv(np.einsum("fni,fnj->fij", T[:, :, free], T[:, :, free]))
-        wanted = np.einsum("fij,fj->fi", inverse, T[:, k][:, free])
+        wanted = np.einsum("fij,fj->fi", inverse, T[:, index][:, free])
         g = G[:, :, free]
         metric = np.einsum("fri,fij,fsj->frs", g, inverse, g)
         force = np.einsum("frs,fsi,fi->fr", np.linalg.pinv(metric, rcond=RANK, hermitian=True), g, wanted)
         v = wanted - np.einsum("fij,frj,fr->fi", inverse, g, force)
-        own = np.einsum("fi,fi->f", T[:, k][:, free], v)
+        own = np.einsum("fi,fi->f", T[:, index][:, free], v)
         moves = own > STILL
-        result[np.ix_(moves, np.flatnonzero(free), np.array([k]))] = (v[moves] / own[moves, None])[:, :, None]
-        if k in places:
-            result[~moves, places[k], k] = 1.0
+        result[np.ix_(moves, np.flatnonzero(free), np.array([index]))] = (v[moves] / own[moves, None])[:, :, None]
+        if index in places:
+            result[~moves, places[index], index] = 1.0
     return result
 
 

@@ -205,9 +205,9 @@ def pack_curves(curves: Sequence[Curve]) -> CurveArrays:
 
 
 @inner(counted=False, forceinline=True)
-def parameter_at(P, k, x):
+def parameter_at(P, piece, x):
     """Parameter of the quintic of piece k at which it is at x: Newton steps inside brackets."""
-    a0, a1, a2, a3, a4, a5 = P[k, 1], P[k, 2], P[k, 3], P[k, 4], P[k, 5], P[k, 6]
+    a0, a1, a2, a3, a4, a5 = P[piece, 1], P[piece, 2], P[piece, 3], P[piece, 4], P[piece, 5], P[piece, 6]
     u = (x - a0) / (a1 + a2 + a3 + a4 + a5)
     below, above = 0.0, 1.0
     for _ in range(60):
@@ -275,14 +275,14 @@ def curve_value(C, i, x):
         y = E[i, 4] + E[i, 5] * (x - E[i, 3])
     else:
         P, S = C.pieces, C.shapes
-        low, k = C.of_curve[i, 0], C.of_curve[i, 1]
-        while k > low and x < P[k, 0]:
-            k -= 1
-        y = P[k, 7]
-        if C.of_piece[k, 0]:
-            u = parameter_at(P, k, x)
-            y += u * (P[k, 8] + u * (P[k, 9] + u * (P[k, 10] + u * (P[k, 11] + u * P[k, 12]))))
-        for s in range(C.of_piece[k, 1], C.of_piece[k, 2]):
+        low, piece = C.of_curve[i, 0], C.of_curve[i, 1]
+        while piece > low and x < P[piece, 0]:
+            piece -= 1
+        y = P[piece, 7]
+        if C.of_piece[piece, 0]:
+            u = parameter_at(P, piece, x)
+            y += u * (P[piece, 8] + u * (P[piece, 9] + u * (P[piece, 10] + u * (P[piece, 11] + u * P[piece, 12]))))
+        for s in range(C.of_piece[piece, 1], C.of_piece[piece, 2]):
             y += S[s, 1] * _shape_value(S[s, 0], (S[s, 2] + S[s, 3] * x) / (S[s, 4] + S[s, 5] * x))
     if y < E[i, 6]:
         return E[i, 6]
@@ -299,20 +299,20 @@ def curve_jet(C, i, x):
         y0, y1, y2 = E[i, 4] + E[i, 5] * (x - E[i, 3]), E[i, 5], 0.0
     else:
         P, S = C.pieces, C.shapes
-        low, k = C.of_curve[i, 0], C.of_curve[i, 1]
-        while k > low and x < P[k, 0]:
-            k -= 1
-        y0, y1, y2 = P[k, 7], 0.0, 0.0
-        if C.of_piece[k, 0]:
-            u = parameter_at(P, k, x)
-            a1, a2, a3, a4, a5 = P[k, 2], P[k, 3], P[k, 4], P[k, 5], P[k, 6]
-            b1, b2, b3, b4, b5 = P[k, 8], P[k, 9], P[k, 10], P[k, 11], P[k, 12]
+        low, piece = C.of_curve[i, 0], C.of_curve[i, 1]
+        while piece > low and x < P[piece, 0]:
+            piece -= 1
+        y0, y1, y2 = P[piece, 7], 0.0, 0.0
+        if C.of_piece[piece, 0]:
+            u = parameter_at(P, piece, x)
+            a1, a2, a3, a4, a5 = P[piece, 2], P[piece, 3], P[piece, 4], P[piece, 5], P[piece, 6]
+            b1, b2, b3, b4, b5 = P[piece, 8], P[piece, 9], P[piece, 10], P[piece, 11], P[piece, 12]
             x1 = max(a1 + u * (2.0 * a2 + u * (3.0 * a3 + u * (4.0 * a4 + u * 5.0 * a5))), 1e-9)
             x2 = 2.0 * a2 + u * (6.0 * a3 + u * (12.0 * a4 + u * 20.0 * a5))
             y0 += u * (b1 + u * (b2 + u * (b3 + u * (b4 + u * b5))))
             y1 = (b1 + u * (2.0 * b2 + u * (3.0 * b3 + u * (4.0 * b4 + u * 5.0 * b5)))) / x1
             y2 = (2.0 * b2 + u * (6.0 * b3 + u * (12.0 * b4 + u * 20.0 * b5)) - y1 * x2) / (x1 * x1)
-        for s in range(C.of_piece[k, 1], C.of_piece[k, 2]):
+        for s in range(C.of_piece[piece, 1], C.of_piece[piece, 2]):
             size, b, d = S[s, 1], S[s, 3], S[s, 5]
             scale = 1.0 / (S[s, 4] + d * x)
             f0, f1, f2 = shape_jet(S[s, 0], (S[s, 2] + b * x) * scale)

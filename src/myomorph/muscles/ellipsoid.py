@@ -160,8 +160,8 @@ def _weighted(w, p, q):
 @inner
 def _residuals(p, r, h, w, n, d):
     """In the plane, on the surface, h the offset of the tangent plane, p in the tangent plane."""
-    own = _weighted(w, r, r)
-    return dot(n, r) + d, 0.5 * own - 1.0, own + h, _weighted(w, r, p) + h
+    weighted = _weighted(w, r, r)
+    return dot(n, r) + d, 0.5 * weighted - 1.0, weighted + h, _weighted(w, r, p) + h
 
 
 @inner
@@ -184,16 +184,16 @@ def _normal_equations(p, r, w, n, e, A, b):
 @inner
 def _solved(A, b, damping, gain):
     """Solution of (A + damping diag(A)) u = gain b by the factors L D L^T."""
-    k = 1.0 + damping
-    i0 = 1.0 / (A[0, 0] * k)
+    scale = 1.0 + damping
+    i0 = 1.0 / (A[0, 0] * scale)
     l10, l20, l30 = A[1, 0] * i0, A[2, 0] * i0, A[3, 0] * i0
-    i1 = 1.0 / (A[1, 1] * k - l10 * A[1, 0])
+    i1 = 1.0 / (A[1, 1] * scale - l10 * A[1, 0])
     e2, e3 = A[2, 1] - l20 * A[1, 0], A[3, 1] - l30 * A[1, 0]
     l21, l31 = e2 * i1, e3 * i1
-    i2 = 1.0 / (A[2, 2] * k - l20 * A[2, 0] - l21 * e2)
+    i2 = 1.0 / (A[2, 2] * scale - l20 * A[2, 0] - l21 * e2)
     f3 = A[3, 2] - l30 * A[2, 0] - l31 * e2
     l32 = f3 * i2
-    i3 = 1.0 / (A[3, 3] * k - l30 * A[3, 0] - l31 * e3 - l32 * f3)
+    i3 = 1.0 / (A[3, 3] * scale - l30 * A[3, 0] - l31 * e3 - l32 * f3)
     y0 = gain * b[0]
     y1 = gain * b[1] - l10 * y0
     y2 = gain * b[2] - l20 * y0 - l21 * y1

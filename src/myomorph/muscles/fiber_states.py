@@ -38,8 +38,8 @@ class FiberStates(Fibers):
     in_balance: np.ndarray
 
     def __post_init__(self) -> None:
-        for one in fields(Fibers):
-            object.__setattr__(self, one.name, frozen_array(getattr(self, one.name), (-1, len(self.muscles))))
+        for field in fields(Fibers):
+            object.__setattr__(self, field.name, frozen_array(getattr(self, field.name), (-1, len(self.muscles))))
 
 
 def without_fibers(model: Model) -> tuple[str, ...]:

@@ -123,8 +123,8 @@ class MuscleKinematics(Labelled):
             moves = square > 0.0
             table[moves, :, dependent] = reached[moves] / square[moves, None]
         for group, couplings in self.loops:
-            own = table[:, :, group.coordinates[group.leading]]
-            table[:, :, group.coordinates] = np.einsum("fml,flk->fmk", own, couplings[frames])
+            led = table[:, :, group.coordinates[group.leading]]
+            table[:, :, group.coordinates] = np.einsum("fml,flk->fmk", led, couplings[frames])
         return table
 
 

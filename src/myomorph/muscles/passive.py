@@ -75,12 +75,12 @@ def _of_muscles(model: Model, motion: Motion, viscosity: Array) -> Array:
     assert moved.velocities is not None
     force = viscosity * moved.velocities
     tau = np.zeros((len(motion), len(model.coordinates)))
-    for k, (m, j) in enumerate(zip(moved.paths.arm_muscle, moved.paths.arm_coordinate, strict=True)):
-        tau[:, j] += moved.arms[:, k] * force[:, m]
+    for index, (m, j) in enumerate(zip(moved.paths.arm_muscle, moved.paths.arm_coordinate, strict=True)):
+        tau[:, j] += moved.arms[:, index] * force[:, m]
     # The arms hold what reaches a muscle through couplers; here dependent coordinates keep their share.
     tree = moved.paths.tree.arrays
-    for k, dependent in enumerate(tree.coupler_coordinate):
-        for s, source in enumerate(tree.coupler_source[k]):
+    for index, dependent in enumerate(tree.coupler_coordinate):
+        for s, source in enumerate(tree.coupler_source[index]):
             if source >= 0:
-                tau[:, source] -= moved.coupler_slopes[:, k, s] * tau[:, dependent]
+                tau[:, source] -= moved.coupler_slopes[:, index, s] * tau[:, dependent]
     return tau

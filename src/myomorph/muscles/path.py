@@ -158,17 +158,17 @@ class Paths:
         """
         c = np.array(coordinates, dtype=np.float64)
         frames, muscles = len(c), len(self.muscles)
-        found, none = np.zeros((frames, len(self.pull_body), 6)), np.empty((frames, 0, 0, 4))
+        result, none = np.zeros((frames, len(self.pull_body), 6)), np.empty((frames, 0, 0, 4))
         work = np.empty((frames, len(self.arm_coordinate)))
         T, P = self.tree.arrays, self.arrays
 
         def part(start: int, stop: int) -> None:
             here, room = slice(start, stop), np.empty((2, stop - start, muscles))
-            results = room[0], room[1], work[here], found[here], none[here]
+            results = room[0], room[1], work[here], result[here], none[here]
             path_frames(T, P, *self.wraps, c[here], np.zeros_like(c[here]), *results)
 
         over_frames(part, frames, progress)
-        return found, work
+        return result, work
 
     def nodes(self, coordinates: Array) -> Array:
         """The points that each path runs through, those where it meets and leaves surfaces included.

@@ -149,8 +149,8 @@ class _Builder:
         bodies = sorted({*point_bodies, *wrap_bodies})
         moved = {name for point in path.points if isinstance(point, MovingPathPoint) for name in point.coordinates}
         slots = self._add_axes(bodies, {self._coordinate(name) for name in moved} - {-1})
-        for k, (point, body) in enumerate(zip(path.points, point_bodies, strict=True)):
-            self._add_point(point, body, bodies.index(body), _weight(path.divisors, k), slots)
+        for index, (point, body) in enumerate(zip(path.points, point_bodies, strict=True)):
+            self._add_point(point, body, bodies.index(body), _weight(path.divisors, index), slots)
         for wrap, i, body in zip(wraps, objects, wrap_bodies, strict=True):
             self.wrap.append([i, bodies.index(body), *self._rule(wrap, len(path.points))])
             side = wrap.side if isinstance(wrap, TendonWrap) else None
@@ -204,22 +204,22 @@ class _Builder:
         arrays = self.tree.arrays
         supports = self.tree.supports[bodies]
         between = np.flatnonzero(supports.any(axis=0) & ~supports.all(axis=0))
-        used = moving | {int(j) for k in between for j in arrays.axis_coordinate[k] if j >= 0}
+        used = moving | {int(j) for number in between for j in arrays.axis_coordinate[number] if j >= 0}
         couplers = list(enumerate(arrays.coupler_coordinate.tolist()))[::-1]
-        for k, dependent in couplers:
+        for index, dependent in couplers:
             if dependent in used:
-                used |= {int(j) for j in arrays.coupler_source[k] if j >= 0}
+                used |= {int(j) for j in arrays.coupler_source[index] if j >= 0}
         slots = {j: place for place, j in enumerate(sorted(used))}
-        for k in between.tolist():
-            hanging = np.flatnonzero(supports[:, k]).tolist()
-            places = [slots[int(j)] if j >= 0 else -1 for j in arrays.axis_coordinate[k]]
+        for index in between.tolist():
+            hanging = np.flatnonzero(supports[:, index]).tolist()
+            places = [slots[int(j)] if j >= 0 else -1 for j in arrays.axis_coordinate[index]]
             range_ = (len(self.support), len(self.support) + len(hanging))
-            self.axis.append([k, int(arrays.axis_kind[k] == 0), *places, *range_])
+            self.axis.append([index, int(arrays.axis_kind[index] == 0), *places, *range_])
             self.support += hanging
-        for k, dependent in couplers:
+        for index, dependent in couplers:
             if dependent in slots:
-                sources = [slots[int(j)] if j >= 0 else -1 for j in arrays.coupler_source[k]]
-                self.follow.append([k, slots[dependent], *sources])
+                sources = [slots[int(j)] if j >= 0 else -1 for j in arrays.coupler_source[index]]
+                self.follow.append([index, slots[dependent], *sources])
         self.arm += [[j, int(j in self.free)] for j in slots]
         return slots
 
@@ -263,10 +263,10 @@ class _Builder:
         ]
 
 
-def _weight(divisors: tuple[float, ...], k: int) -> float:
-    if k >= len(divisors):
+def _weight(divisors: tuple[float, ...], index: int) -> float:
+    if index >= len(divisors):
         return 1.0
-    return 1.0 / divisors[k] if divisors[k] else 0.0
+    return 1.0 / divisors[index] if divisors[index] else 0.0
 
 
 def _ints(rows: list, columns: int) -> Ints:

@@ -46,20 +46,20 @@ SETTLED = 0.0005
 @inner
 def _insert(x, node, seen, at, count, local, surface, wrap, end, r, s, arc):
     """Put both ends of an arc into the chain after node `at`; `end` is the first one's row of `seen`."""
-    for k in range(count - 1, at, -1):
+    for index in range(count - 1, at, -1):
         for i in range(8):
-            x[k + 2, i] = x[k, i]
+            x[index + 2, i] = x[index, i]
         for i in range(5):
-            node[k + 2, i] = node[k, i]
+            node[index + 2, i] = node[index, i]
     for i in range(3):
         x[at + 1, i], x[at + 2, i] = r[i], s[i]
-    for k in range(at + 1, at + 3):
-        row = end + k - at - 1
-        x[k, NODE_WEIGHT] = x[at, NODE_WEIGHT]
-        node[k, NODE_LOCAL], node[k, NODE_OBJECT] = local, surface
-        node[k, NODE_POINT], node[k, NODE_WRAP], node[k, NODE_END] = -1, wrap, row
+    for index in range(at + 1, at + 3):
+        row = end + index - at - 1
+        x[index, NODE_WEIGHT] = x[at, NODE_WEIGHT]
+        node[index, NODE_LOCAL], node[index, NODE_OBJECT] = local, surface
+        node[index, NODE_POINT], node[index, NODE_WRAP], node[index, NODE_END] = -1, wrap, row
         for i in range(3):
-            x[k, SEEN + i] = seen[row, i] if seen[row, 3] == 1.0 else x[k, i]
+            x[index, SEEN + i] = seen[row, i] if seen[row, 3] == 1.0 else x[index, i]
     x[at + 1, NODE_ARC], x[at + 2, NODE_ARC] = 0.0, arc
     return count + 2
 
@@ -67,9 +67,9 @@ def _insert(x, node, seen, at, count, local, surface, wrap, end, r, s, arc):
 @inner
 def _without(x, node, count, wrap):
     """Take the nodes of a wrap out of the chain."""
-    for k in range(count - 1):
-        if node[k, NODE_WRAP] == wrap:
-            for n in range(k, count - 2):
+    for index in range(count - 1):
+        if node[index, NODE_WRAP] == wrap:
+            for n in range(index, count - 2):
                 for i in range(8):
                     x[n, i] = x[n + 2, i]
                 for i in range(5):
@@ -87,11 +87,11 @@ def tendon_nodes(
     `rotation` (3, 3), `rows` (4 of (3,)) and `out` (2, 3) are room for the arguments of `wrap_tendon`.
     """
     before, after, center, side = rows
-    for k in range(start, stop):
+    for index in range(start, stop):
         at = 0
-        while node[at, NODE_POINT] != points + wrap[k, AFTER]:
+        while node[at, NODE_POINT] != points + wrap[index, AFTER]:
             at += 1
-        b, g = wrap[k, SIDE_BODY], wrap[k, OBJECT]
+        b, g = wrap[index, SIDE_BODY], wrap[index, OBJECT]
         for i in range(3):
             before[i], after[i], center[i] = x[at, i], x[at + 1, i], pose[g, 9 + i]
             for j in range(3):
@@ -99,13 +99,15 @@ def tendon_nodes(
             if b >= 0:
                 side[i] = p[b, i]
                 for j in range(3):
-                    side[i] += R[b, i, j] * wrap_side[k, j]
+                    side[i] += R[b, i, j] * wrap_side[index, j]
         kind = 0 if surface[g, KIND] == SPHERE else 1
-        rule = wrap[k, METHOD] if b >= 0 else NO_SIDE
+        rule = wrap[index, METHOD] if b >= 0 else NO_SIDE
         arc = wrap_tendon(before, after, kind, size[g, 0], rotation, center, side, rule, out)
         if arc >= 0.0:
-            r, s = _placed(out, 0 * k), _placed(out, 0 * k + 1)
-            count = _insert(x, node, seen, at, count, wrap[k, OBJECT_LOCAL], g, k, 2 * (k - start), r, s, arc)
+            r, s = _placed(out, 0 * index), _placed(out, 0 * index + 1)
+            count = _insert(
+                x, node, seen, at, count, wrap[index, OBJECT_LOCAL], g, index, 2 * (index - start), r, s, arc
+            )
     return count
 
 
@@ -120,21 +122,23 @@ def wrapped_nodes(wrap, surface, size, start, stop, points, x, node, seen, turns
     while left > 0:
         left -= 1
         for i in range(wraps):
-            k = start + turns[0, i]
-            g = wrap[k, OBJECT]
+            index = start + turns[0, i]
+            g = wrap[index, OBJECT]
             turns[1, i] = NO_WRAP
-            count = _without(x, node, count, k)
-            first, last = _between_points(node, count, points + wrap[k, FIRST], points + wrap[k, LAST])
+            count = _without(x, node, count, index)
+            first, last = _between_points(node, count, points + wrap[index, FIRST], points + wrap[index, LAST])
             if surface[g, ACTIVE] == 1:
                 if first < 0:
                     # OpenSim then leaves the path as it is, with what later surfaces had before.
                     left = -1
                     break
                 turns[1, i], at, arc, r, s = _best_wrap(
-                    surface, size, pose, g, wrap[k, METHOD], x, node, seen, first, last, wraps
+                    surface, size, pose, g, wrap[index, METHOD], x, node, seen, first, last, wraps
                 )
                 if at >= 0:
-                    count = _insert(x, node, seen, at, count, wrap[k, OBJECT_LOCAL], g, k, 2 * (k - start), r, s, arc)
+                    count = _insert(
+                        x, node, seen, at, count, wrap[index, OBJECT_LOCAL], g, index, 2 * (index - start), r, s, arc
+                    )
         if left > 0:
             for n in range(count):
                 _look_at(x, node, seen, n)

@@ -163,8 +163,8 @@ def path_frames(T, P, surfaces, tendons, c, cdot, lengths, velocities, arms, pul
             if nodes.shape[1] > 0:
                 _tell_nodes(x, node, count, nodes[f, m])
             begin, end = start[m, ARMS], start[m + 1, ARMS]
-            for k in range(begin, end):
-                row[k] = 0.0
+            for index in range(begin, end):
+                row[index] = 0.0
             for b in range(start[m + 1, BODIES] - start[m, BODIES]):
                 for i in range(6):
                     pull[b, i] = 0.0
@@ -177,9 +177,9 @@ def path_frames(T, P, surfaces, tendons, c, cdot, lengths, velocities, arms, pul
                 _gather(axis, support, start[m, AXES], start[m + 1, AXES], w, o, dphi, pull, begin, row)
             _hand_on(follow, slopes, start[m, FOLLOWS], start[m + 1, FOLLOWS], begin, row)
             speed = 0.0
-            for k in range(begin, end):
-                if arm[k, 1] == 1:
-                    speed -= row[k] * speeds[arm[k, 0]]
+            for index in range(begin, end):
+                if arm[index, 1] == 1:
+                    speed -= row[index] * speeds[arm[index, 0]]
             velocities[f, m] = speed
 
 
@@ -197,55 +197,55 @@ def _tell_nodes(x, node, count, told):
 def _hand_on(follow, slopes, start, stop, arm, arms):
     """Add what reaches coordinates through those that follow them."""
     for q in range(start, stop):
-        k, own = follow[q, 0], arms[arm + follow[q, 1]]
+        index, own = follow[q, 0], arms[arm + follow[q, 1]]
         for i in range(2):
             if follow[q, 2 + i] >= 0:
-                arms[arm + follow[q, 2 + i]] += slopes[k, i] * own
+                arms[arm + follow[q, 2 + i]] += slopes[index, i] * own
 
 
 @inner
 def coupler_slopes(P, c, slopes):
     """Fill slopes (couplers, 2) of the dependent coordinates in those they follow."""
-    for k in range(slopes.shape[0]):
-        i, j = P.coupler[k, 1], P.coupler[k, 2]
+    for index in range(slopes.shape[0]):
+        i, j = P.coupler[index, 1], P.coupler[index, 2]
         x, y = c[i] if i >= 0 else 0.0, c[j] if j >= 0 else 0.0
-        _, slopes[k, 0], slopes[k, 1], _, _, _ = evaluate(P.functions, P.coupler[k, 0], x, y)
+        _, slopes[index, 0], slopes[index, 1], _, _, _ = evaluate(P.functions, P.coupler[index, 0], x, y)
 
 
 @inner
 def _place_objects(rows, poses, R, p, placed):
     """Poses of all surfaces in ground."""
-    for k in range(rows.shape[0]):
-        b = rows[k, OBJECT_BODY]
+    for index in range(rows.shape[0]):
+        b = rows[index, OBJECT_BODY]
         for i in range(3):
             x = p[b, i]
             for j in range(3):
-                x += R[b, i, j] * poses[k, 9 + j]
-                placed[k, 3 * i + j] = (
-                    R[b, i, 0] * poses[k, j] + R[b, i, 1] * poses[k, 3 + j] + R[b, i, 2] * poses[k, 6 + j]
+                x += R[b, i, j] * poses[index, 9 + j]
+                placed[index, 3 * i + j] = (
+                    R[b, i, 0] * poses[index, j] + R[b, i, 1] * poses[index, 3 + j] + R[b, i, 2] * poses[index, 6 + j]
                 )
-            placed[k, 9 + i] = x
+            placed[index, 9 + i] = x
 
 
 @inner
 def _point_nodes(point, place, moved, start, stop, c, R, p, x, node):
     """Put a muscle's active points in the chain; returns how many."""
     count = 0
-    for k in range(start, stop):
-        j = point[k, COORDINATE]
-        if j >= 0 and not place[k, LOW] - SLACK <= c[j] <= place[k, HIGH] + SLACK:
+    for index in range(start, stop):
+        j = point[index, COORDINATE]
+        if j >= 0 and not place[index, LOW] - SLACK <= c[j] <= place[index, HIGH] + SLACK:
             continue
-        u0, u1, u2 = place[k, 0], place[k, 1], place[k, 2]
-        v = point[k, MOVING]
+        u0, u1, u2 = place[index, 0], place[index, 1], place[index, 2]
+        v = point[index, MOVING]
         if v >= 0:
             u0, u1, u2 = moved[v, 0], moved[v, 1], moved[v, 2]
-        b = point[k, BODY]
+        b = point[index, BODY]
         for i in range(3):
             x[count, i] = R[b, i, 0] * u0 + R[b, i, 1] * u1 + R[b, i, 2] * u2 + p[b, i]
             x[count, SEEN + i] = x[count, i]
-        x[count, NODE_WEIGHT], x[count, NODE_ARC] = place[k, WEIGHT], 0.0
-        node[count, NODE_LOCAL], node[count, NODE_OBJECT] = point[k, LOCAL], -1
-        node[count, NODE_POINT], node[count, NODE_WRAP], node[count, NODE_END] = k, -1, -1
+        x[count, NODE_WEIGHT], x[count, NODE_ARC] = place[index, WEIGHT], 0.0
+        node[count, NODE_LOCAL], node[count, NODE_OBJECT] = point[index, LOCAL], -1
+        node[count, NODE_POINT], node[count, NODE_WRAP], node[count, NODE_END] = index, -1, -1
         count += 1
     return count
 
@@ -267,8 +267,8 @@ def _move_points(P, c, moved):
 def _pulls(point, moving, moved, R, x, node, pull, count, arm, arms):
     """Add force and moment of unit tension to each body of the muscle; what moves points goes into `arms`."""
     for n in range(count - 1):
-        k, j = node[n, NODE_POINT], node[n + 1, NODE_POINT]
-        v = point[k, MOVING] if k >= 0 else -1
+        index, j = node[n, NODE_POINT], node[n + 1, NODE_POINT]
+        v = point[index, MOVING] if index >= 0 else -1
         u = point[j, MOVING] if j >= 0 else -1
         if node[n, NODE_LOCAL] == node[n + 1, NODE_LOCAL] and v < 0 and u < 0:
             continue
@@ -281,7 +281,7 @@ def _pulls(point, moving, moved, R, x, node, pull, count, arm, arms):
         _pull(pull, node[n, NODE_LOCAL], x, n, f0, f1, f2)
         _pull(pull, node[n + 1, NODE_LOCAL], x, n + 1, -f0, -f1, -f2)
         if v >= 0:
-            _work(moving, moved, v, R, point[k, BODY], f0, f1, f2, arm, arms)
+            _work(moving, moved, v, R, point[index, BODY], f0, f1, f2, arm, arms)
         if u >= 0:
             _work(moving, moved, u, R, point[j, BODY], -f0, -f1, -f2, arm, arms)
 
@@ -320,12 +320,12 @@ def _gather(axis, support, start, stop, w, o, dphi, pull, arm, arms):
             m0 += pull[b, 3]
             m1 += pull[b, 4]
             m2 += pull[b, 5]
-        k = axis[q, TREE_AXIS]
+        index = axis[q, TREE_AXIS]
         if axis[q, ROTATES] == 1:
-            x0, x1, x2 = o[k, 0], o[k, 1], o[k, 2]
+            x0, x1, x2 = o[index, 0], o[index, 1], o[index, 2]
             f0, f1, f2 = m0 - (x1 * f2 - x2 * f1), m1 - (x2 * f0 - x0 * f2), m2 - (x0 * f1 - x1 * f0)
-        work = w[k, 0] * f0 + w[k, 1] * f1 + w[k, 2] * f2
+        work = w[index, 0] * f0 + w[index, 1] * f1 + w[index, 2] * f2
         if axis[q, SLOT_1] >= 0:
-            arms[arm + axis[q, SLOT_1]] += dphi[k, 0] * work
+            arms[arm + axis[q, SLOT_1]] += dphi[index, 0] * work
         if axis[q, SLOT_2] >= 0:
-            arms[arm + axis[q, SLOT_2]] += dphi[k, 1] * work
+            arms[arm + axis[q, SLOT_2]] += dphi[index, 1] * work

@@ -153,6 +153,6 @@ class ReportedPaths:
         values[unknown], rates[unknown] = tree.defaults, 0.0
         lengths, velocities, arms = self.paths.evaluate(values, rates, advance)
         reported = arms_as_reported(self.paths, self.pattern, values, arms)
-        for found in (lengths, velocities, reported):
-            found[unknown] = np.nan
+        for result in (lengths, velocities, reported):
+            result[unknown] = np.nan
         return lengths, velocities, reported

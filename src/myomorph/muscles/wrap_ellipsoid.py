@@ -61,8 +61,8 @@ def wrap_ellipsoid(p, q, size, method, axis, side):
         if fan > 0.0:
             # The middle between c and its mirror image has a zero there.
             target = replaced(c, axis, (1.0 - min(fan, 1.0)) * c[axis])
-            found, nearest = nearest_on_ellipsoid(a, target)
-            c = nearest if found else target
+            result, nearest = nearest_on_ellipsoid(a, target)
+            c = nearest if result else target
     n = unit(cross(minus(x, y), minus(x, c)))
     d = -dot(n, c)
     if abs(x_out) < 0.0001:
@@ -157,8 +157,8 @@ def _fan(r, chord, a):
     c = r
     for i in range(1, FAN - 1):
         p = along(r, i / FAN, chord)
-        found, nearest = nearest_on_ellipsoid(a, p)
-        if found:
+        result, nearest = nearest_on_ellipsoid(a, p)
+        if result:
             c = nearest
         total = along(total, 1.0, unit(minus(c, p)))
     return unit(total)

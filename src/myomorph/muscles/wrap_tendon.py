@@ -59,15 +59,15 @@ def wrap_tendon(p0, p1, kind, radius, R, x, side, rule, out):
         sx, sy = _unit(s0 * e0 + s1 * e1 + s2 * e2, s0 * f0 + s1 * f1 + s2 * f2)
         within = s0 * s0 + s1 * s1 + s2 * s2 < radius * radius
     if within:
-        found, tx, ty = _touch_inside(ax, ay, bx, by, radius)
+        result, tx, ty = _touch_inside(ax, ay, bx, by, radius)
         arc, ux, uy = 0.0, tx, ty
     else:
         if rule == BEFORE_FOUR:
             arc, tx, ty, ux, uy = _towards_side(ax, ay, bx, by, radius, sx, sy)
         else:
             arc, tx, ty, ux, uy = _around(ax, ay, bx, by, radius, sx, sy, rule == FOUR)
-        found = arc >= 0.0
-    if not found:
+        result = arc >= 0.0
+    if not result:
         return -1.0
     z, w, h = 0.0, 0.0, 0.0
     if kind == CYLINDER:
@@ -160,11 +160,11 @@ def _towards_side(ax, ay, bx, by, r, sx, sy):
         return none
     best, most = none, -2.0
     for turn in (1.0, -1.0):
-        found = _arc(ax, ay, bx, by, r, turn)
-        mx, my = _unit(found[1] + found[3], found[2] + found[4])
+        result = _arc(ax, ay, bx, by, r, turn)
+        mx, my = _unit(result[1] + result[3], result[2] + result[4])
         # A way whose straight parts cross is none.
-        if mx * sx + my * sy > most and not _cross(ax, ay, found[1], found[2], bx, by, found[3], found[4]):
-            best, most = found, mx * sx + my * sy
+        if mx * sx + my * sy > most and not _cross(ax, ay, result[1], result[2], bx, by, result[3], result[4]):
+            best, most = result, mx * sx + my * sy
     return best
 
 

@@ -36,8 +36,8 @@ def wrap_torus(a, b, inner_radius, outer, axis, side, single):
     code, arc, r, s : as of `wrap_cylinder`, but never MANDATORY; arc is NaN where the code is WRAPPED
         although the cylinder was missed, which only matters to the order of several surfaces
     """
-    found, x, y = _nearest_on_circle(a, b, outer, axis, side)
-    if not found:
+    result, x, y = _nearest_on_circle(a, b, outer, axis, side)
+    if not result:
         return NO_WRAP, 0.0, a, b
     # Cylinder frame: x towards the center of the torus, y down, z along the circle.
     cx, cy = -x / outer, -y / outer

@@ -109,9 +109,9 @@ def assemble(
     rows, row_of = _rows(model, by_loops, only)
     reach = _reach(tree, basis)
     table, places = _linked([(unknown, reach[j] if j >= 0 else []) for unknown, j in entries], row_of)
-    first = np.cumsum([0, *(len(one) for one in extra)]) + len(rows)
+    first = np.cumsum([0, *(len(row) for row in extra)]) + len(rows)
     own = np.arange(first[-1] - len(rows))
-    shared = [np.array([first[k] + one.row, one.column]) for k, one in enumerate(extra)]
+    shared = [np.array([first[number] + row.row, row.column]) for number, row in enumerate(extra)]
     row, column = np.hstack([places, *shared, [len(rows) + own, unknowns + own]]).astype(np.int64)
     shape = pattern(row, column, (int(first[-1]), unknowns + len(own)))
     table[:, 4] = shape.place[table[:, 4]]
@@ -147,10 +147,10 @@ def _linked(
     places: dict[tuple[int, int], int] = {}
     links = []
     for source, (variable, ends) in enumerate(sources):
-        for dependent, k in ends:
-            if row_of[k] >= 0:
-                target = places.setdefault((int(row_of[k]), variable), len(places))
-                links.append((variable, source, dependent, k, target))
+        for dependent, index in ends:
+            if row_of[index] >= 0:
+                target = places.setdefault((int(row_of[index]), variable), len(places))
+                links.append((variable, source, dependent, index, target))
     return np.array(links, np.int64).reshape(-1, 5), np.array(list(places), np.int64).reshape(-1, 2).T
 
 
@@ -165,13 +165,13 @@ def _reach(tree: Tree, basis: LoopBasis | None) -> list[list[tuple[int, int]]]:
             ends = {int(i) for i in basis.independent[touched[d]]}
             follows[int(j)] = ends
             reach[int(j)] = [(len(arrays.coupler_coordinate) + d, i) for i in sorted(ends)]
-    for k, j in enumerate(arrays.coupler_coordinate):
+    for number, j in enumerate(arrays.coupler_coordinate):
         ends = set()
-        for i in arrays.coupler_source[k]:
+        for i in arrays.coupler_source[number]:
             if i >= 0:
                 ends |= follows.get(int(i), {int(i)})
         follows[int(j)] = ends
-        reach[int(j)] = [(k, i) for i in sorted(ends)]
+        reach[int(j)] = [(number, i) for i in sorted(ends)]
     return reach
 
 
@@ -185,13 +185,13 @@ def _coupling(T, L, c, slopes, C):
     for d in range(slopes.shape[0]):
         for m in range(C.shape[1]):
             C[couplers + d, m] = slopes[d, m]
-    for k in range(couplers):
-        i, j = T.coupler_source[k, 0], T.coupler_source[k, 1]
+    for index in range(couplers):
+        i, j = T.coupler_source[index, 0], T.coupler_source[index, 1]
         x1 = c[i] if i >= 0 else 0.0
         x2 = c[j] if j >= 0 else 0.0
-        _, d1, d2, _, _, _ = evaluate(T.functions, T.coupler_function[k], x1, x2)
+        _, d1, d2, _, _, _ = evaluate(T.functions, T.coupler_function[index], x1, x2)
         for m in range(C.shape[1]):
-            C[k, m] = 0.0
+            C[index, m] = 0.0
         for s in range(2):
             source, slope = (i, d1) if s == 0 else (j, d2)
             if source < 0:
@@ -201,10 +201,10 @@ def _coupling(T, L, c, slopes, C):
                 if L.driven[h] == source:
                     earlier = h
             if earlier < 0:
-                C[k, source] += slope
+                C[index, source] += slope
             else:
                 for m in range(C.shape[1]):
-                    C[k, m] += slope * C[earlier, m]
+                    C[index, m] += slope * C[earlier, m]
 
 
 @kernel
@@ -224,21 +224,21 @@ def fold(T, L, coordinates, slopes, entries, forces, torques, values, right):
     C = np.zeros((L.driven.shape[0], coordinates.shape[1]))
     for frame in range(coordinates.shape[0]):
         _coupling(T, L, coordinates[frame], slopes[frame], C)
-        for k in range(values.shape[1]):
-            values[frame, k] = 0.0
-        for k in range(L.variable.shape[0]):
-            share = entries[frame, L.source[k]] * forces[frame, L.variable[k]]
-            if L.dependent[k] >= 0:
-                share *= C[L.dependent[k], L.follows[k]]
-            values[frame, L.target[k]] += share
+        for index in range(values.shape[1]):
+            values[frame, index] = 0.0
+        for index in range(L.variable.shape[0]):
+            share = entries[frame, L.source[index]] * forces[frame, L.variable[index]]
+            if L.dependent[index] >= 0:
+                share *= C[L.dependent[index], L.follows[index]]
+            values[frame, L.target[index]] += share
         for j in range(L.row.shape[0]):
             if L.row[j] >= 0:
                 right[frame, L.row[j]] = torques[frame, j]
-        for k in range(L.driven.shape[0]):
-            dependent = torques[frame, L.driven[k]]
+        for index in range(L.driven.shape[0]):
+            dependent = torques[frame, L.driven[index]]
             for j in range(L.row.shape[0]):
-                if L.row[j] >= 0 and C[k, j] != 0.0:
-                    right[frame, L.row[j]] += C[k, j] * dependent
+                if L.row[j] >= 0 and C[index, j] != 0.0:
+                    right[frame, L.row[j]] += C[index, j] * dependent
 
 
 @kernel

@@ -55,10 +55,10 @@ def direction_words(groups: Sequence[str], direction: Array, spread: float, shar
     if spread < 0.05:
         return "contact forces are determined"
     sizes = np.linalg.norm(direction, axis=1)
-    order = [int(k) for k in np.argsort(-sizes) if sizes[k] >= PART][:2]
+    order = [int(number) for number in np.argsort(-sizes) if sizes[number] >= PART][:2]
     first = direction[order[0]]
     words = axis_words(first, up)
-    names = [f"'{groups[k]}'" for k in order]
+    names = [f"'{groups[number]}'" for number in order]
     if len(order) == 1:
         what = f"the force at {names[0]} {words}"
     elif first @ direction[order[1]] < 0.0:
@@ -162,8 +162,8 @@ class ContactIntervals:
 
     def of(self, group: str) -> tuple[Array, Array, Array]:
         """Forces, least and greatest (frames, 3) of one group; raises `UnknownName`."""
-        k = index_of("contact group", group, self.groups, "the intervals")
-        return self.forces[:, k], self.low[:, k], self.high[:, k]
+        index = index_of("contact group", group, self.groups, "the intervals")
+        return self.forces[:, index], self.low[:, index], self.high[:, index]
 
 
 def optimality(problem: TensionProblem, tension: Tension, frames: Sequence[int] | None = None) -> Optimality:
@@ -175,21 +175,21 @@ def optimality(problem: TensionProblem, tension: Tension, frames: Sequence[int] 
     near = ON_BOUND * (1.0 + np.abs(solved.x))
     at_low, at_high = solved.x <= low + near, solved.x >= high - near
     inside = ~(at_low | at_high)
-    found = np.full((4, len(chosen)), np.nan)
-    for k in np.flatnonzero(tension.status[chosen] == OPTIMAL):
-        A, x = solved.A[k], solved.x[k]
-        multipliers = np.linalg.lstsq(A[:, inside[k]].T, slope[k, inside[k]], rcond=None)[0]
-        left = slope[k] - A.T @ multipliers
-        unexplained = np.where(at_low[k], np.minimum(left, 0.0), left)
-        unexplained = np.where(at_high[k], np.maximum(unexplained, 0.0), unexplained)
-        unexplained = np.where(at_low[k] & at_high[k], 0.0, unexplained)
-        pressed = left - np.where(inside[k], left, unexplained)
-        away = np.where(np.isfinite(low) & at_low[k], x - low, np.where(at_high[k], high - x, 0.0))
-        found[0, k] = np.abs(unexplained).max() / (1.0 + np.abs(slope[k]).max())
-        found[1, k] = np.abs(A @ x - solved.b[k]).max() / (1.0 + np.abs(solved.b[k]).max())
-        found[2, k] = max(np.maximum(low - x, 0.0).max(), np.maximum(x - high, 0.0).max())
-        found[3, k] = np.abs(pressed * away).max() / (1e-6 + float(solved.cost(solved.x[k : k + 1])[0]))
-    return Optimality(chosen, *found)
+    result = np.full((4, len(chosen)), np.nan)
+    for number in np.flatnonzero(tension.status[chosen] == OPTIMAL):
+        A, x = solved.A[number], solved.x[number]
+        multipliers = np.linalg.lstsq(A[:, inside[number]].T, slope[number, inside[number]], rcond=None)[0]
+        left = slope[number] - A.T @ multipliers
+        unexplained = np.where(at_low[number], np.minimum(left, 0.0), left)
+        unexplained = np.where(at_high[number], np.maximum(unexplained, 0.0), unexplained)
+        unexplained = np.where(at_low[number] & at_high[number], 0.0, unexplained)
+        pressed = left - np.where(inside[number], left, unexplained)
+        away = np.where(np.isfinite(low) & at_low[number], x - low, np.where(at_high[number], high - x, 0.0))
+        result[0, number] = np.abs(unexplained).max() / (1.0 + np.abs(slope[number]).max())
+        result[1, number] = np.abs(A @ x - solved.b[number]).max() / (1.0 + np.abs(solved.b[number]).max())
+        result[2, number] = max(np.maximum(low - x, 0.0).max(), np.maximum(x - high, 0.0).max())
+        result[3, number] = np.abs(pressed * away).max() / (1e-6 + float(solved.cost(solved.x[number : number + 1])[0]))
+    return Optimality(chosen, *result)
 
 
 def contact_intervals(
@@ -220,12 +220,13 @@ def contact_intervals(
         with threadpool_limits(1, "blas"):
             parts.append(_part(problem, tension, chosen[start : start + 64], groups, members, options))
     forces, low, high, near_low, near_high, normal = (
-        np.concatenate(one) for one in zip(*(p[:6] for p in parts), strict=True)
+        np.concatenate(item) for item in zip(*(p[:6] for p in parts), strict=True)
     )
-    direction, spread = (np.concatenate(one) for one in zip(*(p[6:] for p in parts), strict=True))
+    direction, spread = (np.concatenate(item) for item in zip(*(p[6:] for p in parts), strict=True))
     up = -problem.assembly.tree.arrays.gravity
     sentences = tuple(
-        direction_words(groups, one, float(size), options.near, up) for one, size in zip(direction, spread, strict=True)
+        direction_words(groups, item, float(size), options.near, up)
+        for item, size in zip(direction, spread, strict=True)
     )
     return ContactIntervals(
         tension.time[chosen], chosen, groups, forces, low[..., :3], high[..., :3], normal, low[..., 3], high[..., 3],
@@ -236,10 +237,10 @@ def contact_intervals(
 def open_bounds(problem: TensionProblem, solved: SolvedFrames, options: CertificateOptions) -> tuple[Array, Array]:
     """Bounds (frames, variables) of what the data leave open: see `CertificateOptions`."""
     x, shared = solved.x, solved.shared
-    lower, upper = (np.tile(one, (len(solved), 1)) for one in (shared.lower, shared.upper))
+    lower, upper = (np.tile(values, (len(solved), 1)) for values in (shared.lower, shared.upper))
     tree = problem.assembly.tree
-    for k, actuator in enumerate(problem.actuators.actuators):
-        i = solved.muscles + k
+    for number, actuator in enumerate(problem.actuators.actuators):
+        i = solved.muscles + number
         bounded = np.isfinite([actuator.min_control, actuator.max_control]).all()
         if bounded and not actuator.name.startswith(RESIDUAL):
             continue
@@ -252,8 +253,8 @@ def open_bounds(problem: TensionProblem, solved: SolvedFrames, options: Certific
     lower = np.where(told, np.maximum(lower, np.minimum(solved.penalties[:, 0], x)), lower)
     upper = np.where(told, np.minimum(upper, np.maximum(solved.penalties[:, 1], x)), upper)
     assert problem.contacts is not None
-    own = np.concatenate([np.full(len(row), row.measured) for row in problem.rows] or [np.zeros(0, np.bool_)])
-    measured = len(problem.unknowns) + np.flatnonzero(own)
+    measured_rows = np.concatenate([np.full(len(row), row.measured) for row in problem.rows] or [np.zeros(0, np.bool_)])
+    measured = len(problem.unknowns) + np.flatnonzero(measured_rows)
     reach = np.maximum(np.abs(x[:, measured]), options.deviations)
     lower[:, measured], upper[:, measured] = -reach, reach
     # A site that does not touch pushes nobody, whatever its amplitude.
@@ -270,10 +271,10 @@ def group_functions(problem: TensionProblem, solved: SolvedFrames, members: Sequ
     _, _, pushes, _ = generators.evaluate(problem.coordinates[solved.frames])
     amounts = problem.contacts.amounts[solved.frames]
     result = np.zeros((len(solved), len(members), 4, solved.x.shape[1]))
-    own = slice(solved.controls, solved.amplitudes)
+    place = slice(solved.controls, solved.amplitudes)
     for g, mine in enumerate(members):
-        result[:, g, :3, own] = np.where(mine[:, None], pushes, 0.0).swapaxes(1, 2) * amounts[:, None]
-        result[:, g, 3, own] = np.where(mine, generators.normal, 0.0) * amounts
+        result[:, g, :3, place] = np.where(mine[:, None], pushes, 0.0).swapaxes(1, 2) * amounts[:, None]
+        result[:, g, 3, place] = np.where(mine, generators.normal, 0.0) * amounts
     return result
 
 
@@ -290,16 +291,16 @@ def _part(
     functions = group_functions(problem, solved, members)
     lower, upper = open_bounds(problem, solved, options)
     shape = (len(frames), len(groups))
-    found = np.einsum("fgin,fn->fgi", functions, solved.x)
+    result = np.einsum("fgin,fn->fgi", functions, solved.x)
     least = np.full((*shape, 2, 4), np.nan)
     good = np.flatnonzero(tension.status[frames] == OPTIMAL)
 
     def extend(start: int, stop: int) -> None:
-        for k in good[start:stop]:
-            costs = np.stack([functions[k], -functions[k]], axis=1).reshape(-1, functions.shape[-1])
+        for number in good[start:stop]:
+            costs = np.stack([functions[number], -functions[number]], axis=1).reshape(-1, functions.shape[-1])
             values, points = np.empty(len(costs)), np.empty(costs.shape)
-            least_values(solved.A[k], solved.x[k], lower[k], upper[k], costs, values, points)
-            least[k] = values.reshape(len(groups), 2, 4)
+            least_values(solved.A[number], solved.x[number], lower[number], upper[number], costs, values, points)
+            least[number] = values.reshape(len(groups), 2, 4)
 
     over_frames(extend, len(good), chunk=4)
     low, high = least[:, :, 0] + 0.0, 0.0 - least[:, :, 1]
@@ -308,7 +309,7 @@ def _part(
         bounds = lower[good], upper[good]
         near[:, good] = near_extremes(solved.of(good), bounds, functions[good, :, :3], options.near)
     direction, spread = _least_determined(solved, good, functions[..., :3, :], options.near)
-    return found[..., :3], low, high, near[0], near[1], found[..., 3], direction, spread
+    return result[..., :3], low, high, near[0], near[1], result[..., 3], direction, spread
 
 
 def _least_determined(solved: SolvedFrames, good: np.ndarray, functions: Array, near: float) -> tuple[Array, Array]:
@@ -346,7 +347,7 @@ def _groups(problem: TensionProblem, by: str) -> tuple[tuple[str, ...], list[Arr
     generators = problem.contacts.generators
     labels = [site.group if by == "group" else site.name for site in generators.sites]
     names = tuple(dict.fromkeys(labels))
-    return names, [np.array([labels[k] == name for k in generators.site]) for name in names]
+    return names, [np.array([labels[number] == name for number in generators.site]) for name in names]
 
 
 def _chosen(tension: Tension, frames: Sequence[int] | None) -> np.ndarray:

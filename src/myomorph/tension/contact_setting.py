@@ -89,7 +89,7 @@ def set_contacts(
     if plan.sound is not None:
         heard = heard_contacts(plan.sound, model, motion, sites, known.recorded, known.cutoff)
     height = None if floor is None else floor.height
-    reported = [one for one in (plan.reported, None if heard is None else heard.contacts) if one is not None]
+    reported = [values for values in (plan.reported, None if heard is None else heard.contacts) if values is not None]
     raised = _raised(plan, reported, model, motion, feet)
     reported += [contacts for contacts, _ in raised.values()]
     contacts = _all_contacts(plan, reported, model, motion, sites, seen, ContactStateOptions(floor=height))
@@ -150,7 +150,7 @@ def during(contacts: Contacts, start: float, stop: float) -> Contacts:
 
 def unreported_feet(reported: Contacts, feet: Sequence[Site]) -> tuple[str, ...]:
     """Soles that a file leaves out while it tells of others: who took their lines away meant that they never touch."""
-    names = [one.name for one in feet]
+    names = [item.name for item in feet]
     lacking = [name for name in names if name not in reported.sites]
     if not lacking or len(lacking) == len(names):
         return ()
@@ -203,18 +203,18 @@ def _all_contacts(
 ) -> Contacts:
     """Touches that files and sound tell; those of every other site from plates and motion."""
     names = tuple(site.name for site in sites)
-    known = {name for one in reported for name in one.sites}
+    known = {name for contacts in reported for name in contacts.sites}
     for name in sorted(known):
         if name not in names:
             raise BadData(f"contact intervals are specified for '{name}', but the contact sites are {', '.join(names)}")
     by_motion = tuple(
         site for site in sites if plan.when.get(site.name, "motion") == "motion" and site.name not in known
     )
-    standing = tuple(one for one in by_motion if one.against == GROUND)
-    holding = tuple(one for one in by_motion if one.against != GROUND)
-    found = [find_contacts(model, motion, standing, options, measured)] if standing else []
-    found += [find_holds(model, motion, holding)] if holding else []
-    parts = (*reported, *found)
+    standing = tuple(site for site in by_motion if site.against == GROUND)
+    holding = tuple(site for site in by_motion if site.against != GROUND)
+    result = [find_contacts(model, motion, standing, options, measured)] if standing else []
+    result += [find_holds(model, motion, holding)] if holding else []
+    parts = (*reported, *result)
     against = {site.name: site.against for site in sites}
     # Tables seldom tell the surface; of a site against a body it is that body.
     touches = tuple(
@@ -229,7 +229,7 @@ def _raised(
     plan: ContactPlan, reported: Sequence[Contacts], model: Model, motion: Motion, soles: Sequence[Site]
 ) -> dict[str, tuple[Contacts, Array]]:
     """Touches and strengths (frames,) of sites that rest on something else than the floor, as the motion tells."""
-    known = {name for one in reported for name in one.sites}
+    known = {name for contacts in reported for name in contacts.sites}
     return {
         site.name: raised_contacts(model, motion, site, soles, plan.surfaces[site.name])
         for site in plan.sites
@@ -263,16 +263,16 @@ def all_loads(exact: Wrenches | None, estimated: ContactForces) -> Wrenches:
     shape = (len(result), len(bodies), 3)
     forces, points, torques = np.zeros(shape), np.zeros(shape), np.zeros(shape)
     for j, body in enumerate(bodies):
-        parts = [(one, i) for one in (exact, result) for i, other in enumerate(one.bodies) if other == body]
+        parts = [(values, i) for values in (exact, result) for i, other in enumerate(values.bodies) if other == body]
         forces[:, j], points[:, j], torques[:, j] = _summed(parts)
     return Wrenches(result.time, bodies, bodies, forces, points, torques)
 
 
 def _summed(parts: list[tuple[Wrenches, int]]) -> tuple[Array, Array, Array]:
     """Force, point of application and free torque (frames, 3) of several loads together."""
-    force = np.stack([one.forces[:, i] for one, i in parts])
-    point = np.nan_to_num(np.stack([one.points[:, i] for one, i in parts]))
-    torque = np.stack([one.torques[:, i] for one, i in parts])
+    force = np.stack([part.forces[:, i] for part, i in parts])
+    point = np.nan_to_num(np.stack([part.points[:, i] for part, i in parts]))
+    torque = np.stack([part.torques[:, i] for part, i in parts])
     size = np.linalg.norm(force, axis=2, keepdims=True)
     share = size / np.where(size.sum(axis=0) > 0.0, size.sum(axis=0), 1.0)
     middle = (share * point).sum(axis=0)

@@ -199,8 +199,8 @@ def _solve_frame(S, A, b, targets, penalty, accepted, x, y, by_variable, by_row,
     unknown, scale = 0.0, 1.0
     # Not the literal True, for which `_newton` would be compiled a second time.
     cold = unknown == 0.0
-    for k in range(A.shape[0]):
-        unknown += A[k] - A[k]
+    for index in range(A.shape[0]):
+        unknown += A[index] - A[index]
     for i in range(x.shape[0]):
         unknown += targets[i] - targets[i]
         if penalty[2, i] > 0.0:
@@ -217,33 +217,33 @@ def _solve_frame(S, A, b, targets, penalty, accepted, x, y, by_variable, by_row,
         for j in range(b.shape[0]):
             y[j] = np.nan
         return np.nan, 0, MISSING
-    worst, before, steps, stuck, k = np.inf, np.inf, 0, False, 0
+    worst, before, steps, stuck, index = np.inf, np.inf, 0, False, 0
     most = 40
-    while k < len(SLACKS):
-        worst, left, more = _newton(S, A, b, targets, penalty, SLACKS[k], most, cold, x, y, by_variable, by_row, M)
+    while index < len(SLACKS):
+        worst, left, more = _newton(S, A, b, targets, penalty, SLACKS[index], most, cold, x, y, by_variable, by_row, M)
         steps += more
         if most == 0:
             break
-        if k == 0 and left <= TOLERANCE * scale:
+        if index == 0 and left <= TOLERANCE * scale:
             stuck = True
             break
         settled = left <= TOLERANCE * scale or left <= SETTLED * worst
-        cold = k == 0
-        if k > 1 and not settled:
+        cold = index == 0
+        if index > 1 and not settled:
             # The last slack that could be solved for is the answer: x again, without a step.
-            k, most = k - 1, 0
+            index, most = index - 1, 0
             for j in range(b.shape[0]):
                 y[j] = by_row[4, j]
             continue
         for j in range(b.shape[0]):
-            if k == 0 or not worst < np.inf:
+            if index == 0 or not worst < np.inf:
                 y[j] = 0.0
             by_row[4, j] = y[j]
-        if k > 0:
+        if index > 0:
             # Less slack, but the same residual: nothing is left that could take it.
             stuck = settled and worst > 0.5 * before
             before = worst
-        k, most = k + 1, 150
+        index, most = index + 1, 150
     if worst <= accepted * scale:
         return worst, steps, OPTIMAL
     return worst, steps, INFEASIBLE if stuck else STALLED
@@ -253,8 +253,8 @@ def _solve_frame(S, A, b, targets, penalty, accepted, x, y, by_variable, by_row,
 def _drawn(S, links, frame, status, penalties, penalty):
     """Interval penalties of a frame: its own, and for linked variables the amounts that the frames beside it have."""
     for i in range(penalty.shape[1]):
-        for k in range(3):
-            penalty[k, i] = penalties[k, i]
+        for index in range(3):
+            penalty[index, i] = penalties[index, i]
     for g in range(links.scale.shape[1]):
         scale, pull, sum_ = links.scale[frame, g], 0.0, 0.0
         for beside in (frame - 1, frame + 1):
@@ -300,14 +300,14 @@ def solve_separable(S, values, balance, targets, penalties, links, warm, x, y, r
     for sweep in range(links.sweeps + 1 if linked else 1):
         moved = 0.0
         for frame in range(frames):
-            own = penalties[min(frame, penalties.shape[0] - 1)]
+            penalties_here = penalties[min(frame, penalties.shape[0] - 1)]
             if sweep == 0:
                 iterations[frame] = 0
                 for j in range(n):
                     y[frame, j] = warm[j]
             elif status[frame] == OPTIMAL:
-                _drawn(S, links, frame, status, own, penalty)
-                own = penalty
+                _drawn(S, links, frame, status, penalties_here, penalty)
+                penalties_here = penalty
             else:
                 continue
             if sweep < 2 or drift[frame] > 0.1 * links.tolerance:
@@ -316,7 +316,7 @@ def solve_separable(S, values, balance, targets, penalties, links, warm, x, y, r
                     values[frame],
                     balance[frame],
                     targets[min(frame, targets.shape[0] - 1)],
-                    own,
+                    penalties_here,
                     accepted,
                     x[frame],
                     y[frame],

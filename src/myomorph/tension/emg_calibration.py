@@ -93,7 +93,7 @@ def calibrate_emg(
     if options.gains == "normalized":
         return uncalibrated(names, USUAL if options.delay is None else options.delay, options.shape or 0.0)
     cleaned = [without_faults(trial.emg, envelope_faults(trial.emg)) for trial in trials]
-    told = [_smooth(Emg(emg.time, names, np.array([emg[one] for one in names]).T)) for emg in cleaned]
+    told = [_smooth(Emg(emg.time, names, np.array([emg[name] for name in names]).T)) for emg in cleaned]
     every = max(sum(len(trial.motion) for trial in trials) // MOST_FRAMES, 1)
     tells = np.array([[muscle in channels[name] for name in names] for muscle in model.muscle_names], dtype=float)
     # The matrices are small: waking further threads of BLAS for them costs more than they save.
@@ -107,15 +107,15 @@ def calibrate_emg(
         bounds = np.array([(maxima or {}).get(name, np.nan) for name in names])
         groups = synergy_groups(frames, names, tells, peaks)
         prior = gain_prior(peaks, bounds)
-        noise = _noise([Emg(emg.time, names, np.array([emg[one] for one in names]).T) for emg in cleaned], told)
+        noise = _noise([Emg(emg.time, names, np.array([emg[name] for name in names]).T) for emg in cleaned], told)
         tracking = TorqueTracking(frames, tells, groups, prior, options.offsets, noise=noise)
-        found = _Search(tracking, names, options, gain_prior(peaks, bounds, 0.0)).found(model.muscle_names)
-    if any(one.contacts is not None for one in trials):
+        result = _Search(tracking, names, options, gain_prior(peaks, bounds, 0.0)).found(model.muscle_names)
+    if any(trial.contacts is not None for trial in trials):
         # No channel is left out where forces of contacts are unknown: nothing shows that synergies tell of others.
-        return found if options.unmeasured_weight else replace(found, synergies=())
-    held = HeldOut(model, trials, channels, options, (tension, actuators), tracking, found, peaks, bounds, every)
-    found = replace(found, warnings=(*swap_lines(names, held.swapped()), *found.warnings))
-    return found if options.mode == "driven" or options.weight is not None else held.chosen(found)
+        return result if options.unmeasured_weight else replace(result, synergies=())
+    held = HeldOut(model, trials, channels, options, (tension, actuators), tracking, result, peaks, bounds, every)
+    result = replace(result, warnings=(*swap_lines(names, held.swapped()), *result.warnings))
+    return result if options.mode == "driven" or options.weight is not None else held.chosen(result)
 
 
 SMOOTH = 8.0
@@ -143,8 +143,8 @@ def _smooth(emg: Emg) -> Emg:
 def _noise(envelopes: Sequence[Emg], smooth: Sequence[Emg]) -> Array:
     """(channels,) standard deviation of the noise that smoothing leaves, if it is white: what is too fast tells it."""
     squares, counts = np.zeros(len(smooth[0].names)), np.zeros(len(smooth[0].names))
-    for rough, one in zip(envelopes, smooth, strict=True):
-        fast = rough.values - one.values
+    for rough, item in zip(envelopes, smooth, strict=True):
+        fast = rough.values - item.values
         beyond = 0.5 * rough.rate - SMOOTH
         if beyond <= 0.0:
             continue
@@ -198,7 +198,7 @@ class _Search:
             delays = self.delays if self.options.delay is not None else self._delays(shapes)
             cost = self.tracking.fit(delays, shapes).cost + 0.5 * float(np.sum(_unusual(np.unique(delays))))
             tried.append((cost, shape, delays))
-        best = min(tried, key=lambda one: one[0])
+        best = min(tried, key=lambda candidate: candidate[0])
         if free and best[0] > tried[0][0] - DOUBT:
             best = tried[0]
         self.shapes, self.delays = np.full(len(self.names), best[1]), best[2]
@@ -215,11 +215,11 @@ class _Search:
                 return self.tracking.fit(tried, shapes).cost + 0.5 * float(_unusual(delay))
 
             coarse = np.append(np.arange(search.least, search.most, COARSE), search.most)
-            costs = np.array([cost(one) for one in coarse])
+            costs = np.array([cost(delay) for delay in coarse])
             best = int(np.argmin(costs))
             low, high = coarse[max(best - 1, 0)], coarse[min(best + 1, len(coarse) - 1)]
             fine = np.arange(low, high + 0.5 * search.step, search.step)
-            delays[group] = fine[int(np.argmin([cost(one) for one in fine]))]
+            delays[group] = fine[int(np.argmin([cost(delay) for delay in fine]))]
             self._doubt(group, coarse, costs, float(delays[group[0]]))
         return delays
 
@@ -236,8 +236,8 @@ class _Search:
 
     def _calibration(self, fit: Fit, wide: Prior, muscles: tuple[str, ...]) -> EmgCalibration:
         self.tracking.prior = wide
-        found = calibration_of(self.tracking, fit, self.names, muscles, self.delays, self.shapes)
-        silent = [name for name, one in zip(self.names, found.by_torque, strict=True) if not one]
+        result = calibration_of(self.tracking, fit, self.names, muscles, self.delays, self.shapes)
+        silent = [name for name, item in zip(self.names, result.by_torque, strict=True) if not item]
         if silent:
             self.warnings.append(f"torques say little of the EMG gain of {some_names(silent)}: a usual one is taken")
-        return replace(found, warnings=tuple(self.warnings))
+        return replace(result, warnings=tuple(self.warnings))

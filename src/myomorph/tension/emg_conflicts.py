@@ -54,10 +54,10 @@ def emg_conflicts(model: Model, tension: Tension, target: EmgTarget) -> tuple[Em
 def _by_muscle(tension: Tension, target: EmgTarget) -> Iterator[EmgConflict]:
     limit = APART + (target.slack if target.mode == "driven" else 0.0)
     for name, told in zip(target.muscles, target.activations.T, strict=True):
-        found = tension.activations[:, tension.muscles.index(name)]
-        for first, last, worst in _stretches(tension.time, np.abs(found - told), limit):
+        result = tension.activations[:, tension.muscles.index(name)]
+        for first, last, worst in _stretches(tension.time, np.abs(result - told), limit):
             start, stop, at = tension.time[[first, last, worst]].tolist()
-            yield EmgConflict(name, "", start, stop, at, float(told[worst]), float(found[worst]))
+            yield EmgConflict(name, "", start, stop, at, float(told[worst]), float(result[worst]))
 
 
 def _by_reserve(model: Model, tension: Tension, target: EmgTarget) -> Iterator[EmgConflict]:
@@ -105,7 +105,8 @@ def conflict_line(conflicts: Sequence[EmgConflict], table: str) -> tuple[str, ..
     if names:
         worst = [next(muscle for muscle in muscles if muscle.muscle == name) for name in list(names)[:3]]
         text = ", ".join(
-            f"{one.muscle} {one.found:.2f} where EMG says {one.emg:.2f} at {one.worst:.3g} s" for one in worst
+            f"{conflict.muscle} {conflict.found:.2f} where EMG says {conflict.emg:.2f} at {conflict.worst:.3g} s"
+            for conflict in worst
         )
         parts.append(f"{len(names)} muscles leave their EMG ({text}{' ...' if len(names) > 3 else ''})")
     joints = dict.fromkeys(reserve.coordinate for reserve in reserves)

@@ -77,11 +77,11 @@ def tracked_frames(
     few, wanted = few_frames(motion, torques, every)
     touching = None if contacts is None else _thinned(contacts, slice(None, None, every))
     problem, _ = tension_problem(model, few, wanted, options, actuators, contacts=touching)
-    given = problem.balance(0, len(few))
+    balance = problem.balance(0, len(few))
     shape, rows = problem.separable, problem.assembly.coordinate_row
-    whole = np.zeros((len(few), given.right.shape[1], len(shape.weight)))
-    whole[:, shape.row, np.repeat(np.arange(len(shape.weight)), np.diff(shape.start))] = given.values
-    whole, right = whole[:, rows], given.right[:, rows]
+    whole = np.zeros((len(few), balance.right.shape[1], len(shape.weight)))
+    whole[:, shape.row, np.repeat(np.arange(len(shape.weight)), np.diff(shape.start))] = balance.values
+    whole, right = whole[:, rows], balance.right[:, rows]
     count = len(model.muscles)
     # Frames that are not known (a body not in sight) say nothing of how large the others are.
     known = np.nan_to_num(whole)
@@ -113,5 +113,7 @@ def _thinned(contacts: ContactTask, chosen: slice) -> ContactTask:
     """The same contacts at fewer instants."""
     strengths = Series(contacts.strengths.time[chosen], contacts.strengths.names, contacts.strengths.values[chosen])
     preferred = None if contacts.preferred is None else contacts.preferred[chosen]
-    measured = tuple(replace(one, forces=one.forces[chosen], moments=one.moments[chosen]) for one in contacts.measured)
+    measured = tuple(
+        replace(wrench, forces=wrench.forces[chosen], moments=wrench.moments[chosen]) for wrench in contacts.measured
+    )
     return replace(contacts, strengths=strengths, preferred=preferred, measured=measured)

@@ -83,10 +83,10 @@ def _twins(group: Group, near: Array, gains: Array, names: tuple[str, ...], musc
     ----------
     near : (muscles, channels) cosine between what muscles do at the joints
     """
-    own = near[np.ix_(group.muscles, group.channels)] >= SAME
-    told = own.any(axis=1)
+    coupled = near[np.ix_(group.muscles, group.channels)] >= SAME
+    told = coupled.any(axis=1)
     scale = group.synergies.scale
-    weights = own[told] / own[told].sum(axis=1, keepdims=True) * (gains[group.channels] * scale)
+    weights = coupled[told] / coupled[told].sum(axis=1, keepdims=True) * (gains[group.channels] * scale)
     courses = Synergies(tuple(names[c] for c in group.channels), scale, np.eye(len(scale)), 1.0)
     return SynergyWeights(courses, tuple(muscles[m] for m in group.muscles[told]), weights)
 

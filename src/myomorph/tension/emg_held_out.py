@@ -61,31 +61,31 @@ class HeldOut:
         options: EmgOptions,
         told: tuple[TensionOptions | None, Sequence[Actuator] | None],
         tracking: TorqueTracking,
-        found: EmgCalibration,
+        result: EmgCalibration,
         peaks: Array,
         maxima: Array,
         every: int,
     ):
         self.model, self.channels, self.options = model, channels, options
         self.told = told
-        self.trials, self.tracking, self.found, self.peaks, self.maxima = trials, tracking, found, peaks, maxima
+        self.trials, self.tracking, self.found, self.peaks, self.maxima = trials, tracking, result, peaks, maxima
 
         total = sum(len(trial.motion) for trial in trials)
         step = every * max(total // every // HELD_FRAMES, 1)
         self.few = [few_frames(trial.motion, trial.torques, step) for trial in trials]
-        self.alone = [solve_tension(model, *one, *told).activations for one in self.few]
+        self.alone = [solve_tension(model, *recording, *told).activations for recording in self.few]
 
     def swapped(self) -> tuple[Swap, ...]:
         """Pairs of channels that look exchanged."""
         muscles = {name: self.channels[name] for name in self.found.channels}
         return swapped_channels(
             np.vstack([self._measured(index) for index in range(len(self.few))]),
-            np.vstack([channel_means(muscles, self.model.muscle_names, one) for one in self.alone]),
+            np.vstack([channel_means(muscles, self.model.muscle_names, activations) for activations in self.alone]),
         )
 
-    def _measured(self, k: int) -> Array:
+    def _measured(self, index: int) -> Array:
         """Envelopes (frames, channels) of a trial at the delay found."""
-        return shifted(self.tracking.frames[k].emg, self.few[k][0].time, self.found.delays)
+        return shifted(self.tracking.frames[index].emg, self.few[index][0].time, self.found.delays)
 
     def chosen(self, emg_calibration: EmgCalibration) -> EmgCalibration:
         """A calibration with the firmest weight at which channels come out as well as without EMG."""
@@ -111,18 +111,18 @@ class HeldOut:
         tells = self.tracking.tells
         shares = tells / np.maximum(tells.sum(axis=0), 1.0)
         same = shares.T @ action_cosines(self.tracking.frames) @ shares >= SAME
-        found = [(c, np.flatnonzero(row | (np.arange(len(row)) == c)).tolist()) for c, row in enumerate(same)]
-        return [(c, out) for c, out in found if len(out) > 1]
+        result = [(c, np.flatnonzero(row | (np.arange(len(row)) == c)).tolist()) for c, row in enumerate(same)]
+        return [(c, out) for c, out in result if len(out) > 1]
 
     def _without(self, c: int, out: Sequence[int]) -> Array:
         """Correlations (1 + weights,) of a channel without EMG, and with EMG but for some channels at each weight."""
         names = self.found.channels
         rest = np.setdiff1d(np.arange(len(names)), out)
-        left = {names[k]: self.channels[names[k]] for k in rest}
+        left = {names[number]: self.channels[names[number]] for number in rest}
         calibration = self._calibrated(rest)
         emg = [frame.emg for frame in self.tracking.frames]
         columns = [self.model.muscle_names.index(name) for name in self.channels[names[c]]]
-        measured = [self._measured(k)[:, c] for k in range(len(self.few))]
+        measured = [self._measured(index)[:, c] for index in range(len(self.few))]
         ways: list[Sequence[Array]] = [self.alone]
         for index, (weight, others) in enumerate(WEIGHTS):
             given = self.options.unmeasured_weight
@@ -132,17 +132,17 @@ class HeldOut:
                 continue
             options = replace(self.options, weight=weight, unmeasured_weight=given or others)
             solved = []
-            for one, (motion, torques) in zip(emg, self.few, strict=True):
-                target = emg_targets(one, left, self.model, motion.time, options, calibration)
+            for item, (motion, torques) in zip(emg, self.few, strict=True):
+                target = emg_targets(item, left, self.model, motion.time, options, calibration)
                 solved.append(solve_tension(self.model, motion, torques, *self.told, emg=target).activations)
             ways.append(solved)
         envelope = np.concatenate(measured)
-        found = [np.concatenate([one[:, columns].mean(axis=1) for one in way]) for way in ways]
-        return np.array([_correlation(one, envelope) for one in found])
+        result = [np.concatenate([part[:, columns].mean(axis=1) for part in way]) for way in ways]
+        return np.array([_correlation(outcome, envelope) for outcome in result])
 
     def _calibrated(self, rest: np.ndarray) -> EmgCalibration:
         """Gains and synergies of some channels alone."""
-        names = tuple(self.found.channels[k] for k in rest)
+        names = tuple(self.found.channels[number] for number in rest)
         frames = [
             replace(frame, emg=Emg(frame.emg.time, names, frame.emg.values[:, rest])) for frame in self.tracking.frames
         ]

@@ -45,16 +45,16 @@ def swapped_channels(envelopes: Array, activations: Array) -> tuple[Swap, ...]:
     both = both - both.mean(axis=0)
     size = np.linalg.norm(both, axis=0)
     both = both / np.where(size > 0.0, size, np.inf)
-    found = both[:, :count].T @ both[:, count:]
+    result = both[:, :count].T @ both[:, count:]
     pairs = []
     for i, j in itertools.combinations(range(count), 2):
-        rise = min(found[i, j] - found[i, i], found[j, i] - found[j, j])
-        if rise > CLEARER and min(found[i, j], found[j, i]) > FOLLOWS:
-            own, other = 0.5 * (found[i, i] + found[j, j]), 0.5 * (found[i, j] + found[j, i])
-            pairs.append((float(rise), Swap(i, j, float(own), float(other))))
+        rise = min(result[i, j] - result[i, i], result[j, i] - result[j, j])
+        if rise > CLEARER and min(result[i, j], result[j, i]) > FOLLOWS:
+            direct, other = 0.5 * (result[i, i] + result[j, j]), 0.5 * (result[i, j] + result[j, i])
+            pairs.append((float(rise), Swap(i, j, float(direct), float(other))))
     chosen: list[Swap] = []
     for _, pair in sorted(pairs, reverse=True):
-        taken = {k for one in chosen for k in one[:2]}
+        taken = {number for item in chosen for number in item[:2]}
         if not taken & set(pair[:2]):
             chosen.append(pair)
     return tuple(chosen)

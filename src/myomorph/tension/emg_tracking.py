@@ -247,22 +247,22 @@ class TorqueTracking:
             white[good] = np.linalg.solve(lower, both)
             self._white.append((white[..., :-1], white[..., -1]))
 
-    def _drives(self, k: int, delays: Array, shapes: Array) -> tuple[Array, Array, list[Array]]:
+    def _drives(self, index: int, delays: Array, shapes: Array) -> tuple[Array, Array, list[Array]]:
         """Shaped envelopes (frames, channels), shares (frames, measured, channels), courses of each group."""
-        one = self.frames[k]
+        one = self.frames[index]
         envelopes = shifted(one.emg, one.time, delays)
         known = np.isfinite(envelopes)
         shares = self._shares(known)
         drives = shaped(np.where(known, envelopes, 0.0), shapes)
         courses = [
             np.nan_to_num(shifted(one_course, one.time, np.full(1, delays[group.channels].mean())))
-            for group, one_course in zip(self.groups, self._courses[k], strict=True)
+            for group, one_course in zip(self.groups, self._courses[index], strict=True)
         ]
         return drives, shares, courses
 
-    def _rows(self, columns: Array, k: int, delays: Array, shapes: Array) -> Array:
+    def _rows(self, columns: Array, index: int, delays: Array, shapes: Array) -> Array:
         """Generalized force of one unit of each parameter, (frames, rows, parameters)."""
-        drives, shares, courses = self._drives(k, delays, shapes)
+        drives, shares, courses = self._drives(index, delays, shapes)
         mixed = np.einsum("krm,kmc->krc", columns[..., self.measured], shares)
         parts = [mixed * drives[:, None]]
         parts += [mixed] if self.offsets else []
@@ -271,16 +271,16 @@ class TorqueTracking:
             parts.append(both.reshape(*both.shape[:2], -1))
         return np.concatenate(parts, axis=2)
 
-    def _design(self, k: int, delays: Array, shapes: Array) -> tuple[Array, Array]:
-        columns, torques = self._white[k]
-        rows = self._rows(columns, k, delays, shapes)
+    def _design(self, index: int, delays: Array, shapes: Array) -> tuple[Array, Array]:
+        columns, torques = self._white[index]
+        rows = self._rows(columns, index, delays, shapes)
         return rows.reshape(-1, rows.shape[2]), torques.reshape(-1)
 
-    def _left(self, k: int, fit: Fit, delays: Array, shapes: Array) -> Array:
+    def _left(self, index: int, fit: Fit, delays: Array, shapes: Array) -> Array:
         """Torques (frames, rows) that the fit leaves."""
         parameters = [fit.gains, *([fit.offsets] if self.offsets else []), *(weight.ravel() for weight in fit.weights)]
-        rows = self._rows(self.frames[k].columns, k, delays, shapes)
-        left: Array = self.frames[k].torques - rows @ np.concatenate(parameters)
+        rows = self._rows(self.frames[index].columns, index, delays, shapes)
+        left: Array = self.frames[index].torques - rows @ np.concatenate(parameters)
         return left
 
     def _ridge(self, size: int) -> Array:

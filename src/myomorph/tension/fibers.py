@@ -98,7 +98,7 @@ class Fibers:
         names : present name of every column
         """
         columns = list(muscles)
-        new = {names[k]: muscle for k, muscle in muscles.items()}
+        new = {names[index]: muscle for index, muscle in muscles.items()}
         return replace(
             self,
             lengths=self.lengths[:, columns],
@@ -107,5 +107,7 @@ class Fibers:
             fiber_powers=self.fiber_powers[:, columns],
             tendon_powers=self.tendon_powers[:, columns],
             rigid=tuple(new[name] for name in self.rigid if name in new),
-            unreachable=tuple(replace(one, muscle=new[one.muscle]) for one in self.unreachable if one.muscle in new),
+            unreachable=tuple(
+                replace(item, muscle=new[item.muscle]) for item in self.unreachable if item.muscle in new
+            ),
         )

@@ -130,9 +130,9 @@ class JointContactForces(Labelled):
         names: list[str] = []
         columns: list[Array] = []
         for j, joint in enumerate(self.joints):
-            own = [k for k, one in enumerate(self.joint_of) if one == joint]
-            names += [f"total_{joint}", *(self.point_columns[k] for k in own)]
-            columns += [self.totals[:, j], *(self.forces[:, k] for k in own)]
+            numbers = [number for number, item in enumerate(self.joint_of) if item == joint]
+            names += [f"total_{joint}", *(self.point_columns[number] for number in numbers)]
+            columns += [self.totals[:, j], *(self.forces[:, number] for number in numbers)]
         return Series(self.time, tuple(names), np.stack(columns, axis=1))
 
     def table(self) -> Table:
@@ -209,27 +209,27 @@ def joint_contact_forces(
     """
     if not points:
         raise BadData("no contact points are given: expected at least one")
-    known = {one.name: one for one in model.joints}
+    known = {joint.name: joint for joint in model.joints}
     for point in points:
         check_name("joint", point.joint, known, f"contact point '{point.name}': the model")
-    joints = tuple(dict.fromkeys(one.joint for one in points))
+    joints = tuple(dict.fromkeys(point.joint for point in points))
     reactions = joint_reactions(model, motion, tension, wrenches, joints, frame="ground", actuators=actuators)
     tree = compile_tree(model)
     poses = forward_kinematics(tree, tree.coordinates_of(motion))
-    ordered, found = [], []
+    ordered, results = [], []
     for j, joint in enumerate(joints):
-        own = [one for one in points if one.joint == joint]
-        places, normals = _in_ground(tree, poses, known[joint], own)
-        ordered += own
-        found.append(
+        joint_points = [point for point in points if point.joint == joint]
+        places, normals = _in_ground(tree, poses, known[joint], joint_points)
+        ordered += joint_points
+        results.append(
             shared_force(reactions.forces[:, j], reactions.moments[:, j], reactions.points[:, j], places, normals)
         )
-    forces, shear, pulled, moments = zip(*found, strict=True)
+    forces, shear, pulled, moments = zip(*results, strict=True)
     return JointContactForces(
         time=reactions.time,
         joints=joints,
-        points=tuple(one.name for one in ordered),
-        joint_of=tuple(one.joint for one in ordered),
+        points=tuple(point.name for point in ordered),
+        joint_of=tuple(point.joint for point in ordered),
         forces=np.hstack(forces),
         totals=np.linalg.norm(reactions.forces, axis=2),
         shear=np.stack(shear, axis=1),
@@ -241,7 +241,7 @@ def joint_contact_forces(
 
 def _in_ground(tree: Tree, poses: Poses, joint: Joint, points: Sequence[ContactPoint]) -> tuple[Array, Array]:
     """Points [m] and unit normals of one joint in ground (frames, points, 3)."""
-    names = [one.name for one in points]
+    names = [point.name for point in points]
     twice = next((name for name in names if names.count(name) > 1), "")
     if twice:
         raise BadData(f"joint '{joint.name}' has two contact points '{twice}': give each a name of its own")

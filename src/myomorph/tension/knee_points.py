@@ -68,8 +68,8 @@ def knee_points(model: Model, surfaces: Mapping[str, Surface]) -> JointPoints:
     points: list[ContactPoint] = []
     notes: list[str] = []
     for knee in knees:
-        found, note = _of_knee(model, knee, surfaces)
-        points += found
+        result, note = _of_knee(model, knee, surfaces)
+        points += result
         notes += [note] if note else []
     return JointPoints(tuple(points), tuple(notes))
 
@@ -97,9 +97,9 @@ def _of_knee(model: Model, knee: Joint, surfaces: Mapping[str, Surface]) -> tupl
         )
     else:
         places = _lowest(model, knee, poses, bone, down, lateral, length)
-    normal = tuple(float(one) for one in down)
+    normal = tuple(float(item) for item in down)
     return [
-        ContactPoint(knee.name, name, knee.child, tuple(float(one) for one in place), normal)  # type: ignore[arg-type]
+        ContactPoint(knee.name, name, knee.child, tuple(float(item) for item in place), normal)  # type: ignore[arg-type]
         for name, place in zip(("medial", "lateral"), places, strict=True)
     ], note
 
@@ -117,7 +117,7 @@ def _lateral(model: Model, knee: Joint, poses: Poses, down: Array, side: str) ->
 
 def _forward(model: Model, poses: Poses, tibia: int) -> Array:
     """Where the body looks in its default pose: the way of the feet, else the x axis of the tibia, in ground."""
-    index = {name: k for k, name in enumerate(compile_tree(model).body_index)}
+    index = {name: number for number, name in enumerate(compile_tree(model).body_index)}
     ahead = np.zeros(3)
     for foot in feet_of(model):
         ahead += poses.rotations[0, index[foot]] @ model.body(foot).mass_center
@@ -130,9 +130,9 @@ def _forward(model: Model, poses: Poses, tibia: int) -> Array:
 
 def _bone(model: Model, knee: Joint, surfaces: Mapping[str, Surface]) -> tuple[Array | None, str]:
     """Vertices of the femur in its own frame [m]; None without a mesh. With a note where it is the other side's."""
-    own = _vertices(model, knee.parent, surfaces)
-    if own is not None:
-        return own, ""
+    vertices = _vertices(model, knee.parent, surfaces)
+    if vertices is not None:
+        return vertices, ""
     other = other_side(knee.parent)
     if other not in model.body_names:
         return None, ""
@@ -155,10 +155,10 @@ def _mirror(model: Model, body: str, other: str) -> Array:
 
 def _vertices(model: Model, body: str, surfaces: Mapping[str, Surface]) -> Array | None:
     """Those of the mesh that draws a body with most of them, scaled and placed as the model does."""
-    found = [one for one in model.body(body).meshes if one.shape == "mesh" and one.file in surfaces]
-    if not found:
+    result = [item for item in model.body(body).meshes if item.shape == "mesh" and item.file in surfaces]
+    if not result:
         return None
-    mesh = max(found, key=lambda one: len(surfaces[one.file].vertices))
+    mesh = max(result, key=lambda result: len(surfaces[result.file].vertices))
     return surfaces[mesh.file].vertices * mesh.scale @ mesh.pose.rotation.T + mesh.pose.translation
 
 
@@ -169,14 +169,14 @@ def _lowest(
     index = compile_tree(model).body_index
     femur, tibia = index[knee.parent], index[knee.child]
     sums = [np.zeros(3), np.zeros(3)]
-    for k in range(len(FLEXIONS)):
-        ground = bone @ poses.rotations[k, femur].T + poses.origins[k, femur]
-        seen = (ground - poses.origins[k, tibia]) @ poses.rotations[k, tibia]
+    for place in range(len(FLEXIONS)):
+        ground = bone @ poses.rotations[place, femur].T + poses.origins[place, femur]
+        seen = (ground - poses.origins[place, tibia]) @ poses.rotations[place, tibia]
         depth, across = seen @ down, seen @ lateral
         region = depth > depth.max() - CONDYLES * length
         middle = 0.5 * (across[region].min() + across[region].max())
         for i, half in enumerate((across < middle, across >= middle)):
-            own = region & half
-            weights = np.maximum(depth[own] - depth[own].max() + LOWEST * length, 0.0)
-            sums[i] += weights @ seen[own] / weights.sum()
+            half_region = region & half
+            weights = np.maximum(depth[half_region] - depth[half_region].max() + LOWEST * length, 0.0)
+            sums[i] += weights @ seen[half_region] / weights.sum()
     return [part / len(FLEXIONS) for part in sums]

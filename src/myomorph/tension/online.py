@@ -83,12 +83,12 @@ class OnlineTension:
         coordinates, rates, torques : (1, coordinates) consistent, of inverse dynamics [N m or N]
         """
         self._problem.renew(coordinates, rates, torques)
-        given = self._problem.balance(0, 1)
-        x, _, residual, _, status = self._problem.solved(given, 0, self._warm)
+        balance = self._problem.balance(0, 1)
+        x, _, residual, _, status = self._problem.solved(balance, 0, self._warm)
         if status[0] != OPTIMAL:
             self._warm[:] = 0.0
         muscles = len(self.muscles)
         activations = x[0, :muscles]
-        forces = given.active[0] * activations + given.passive[0] + given.viscous[0]
+        forces = balance.active[0] * activations + balance.passive[0] + balance.viscous[0]
         reserves = x[0, muscles:] * self._optimal_forces
-        return TensionFrame(activations, forces, reserves, given.torques[0], int(status[0]), float(residual[0]))
+        return TensionFrame(activations, forces, reserves, balance.torques[0], int(status[0]), float(residual[0]))

@@ -32,7 +32,7 @@ def greatest_peaks(parts: Sequence[PassivePeaks], muscles: int) -> PassivePeaks:
     """The peaks of all frames; 0 at 0 s where there are no parts."""
     if not parts:
         return PassivePeaks(np.zeros(muscles), np.zeros(muscles))
-    share, time = (np.stack(one) for one in zip(*parts, strict=True))
+    share, time = (np.stack(item) for item in zip(*parts, strict=True))
     best, each = share.argmax(axis=0), np.arange(muscles)
     return PassivePeaks(share[best, each], time[best, each])
 

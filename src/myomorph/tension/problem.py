@@ -58,8 +58,8 @@ def tension_problem(
     """
     options = options_with_contacts(options or TensionOptions(), contacts, terms)
     tree = compile_tree(model)
-    given = (tree, motion, torques, options, actuators, contacts, emg, terms)
-    setup, names = problem_setup(*given, MuscleTerm(tree, options))
+    inputs = (tree, motion, torques, options, actuators, contacts, emg, terms)
+    setup, names = problem_setup(*inputs, MuscleTerm(tree, options))
     return TensionProblem(*setup, only), names
 
 
@@ -93,10 +93,10 @@ def problem_setup(
     model = tree.model
     coordinates, rates = rates_of(tree, motion)
     added = default_reserves(model, options.reserve, options.residual) if actuators is None else tuple(actuators)
-    given = {one.name for one in added}
+    given = {actuator.name for actuator in added}
     own = [actuator for actuator in model.actuators if actuator.name not in given]
-    enabled = tuple(one for one in (*own, *added) if one.enabled)
-    names = tuple(one.name for one in enabled)
+    enabled = tuple(values for values in (*own, *added) if values.enabled)
+    names = tuple(actuator.name for actuator in enabled)
     if len(set(names)) != len(names):
         twice = next(name for name in names if names.count(name) > 1)
         raise BadModel(f"two actuators are named '{twice}': leave one out or give it another name")
@@ -179,17 +179,17 @@ class TensionProblem:
         self.actuators = next(term for term in terms if isinstance(term, ActuatorTerm))
         self.contacts = next((term for term in terms if isinstance(term, ContactTerm)), None)
         parts = [term.variables() for term in terms]
-        own = joined(parts)
+        all_variables = joined(parts)
         first = np.cumsum([0, *(len(part) for part in parts)]).tolist()
         places = tuple(slice(*ends) for ends in pairwise(first))
-        self.unknowns = Unknowns(own.names, tree.model.muscle_names, time, self.terms, places)
+        self.unknowns = Unknowns(all_variables.names, tree.model.muscle_names, time, self.terms, places)
         basis = loop_basis(tree, coordinates) if tree.model.loops else None
         self._slopes = loop_slopes(basis, coordinates)
         self._adding = [(term, rows) for term in terms if (rows := term.rows(self.unknowns)) is not None]
         self.rows = [rows for _, rows in self._adding]
-        entries = [(first[k] + i, j) for k, term in enumerate(terms) for i, j in term.entries()]
-        self.assembly = assemble(tree, entries, len(own), self.rows, basis, only)
-        self.separable = self._separable(own)
+        entries = [(first[number] + i, j) for number, term in enumerate(terms) for i, j in term.entries()]
+        self.assembly = assemble(tree, entries, len(all_variables), self.rows, basis, only)
+        self.separable = self._separable(all_variables)
         penalties = [drawn for term in terms if (drawn := term.penalties(self.unknowns)) is not None]
         self.penalties = added_up(penalties, self.unknowns, len(self.separable.weight))
         linked = [links for term in terms if (links := term.smoothing(self.unknowns)) is not None]
@@ -259,10 +259,12 @@ class TensionProblem:
         torques = right[:, assembly.coordinate_row]
         take_off(arrays, links, c, slopes, entries, _given(columns), right)
         if self._adding:
-            filled = [one.row_values(rows, frames) for one, rows in self._adding]
-            own = np.broadcast_to(-np.concatenate([row.unit for row in self.rows]), (count, len(assembly.extra_row)))
-            values[:, assembly.extra_place] = np.hstack([*(one for one, _ in filled), own])
-            right[:, assembly.extra_row] = np.hstack([one for _, one in filled])
+            filled = [item.row_values(rows, frames) for item, rows in self._adding]
+            measured_rows = np.broadcast_to(
+                -np.concatenate([row.unit for row in self.rows]), (count, len(assembly.extra_row))
+            )
+            values[:, assembly.extra_place] = np.hstack([*(row for row, _ in filled), measured_rows])
+            right[:, assembly.extra_row] = np.hstack([row for _, row in filled])
         muscles = self.muscles.forces(frames)
         return Balance(values, right, muscles.active, muscles.passive, muscles.viscous, torques)
 
@@ -270,11 +272,11 @@ class TensionProblem:
         """Solve the frames start ... stop - 1."""
         margin = 0 if self.smooth is None else self.smooth.margin
         begin, end = max(start - margin, 0), min(stop + margin, len(self._time))
-        given = self.balance(begin, end)
+        balance = self.balance(begin, end)
         kept, part = slice(start - begin, stop - begin), slice(start, stop)
-        x, _, residual, iterations, status = (one[kept] for one in self.solved(given, begin))
+        x, _, residual, iterations, status = (array[kept] for array in self.solved(balance, begin))
         self._residual[part], self._iterations[part], self._status[part] = residual, iterations, status
-        self._store(part, x, Balance(*(one[kept] for one in given)))
+        self._store(part, x, Balance(*(array[kept] for array in balance)))
 
     def renew(self, coordinates: Array, rates: Array, torques: Array) -> None:
         """Put other frames in the place of those that were given, as many.
@@ -327,17 +329,17 @@ class TensionProblem:
         if self.options.passive:
             self._passive.append(passive_peaks(balance.passive, self.muscles.strength, self._time[part]))
         if self.contacts is not None:
-            found = self.contacts.forces_of(part, self.coordinates[part], self.amplitudes[part])
-            self._contact_forces[:, part] = found
+            result = self.contacts.forces_of(part, self.coordinates[part], self.amplitudes[part])
+            self._contact_forces[:, part] = result
 
     def result(self, names: tuple[str, ...]) -> Tension:
         """What was found, as a value; `names` are those of the actuators."""
         peaks = greatest_peaks(self._passive, self._forces.shape[1])
         all_names = self.assembly.tree.model.muscle_names
-        found = None
+        outcome = None
         if self.contacts is not None:
             sites, strengths = self.contacts.generators.sites, self.contacts.strengths
-            found = ContactForces(self._time, sites, strengths, *self._contact_forces)
+            outcome = ContactForces(self._time, sites, strengths, *self._contact_forces)
         controls = self._others[:, self._place(self.actuators)]
         return Tension(
             time=self._time,
@@ -358,12 +360,12 @@ class TensionProblem:
             viscous=self._viscous,
             passive_share=peaks.share,
             passive_time=peaks.time,
-            contacts=found,
+            contacts=outcome,
         )
 
 
 def _given(columns: Sequence[Columns]) -> Array:
     """Forces that act whatever the unknowns are, (frames, unknowns up to the last that has any)."""
-    last = max((index for index, one in enumerate(columns) if one.given is not None), default=-1)
+    last = max((index for index, column in enumerate(columns) if column.given is not None), default=-1)
     parts = [np.zeros_like(column.forces) if column.given is None else column.given for column in columns[: last + 1]]
     return np.hstack([np.zeros((len(columns[0].forces), 0)), *parts])

@@ -152,7 +152,7 @@ def joint_reactions(
     tree = compile_tree(model)
     c, cdot, cddot = motion_arrays(tree, motion)
     refuse_open(tree, c)
-    chosen = [_joint(model, name) for name in (joints or [one.name for one in model.joints])]
+    chosen = [_joint(model, name) for name in (joints or [joint.name for joint in model.joints])]
     sides, frames = _each(on, len(chosen), "on"), _each(frame, len(chosen), "frame")
     poses = forward_kinematics(tree, c)
     loads = _Loads(tree, motion, poses, c, cdot)
@@ -171,8 +171,8 @@ def joint_reactions(
         for joint, side, name in zip(chosen, sides, frames, strict=True)
     ]
     body, named, force, moment, point = zip(*seen, strict=True)
-    stacked = (np.stack(one, axis=1) for one in (force, moment, point))
-    return JointReactions(motion.time, tuple(one.name for one in chosen), body, named, *stacked)
+    stacked = (np.stack(values, axis=1) for values in (force, moment, point))
+    return JointReactions(motion.time, tuple(item.name for item in chosen), body, named, *stacked)
 
 
 def caused_motion(
@@ -230,10 +230,10 @@ class _Loads:
         self.along, self.moved = np.zeros_like(self.c), np.zeros_like(self.c)
 
     def add_external(self, wrenches: Wrenches | None, contacts: object) -> None:
-        for one in (wrenches, contacts.wrenches("site") if hasattr(contacts, "wrenches") else None):
-            if one is not None:
-                external_arrays(self.tree, self.motion, one)
-                self.bodies += of_wrenches(self.tree, one)
+        for values in (wrenches, contacts.wrenches("site") if hasattr(contacts, "wrenches") else None):
+            if values is not None:
+                external_arrays(self.tree, self.motion, values)
+                self.bodies += of_wrenches(self.tree, values)
 
     def add_tension(self, tension: Tension | Series | None, actuators: Sequence[Actuator] | None) -> None:
         if tension is None:
@@ -244,8 +244,8 @@ class _Loads:
             paths = compile_paths(self.tree.model)
             pulls, work = paths.pulls(self.c)
             self.bodies += of_muscles(paths, pulls, tensions)
-            for k in np.flatnonzero(paths.arm_free & work.any(axis=0)):
-                self.moved[:, paths.arm_coordinate[k]] += work[:, k] * tensions[:, paths.arm_muscle[k]]
+            for number in np.flatnonzero(paths.arm_free & work.any(axis=0)):
+                self.moved[:, paths.arm_coordinate[number]] += work[:, number] * tensions[:, paths.arm_muscle[number]]
         self.bodies += of_actuators(self.tree, self.poses, helpers, forces)
         for helper, force in zip(helpers, forces.T, strict=True):
             if helper.kind == "coordinate":
@@ -257,7 +257,7 @@ class _Loads:
         """Actuators with forces (frames, actuators), and tensions (frames, muscles)."""
         model = self.tree.model
         added = default_reserves(model, 1.0, 1.0) if actuators is None else actuators
-        known = {one.name: one for one in (*model.actuators, *added)}
+        known = {values.name: values for values in (*model.actuators, *added)}
         if isinstance(tension, Tension):
             names, values = tension.reserve_names, tension.reserves
             order = [
@@ -313,7 +313,7 @@ def _seen(
     force = sign * forces[:, b]
     moment = sign * moments[:, b] - np.cross(point, force)
     name, R, p = frame_in_ground(tree, poses, {"child": joint.child, "parent": joint.parent}.get(frame.lower(), frame))
-    return (body, name, *(np.einsum("fji,fj->fi", R, one) for one in (force, moment, point - p)))
+    return (body, name, *(np.einsum("fji,fj->fi", R, values) for values in (force, moment, point - p)))
 
 
 def frame_in_ground(tree: Tree, poses: Poses, name: str) -> tuple[str, Array, Array]:
@@ -336,7 +336,7 @@ def frame_in_ground(tree: Tree, poses: Poses, name: str) -> tuple[str, Array, Ar
 @lru_cache(maxsize=4)
 def _named_frames(tree: Tree) -> Mapping[str, tuple[str, Transform]]:
     """Body and pose on it of all frames that have a name; a call asks for those of one tree many times."""
-    fixed = {one: (one, Transform.identity()) for one in tree.body_index}
+    fixed = {item: (item, Transform.identity()) for item in tree.body_index}
     for joint in reversed(tree.model.joints):
         for end, body, pose in (
             (joint.parent_frame_name, joint.parent, joint.parent_frame),

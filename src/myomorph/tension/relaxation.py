@@ -101,7 +101,7 @@ def relaxations(
     left = roots.left.reshape(len(tension), -1, 2, 3)
     beyond = (np.linalg.norm(left, axis=3) > limits).any(axis=(1, 2))
     marked = np.flatnonzero((tension.status != MISSING) & beyond)
-    found = []
+    results = []
     for frame in marked.tolist():
         allowed = smallest_relaxation(roots, frame, limits)
         if not allowed:
@@ -112,16 +112,18 @@ def relaxations(
         touching = tuple(
             site.name for index, site in enumerate(sites) if problem.contacts.strengths[frame, index] > 0.0
         )
-        named = tuple(one for one in allowed if one.size > options.named * roots.weight) or allowed[:1]
+        named = (
+            tuple(allowance for allowance in allowed if allowance.size > options.named * roots.weight) or allowed[:1]
+        )
         time = float(tension.time[frame])
         lacking = what_lacks(touching, force, moment, roots.up)
-        size = sum(one.size for one in allowed) / roots.weight
-        found.append(
+        size = sum(allowance.size for allowance in allowed) / roots.weight
+        results.append(
             Relaxation(
                 frame, time, force, moment, touching, named, size, f"{time:.2f} s: {lacking}: {what_would_do(named)}"
             )
         )
-    return tuple(found)
+    return tuple(results)
 
 
 def relaxation_lines(relaxations: Sequence[Relaxation]) -> tuple[str, ...]:
@@ -135,7 +137,7 @@ def relaxation_lines(relaxations: Sequence[Relaxation]) -> tuple[str, ...]:
             runs.append([relaxation])
     lines = []
     for run in runs:
-        worst = max(run, key=lambda one: one.size)
+        worst = max(run, key=lambda frame: frame.size)
         span = f"{run[0].time:.2f} to {run[-1].time:.2f} s, worst at " if len(run) > 1 else ""
         lines.append(span + worst.sentence)
     return tuple(lines)

@@ -247,14 +247,14 @@ def smallest_relaxation(roots: Roots, frame: int, limits: Array) -> tuple[Allowa
     A = np.zeros((rows + len(limited), count + 2 * len(limited)))
     A[:rows, :count] = matrix
     start = np.array([column.at for column in columns])
-    normals = [_normals(roots, columns, k) for k in limited]
-    for r, k in enumerate(limited):
-        most, now = roots.contacts.generators.sites[k].cone.most, float(normals[r] @ start)
+    normals = [_normals(roots, columns, number) for number in limited]
+    for r, index in enumerate(limited):
+        most, now = roots.contacts.generators.sites[index].cone.most, float(normals[r] @ start)
         A[rows + r, :count] = normals[r]
         A[rows + r, count + 2 * r : count + 2 * r + 2] = -1.0
         still = np.zeros(rows)
-        columns.append(_Column("most", k, True, STILL, still, 0.0, -most, most, min(now, most)))
-        columns.append(_Column("most", k, False, STILL, still, COSTS["most"], 0.0, np.inf, max(now - most, 0.0)))
+        columns.append(_Column("most", index, True, STILL, still, 0.0, -most, most, min(now, most)))
+        columns.append(_Column("most", index, False, STILL, still, COSTS["most"], 0.0, np.inf, max(now - most, 0.0)))
     x, low, high, price = (
         np.array([getattr(column, name) for column in columns]) for name in ("at", "low", "high", "price")
     )
@@ -283,9 +283,9 @@ def _edges(roots: Roots, frame: int) -> list[_Column]:
     _, _, pushes, _ = generators.evaluate(roots.problem.coordinates[frame : frame + 1])
     result = []
     for e in range(len(generators)):
-        k = int(generators.site[e])
-        touches = bool(roots.contacts.strengths[frame, k] > 0.0)
-        farther = float(roots.heights[frame, k] - roots.heights[frame].min()) / (NEAR * roots.center)
+        index = int(generators.site[e])
+        touches = bool(roots.contacts.strengths[frame, index] > 0.0)
+        farther = float(roots.heights[frame, index] - roots.heights[frame].min()) / (NEAR * roots.center)
         price = COSTS["contact"] * (1.0 + farther**2) * max(float(np.linalg.norm(pushes[0, e])), 1e-3)
         price = 0.0 if touches else price
         ways = (1.0, -1.0) if generators.lower[e] < 0.0 else (1.0,)
@@ -302,17 +302,17 @@ def _edges(roots: Roots, frame: int) -> list[_Column]:
 def _beyond_cones(roots: Roots, frame: int) -> list[_Column]:
     """Forces across cones beyond friction, and pulls, at the middles of sites that touch."""
     result = []
-    for k in np.flatnonzero(roots.contacts.strengths[frame] > 0.0).tolist():
-        cone = roots.contacts.generators.sites[k].cone
+    for number in np.flatnonzero(roots.contacts.strengths[frame] > 0.0).tolist():
+        cone = roots.contacts.generators.sites[number].cone
         if cone.direction is None:
             continue
-        direction, middle = roots.direction(frame, k), roots.axes[frame, :, 3 * k : 3 * k + 3]
+        direction, middle = roots.direction(frame, number), roots.axes[frame, :, 3 * number : 3 * number + 3]
         ways: list[tuple[Kind, Array]] = [("pull", -direction)]
         if np.isfinite(cone.friction):
             one = np.linalg.svd(direction[None])[2][1:]
             ways += [("friction", sign * across) for across in one for sign in (1.0, -1.0)]
         for kind, push in ways:
-            result.append(_Column(kind, k, False, push, middle @ push, COSTS[kind], 0.0, np.inf, 0.0))
+            result.append(_Column(kind, number, False, push, middle @ push, COSTS[kind], 0.0, np.inf, 0.0))
     return result
 
 
@@ -320,7 +320,11 @@ def _limited(roots: Roots, frame: int) -> list[int]:
     """Sites that touch and have a greatest force along a direction."""
     sites = roots.contacts.generators.sites
     touching = np.flatnonzero(roots.contacts.strengths[frame] > 0.0).tolist()
-    return [k for k in touching if sites[k].cone.direction is not None and np.isfinite(sites[k].cone.most)]
+    return [
+        number
+        for number in touching
+        if sites[number].cone.direction is not None and np.isfinite(sites[number].cone.most)
+    ]
 
 
 def _normals(roots: Roots, columns: Sequence[_Column], site: int) -> Array:
@@ -340,14 +344,14 @@ def _allowances(roots: Roots, frame: int, columns: list[_Column], x: Array) -> t
         if column.kind == "residual":
             residual.reshape(-1, 3)[column.place // 3] += 0.0 if column.given else amount * column.push
             continue
-        k = int(owner[column.place]) if column.kind == "contact" else column.place
-        group = sites[k].group
+        place = int(owner[column.place]) if column.kind == "contact" else column.place
+        group = sites[place].group
         carried[group] = carried[group] + amount * column.push
         if not column.given and amount > 1e-9 * roots.weight:
             push = amount * (np.array([1.0, 0.0, 0.0]) if column.kind == "most" else column.push)
             beyond[column.kind, group] = beyond.get((column.kind, group), STILL) + push
-            heights[group] = min(float(roots.heights[frame, k]), heights.get(group, np.inf))
-    found = []
+            heights[group] = min(float(roots.heights[frame, place]), heights.get(group, np.inf))
+    results = []
     for (kind, group), force in beyond.items():
         needed = heights[group] if kind == "contact" else 0.0
         if kind == "friction":
@@ -355,8 +359,8 @@ def _allowances(roots: Roots, frame: int, columns: list[_Column], x: Array) -> t
             along = float(carried[group] @ direction)
             across = float(np.linalg.norm(carried[group] - along * direction))
             needed = across / along if along > 1e-6 * roots.weight else np.inf
-        found.append(Allowance(kind, group, float(np.linalg.norm(force)), 0.0, needed))
+        results.append(Allowance(kind, group, float(np.linalg.norm(force)), 0.0, needed))
     for body, (force, moment) in zip(roots.bodies, residual, strict=True):
-        found.append(Allowance("residual", body, float(np.linalg.norm(force)), float(np.linalg.norm(moment))))
-    kept = [one for one in found if one.size > 1e-6 * roots.weight]
-    return tuple(sorted(kept, key=lambda one: -one.size))
+        results.append(Allowance("residual", body, float(np.linalg.norm(force)), float(np.linalg.norm(moment))))
+    kept = [result for result in results if result.size > 1e-6 * roots.weight]
+    return tuple(sorted(kept, key=lambda item: -item.size))

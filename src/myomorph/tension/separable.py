@@ -120,12 +120,12 @@ def factorize(M, first, floor):
     for i in range(n):
         for j in range(first[i], i):
             total = M[i, j]
-            for k in range(max(first[i], first[j]), j):
-                total -= M[i, k] * M[j, k]
+            for index in range(max(first[i], first[j]), j):
+                total -= M[i, index] * M[j, index]
             M[i, j] = total / M[j, j]
         total = M[i, i]
-        for k in range(first[i], i):
-            total -= M[i, k] * M[i, k]
+        for index in range(first[i], i):
+            total -= M[i, index] * M[i, index]
         M[i, i] = np.sqrt(max(total, floor[i]))
 
 
@@ -135,10 +135,10 @@ def back_substitute(M, first, z):
     n = M.shape[0]
     for i in range(n):
         total = z[i]
-        for k in range(first[i], i):
-            total -= M[i, k] * z[k]
+        for index in range(first[i], i):
+            total -= M[i, index] * z[index]
         z[i] = total / M[i, i]
     for i in range(n - 1, -1, -1):
         z[i] /= M[i, i]
-        for k in range(first[i], i):
-            z[k] -= M[i, k] * z[i]
+        for index in range(first[i], i):
+            z[index] -= M[i, index] * z[i]

@@ -43,7 +43,7 @@ def extremes(A: Array, x: Array, lower: Array, upper: Array, costs: Array) -> tu
     points : (functions, n) where they are taken
     """
     least, points = np.empty(len(costs)), np.empty(costs.shape)
-    arrays = (np.array(one, dtype=np.float64, order="C") for one in (A, x, lower, upper, costs))
+    arrays = (np.array(values, dtype=np.float64, order="C") for values in (A, x, lower, upper, costs))
     least_values(*arrays, least, points)
     return least, points
 
@@ -141,10 +141,10 @@ def _descend(T, cost, y, low, high, basis, where, d):
         d[j] = cost[j]
         largest = max(largest, abs(cost[j]))
     for r in range(m):
-        k = basis[r]
-        if k >= 0 and cost[k] != 0.0:
+        index = basis[r]
+        if index >= 0 and cost[index] != 0.0:
             for j in range(n):
-                d[j] -= cost[k] * T[r, j]
+                d[j] -= cost[index] * T[r, j]
     flat, still, pivots = FLAT * largest, 0, 0
     for _ in range(50 * (m + 20)):
         enter, best = -1, flat
@@ -164,15 +164,15 @@ def _descend(T, cost, y, low, high, basis, where, d):
         for r in range(m):
             rate = -way * T[r, enter]
             if basis[r] >= 0 and abs(rate) > 1e-9:
-                k = basis[r]
-                room = (high[k] - y[k] if rate > 0.0 else y[k] - low[k]) + INSIDE
+                index = basis[r]
+                room = (high[index] - y[index] if rate > 0.0 else y[index] - low[index]) + INSIDE
                 reach = min(reach, room / abs(rate))
         largest_rate, step = 0.0, np.inf
         for r in range(m):
             rate = -way * T[r, enter]
             if basis[r] >= 0 and abs(rate) > 1e-9 and abs(rate) > largest_rate:
-                k = basis[r]
-                room = high[k] - y[k] if rate > 0.0 else y[k] - low[k]
+                index = basis[r]
+                room = high[index] - y[index] if rate > 0.0 else y[index] - low[index]
                 if room / abs(rate) <= reach:
                     largest_rate, leave, step = abs(rate), r, max(room / abs(rate), 0.0)
         own = high[enter] - y[enter] if way > 0.0 else y[enter] - low[enter]
@@ -188,13 +188,13 @@ def _descend(T, cost, y, low, high, basis, where, d):
         if leave < 0:
             y[enter] = high[enter] if way > 0.0 else low[enter]
             continue
-        k = basis[leave]
-        y[k] = high[k] if -way * T[leave, enter] > 0.0 else low[k]
+        index = basis[leave]
+        y[index] = high[index] if -way * T[leave, enter] > 0.0 else low[index]
         slope = d[enter]
         _pivot(T, leave, enter)
         for j in range(n):
             d[j] -= slope * T[leave, j]
         d[enter] = 0.0
-        where[k], where[enter], basis[leave] = -1, leave, enter
+        where[index], where[enter], basis[leave] = -1, leave, enter
         pivots += 1
     return STOPPED, pivots

@@ -161,7 +161,7 @@ def torques_under(problem: TensionProblem, torques: Series) -> Series:
     mine = [index for index, name in enumerate(torques.names) if name in names]
     carried = problem.contacts.torques_of(problem.coordinates, problem.amplitudes)
     left = np.array(torques.values)
-    left[:, mine] -= carried[:, [names.index(torques.names[k]) for k in mine]]
+    left[:, mine] -= carried[:, [names.index(torques.names[number]) for number in mine]]
     return Series(torques.time, torques.names, left)
 
 
@@ -202,8 +202,8 @@ def _sequential(
     bare = replace(model, muscles=())
     first, _ = tension_problem(bare, motion, torques, options, actuators, contacts=contacts, only=roots)
     over_frames(first.solve, len(motion), None, first.window)
-    found = first.result(())
+    result = first.result(())
     tension = solve_tension(
         model, motion, torques_under(first, torques), options, actuators, progress, emg=emg, terms=terms
     )
-    return with_contacts(tension, found)
+    return with_contacts(tension, result)

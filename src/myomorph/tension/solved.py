@@ -99,8 +99,8 @@ def solved_frames(problem: TensionProblem, tension: Tension, frames: NDArray[np.
     # A run of frames at once, others one by one.
     together = len(frames) > 0 and int(frames[-1] - frames[0]) == len(frames) - 1
     spans = [(int(frames[0]), int(frames[-1]) + 1)] if together else [(int(frame), int(frame) + 1) for frame in frames]
-    given = [problem.balance(*span) for span in spans]
-    values, b = (np.concatenate([getattr(one, name) for one in given]) for name in ("values", "right"))
+    balance = [problem.balance(*span) for span in spans]
+    values, b = (np.concatenate([getattr(array, name) for array in balance]) for name in ("values", "right"))
     A = np.zeros((len(frames), b.shape[1], n))
     A[:, shared.row, np.repeat(np.arange(n), np.diff(shared.start))] = values
     muscles, first = len(tension.muscles), len(problem.unknowns)
@@ -147,11 +147,11 @@ def near_extremes(solved: SolvedFrames, bounds: tuple[Array, Array], functions: 
     """
     frames, groups = functions.shape[:2]
     costs = np.stack([functions, -functions], axis=1).reshape(frames, -1, functions.shape[-1])
-    found = solved.cost(solved.x)
+    result = solved.cost(solved.x)
     # What was found may be dearer than each frame alone has to be, for the sake of the frames beside it.
     alone = _solve(solved, bounds, np.zeros((frames, 1, costs.shape[2])))
-    least = np.fmin(solved.cost(alone)[:, 0], found)
-    allowed = ((1.0 + share) * found - least)[:, None]
+    least = np.fmin(solved.cost(alone)[:, 0], result)
+    allowed = ((1.0 + share) * result - least)[:, None]
     best = np.fmin(np.einsum("fkn,fn->fk", costs, solved.x), np.einsum("fkn,fn->fk", costs, alone[:, 0]))
     # A first s from the size of each function: the cost of a body weight is of the size of the effort.
     size = np.abs(costs).max(axis=2)
@@ -185,7 +185,7 @@ def _solve(solved: SolvedFrames, bounds: tuple[Array, Array], tilt: Array) -> Ar
 
     def part(start: int, stop: int) -> None:
         for index in range(start, stop):
-            values, right = (np.repeat(one[index][None], many, axis=0) for one in (solved.values, solved.b))
+            values, right = (np.repeat(values[index][None], many, axis=0) for values in (solved.values, solved.b))
             penalties = np.array(solved.penalties[index])[None]
             status = np.empty(many, np.int8)
             solve_separable(

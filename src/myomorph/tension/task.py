@@ -177,13 +177,13 @@ class TensionTask:
 
     def reactions(self, tension: Tension, frame: str) -> Table:
         """Loads of all joints, in the axes of a frame (see `joint_reactions`)."""
-        own = (self.model, self.motion, tension, self.wrenches)
-        return joint_reactions(*own, frame=frame, actuators=self.actuators).table(joint_labels(self.model))
+        inputs = (self.model, self.motion, tension, self.wrenches)
+        return joint_reactions(*inputs, frame=frame, actuators=self.actuators).table(joint_labels(self.model))
 
     def joint_contacts(self, tension: Tension, points: JointPoints) -> JointContactForces:
         """Forces at contact points of joints."""
-        own = (self.model, self.motion, tension, self.wrenches)
-        return joint_contact_forces(*own, points.points, actuators=self.actuators)
+        inputs = (self.model, self.motion, tension, self.wrenches)
+        return joint_contact_forces(*inputs, points.points, actuators=self.actuators)
 
     def contact_groups(self, tension: Tension) -> Table:
         """Force of every contact, its sites together, on the body in ground: `<group>_fx`, `_fy`, `_fz`, `_f` [N]."""
@@ -275,7 +275,7 @@ def emg_targets_of(
     calibration = recorded.calibration
     if calibration is None:
         trial = EmgTrial(motion, torques, emg, contacts)
-        maxima = {name: one for name, one in recorded.maxima.items() if name in muscles}
+        maxima = {name: item for name, item in recorded.maxima.items() if name in muscles}
         calibration = calibrate_emg(model, [trial], muscles, chosen, options, actuators, maxima)
     # Gains of all trials may lack a channel that is noise, or absent, in another trial.
     lacking = [name for name in muscles if name not in calibration.channels]

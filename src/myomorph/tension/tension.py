@@ -88,9 +88,9 @@ class TensionOptions:
         if self.recruitment == "minmax" and self.tendons == "elastic":
             raise BadData("recruitment 'minmax' needs rigid tendons: leave out tendons = 'elastic', or take 'power'")
         for name in ("reserve", "residual"):
-            given = getattr(self, name)
-            if given is not None and not given > 0.0:
-                raise BadData(f"the optimal force of a {name} is {given:g}: expected above 0")
+            value = getattr(self, name)
+            if value is not None and not value > 0.0:
+                raise BadData(f"the optimal force of a {name} is {value:g}: expected above 0")
         for name, choices in _CHOICES.items():
             if getattr(self, name) not in choices:
                 listed = ", ".join(f"'{choice}'" for choice in choices)
@@ -196,7 +196,7 @@ class Tension(Labelled):
     def pushing(self) -> tuple[str, ...]:
         """Muscles whose force is below zero in some frame: shortening against their viscosity faster than they pull."""
         slack = np.nanmin(np.where(np.isnan(self.forces), 0.0, self.forces), axis=0, initial=0.0) < 0.0
-        return tuple(name for name, one in zip(self.muscles, slack, strict=True) if one)
+        return tuple(name for name, pulls in zip(self.muscles, slack, strict=True) if pulls)
 
     @property
     def residual_names(self) -> tuple[str, ...]:

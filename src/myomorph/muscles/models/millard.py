@@ -106,8 +106,10 @@ class Millard2012(FiberMuscle):
     def tendon(self, muscle: Muscle) -> Curve:
         """A toe and a straight line."""
         strain, *shape = (muscle.parameters.get(f"TendonForceLengthCurve/{name}") for name in _TENDON)
-        given = tuple(float(number) for number in shape if number is not None)
-        return tendon_force_length(0.049 if strain is None else strain, *(given if len(given) == len(shape) else ()))
+        numbers = tuple(float(number) for number in shape if number is not None)
+        return tendon_force_length(
+            0.049 if strain is None else strain, *(numbers if len(numbers) == len(shape) else ())
+        )
 
     def stretch(self, muscle: Muscle) -> Curve:
         """The inverse of the tendon's curve."""
@@ -176,9 +178,9 @@ def _speeds(muscle: Muscle) -> dict[str, float]:
 def _passive(muscle: Muscle) -> Curve:
     curve, known = "FiberForceLengthCurve", muscle.parameters
     shape = [known.get(f"{curve}/{name}", known.get(name)) for name in _PASSIVE_SHAPE]
-    given = tuple(float(number) for number in shape if number is not None)
+    numbers = tuple(float(number) for number in shape if number is not None)
     strains = _values(muscle, curve, _PASSIVE).values()
-    return passive_force_length(*strains, *(given if len(given) == len(shape) else ()))
+    return passive_force_length(*strains, *(numbers if len(numbers) == len(shape) else ()))
 
 
 @lru_cache(maxsize=256)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import fields
 from pathlib import Path
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from pydantic import Field, FiniteFloat
@@ -226,11 +226,12 @@ def _site(site: _Site, model: Model) -> Site:
     if not isinstance(site.direction, str):
         direction = np.array(site.direction)
     law = contact_law(site.law)
-    own = {part.name for part in fields(law)} - {part.name for part in fields(Cone)}
-    for option in site.law_options:
-        check_name("option", option, tuple(sorted(own)), f"the contact law '{site.law}'")
+    of_the_law = {part.name for part in fields(law)} - {part.name for part in fields(Cone)}
+    options: dict[str, Any] = dict(site.law_options)
+    for option in options:
+        check_name("option", option, tuple(sorted(of_the_law)), f"the contact law '{site.law}'")
     numbers = (site.frame, site.friction, site.torsion, site.grip, site.cone_generators, site.max_force)
-    cone = law(direction, *numbers, **site.law_options)
+    cone = law(direction, *numbers, **options)
     return Site(site.name, site.body, np.array(site.points), cone, site.against, site.group)
 
 

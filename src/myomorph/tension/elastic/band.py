@@ -17,21 +17,21 @@ def _fill(d, e, g, C, band):
     """Lower band (width + 1, unknowns) of the matrix; band is filled as its transpose, (unknowns, width + 1)."""
     frames, count = d.shape
     rows = C.shape[1]
-    for k in range(frames):
+    for index in range(frames):
         for i in range(count):
-            column = band[k * count + i]
+            column = band[index * count + i]
             for j in range(column.shape[0]):
                 column[j] = 0.0
             for r in range(rows):
-                left = C[k, r, i]
+                left = C[index, r, i]
                 if left != 0.0:
                     for j in range(i, count):
-                        column[j - i] += left * C[k, r, j]
-            column[0] += d[k, i]
-            if k + 1 < frames:
-                column[count] += e[k, i]
-            if k + 2 < frames and g.shape[0] > 0:
-                column[2 * count] += g[k, i]
+                        column[j - i] += left * C[index, r, j]
+            column[0] += d[index, i]
+            if index + 1 < frames:
+                column[count] += e[index, i]
+            if index + 2 < frames and g.shape[0] > 0:
+                column[2 * count] += g[index, i]
 
 
 class BandSystem:
@@ -57,5 +57,5 @@ class BandSystem:
 
     def solve(self, right: Array) -> Array:
         """(frames, muscles)."""
-        found, _ = dpbtrs(self._factor, right.reshape(-1), lower=1)
-        return found.reshape(self.shape)
+        result, _ = dpbtrs(self._factor, right.reshape(-1), lower=1)
+        return result.reshape(self.shape)

@@ -30,8 +30,8 @@ class Box:
 
     def _distances(self, v: Array) -> tuple[Array, Array]:
         """Distances to the bounds, 1 of an infinite one; of the last two points they are kept."""
-        for one, down, up in self._known:
-            if one is v:
+        for value, down, up in self._known:
+            if value is v:
                 return down, up
         if self._both:
             down, up = v - self.low, self.high - v

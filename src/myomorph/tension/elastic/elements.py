@@ -37,16 +37,16 @@ def elements(E, own, f, a, lengths, speeds, steps, out, fibers):
         i = own[m]
         slack = E.hill.tendon[i]
         s0, s1, s2 = tendon_jet(E, i, f[0, m])
-        for k in range(a.shape[0]):
-            n0, n1, n2 = tendon_jet(E, i, f[k + 1, m])
-            dt = steps[k]
-            x = lengths[k, m] - 0.5 * slack * (s0 + n0)
-            u = speeds[k, m] - slack * (n0 - s0) / dt
-            length, velocity = fiber_jet(E, i, x, u, a[k, m], P)
-            fibers[k, m, 0], fibers[k, m, 1] = length, velocity
+        for index in range(a.shape[0]):
+            n0, n1, n2 = tendon_jet(E, i, f[index + 1, m])
+            dt = steps[index]
+            x = lengths[index, m] - 0.5 * slack * (s0 + n0)
+            u = speeds[index, m] - slack * (n0 - s0) / dt
+            length, velocity = fiber_jet(E, i, x, u, a[index, m], P)
+            fibers[index, m, 0], fibers[index, m, 1] = length, velocity
             xk, xn, uk, un = -0.5 * slack * s1, -0.5 * slack * n1, slack * s1 / dt, -slack * n1 / dt
-            g = out[k, m]
-            g[0] = 0.5 * (f[k, m] + f[k + 1, m]) - P[0]
+            g = out[index, m]
+            g[0] = 0.5 * (f[index, m] + f[index + 1, m]) - P[0]
             g[1] = 0.5 - P[1] * xk - P[2] * uk
             g[2] = 0.5 - P[1] * xn - P[2] * un
             g[3] = -P[3]
@@ -76,9 +76,9 @@ def integrate(E, own, a, lengths, speeds, steps, least, most, f):
         i = own[m]
         slack = E.hill.tendon[i]
         force, s0 = 0.2, 0.0
-        for k in range(-1, a.shape[0]):
-            j = max(k, 0)
-            rate = 0.0 if k < 0 else 1.0 / steps[j]
+        for index in range(-1, a.shape[0]):
+            j = max(index, 0)
+            rate = 0.0 if index < 0 else 1.0 / steps[j]
             low, high = least, most
             for _ in range(30):
                 s, s1, _ = tendon_jet(E, i, force)
@@ -96,5 +96,5 @@ def integrate(E, own, a, lengths, speeds, steps, least, most, f):
                 force = new
                 if done:
                     break
-            f[k + 1, m] = force
+            f[index + 1, m] = force
             s0, _, _ = tendon_jet(E, i, force)

@@ -105,9 +105,9 @@ class Solver:
         effort = (p.activation.terms(start.a)[0] + p.other.terms(start.x)[0]) / len(start.f)
         mu = self.mu = FIRST * float(np.clip(effort, 1.0, 1e3))
         f = Box.inside(np.full_like(start.f, LEAST), np.full_like(start.f, MOST), start.f)
-        low, high = (np.broadcast_to(one, start.a.shape) for one in (p.activation.lower, p.activation.upper))
+        low, high = (np.broadcast_to(values, start.a.shape) for values in (p.activation.lower, p.activation.upper))
         a = Box.inside(low, high, start.a)
-        low_x, high_x = (np.broadcast_to(one, start.x.shape) for one in (p.other.lower, p.other.upper))
+        low_x, high_x = (np.broadcast_to(values, start.x.shape) for values in (p.other.lower, p.other.upper))
         x = Box.inside(low_x, high_x, start.x)
         self.v = [f, a, x]
         self.boxes = [Box(np.asarray(LEAST), np.asarray(MOST), f, mu), Box(low, high, a, mu), Box(low_x, high_x, x, mu)]
@@ -180,7 +180,7 @@ class Solver:
 
     def _infeasible(self, g: Array, balance: Array, rate: Array) -> tuple[float, float]:
         """Sum and greatest of what the constraints miss."""
-        parts = [np.abs(one) for one in (g, balance * self.row_scale, rate)]
+        parts = [np.abs(values) for values in (g, balance * self.row_scale, rate)]
         return float(sum(part.sum() for part in parts)), float(max(part.max(initial=0.0) for part in parts))
 
     def step(self, at: Linearized, shift: float) -> tuple[list[Array], Array] | None:
@@ -273,7 +273,7 @@ class Solver:
 
     def merit(self, v: list[Array], y: Array, at: Linearized) -> tuple[float, float]:
         """What the constraints miss, and the cost with the barrier."""
-        logs = sum(box.logs(one) for box, one in zip(self.boxes, v, strict=True))
+        logs = sum(box.logs(item) for box, item in zip(self.boxes, v, strict=True))
         missed = self._infeasible(at.g[..., 0], at.balance, at.rate)[0]
         if not np.isfinite(missed + at.cost + logs):
             return np.inf, np.inf
@@ -294,10 +294,10 @@ class Solver:
         top = min(box.reach(v, dv, share) for box, v, dv in zip(self.boxes, self.v, step, strict=True))
         missed, value = self.merit(self.v, self.y, at)
         slope = self.slope(at, step, dy)
-        length, found = top, None
+        length, result = top, None
         rounding = 1e-12 * (1.0 + abs(value))
         for _ in range(14):
-            v = [one + length * dv for one, dv in zip(self.v, step, strict=True)]
+            v = [item + length * dv for item, dv in zip(self.v, step, strict=True)]
             y = self.y + length * dy
             there = self.linearize(v, y)
             now_missed, now = self.merit(v, y, there)
@@ -305,21 +305,21 @@ class Solver:
             if np.isfinite(now) and ahead:
                 armijo = slope < 0.0 and missed <= 1e-4 and length * -slope > missed
                 if armijo and now <= value + 1e-4 * length * slope + rounding:
-                    found = v, y, there
+                    result = v, y, there
                     break
                 if not armijo and (now_missed <= (1.0 - 1e-5) * missed + 1e-14 or now <= value - 1e-5 * missed):
                     self.filter.append((missed, value))
-                    found = v, y, there
+                    result = v, y, there
                     break
             length *= 0.5
-        if found is None:
+        if result is None:
             return None
         pairs = [box.changes(v, dv, self.mu) for box, v, dv in zip(self.boxes, self.v, step, strict=True)]
         dual = min(box.dual_reach(*pair, share) for box, pair in zip(self.boxes, pairs, strict=True))
-        self.v, self.y, there = found
-        for box, (dz, dw), one in zip(self.boxes, pairs, self.v, strict=True):
+        self.v, self.y, there = result
+        for box, (dz, dw), item in zip(self.boxes, pairs, self.v, strict=True):
             box.z, box.w = box.z + dual * dz, box.w + dual * dw
-            box.keep_near(one, self.mu)
+            box.keep_near(item, self.mu)
         self.taken = length
         return there
 
@@ -339,8 +339,8 @@ class Solver:
                 log(f"{steps} mu {self.mu:.1e} cost {at.cost:.6f} errors {errors} shift {shift} bent {self.bent}")
             if self.mu <= LAST and _solved(errors):
                 break
-            found = self.step(at, shift)
-            there = None if found is None else self.advance(at, *found)
+            result = self.step(at, shift)
+            there = None if result is None else self.advance(at, *result)
             if there is None:
                 shift = max(4.0 * shift, 1e-4)
                 if shift > STUCK and restarts == RESTARTS:

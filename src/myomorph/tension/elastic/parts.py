@@ -40,7 +40,7 @@ def parts_of(separable: Separable, elastic: NDArray[np.bool_]) -> list[Part]:
     count, label = connected_components(links, directed=False)
     stretches = np.zeros(unknowns, np.bool_)
     stretches[: len(elastic)] = elastic
-    found = [
+    result = [
         Part(
             np.flatnonzero(stretches & (label[:unknowns] == index)),
             np.flatnonzero(~stretches & (label[:unknowns] == index)),
@@ -48,4 +48,4 @@ def parts_of(separable: Separable, elastic: NDArray[np.bool_]) -> list[Part]:
         )
         for index in range(count)
     ]
-    return sorted((one for one in found if len(one.muscles)), key=lambda one: -len(one.muscles))
+    return sorted((one for one in result if len(one.muscles)), key=lambda one: -len(one.muscles))

@@ -169,18 +169,18 @@ class ElasticProblem(TensionProblem):
 
     def _take_off_unreachable(self) -> tuple[Unreachable, ...]:
         """Muscles on elastic tendons whose fibers cannot reach, which are given rigid ones."""
-        H, found = self.muscles.arrays.hill, []
+        H, result = self.muscles.arrays.hill, []
         along = self.lengths - H.tendon
         fiber = np.where(along > 0.0, np.sqrt(along**2 + H.height**2), along) / H.fiber
         with np.errstate(invalid="ignore"):
             cannot = (fiber <= 0.0) | (fiber > LONGEST_FIBER)
         for m in np.flatnonzero(self.muscles.elastic & cannot.any(axis=0)):
-            own = fiber[:, m]
-            worst = np.nanargmax(np.abs(own - 1.0))
+            lengths = fiber[:, m]
+            worst = np.nanargmax(np.abs(lengths - 1.0))
             name = self.assembly.tree.model.muscle_names[m]
-            found.append(Unreachable(name, int(np.flatnonzero(cannot[:, m])[0]), float(own[worst])))
+            result.append(Unreachable(name, int(np.flatnonzero(cannot[:, m])[0]), float(lengths[worst])))
             self.muscles.elastic[m] = False
-        return tuple(found)
+        return tuple(result)
 
     def _refuse_rows(self) -> None:
         """Rows of terms on activations at frames, which are no unknowns here; forces of tendons are."""
@@ -194,30 +194,30 @@ class ElasticProblem(TensionProblem):
         begin, end = max(start - self._margin, 0), min(stop + self._margin, len(self._time))
         if self.window >= len(self._time):
             begin, end = start, stop
-        given = self.balance(begin, end)
-        good = np.asarray(np.isfinite(given.values).all(axis=1))
-        good &= np.isfinite(given.right).all(axis=1)
+        balance = self.balance(begin, end)
+        good = np.asarray(np.isfinite(balance.values).all(axis=1))
+        good &= np.isfinite(balance.right).all(axis=1)
         x, residual = np.full((end - begin, len(self.separable.weight)), np.nan), np.full(end - begin, np.nan)
         forces = np.full((end - begin, len(self.muscles.strength)), np.nan)
         iterations, status = np.zeros(end - begin, np.int64), np.full(end - begin, MISSING, np.int8)
         out = (x, forces, residual, iterations, status)
         for first, last in runs(good, self._bridgeable(begin, good)):
-            self._solve_run(given, begin, slice(first, last), good[first:last], out)
+            self._solve_run(balance, begin, slice(first, last), good[first:last], out)
         kept, part = slice(start - begin, stop - begin), slice(start, stop)
         self._residual[part], self._iterations[part] = residual[kept], iterations[kept]
         self._status[part] = status[kept]
         self._tendon_forces[part] = forces[kept]
         self._bridged[part] = (~good & np.isfinite(x[:, 0]))[kept]
-        self._store_window(part, x[kept], forces[kept], Balance(*(one[kept] for one in given)))
+        self._store_window(part, x[kept], forces[kept], Balance(*(array[kept] for array in balance)))
 
     def _bridgeable(self, begin: int, good: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Frames of gaps short enough to be bridged."""
         result = np.zeros(len(good), np.bool_)
         known = np.flatnonzero(good)
         time = self._time[begin : begin + len(good)]
-        for one, other in pairwise(known):
-            if other > one + 1 and time[other] - time[one] <= SHORTEST_BRIDGE + 1e-9:
-                result[one + 1 : other] = True
+        for value, other in pairwise(known):
+            if other > value + 1 and time[other] - time[value] <= SHORTEST_BRIDGE + 1e-9:
+                result[value + 1 : other] = True
         return result
 
     def _solve_run(
@@ -226,23 +226,23 @@ class ElasticProblem(TensionProblem):
         """Solve frames without a gap that is not bridged, into the arrays of the window."""
         frames, status = self._frames(balance, begin, part, good)
         x, forces, residual, iterations, steps_status = out
-        found: list[_Found] = []
+        results: list[_Found] = []
         if len(frames.time) > 1:
-            own = frames.penalties
+            penalties_here = frames.penalties
             for _ in range(1 if self.smooth is None else PASSES):
                 if self.smooth is not None:
                     links = self.smooth.links(begin + part.start, begin + part.stop)
-                    frames.penalties = drawn(own, links, frames.x, self.separable)
-                found = self._pass_thinned(frames) if self._every > 1 else self._pass(frames)
-            if not all(one.solved for one in found):
+                    frames.penalties = drawn(penalties_here, links, frames.x, self.separable)
+                results = self._pass_thinned(frames) if self._every > 1 else self._pass(frames)
+            if not all(result.solved for result in results):
                 status[:] = STALLED
         others = frames.x
         x[part], forces[part] = others, frames.forces
         residual[part], scale = self._missed(frames, others)
-        iterations[part] = max((one.steps for one in found), default=0)
+        iterations[part] = max((result.steps for result in results), default=0)
         status = np.where((status == OPTIMAL) & (residual[part] > MISSED * scale), INFEASIBLE, status)
         steps_status[part] = np.where(good, status, MISSING)
-        self._certificates += found
+        self._certificates += results
         self._mark(begin + part.start, begin + part.stop)
 
     def _pass_thinned(self, frames: Frames) -> list[_Found]:
@@ -264,7 +264,7 @@ class ElasticProblem(TensionProblem):
     def _pass(self, frames: Frames) -> list[_Found]:
         """Solve the parts of a run of frames from what `frames` has of x and y, and put there what was found."""
         dynamics, again = self.options.activation_dynamics, self.options.second_start
-        programs = [program_of(one, frames, self.separable, self.muscles, dynamics) for one in self.parts]
+        programs = [program_of(part, frames, self.separable, self.muscles, dynamics) for part in self.parts]
         tasks = [
             partial(solve_part, program, *start_of(one, frames, program), again)
             for one, program in zip(self.parts, programs, strict=True)
@@ -279,14 +279,14 @@ class ElasticProblem(TensionProblem):
 
     def _frames(self, balance: Balance, begin: int, part: slice, good: NDArray[np.bool_]) -> tuple[Frames, np.ndarray]:
         """What programs are made of in a run of frames, with the solution on rigid tendons."""
-        own = slice(begin + part.start, begin + part.stop)
-        time, term, shared = self._time[own], self.muscles, self.separable
+        place = slice(begin + part.start, begin + part.stop)
+        time, term, shared = self._time[place], self.muscles, self.separable
         values, right, lengths, speeds = (
             filled(time, one, good)
-            for one in (balance.values[part], balance.right[part], self.lengths[own], self.speeds[own])
+            for one in (balance.values[part], balance.right[part], self.lengths[place], self.speeds[place])
         )
         active, passive = term.rigid_forces(lengths, speeds)
-        ratio, offset = (np.where(term.elastic, one / term.strength, 0.0) for one in (active, passive))
+        ratio, offset = (np.where(term.elastic, values / term.strength, 0.0) for values in (active, passive))
         muscles = len(term.strength)
         column = np.repeat(np.arange(len(shared.weight)), np.diff(shared.start))
         on_muscles = np.flatnonzero(column < muscles)
@@ -296,10 +296,10 @@ class ElasticProblem(TensionProblem):
         for entry in stretched:
             rigid_right[:, shared.row[entry]] -= values[:, entry] * offset[:, column[entry]]
         asked = balance._replace(values=rigid_values, right=rigid_right)
-        x, y, _, _, status = self.solved(asked, own.start)
+        x, y, _, _, status = self.solved(asked, place.start)
         x, y = np.nan_to_num(x, posinf=0.0, neginf=0.0), np.nan_to_num(y, posinf=0.0, neginf=0.0)
         forces = np.where(term.elastic, ratio * x[:, :muscles] + offset, np.nan)
-        penalties = self.penalties[own]
+        penalties = self.penalties[place]
         return Frames(time, values, right, penalties, lengths, speeds, x, y, forces), np.where(
             status == MISSING, MISSING, OPTIMAL
         )
@@ -334,17 +334,17 @@ class ElasticProblem(TensionProblem):
     def result(self, names: tuple[str, ...]) -> Tension:
         """What was found, as a value, with its fibers; `names` are those of the actuators."""
         tension = super().result(names)
-        found = fibers_at(self.muscles, self._time, self.lengths, self.speeds, self._tendon_forces, tension.forces)
+        outcome = fibers_at(self.muscles, self._time, self.lengths, self.speeds, self._tendon_forces, tension.forces)
         all_names = self.assembly.tree.model.muscle_names
-        rigid = tuple(name for name, one in zip(all_names, self.muscles.elastic, strict=True) if not one)
-        seconds = np.array([one.far for one in self._certificates]).reshape(-1, 2)
+        rigid = tuple(name for name, item in zip(all_names, self.muscles.elastic, strict=True) if not item)
+        seconds = np.array([certificate.far for certificate in self._certificates]).reshape(-1, 2)
         certificate = Certificate(
-            max((one.residual for one in self._certificates), default=0.0),
-            max((one.equilibrium for one in self._certificates), default=0.0),
-            max((one.steps for one in self._certificates), default=0),
+            max((certificate.residual for certificate in self._certificates), default=0.0),
+            max((certificate.equilibrium for certificate in self._certificates), default=0.0),
+            max((certificate.steps for certificate in self._certificates), default=0),
             *(float(np.sqrt(np.mean(seconds[:, index] ** 2))) if len(seconds) else np.nan for index in range(2)),
         )
-        fibers = Fibers(*found, self._transient, self._bridged, rigid, self.unreachable, certificate)
+        fibers = Fibers(*outcome, self._transient, self._bridged, rigid, self.unreachable, certificate)
         return replace(tension, fibers=fibers)
 
 

@@ -34,6 +34,6 @@ def possible(program: Program, a: Array) -> Array:
 def integrated(program: Program, a: Array) -> Array:
     """Normalized tendon forces (frames, muscles) that activations lead to."""
     f = np.empty((len(a) + 1, a.shape[1]))
-    given = (program.lengths, program.speeds, program.steps)
-    integrate(program.arrays, program.own, a, *given, 2.0 * LEAST, 0.5 * MOST, f)
+    inputs = (program.lengths, program.speeds, program.steps)
+    integrate(program.arrays, program.own, a, *inputs, 2.0 * LEAST, 0.5 * MOST, f)
     return f

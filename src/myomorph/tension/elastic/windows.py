@@ -60,18 +60,18 @@ class Frames:
 
 def runs(good: NDArray[np.bool_], bridge: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """Ranges of frames that begin and end with a good one, the gaps inside them bridged."""
-    found: list[tuple[int, int]] = []
+    results: list[tuple[int, int]] = []
     start = None
     for index, (one, other) in enumerate(zip(good, bridge, strict=True)):
         if one and start is None:
             start = index
         if not one and not other and start is not None:
-            found.append((start, index))
+            results.append((start, index))
             start = None
     if start is not None:
-        found.append((start, len(good)))
-    ends = [np.flatnonzero(good[a:b])[-1] + 1 for a, b in found]
-    return [(a, a + int(end)) for (a, _), end in zip(found, ends, strict=True)]
+        results.append((start, len(good)))
+    ends = [np.flatnonzero(good[a:b])[-1] + 1 for a, b in results]
+    return [(a, a + int(end)) for (a, _), end in zip(results, ends, strict=True)]
 
 
 def filled(time: Array, values: Array, good: NDArray[np.bool_]) -> Array:
@@ -100,7 +100,7 @@ def _penalties_between(penalties: Array, frames: int) -> Array:
     low, high, pull = np.moveaxis(all_, 1, 0)
     share = np.stack([pull[:-1] > 0.0, pull[1:] > 0.0]).astype(np.float64)
     count = np.maximum(share.sum(axis=0), 1.0)
-    ends = (np.where(pull > 0.0, one, 0.0) for one in (low, high, pull))
+    ends = (np.where(pull > 0.0, values, 0.0) for values in (low, high, pull))
     mean = [(share[0] * end[:-1] + share[1] * end[1:]) / count for end in ends]
     # Where one frame alone knows of the activation, it counts half.
     return np.stack([*mean[:2], mean[2] * count / 2.0])
@@ -115,19 +115,19 @@ def drawn(penalties: Array, links: Links, x: Array, shared: Separable) -> Array:
     x : (frames, unknowns) whose amounts the frames beside have
     """
     result = np.array(np.broadcast_to(penalties, (len(x), *penalties.shape[1:])))
-    own = slice(links.first, links.first + links.scale.shape[1])
+    place = slice(links.first, links.first + links.scale.shape[1])
     pull, total = np.zeros_like(links.scale), np.zeros_like(links.scale)
-    stiff = links.stiffness[:, None] * shared.weight[own]
-    amount, touches = links.scale * x[:, own], links.scale > 0.0
+    stiff = links.stiffness[:, None] * shared.weight[place]
+    amount, touches = links.scale * x[:, place], links.scale > 0.0
     both = touches[1:] & touches[:-1]
     for here, beside in ((slice(1, None), slice(None, -1)), (slice(None, -1), slice(1, None))):
         pull[here] += stiff * both
         total[here] += stiff * both * amount[beside]
     linked = pull > 0.0
     middle = total / np.where(linked, pull * links.scale, 1.0)
-    result[:, 0, own] = np.where(linked, middle, result[:, 0, own])
-    result[:, 1, own] = np.where(linked, middle, result[:, 1, own])
-    result[:, 2, own] = np.where(linked, pull * links.scale**2, result[:, 2, own])
+    result[:, 0, place] = np.where(linked, middle, result[:, 0, place])
+    result[:, 1, place] = np.where(linked, middle, result[:, 1, place])
+    result[:, 2, place] = np.where(linked, pull * links.scale**2, result[:, 2, place])
     return result
 
 
@@ -191,12 +191,12 @@ def start_of(part: Part, frames: Frames, program: Program) -> tuple[Point, Array
 
 def solve_part(program: Program, start: Point, y: Array, again: bool) -> tuple[Outcome, tuple[float, float]]:
     """The solution, and how far that from another start is: root mean square of activations and of forces."""
-    found = Solver(program, start, y).solve()
+    result = Solver(program, start, y).solve()
     if not again:
-        return found, (np.nan, np.nan)
+        return result, (np.nan, np.nan)
     flat = np.full_like(start.a, SECOND_START)
     other = replace(start, f=integrated(program, flat), a=flat)
     second = Solver(program, other, np.zeros_like(y)).solve()
-    distances = (second.point.a - found.point.a, second.point.f - found.point.f)
+    distances = (second.point.a - result.point.a, second.point.f - result.point.f)
     far = tuple(float(np.sqrt(np.mean(distance**2))) for distance in distances)
-    return (second if second.solved and not found.solved else found), (far[0], far[1])
+    return (second if second.solved and not result.solved else result), (far[0], far[1])

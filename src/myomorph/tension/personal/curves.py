@@ -46,11 +46,11 @@ class Lookup:
     def __call__(self, x: Array) -> tuple[Array, Array]:
         """Values and slopes at x (..., muscles), straight beyond the grid; x may be complex, for complex steps."""
         u = (x - self.start) / self.step
-        k = np.clip(np.floor(u.real).astype(np.int64), 0, self.values.shape[1] - 2)
-        flat = k + self.row * self.values.shape[1]
+        index = np.clip(np.floor(u.real).astype(np.int64), 0, self.values.shape[1] - 2)
+        flat = index + self.row * self.values.shape[1]
         y, d = self.values.ravel(), self.slopes.ravel()
         y0, y1, d0, d1 = y[flat], y[flat + 1], d[flat], d[flat + 1]
-        s = u - k
+        s = u - index
         beyond = np.where(s.real < 0.0, s, np.where(s.real > 1.0, s - 1.0, 0.0))
         s = s - beyond
         rise = y1 - y0

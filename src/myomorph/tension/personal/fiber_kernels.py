@@ -16,12 +16,12 @@ def _looked_up(start, step, values, slopes, row, x):
     """Value and slope of a table at x, see `curves.Lookup`."""
     u = (x - start) / step
     last = values.shape[1] - 2
-    k = min(max(int(np.floor(u)), 0), last)
-    s = u - k
+    index = min(max(int(np.floor(u)), 0), last)
+    s = u - index
     beyond = s if s < 0.0 else (s - 1.0 if s > 1.0 else 0.0)
     s -= beyond
-    y0, d0, d1 = values[row, k], slopes[row, k], slopes[row, k + 1]
-    rise = values[row, k + 1] - y0
+    y0, d0, d1 = values[row, index], slopes[row, index], slopes[row, index + 1]
+    rise = values[row, index + 1] - y0
     b, c = 3.0 * rise - 2.0 * d0 - d1, d0 + d1 - 2.0 * rise
     slope = d0 + s * (2.0 * b + s * 3.0 * c)
     return y0 + s * (d0 + s * (b + s * c)) + beyond * slope, slope / step
@@ -71,7 +71,7 @@ def follow_elastic(tables, rows, sizes, shapes, slower, rigid, lengths, speeds, 
         lo, ls, force, strain = sizes[0, m], sizes[1, m], sizes[2, m], sizes[3, m]
         sine, speed, shortest = shapes[0, m], shapes[2, m], shapes[3, m]
         muscle = (lo, ls, strain, sine, shapes[1, m])
-        own = (tables[0], tables[1], tables[2], tables[3], rows[m])
+        muscle_tables = (tables[0], tables[1], tables[2], tables[3], rows[m])
         for window in range(windows):
             along = max(lengths[window, 0, m] - 1.01 * ls, 0.0) / lo
             x = max(np.sqrt(along * along + sine * sine), shortest)
@@ -94,7 +94,7 @@ def follow_elastic(tables, rows, sizes, shapes, slower, rigid, lengths, speeds, 
                 x = min(max(x, low), high)
                 for _ in range(NEWTON_STEPS):
                     error, slope, _, _, _, _, _, _, _ = _balance(
-                        own, muscle, x, lead * x - behind + fixed, lead, length, a, slower[m]
+                        muscle_tables, muscle, x, lead * x - behind + fixed, lead, length, a, slower[m]
                     )
                     if error < 0.0:
                         low = x
@@ -105,7 +105,7 @@ def follow_elastic(tables, rows, sizes, shapes, slower, rigid, lengths, speeds, 
                     new = x - error / slope
                     x = new if slope > 0.0 and low < new < high else 0.5 * (low + high)
                 _, by_length, by_speed, pulled, slope, w, f_p_x, by_a, cosine = _balance(
-                    own, muscle, x, lead * x - behind + fixed, lead, length, a, slower[m]
+                    muscle_tables, muscle, x, lead * x - behind + fixed, lead, length, a, slower[m]
                 )
                 # A slack muscle may have no stiffness at all: its tendon does not pull whatever its length.
                 by_length = max(by_length, 1e-4)

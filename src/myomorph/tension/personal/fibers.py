@@ -78,7 +78,7 @@ def follow(
     if rigid.all():
         return result
     elastic = _elastic(shapes, sizes, lengths, speeds, activations, step)
-    return Followed(*(np.where(rigid, one, other) for one, other in zip(result, elastic, strict=True)))
+    return Followed(*(np.where(rigid, values, other) for values, other in zip(result, elastic, strict=True)))
 
 
 def rigid_lengths(shapes: MuscleShapes, sizes: MuscleSizes, lengths: Array) -> Array:
@@ -109,7 +109,10 @@ def _rigid(shapes: MuscleShapes, sizes: MuscleSizes, lengths: Array, speeds: Arr
     h = 1e-30
     plain = (sizes.fiber, sizes.slack, sizes.strain, a)
     force, x = pull(*plain)
-    slopes = [pull(*(one + 1j * h if i == k else one for i, one in enumerate(plain)))[0].imag / h for k in range(4)]
+    slopes = [
+        pull(*(value + 1j * h if i == index else value for i, value in enumerate(plain)))[0].imag / h
+        for index in range(4)
+    ]
     return Followed(force, x, *slopes)
 
 
@@ -119,9 +122,9 @@ def _elastic(
     lookups = (shapes.active, shapes.passive, shapes.velocity, shapes.tendon)
     tables = tuple((lookup.start, lookup.step, lookup.values, lookup.slopes) for lookup in lookups)
     rows = np.column_stack([lookup.row for lookup in lookups])
-    own = np.array([sizes.fiber, sizes.slack, sizes.force, sizes.strain])
+    size_table = np.array([sizes.fiber, sizes.slack, sizes.force, sizes.strain])
     kept = np.array([shapes.sine, shapes.damping, shapes.speed, shapes.shortest])
-    found = np.zeros((6, *lengths.shape))
-    given = (np.ascontiguousarray(one, dtype=np.float64) for one in (lengths, speeds, a))
-    follow_elastic(tables, rows, own, kept, shapes.slower, shapes.rigid, *given, float(step), found)
-    return Followed(*found)
+    result = np.zeros((6, *lengths.shape))
+    given = (np.ascontiguousarray(values, dtype=np.float64) for values in (lengths, speeds, a))
+    follow_elastic(tables, rows, size_table, kept, shapes.slower, shapes.rigid, *given, float(step), result)
+    return Followed(*result)

@@ -186,15 +186,17 @@ def _outside(prior: Prior, shapes: MuscleShapes, windows: Sequence[Windows], p: 
     every = np.concatenate([window.lengths[window.counted] for window in windows])
     ends = np.array([every.min(axis=0), every.max(axis=0)])
     sizes = prior.sizes(p)
-    before, now = (rigid_lengths(shapes, one, ends) for one in (prior.start, sizes))
+    before, now = (rigid_lengths(shapes, values, ends) for values in (prior.start, sizes))
     low, high = np.minimum(PHYSIOLOGICAL[0], before[0]), np.maximum(PHYSIOLOGICAL[1], before[1])
     along = (ends - sizes.slack) / sizes.fiber
     slope = np.clip(along / np.maximum(now, 1e-6), 0.0, 1.0)
     rows, misfit = np.zeros((2 * muscles, len(p))), np.zeros(2 * muscles)
     index = np.arange(muscles)
-    for k, beyond in enumerate((np.minimum(now[0] - low, 0.0), np.maximum(now[1] - high, 0.0))):
+    for number, beyond in enumerate((np.minimum(now[0] - low, 0.0), np.maximum(now[1] - high, 0.0))):
         out = (beyond != 0.0).astype(np.float64)
-        rows[k * muscles + index, index] = -out * slope[k] * (ends[k] - prior.reference) / sizes.fiber / OUTSIDE
-        rows[k * muscles + index, muscles + index] = out * slope[k] / OUTSIDE
-        misfit[k * muscles : (k + 1) * muscles] = -beyond / OUTSIDE
+        rows[number * muscles + index, index] = (
+            -out * slope[number] * (ends[number] - prior.reference) / sizes.fiber / OUTSIDE
+        )
+        rows[number * muscles + index, muscles + index] = out * slope[number] / OUTSIDE
+        misfit[number * muscles : (number + 1) * muscles] = -beyond / OUTSIDE
     return rows, misfit

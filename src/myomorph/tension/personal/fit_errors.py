@@ -22,7 +22,7 @@ MOST_ERROR = 0.5
 
 def noise_of(parts: Sequence[Part], noise: Noise, floors: Array, covariance: Array) -> Noise:
     """Errors of torques and of EMG as their means given the misfits (a step of expectation and maximization)."""
-    moving = [one for one in parts if not one.rest]
+    moving = [part for part in parts if not part.rest]
     if not moving:
         return noise
     squares, carried, frames = np.zeros(len(noise.torque)), np.zeros(len(noise.torque)), 0
@@ -74,8 +74,8 @@ def floors_of_rest(parts: Sequence[Part], floors: Array) -> Array:
     still = [part for part in parts if part.rest]
     if not still:
         return np.full(len(floors), REST_FLOOR)
-    counts = np.maximum(np.sum([one.known.sum(axis=0) for one in still], axis=0), 1)
-    squares = np.sum([np.sum(one.torques**2, axis=0) for one in still], axis=0)
+    counts = np.maximum(np.sum([recording.known.sum(axis=0) for recording in still], axis=0), 1)
+    squares = np.sum([np.sum(recording.torques**2, axis=0) for recording in still], axis=0)
     return np.maximum(np.minimum(REST_FLOOR, floors), REST_ERROR * np.sqrt(squares / counts))
 
 
@@ -84,7 +84,7 @@ def noise_at_rest(parts: Sequence[Part], noise: Noise, floors: Array, covariance
     still = [part for part in parts if part.rest]
     if not still:
         return noise
-    counts = np.sum([one.known.sum(axis=0) for one in still], axis=0)
-    squares = np.sum([torque_errors(one, covariance)[1] for one in still], axis=0)
+    counts = np.sum([recording.known.sum(axis=0) for recording in still], axis=0)
+    squares = np.sum([torque_errors(recording, covariance)[1] for recording in still], axis=0)
     rest = np.sqrt(squares / np.maximum(counts, 1))
     return replace(noise, rest=np.where(counts > 0, np.maximum(rest, floors), floors))

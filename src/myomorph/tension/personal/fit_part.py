@@ -88,7 +88,7 @@ class Part:
         w, prior = self.windows, self.prior
         sizes = prior.sizes(p)
         followed = follow(self.shapes, sizes, w.lengths, w.speeds, self.activations, w.step)
-        at = Followed(*(self._of(one) for one in followed))
+        at = Followed(*(self._of(item) for item in followed))
         gains, measured, now = prior.gains_of(p), self._of(self.measured), self._of(self.activations)
         expected, variance = self._known_activations(gains, noise, measured)
         if self.rest:
@@ -107,7 +107,9 @@ class Part:
         jacobian = self._jacobian(at, sizes.fiber, sizes.strain, p, expected)
         if widening:
             more = follow(self.shapes, sizes, w.lengths, w.speeds, self.activations + MORE, w.step)
-            self.widening = self._widening(at, Followed(*(self._of(one) for one in more)), sizes.fiber, sizes.strain, p)
+            self.widening = self._widening(
+                at, Followed(*(self._of(item) for item in more)), sizes.fiber, sizes.strain, p
+            )
         self.jacobian = (self.whiten @ jacobian).reshape(-1, len(p))
         self.slopes = jacobian
 

@@ -110,8 +110,8 @@ def map_generic(generic: Model, scaled: Model, poses: int = POSES) -> GenericMap
     after = _active_lengths(mapped, own)
     pick = [generic.muscle_names.index(name) for name in names], [scaled.muscle_names.index(name) for name in names]
     counted = (x[:, pick[0]] > REACH[0]) & (x[:, pick[0]] < REACH[1])
-    error = [np.where(counted, one[:, pick[1]] - x[:, pick[0]], np.nan) for one in (before, after)]
-    shown = [np.sqrt(np.nansum(one**2, axis=0) / np.maximum(counted.sum(axis=0), 1)) for one in error]
+    error = [np.where(counted, values[:, pick[1]] - x[:, pick[0]], np.nan) for values in (before, after)]
+    shown = [np.sqrt(np.nansum(item**2, axis=0) / np.maximum(counted.sum(axis=0), 1)) for item in error]
     return GenericMap(mapped, names, counts, shown[0], shown[1], tuple(notes))
 
 
@@ -134,15 +134,15 @@ def _lengths(generic: Model, scaled: Model, poses: int) -> tuple[Array, Array]:
     ]
     ranges = {coordinate.name: coordinate.range for coordinate in generic.coordinates}
     unit = qmc.Halton(len(shared), scramble=False).random(poses) if shared else np.zeros((poses, 0))
-    found = []
+    results = []
     for model in (generic, scaled):
         c = np.tile([coordinate.default for coordinate in model.coordinates], (poses, 1))
         for index, name in enumerate(shared):
             low, high = ranges[name]
             if np.isfinite(low) and np.isfinite(high):
                 c[:, model.coordinate_names.index(name)] = low + unit[:, index] * (high - low)
-        found.append(compile_paths(model).evaluate(c)[0])
-    return found[0], found[1]
+        results.append(compile_paths(model).evaluate(c)[0])
+    return results[0], results[1]
 
 
 def _active_lengths(model: Model, lengths: Array) -> Array:

@@ -84,8 +84,8 @@ def held_out(
     plain = np.zeros(len(fitted.p)) if generic is None else generic.p
     noise = fitted.noise
     first = check(prior, shapes, unseen, plain, noise)
-    found = check(prior, shapes, unseen, fitted.p, noise)
-    best, kept = found, []
+    result = check(prior, shapes, unseen, fitted.p, noise)
+    best, kept = result, []
     p = fitted.p.copy()
     for g, name in enumerate(prior.groups):
         tried = generic_group(prior, p, g)
@@ -100,9 +100,9 @@ def held_out(
         everything[: prior.parts[4].start] = 0.0
         p, best, kept = np.where(gains, plain, everything), first, list(prior.groups)
     if not keep:
-        p, best = fitted.p, found
-    frames = sum(int(one.counted.sum()) for one in unseen)
-    names = tuple(one.name for one in unseen)
+        p, best = fitted.p, result
+    frames = sum(int(recording.counted.sum()) for recording in unseen)
+    names = tuple(recording.name for recording in unseen)
     return HeldOut(names, frames, first.score, best.score, first.left, best.left, tuple(kept)), p
 
 

@@ -195,14 +195,15 @@ def personalize(
     made = with_sizes(start, sizes, prior.start)
     estimates = _estimates(prior, fitted, p, () if checked is None else checked.kept)
     ends = _ends(windows)
-    before, after = (rigid_lengths(shapes, one, ends).T for one in (prior.start, sizes))
-    counted = sum(weight * one.counted.sum() for weight, one in zip(fitted.weights, seen, strict=True))
-    frames = (float(counted), sum(int(one.counted.sum()) for one in seen))
+    before, after = (rigid_lengths(shapes, values, ends).T for values in (prior.start, sizes))
+    counted = sum(weight * recording.counted.sum() for weight, recording in zip(fitted.weights, seen, strict=True))
+    frames = (float(counted), sum(int(recording.counted.sum()) for recording in seen))
     worst = [f"{len(reach)} muscles cannot reach; {reach[0]}"] if len(reach) > 1 else reach
     notes = [*worst, *_notes(fitted, estimates, checked, options, seen), *notes, *reach[1:]]
     return Personalized(
         made, estimates, tuple(window.name for window in windows), rows, mapped, checked, before, after,
-        fitted.noise.torque, frames, replace(fitted, p=p), tuple(notes), tuple(prior.groups[k] for k in prior.group),
+        fitted.noise.torque, frames, replace(fitted, p=p), tuple(notes),
+        tuple(prior.groups[number] for number in prior.group),
     )  # fmt: skip
 
 
@@ -228,9 +229,9 @@ def _cannot_reach(model: Model, shapes: MuscleShapes, windows: Sequence[Windows]
                 (short, "is shorter than its slack tendon"),
                 (x - OVERSTRETCHED, "stretches it beyond"),
             ):
-                k = int(np.argmax(excess))
-                if excess[k] > max(worst[0], 0.0):
-                    worst = (float(excess[k]), what, float(time[k]))
+                index = int(np.argmax(excess))
+                if excess[index] > max(worst[0], 0.0):
+                    worst = (float(excess[index]), what, float(time[index]))
                     where = window.name
             share += int(np.sum((short > 0.0) | (x > OVERSTRETCHED)))
             total += len(length)
@@ -249,17 +250,17 @@ def _cannot_reach(model: Model, shapes: MuscleShapes, windows: Sequence[Windows]
 
 def _of_map(model: Model, mapped: GenericMap) -> tuple[Estimate, ...]:
     """Lengths before and after a map, which says nothing of how sure they are."""
-    found = []
+    results = []
     for muscle, other in zip(model.muscles, mapped.model.muscles, strict=True):
         for name in (FIBER, SLACK):
             value = float(getattr(other, name))
-            found.append(Estimate(muscle.name, name, float(getattr(muscle, name)), value, np.nan, np.nan, 1.0, "no"))
-    return tuple(found)
+            results.append(Estimate(muscle.name, name, float(getattr(muscle, name)), value, np.nan, np.nan, 1.0, "no"))
+    return tuple(results)
 
 
 def _estimates(prior: Prior, fitted: Fitted, p: Array, kept: Sequence[str]) -> tuple[Estimate, ...]:
     """All parameters with their intervals."""
-    sizes, found = prior.sizes(p), []
+    sizes, result = prior.sizes(p), []
     before = np.asarray(np.linalg.inv(prior.precision), dtype=np.float64)
     _, point, force, strain, gain = prior.parts
     for m, name in enumerate(prior.names):
@@ -274,7 +275,7 @@ def _estimates(prior: Prior, fitted: Fitted, p: Array, kept: Sequence[str]) -> t
             (rows[1], SLACK, prior.start.slack[m], sizes.slack[m]),
         ):
             at = (m, point.start + m) if parameter == SLACK else (m,)
-            found.append(_estimate(prior, fitted, p, before, row, name, parameter, (first, now), at, group_kept))
+            result.append(_estimate(prior, fitted, p, before, row, name, parameter, (first, now), at, group_kept))
     for part, parameter, names in (
         (force, FORCE, prior.groups),
         (strain, STRAIN, prior.groups),
@@ -285,10 +286,10 @@ def _estimates(prior: Prior, fitted: Fitted, p: Array, kept: Sequence[str]) -> t
             row[part.start + index] = 1.0
             values = (1.0, float(np.exp(p[part.start + index])))
             group_kept = parameter != GAIN and name in kept
-            found.append(
+            result.append(
                 _estimate(prior, fitted, p, before, row, name, parameter, values, (part.start + index,), group_kept)
             )
-    return tuple(found)
+    return tuple(result)
 
 
 def _estimate(
@@ -311,7 +312,9 @@ def _estimate(
     spread = NINETY * np.sqrt(first if kept else variance) if free else np.nan
     close = spread <= CLOSE.get(parameter, np.inf)
     level: Literal["yes", "partly", "no"] = "yes" if ratio <= WELL and close else "partly" if ratio <= PARTLY else "no"
-    bound = next(("high" if p[k] > 0.0 else "low" for k in at if abs(p[k]) >= prior.bound[k] - 1e-9), "")
+    bound = next(
+        ("high" if p[number] > 0.0 else "low" for number in at if abs(p[number]) >= prior.bound[number] - 1e-9), ""
+    )
     low, high = values[1] * np.exp(-spread), values[1] * np.exp(spread)
     if parameter == SLACK and free:
         low, high = _slack_interval(prior, p, before if kept else fitted.covariance, at)
@@ -370,7 +373,7 @@ def _notes(
         )
     if fitted.moved > 0.5:
         notes.append(f"the fit was still moving after {fitted.steps} steps, by {fitted.moved:.2f} standard deviations")
-    if not any(np.isfinite(one.emg).any() for one in seen):
+    if not any(np.isfinite(recording.emg).any() for recording in seen):
         notes.append("no EMG: torques alone tell little of single muscles, see the column 'identifiable'")
     if checked is None and options.hold_out:
         notes.append(

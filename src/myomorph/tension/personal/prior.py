@@ -202,12 +202,12 @@ def _precision(deviation: Array, pairs: Sequence[tuple[int, int]], muscles: int,
 
 def _pairs(names: Sequence[str]) -> list[tuple[int, int]]:
     """Muscles of the same name on both sides."""
-    found: dict[str, dict[str, int]] = {}
+    by_name: dict[str, dict[str, int]] = {}
     for m, name in enumerate(names):
         base, side = split_side(name)
         if side:
-            found.setdefault(base, {})[side] = m
-    return [tuple(one.values()) for one in found.values() if len(one) == 2]  # type: ignore[misc]
+            by_name.setdefault(base, {})[side] = m
+    return [tuple(result.values()) for result in by_name.values() if len(result) == 2]  # type: ignore[misc]
 
 
 def muscle_groups(
@@ -238,7 +238,7 @@ def _shared_emg(names: Sequence[str], windows: Sequence[Windows]) -> tuple[tuple
     keys: dict[bytes, int] = {}
     members: list[list[str]] = []
     for m, name in enumerate(names):
-        told = np.concatenate([one.emg[..., m].ravel() for one in moving]) if moving else np.zeros(0)
+        told = np.concatenate([recording.emg[..., m].ravel() for recording in moving]) if moving else np.zeros(0)
         if not np.isfinite(told).any():
             continue
         key = np.nan_to_num(told, nan=-1.0).tobytes()

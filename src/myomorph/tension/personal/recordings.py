@@ -88,14 +88,14 @@ def windows_of(model: Model, trials: Sequence[PersonalTrial]) -> tuple[list[Wind
         where a motion has no velocities or no torques, or no muscle crosses a free coordinate
     """
     read = [_Read(model, trial) for trial in trials]
-    reach = np.max([np.abs(np.nan_to_num(one.arms)).max(axis=(0, 2)) for one in read], axis=0)
+    reach = np.max([np.abs(np.nan_to_num(recording.arms)).max(axis=(0, 2)) for recording in read], axis=0)
     kept = reach > LEAST_ARM * reach.max(initial=0.0)
     # What no recording measured, as joints without a passive torque, is not compared.
-    kept &= np.any([np.isfinite(one.torques).any(axis=0) for one in read], axis=0)
+    kept &= np.any([np.isfinite(recording.torques).any(axis=0) for recording in read], axis=0)
     if not kept.any():
         raise BadData(f"model '{model.name}': no muscle has a moment arm about a free coordinate whose torque is known")
     names = tuple(name for name, keep in zip(read[0].rows, kept, strict=True) if keep)
-    return [one.windows(kept) for one in read], names
+    return [recording.windows(kept) for recording in read], names
 
 
 class _Read:
@@ -113,18 +113,18 @@ class _Read:
         options = TensionOptions(curves="constant", passive=False)
         torques, measured = (trial.torques, None) if not trial.passive else _measured(model, trial)
         problem, _ = tension_problem(model, motion, torques, options)
-        given = problem.balance(0, len(motion))
+        balance = problem.balance(0, len(motion))
         force = np.maximum(compile_hill(model).force, 1e-9)
         self.rows = problem.assembly.rows
         shape, muscles = problem.separable, len(model.muscles)
         dense = np.zeros((len(motion), len(self.rows), muscles))
-        place = np.empty(given.right.shape[1], np.int64)
+        place = np.empty(balance.right.shape[1], np.int64)
         place[:] = -1
         place[problem.assembly.coordinate_row] = np.arange(len(self.rows))
         for m in range(muscles):
             here = slice(shape.start[m], shape.start[m + 1])
-            dense[:, place[shape.row[here]], m] = given.values[:, here] / force[m]
-        self.arms, self.torques = dense, np.array(given.torques)
+            dense[:, place[shape.row[here]], m] = balance.values[:, here] / force[m]
+        self.arms, self.torques = dense, np.array(balance.torques)
         if measured is not None:
             self.torques[~measured[:, [model.coordinate_names.index(name) for name in self.rows]]] = np.nan
         self.emg = np.full(self.lengths.shape, np.nan)
@@ -138,7 +138,7 @@ class _Read:
         """Cut at even times."""
         parts = (self.lengths, self.speeds, self.arms[:, kept], self.torques[:, kept])
         whole = parts[:3] if self.trial.passive else parts
-        good = np.all([np.isfinite(one.reshape(len(one), -1)).all(axis=1) for one in whole], axis=0)
+        good = np.all([np.isfinite(array.reshape(len(array), -1)).all(axis=1) for array in whole], axis=0)
         good &= np.isfinite(parts[3]).any(axis=1)
         if good.sum() < FEWEST:
             raise BadData(
@@ -185,9 +185,9 @@ def _known_at(time: Array, own: Array, values: Array) -> Array:
     known = np.isfinite(values)
     if known.sum() < 2:
         return np.full(len(time), np.nan)
-    found = np.interp(time, own[known], values[known])
+    result = np.interp(time, own[known], values[known])
     far = _gap(own[known], time) > 1.5 * np.median(np.diff(own))
-    return np.where(far, np.nan, found)
+    return np.where(far, np.nan, result)
 
 
 def _gap(own: Array, time: Array) -> Array:

@@ -73,18 +73,18 @@ def compile_body_actuators(tree: Tree, actuators: Sequence[Actuator]) -> BodyAct
         touched = reached[body] | (reached[other] if other >= 0 else set())
         coordinates.extend(sorted(touched))
         start.append(len(coordinates))
-    lengths = [np.linalg.norm(one.direction) or 1.0 for one in actuators]
+    lengths = [np.linalg.norm(actuator.direction) or 1.0 for actuator in actuators]
     return BodyActuators(
-        kind=np.array([_KINDS[one.kind] for one in actuators], np.int64),
+        kind=np.array([_KINDS[actuator.kind] for actuator in actuators], np.int64),
         body=np.array(bodies, np.int64),
         other=np.array(others, np.int64),
-        point=np.array([one.point for one in actuators], dtype=np.float64).reshape(-1, 3),
-        other_point=np.array([one.other_point for one in actuators], dtype=np.float64).reshape(-1, 3),
+        point=np.array([actuator.point for actuator in actuators], dtype=np.float64).reshape(-1, 3),
+        other_point=np.array([actuator.other_point for actuator in actuators], dtype=np.float64).reshape(-1, 3),
         direction=np.array(
-            [one.direction / length for one, length in zip(actuators, lengths, strict=True)], dtype=np.float64
+            [actuator.direction / length for actuator, length in zip(actuators, lengths, strict=True)], dtype=np.float64
         ).reshape(-1, 3),
-        global_point=np.array([one.point_is_global for one in actuators], np.bool_),
-        global_direction=np.array([one.direction_is_global for one in actuators], np.bool_),
+        global_point=np.array([actuator.point_is_global for actuator in actuators], np.bool_),
+        global_direction=np.array([actuator.direction_is_global for actuator in actuators], np.bool_),
         start=np.array(start, np.int64),
         coordinate=np.array(coordinates, np.int64),
         supports=np.ascontiguousarray(tree.supports),
@@ -236,8 +236,8 @@ def default_reserves(model: Model, reserve: float | None = None, residual: float
     for name in free_coordinates(model):
         if name not in held:
             power = 3 if model.coordinate(name).motion == "translational" else 4
-            own = RESERVE_FORCE * unit**power if reserve is None else reserve
-            actuators.append(Actuator(f"{RESERVE}{name}", "coordinate", own, coordinate=name))
+            strength = RESERVE_FORCE * unit**power if reserve is None else reserve
+            actuators.append(Actuator(f"{RESERVE}{name}", "coordinate", strength, coordinate=name))
     return tuple(actuators)
 
 
@@ -286,8 +286,8 @@ class ActuatorTerm(Term):
         """Of actuators on bodies first, then one of each actuator on a coordinate."""
         names, bodies = self._tree.model.coordinate_names, self._bodies
         owner = np.repeat(self._on_bodies, np.diff(bodies.start)).astype(np.int64)
-        found = list(zip(owner.tolist(), bodies.coordinate.tolist(), strict=True))
-        return found + [
+        result = list(zip(owner.tolist(), bodies.coordinate.tolist(), strict=True))
+        return result + [
             (i, index_of("coordinate", actuator.coordinate, names))
             for i, actuator in enumerate(self.actuators)
             if actuator.kind == "coordinate"
@@ -306,5 +306,5 @@ class ActuatorTerm(Term):
         """A curvature at 0 where the exponent leaves none."""
         if self._exponent <= 2.0:
             return None
-        own, zero = unknowns.of(self), np.zeros((1, len(self.actuators)))
-        return Penalties(range(own.start, own.stop), zero, zero, np.full_like(zero, NEAR_ZERO_COST))
+        columns, zero = unknowns.of(self), np.zeros((1, len(self.actuators)))
+        return Penalties(range(columns.start, columns.stop), zero, zero, np.full_like(zero, NEAR_ZERO_COST))

@@ -63,19 +63,19 @@ class CoContractionTerm(Term):
         every = np.linspace(0, len(motion) - 1, min(len(motion), 9)).round().astype(int)
         arms = self._arms(self._paths.evaluate(values[every], rates[every])[2])
         wanted = [index for index, name in enumerate(model.coordinate_names) if name in (coordinates or free)]
-        rotates = [k for k in wanted if model.coordinates[k].motion == "rotational"]
+        rotates = [number for number in wanted if model.coordinates[number].motion == "rotational"]
         both = [
             rotate
             for rotate in rotates
             if (arms[:, :, rotate] > SMALL).any(1).all() and (arms[:, :, rotate] < -SMALL).any(1).all()
         ]
         if coordinates and len(both) < len(wanted):
-            lacking = next(model.coordinate_names[k] for k in wanted if k not in both)
+            lacking = next(model.coordinate_names[number] for number in wanted if number not in both)
             raise BadData(f"muscles do not turn '{lacking}' both ways: there is no co-contraction of it")
         if not both:
             raise BadData(f"muscles of model '{model.name}' turn no joint both ways: there is no co-contraction")
-        self.coordinates, self._columns = tuple(model.coordinate_names[k] for k in both), both
-        self._crossing = [np.flatnonzero((np.abs(arms[:, :, k]) > SMALL).any(axis=0)) for k in both]
+        self.coordinates, self._columns = tuple(model.coordinate_names[number] for number in both), both
+        self._crossing = [np.flatnonzero((np.abs(arms[:, :, number]) > SMALL).any(axis=0)) for number in both]
         left = gathered(self._tree, values, tau - joint_forces(self._tree, values, rates))
         self._torque = np.abs(left[:, both])
 
@@ -99,10 +99,10 @@ class CoContractionTerm(Term):
     def rows(self, unknowns: Unknowns) -> Rows:
         """A row a coordinate, of the muscles that cross it and of what passes."""
         self._muscles = next(term for term in unknowns.terms if isinstance(term, MuscleTerm))
-        first, own = unknowns.of(self._muscles).start, unknowns.of(self).start
+        first, columns = unknowns.of(self._muscles).start, unknowns.of(self).start
         count = len(self.coordinates)
         row = np.concatenate([np.full(len(of) + 1, j) for j, of in enumerate(self._crossing)])
-        column = np.concatenate([np.append(first + of, own + j) for j, of in enumerate(self._crossing)])
+        column = np.concatenate([np.append(first + of, columns + j) for j, of in enumerate(self._crossing)])
         names = tuple(f"co-contraction of {name}" for name in self.coordinates)
         every, wide = np.ones(count), np.full(count, np.inf)
         shape = row.astype(np.int64), column.astype(np.int64), np.zeros(len(row)), np.zeros(count)
@@ -110,8 +110,8 @@ class CoContractionTerm(Term):
 
     def row_values(self, rows: Rows, frames: Frames) -> tuple[Array, Array]:
         """|r| F / A of each muscle, and |tau| / A + 2 level."""
-        found = self._muscles.forces(frames)
-        turning = self._arms(found.arms)[:, :, self._columns] * found.active[..., None]
+        result = self._muscles.forces(frames)
+        turning = self._arms(result.arms)[:, :, self._columns] * result.active[..., None]
         sides = [np.maximum(sign * turning, 0.0).sum(axis=1) for sign in (1.0, -1.0)]
         weaker = np.maximum(np.minimum(*sides), 1e-9)
         size = np.abs(turning) / weaker[:, None]

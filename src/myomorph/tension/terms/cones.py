@@ -117,36 +117,36 @@ def compile_cones(tree: Tree, sites: Sequence[Site]) -> ConeGenerators:
     BadModel
         where two sites share a name
     """
-    names = [one.name for one in sites]
+    names = [site.name for site in sites]
     for name in names:
         if names.count(name) > 1:
             raise BadModel(f"two contact sites are named '{name}': give one of them another name")
-    points: list[_Point] = [point for k, site in enumerate(sites) for point in _points(tree, k, site)]
+    points: list[_Point] = [point for number, site in enumerate(sites) for point in _points(tree, number, site)]
     edges = [(i, point, e) for i, point in enumerate(points) for e in range(len(point.push))]
     arrays = ConeArrays(
         body=np.array([point.body for point in points], np.int64),
         place=_rows([point.place for point in points]),
         start=_ends([len(point.push) for point in points]),
-        frame=np.array([one.frame for _, one, _ in edges], np.int64),
-        push=_rows([one.push[e] for _, one, e in edges]),
-        turn=_rows([one.turn[e] for _, one, e in edges]),
+        frame=np.array([edge.frame for _, edge, _ in edges], np.int64),
+        push=_rows([edge.push[e] for _, edge, e in edges]),
+        turn=_rows([edge.turn[e] for _, edge, e in edges]),
         reach=_ends([len(point.axes) for point in points]),
-        axis=np.array([axis for one in points for axis in one.axes], np.int64),
+        axis=np.array([axis for point in points for axis in point.axes], np.int64),
         sign=np.array([sign for point in points for sign in point.signs], dtype=np.float64),
         slot=np.array([slot for point in points for slot in point.slots], np.int64).reshape(-1, 2),
-        first=_ends([len(one.coordinates) for _, one, _ in edges]),
-        coordinate=np.array([j for _, one, _ in edges for j in one.coordinates], np.int64),
+        first=_ends([len(edge.coordinates) for _, edge, _ in edges]),
+        coordinate=np.array([j for _, edge, _ in edges for j in edge.coordinates], np.int64),
     )
     return ConeGenerators(
         tree=tree,
         sites=tuple(sites),
         arrays=arrays,
-        site=np.array([one.site for _, one, _ in edges], np.int64),
+        site=np.array([edge.site for _, edge, _ in edges], np.int64),
         point=np.array([i for i, _, _ in edges], np.int64),
-        normal=np.array([one.normal[e] for _, one, e in edges], dtype=np.float64),
-        lower=np.array([one.lower[e] for _, one, e in edges], dtype=np.float64),
-        cost=np.array([one.cost[e] for _, one, e in edges], dtype=np.float64),
-        names=tuple(f"{one.label} generator {e}" for _, one, e in edges),
+        normal=np.array([edge.normal[e] for _, edge, e in edges], dtype=np.float64),
+        lower=np.array([edge.lower[e] for _, edge, e in edges], dtype=np.float64),
+        cost=np.array([edge.cost[e] for _, edge, e in edges], dtype=np.float64),
+        names=tuple(f"{edge.label} generator {e}" for _, edge, e in edges),
         weight=np.array([_weight(tree, site) for site in sites], dtype=np.float64),
     )
 
@@ -205,13 +205,13 @@ def _reached(tree: Tree, site: Site) -> tuple[list[int], list[float], list[int],
 
     What both bodies hang on feels a force and its reaction at one place not at all.
     """
-    own = tree.supports[tree.body_index[site.body]]
+    supports = tree.supports[tree.body_index[site.body]]
     other = tree.supports[tree.body_number(site.against, f"contact site '{site.name}': the model")]
-    axes = [int(k) for k in np.flatnonzero(own != other)]
+    axes = [int(number) for number in np.flatnonzero(supports != other)]
     pairs = [[int(j) for j in tree.arrays.axis_coordinate[axis]] for axis in axes]
     touched = sorted({j for pair in pairs for j in pair if j >= 0})
     slots = [[touched.index(j) if j >= 0 else -1 for j in pair] for pair in pairs]
-    return axes, [1.0 if own[axis] else -1.0 for axis in axes], touched, slots
+    return axes, [1.0 if supports[axis] else -1.0 for axis in axes], touched, slots
 
 
 def _weight(tree: Tree, site: Site) -> float:
@@ -251,10 +251,10 @@ def contact_columns(T, P, coordinates, entries, places, pushes, turns):
                 put_vector(push, g, turned(r, vector(P.push, g)))
                 put_vector(turn, g, turned(r, vector(P.turn, g)))
             for a in range(P.reach[i], P.reach[i + 1]):
-                k = P.axis[a]
-                direction = vector(w, k)
-                turns_it = T.axis_kind[k] == ROTATION
-                move = cross(direction, minus(x, vector(o, k))) if turns_it else direction
+                index = P.axis[a]
+                direction = vector(w, index)
+                turns_it = T.axis_kind[index] == ROTATION
+                move = cross(direction, minus(x, vector(o, index))) if turns_it else direction
                 for g in range(P.start[i], P.start[i + 1]):
                     power = dot(move, vector(push, g))
                     if turns_it:
@@ -262,4 +262,4 @@ def contact_columns(T, P, coordinates, entries, places, pushes, turns):
                     power *= P.sign[a]
                     for s in range(2):
                         if P.slot[a, s] >= 0:
-                            out[P.first[g] + P.slot[a, s]] += dphi[k, s] * power
+                            out[P.first[g] + P.slot[a, s]] += dphi[index, s] * power

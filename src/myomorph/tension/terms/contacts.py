@@ -87,7 +87,7 @@ class ContactTask:
         if self.preferred is not None:
             shape = (len(self.strengths), len(self.sites), 3)
             object.__setattr__(self, "preferred", frozen_array(self.preferred, shape))
-        names = tuple(one.name for one in self.sites)
+        names = tuple(site.name for site in self.sites)
         if self.strengths.names != names:
             raise BadData(f"strengths are of the sites {self.strengths.names}, but the contacts have {names}")
         for wrench in self.measured:
@@ -132,11 +132,13 @@ class ContactTerm(Term):
         _refuse_unfit(time, task)
         self.task, self.generators = task, compile_cones(tree, task.sites)
         self.strengths = np.array(task.strengths.values)
-        own = self.generators.site
-        self.amounts = (self.strengths * self.generators.weight)[:, own] * np.sqrt(_preference(task, self.generators))
+        site_of = self.generators.site
+        self.amounts = (self.strengths * self.generators.weight)[:, site_of] * np.sqrt(
+            _preference(task, self.generators)
+        )
         groups = [site.group for site in task.sites]
         sites = np.array([groups.count(group) for group in groups], dtype=np.float64)
-        self.cost = task.options.compliance * sites[own] * self.generators.cost
+        self.cost = task.options.compliance * sites[site_of] * self.generators.cost
 
     def variables(self) -> Variables:
         """Amplitudes; bounds are the cones."""
@@ -164,20 +166,20 @@ class ContactTerm(Term):
         _, places, pushes, turns = generators.evaluate(coordinates)
         size = amplitudes * self.amounts[part]
         result = np.zeros((3, len(size), len(generators.sites), 3))
-        for k, site in enumerate(generators.sites):
-            mine = generators.site == k
+        for number, site in enumerate(generators.sites):
+            mine = generators.site == number
             numbers = np.unique(generators.point[mine])
             own = [mine & (generators.point == i) for i in numbers]
-            each = np.stack([np.einsum("fg,fgi->fi", size[:, one], pushes[:, one]) for one in own], axis=1)
+            each = np.stack([np.einsum("fg,fgi->fi", size[:, item], pushes[:, item]) for item in own], axis=1)
             if site.cone.direction is None:
                 press = np.linalg.norm(each, axis=2)
             else:
-                press = np.stack([size[:, one] @ generators.normal[one] for one in own], axis=1)
+                press = np.stack([size[:, item] @ generators.normal[item] for item in own], axis=1)
             share = np.where(press.sum(axis=1, keepdims=True) > 0.0, press, 1.0)
             at = places[:, numbers]
             point = np.einsum("fp,fpi->fi", share / share.sum(axis=1, keepdims=True), at)
             turned = np.einsum("fg,fgi->fi", size[:, mine], turns[:, mine])
-            result[:, :, k] = each.sum(axis=1), point, turned + np.cross(at - point[:, None], each).sum(axis=1)
+            result[:, :, number] = each.sum(axis=1), point, turned + np.cross(at - point[:, None], each).sum(axis=1)
         return result
 
     def torques_of(self, coordinates: Array, amplitudes: Array) -> Array:
@@ -237,10 +239,10 @@ def _preference(task: ContactTask, generators: ConeGenerators) -> Array:
         cone = site.cone
         if not cone.leans or cone.direction is None or cone.frame != GROUND or not 0.0 < cone.friction < np.inf:
             continue
-        own = np.flatnonzero((generators.site == index) & (generators.normal != 0.0))
-        across = (generators.arrays.push[own] - cone.direction) / cone.friction
-        lean = np.nan_to_num(task.preferred[:, index]) * len(own) / np.any(np.abs(across) > 1e-12, axis=1).sum()
+        members = np.flatnonzero((generators.site == index) & (generators.normal != 0.0))
+        across = (generators.arrays.push[members] - cone.direction) / cone.friction
+        lean = np.nan_to_num(task.preferred[:, index]) * len(members) / np.any(np.abs(across) > 1e-12, axis=1).sum()
         size = np.linalg.norm(lean, axis=1, keepdims=True)
         lean = lean * np.minimum(1.0, MAX_PREFERRED * cone.friction / np.maximum(size, 1e-12))
-        shares[:, own] = 1.0 + 2.0 / cone.friction * lean @ across.T
+        shares[:, members] = 1.0 + 2.0 / cone.friction * lean @ across.T
     return shares

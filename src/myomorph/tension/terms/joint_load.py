@@ -57,7 +57,7 @@ class JointLoadTerm(Term):
         """Three rows a joint, of the muscles that cross it."""
         self._muscles = next(term for term in unknowns.terms if isinstance(term, MuscleTerm))
         first = unknowns.of(self._muscles).start
-        row = [np.full(len(of), 3 * j + k) for j, of in enumerate(self._crossing) for k in range(3)]
+        row = [np.full(len(of), 3 * j + index) for j, of in enumerate(self._crossing) for index in range(3)]
         column = [first + of for of in self._crossing for _ in range(3)]
         names = tuple(f"load of {name} {axis}" for name in self.joints for axis in "xyz")
         count = len(names)
@@ -68,15 +68,15 @@ class JointLoadTerm(Term):
 
     def row_values(self, rows: Rows, frames: Frames) -> tuple[Array, Array]:
         """Force per unit activation on the bodies that hang on each joint, and what else the joint carries."""
-        found = self._muscles.forces(frames)
+        result = self._muscles.forces(frames)
         pulls = self._paths.pulls(frames.coordinates)[0][..., :3] / self._body_weight
         values, targets = [], []
         for j, (pairs, crossing) in enumerate(zip(self._pairs, self._crossing, strict=True)):
-            unit = np.zeros((len(frames), found.active.shape[1], 3))
+            unit = np.zeros((len(frames), result.active.shape[1], 3))
             for pair in pairs:
                 unit[:, self._paths.pull_muscle[pair]] += pulls[:, pair]
-            values.append((unit * found.active[..., None])[:, crossing].transpose(0, 2, 1).reshape(len(frames), -1))
-            anyway = np.einsum("kmi,km->ki", unit, found.passive + found.viscous)
+            values.append((unit * result.active[..., None])[:, crossing].transpose(0, 2, 1).reshape(len(frames), -1))
+            anyway = np.einsum("kmi,km->ki", unit, result.passive + result.viscous)
             targets.append(self._alone[frames.part, j] / self._body_weight - anyway)
         return np.hstack(values), np.hstack(targets)
 
@@ -105,7 +105,7 @@ def _hanging(model: Model, joint: str) -> np.ndarray:
     """(bodies,) whether a body hangs on a joint."""
     tree = compile_tree(model)
     parent = tree.arrays.parent
-    child = next(one.child for one in model.joints if one.name == joint)
+    child = next(each_joint.child for each_joint in model.joints if each_joint.name == joint)
     result = np.zeros(len(parent), dtype=bool)
     result[tree.body_index[child]] = True
     for body in range(1, len(parent)):

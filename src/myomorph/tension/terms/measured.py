@@ -22,7 +22,7 @@ class MeasuredTerm(Term):
 
     def __init__(self, contacts: ContactTerm):
         self._contacts = contacts
-        names = [one.name for one in contacts.task.sites]
+        names = [site.name for site in contacts.task.sites]
         self._members = [
             np.flatnonzero(np.isin(contacts.generators.site, [names.index(site) for site in one.sites]))
             for one in contacts.task.measured
@@ -31,8 +31,8 @@ class MeasuredTerm(Term):
     def rows(self, unknowns: Unknowns) -> Rows:
         """Six rows a wrench: force and moment."""
         measured, first = self._contacts.task.measured, unknowns.of(self._contacts).start
-        names = tuple(f"{one.name} {label}" for one in measured for label in COMPONENTS)
-        sd = [s for one in measured for s in (*(3 * [one.force_sd]), *(3 * [one.moment_sd]))]
+        names = tuple(f"{wrench.name} {label}" for wrench in measured for label in COMPONENTS)
+        sd = [s for wrench in measured for s in (*(3 * [wrench.force_sd]), *(3 * [wrench.moment_sd]))]
         columns = [mine for mine in self._members for _ in COMPONENTS]
         row = np.repeat(np.arange(len(names)), [len(column) for column in columns])
         everything = np.concatenate([*columns, np.zeros(0, np.int64)])
@@ -49,10 +49,10 @@ class MeasuredTerm(Term):
         forces = pushes * amounts
         moments = np.cross(places[:, generators.point], forces) + turns * amounts
         values, target = [np.zeros((len(frames), 0))], np.zeros((len(frames), len(rows)))
-        for k, (measured, mine) in enumerate(zip(contacts.task.measured, self._members, strict=True)):
+        for index, (measured, mine) in enumerate(zip(contacts.task.measured, self._members, strict=True)):
             both = np.concatenate([measured.forces[frames.part], measured.moments[frames.part]], axis=1)
             known = np.isfinite(both)
-            target[:, 6 * k : 6 * k + 6] = np.where(known, both, 0.0)
+            target[:, 6 * index : 6 * index + 6] = np.where(known, both, 0.0)
             for i in range(6):
                 values.append((moments if i >= 3 else forces)[:, mine, i % 3] * known[:, i, None])
         return np.hstack(values), target
@@ -65,10 +65,10 @@ class GreatestForceTerm(Term):
         self._contacts, generators = contacts, contacts.generators
         # Name, greatest force, axis in ground or -1 for the cone's, and generators that take part.
         self._limits = []
-        for k, site in enumerate(contacts.task.sites):
+        for number, site in enumerate(contacts.task.sites):
             if not np.isfinite(site.cone.most):
                 continue
-            mine = generators.site == k
+            mine = generators.site == number
             if site.cone.direction is None:
                 three = [(f"{site.name} most {axis}", i) for i, axis in enumerate("XYZ")]
             else:

@@ -78,10 +78,10 @@ class MuscleTerm(Term):
         """A curvature at 0 where the exponent leaves none."""
         if self._options.exponent <= HIGHEST_POWER:
             return None
-        own, zero = unknowns.of(self), np.zeros((1, len(self._weight)))
+        columns, zero = unknowns.of(self), np.zeros((1, len(self._weight)))
         # A hundredth of the curvature that w a^p has where an activation is about 0.2.
         share = 0.01 * 0.2 ** (self._options.exponent - 2.0)
-        return Penalties(range(own.start, own.stop), zero, zero, share * self._weight[None])
+        return Penalties(range(columns.start, columns.stop), zero, zero, share * self._weight[None])
 
     def entries(self) -> Sequence[tuple[int, int]]:
         """Moment arms; those about a coordinate already hold what reaches the muscle through couplers."""
@@ -93,8 +93,8 @@ class MuscleTerm(Term):
 
     def columns(self, frames: Frames) -> Columns:
         """Moment arms, active forces, and passive and viscous forces."""
-        found = self.forces(frames)
-        return Columns(found.arms, found.active, found.passive + found.viscous)
+        result = self.forces(frames)
+        return Columns(result.arms, result.active, result.passive + result.viscous)
 
     def forces(self, frames: Frames) -> MuscleForces:
         """Moment arms and forces of some frames."""

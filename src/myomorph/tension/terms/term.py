@@ -81,8 +81,8 @@ class Unknowns:
 
     def of(self, term: Term) -> slice:
         """Places of the unknowns that a term brings in."""
-        for one, place in zip(self.terms, self.places, strict=True):
-            if one is term:
+        for each_term, place in zip(self.terms, self.places, strict=True):
+            if each_term is term:
                 return place
         raise BadData(f"a term refers to the unknowns of {type(term).__name__}, which is not a part of the problem")
 
@@ -204,7 +204,7 @@ class Rows:
             raise BadData(f"the weight of term '{name}' is {weight:g}: expected above 0")
         row, column = np.nonzero(S)
         names = (name,) if len(S) == 1 else tuple(f"{name} {index}" for index in range(len(S)))
-        unit, weights, low, high = (np.full(len(S), one) for one in (1.0, weight, lower, upper))
+        unit, weights, low, high = (np.full(len(S), values) for values in (1.0, weight, lower, upper))
         return cls(names, row, column, S[row, column], target, unit, weights, low, high)
 
 
@@ -285,7 +285,7 @@ class Term:
     def row_values(self, rows: Rows, frames: Frames) -> tuple[Array, Array]:
         """Values (frames, entries) and targets (frames, rows) of its rows in some frames."""
         shapes = (len(frames), len(rows.row)), (len(frames), len(rows))
-        values, target = (one[frames.part] if one.ndim == 2 else one for one in (rows.values, rows.target))
+        values, target = (values[frames.part] if values.ndim == 2 else values for values in (rows.values, rows.target))
         return np.broadcast_to(values, shapes[0]), np.broadcast_to(target, shapes[1])
 
     def penalties(self, unknowns: Unknowns) -> Penalties | None:
@@ -332,21 +332,21 @@ def added_up(parts: Sequence[Penalties], unknowns: Unknowns, count: int) -> Inte
         where two draw one unknown into different intervals of some width, or have another number of frames
     """
     frames = len(unknowns.time)
-    found: dict[int, Array] = {}
+    by_name: dict[int, Array] = {}
     for part in parts:
         for index, column in enumerate(part.columns):
-            mine = np.stack([one[:, index] for one in (part.low, part.high, part.weight)], axis=1)
+            mine = np.stack([values[:, index] for values in (part.low, part.high, part.weight)], axis=1)
             if len(mine) not in (1, frames):
                 raise BadData(f"a term has penalties of {len(mine)} frames, the motion {frames}: expected as many")
-            known = found.get(column)
-            found[column] = mine if known is None else _sum(known, mine, unknowns.names[column])
+            known = by_name.get(column)
+            by_name[column] = mine if known is None else _sum(known, mine, unknowns.names[column])
     base, changing = np.zeros((3, count)), []
-    for column, mine in found.items():
+    for column, mine in by_name.items():
         if len(mine) == 1:
             base[:, column] = mine[0]
         else:
             changing.append(column)
-    values = np.stack([found[one] for one in changing], axis=2) if changing else np.zeros((0, 3, 0))
+    values = np.stack([by_name[column] for column in changing], axis=2) if changing else np.zeros((0, 3, 0))
     return IntervalPenalties(base, np.array(changing, np.int64), checked_array(values, ("frames", 3, "n"), "penalties"))
 
 
@@ -356,7 +356,7 @@ def _sum(one: Array, other: Array, name: str) -> Array:
     first, both = k1 > 0.0, (k1 > 0.0) & (k2 > 0.0)
     if np.any(both & ((l1 != h1) | (l2 != h2))):
         raise BadData(f"two terms draw '{name}' into intervals: write one of them as rows (`Rows.cost`)")
-    k = k1 + k2
-    mean = np.where(both, (k1 * np.nan_to_num(l1) + k2 * np.nan_to_num(l2)) / np.where(both, k, 1.0), 0.0)
+    index = k1 + k2
+    mean = np.where(both, (k1 * np.nan_to_num(l1) + k2 * np.nan_to_num(l2)) / np.where(both, index, 1.0), 0.0)
     low, high = (np.where(both, mean, np.where(first, a, b)) for a, b in ((l1, l2), (h1, h2)))
-    return np.stack([low, high, k], axis=1)
+    return np.stack([low, high, index], axis=1)
