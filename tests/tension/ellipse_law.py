@@ -17,7 +17,7 @@ class FrictionEllipse(Cone):
 
     across: float = 1.0
 
-    leans = False
+    takes_preference = False
 
     def generators(self) -> Generators:
         """d + mu (cos(phi) t_1 + across sin(phi) t_2)."""

@@ -45,8 +45,8 @@ class Cone:
 
     Attributes
     ----------
-    leans : whether the cheapest force may lean away from the direction (`ContactTask.preferred`): of laws whose
-        generators are d + friction t_k with t_k evenly around d
+    takes_preference : whether the cheapest force may have another direction (`ContactTask.preferred`), as of laws
+        whose generators are d + friction t_k with t_k evenly around d
     direction : (3,) the middle of the cone, the way the body is pushed (made a unit vector), in the axes of
         `frame`; None where force may act any way, as on a hand that grips
     frame : the ground or a body, whose axes turn with it
@@ -65,7 +65,7 @@ class Cone:
     grip: float = 0.0
     edges: int = 6
     most: float = np.inf
-    leans: ClassVar[bool] = True
+    takes_preference: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         if self.direction is not None:

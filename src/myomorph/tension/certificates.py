@@ -342,7 +342,7 @@ def _least_determined(solved: SolvedFrames, good: np.ndarray, functions: Array, 
 
 
 def _groups(problem: TensionProblem, by: str) -> tuple[tuple[str, ...], list[Array]]:
-    """Names of groups in the order of their first site, and which edges belong to each."""
+    """Names of groups in the order of their first site, and which generators belong to each."""
     assert problem.contacts is not None
     generators = problem.contacts.generators
     labels = [site.group if by == "group" else site.name for site in generators.sites]

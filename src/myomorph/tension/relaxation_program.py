@@ -110,12 +110,12 @@ class Roots:
     up, weight : against gravity, and of the whole model [N]
     weights : (bodies,) of the subject or object that each carries, of small ones `LEAST` of the whole [N]
     residuals : (frames, rows, 6 bodies) generalized forces of unit forces and moments at the bodies' mass centers
-    edges : (frames, rows, edges) of unit forces at the edges of the sites' cones
+    pushes : (frames, rows, generators) of unit forces along the generators of the sites' cones
     axes : (frames, rows, 3 sites) of unit forces along the ground's axes at the middles of the sites
     heights : (frames, sites) of the middles above where the sites of their group touch, in the median; above where any
         do for a group that never touches [m]
     center : height of the center of mass above the lowest of these places, the median [m]
-    z : (frames, edges) forces found [N]
+    z : (frames, generators) forces of the solution [N]
     left : (frames, 6 bodies) forces and moments that contacts leave [N], [N m]
     """
 
@@ -128,7 +128,7 @@ class Roots:
     weight: float = field(init=False)
     weights: Array = field(init=False)
     residuals: Array = field(init=False)
-    edges: Array = field(init=False)
+    pushes: Array = field(init=False)
     axes: Array = field(init=False)
     heights: Array = field(init=False)
     center: float = field(init=False)
@@ -147,7 +147,7 @@ class Roots:
         self.weights = np.maximum(each, LEAST * self.weight)
         self.up = -tree.model.gravity / gravity if gravity > 0.0 else np.eye(3)[1]
         self.residuals = self._residuals()
-        self.edges = self._dense(generators)
+        self.pushes = self._dense(generators)
         middles = [Site(s.name, s.body, s.points.mean(axis=0)[None], Cone(None), s.against) for s in generators.sites]
         between = compile_cones(tree, middles)
         self.axes = self._dense(between)
@@ -161,7 +161,7 @@ class Roots:
         # What muscles and reserves give together is, at a root, what contacts and residuals do.
         names = tree.model.coordinate_names
         needed = self.tension.torques[:, [self.tension.coordinates.index(names[j]) for j in self._rows]]
-        missing = needed - np.einsum("fre,fe->fr", self.edges, self.z)
+        missing = needed - np.einsum("fre,fe->fr", self.pushes, self.z)
         self.left = np.linalg.solve(self.residuals, missing[..., None])[..., 0]
 
     def direction(self, frame: int, site: int) -> Array:
@@ -213,7 +213,7 @@ class _Column:
 
     Attributes
     ----------
-    kind, place : what it relaxes, and the number of the edge, site, or component of a residual
+    kind, place : what it relaxes, and the number of the generator, site, or component of a residual
     given : whether it is allowed anyway
     push : (3,) force of one unit, for those at sites [1]
     column : (rows,) generalized forces of one unit
@@ -239,7 +239,7 @@ def smallest_relaxation(roots: Roots, frame: int, limits: Array) -> tuple[Allowa
     ----------
     limits : (bodies, 2) of residual force and moment [N], [N m]
     """
-    columns = [*_residuals(roots, frame, limits), *_edges(roots, frame), *_beyond_cones(roots, frame)]
+    columns = [*_residuals(roots, frame, limits), *_generators(roots, frame), *_beyond_cones(roots, frame)]
     matrix = np.array([column.column for column in columns]).T
     rows, count = matrix.shape
     limited = _limited(roots, frame)
@@ -277,7 +277,7 @@ def _residuals(roots: Roots, frame: int, limits: Array) -> list[_Column]:
     return result
 
 
-def _edges(roots: Roots, frame: int) -> list[_Column]:
+def _generators(roots: Roots, frame: int) -> list[_Column]:
     """Forces inside the cones of sites that touch, and of those that do not."""
     generators = roots.contacts.generators
     _, _, pushes, _ = generators.evaluate(roots.problem.coordinates[frame : frame + 1])
@@ -293,7 +293,7 @@ def _edges(roots: Roots, frame: int) -> list[_Column]:
             at = max(sign * float(roots.z[frame, e]), 0.0) if touches else 0.0
             result.append(
                 _Column(
-                    "contact", e, touches, sign * pushes[0, e], sign * roots.edges[frame, :, e], price, 0.0, np.inf, at
+                    "contact", e, touches, sign * pushes[0, e], sign * roots.pushes[frame, :, e], price, 0.0, np.inf, at
                 )
             )
     return result

@@ -1,6 +1,6 @@
 """Friction cones by their generators, and the generalized forces of every generator of every contact.
 
-A linearised cone is kept by its generators (its edges): a force inside it is a sum of generators with amplitudes
+A linearised cone is kept by its generators: a force inside it is a sum of generators with amplitudes
 z >= 0, so that a cone is no more than a bound. The column of a generator is J^T (f; m) at a point of a body, less the
 same on what it touches where that is a body: force and reaction act at one place.
 """
@@ -122,31 +122,31 @@ def compile_cones(tree: Tree, sites: Sequence[Site]) -> ConeGenerators:
         if names.count(name) > 1:
             raise BadModel(f"two contact sites are named '{name}': give one of them another name")
     points: list[_Point] = [point for number, site in enumerate(sites) for point in _points(tree, number, site)]
-    edges = [(i, point, e) for i, point in enumerate(points) for e in range(len(point.push))]
+    rows = [(i, point, e) for i, point in enumerate(points) for e in range(len(point.push))]
     arrays = ConeArrays(
         body=np.array([point.body for point in points], np.int64),
         place=_rows([point.place for point in points]),
         start=_ends([len(point.push) for point in points]),
-        frame=np.array([edge.frame for _, edge, _ in edges], np.int64),
-        push=_rows([edge.push[e] for _, edge, e in edges]),
-        turn=_rows([edge.turn[e] for _, edge, e in edges]),
+        frame=np.array([point.frame for _, point, _ in rows], np.int64),
+        push=_rows([point.push[e] for _, point, e in rows]),
+        turn=_rows([point.turn[e] for _, point, e in rows]),
         reach=_ends([len(point.axes) for point in points]),
         axis=np.array([axis for point in points for axis in point.axes], np.int64),
         sign=np.array([sign for point in points for sign in point.signs], dtype=np.float64),
         slot=np.array([slot for point in points for slot in point.slots], np.int64).reshape(-1, 2),
-        first=_ends([len(edge.coordinates) for _, edge, _ in edges]),
-        coordinate=np.array([j for _, edge, _ in edges for j in edge.coordinates], np.int64),
+        first=_ends([len(point.coordinates) for _, point, _ in rows]),
+        coordinate=np.array([j for _, point, _ in rows for j in point.coordinates], np.int64),
     )
     return ConeGenerators(
         tree=tree,
         sites=tuple(sites),
         arrays=arrays,
-        site=np.array([edge.site for _, edge, _ in edges], np.int64),
-        point=np.array([i for i, _, _ in edges], np.int64),
-        normal=np.array([edge.normal[e] for _, edge, e in edges], dtype=np.float64),
-        lower=np.array([edge.lower[e] for _, edge, e in edges], dtype=np.float64),
-        cost=np.array([edge.cost[e] for _, edge, e in edges], dtype=np.float64),
-        names=tuple(f"{edge.label} generator {e}" for _, edge, e in edges),
+        site=np.array([point.site for _, point, _ in rows], np.int64),
+        point=np.array([i for i, _, _ in rows], np.int64),
+        normal=np.array([point.normal[e] for _, point, e in rows], dtype=np.float64),
+        lower=np.array([point.lower[e] for _, point, e in rows], dtype=np.float64),
+        cost=np.array([point.cost[e] for _, point, e in rows], dtype=np.float64),
+        names=tuple(f"{point.label} generator {e}" for _, point, e in rows),
         weight=np.array([_weight(tree, site) for site in sites], dtype=np.float64),
     )
 

@@ -229,20 +229,27 @@ def _preference(task: ContactTask, generators: ConeGenerators) -> Array:
     """By how much each generator (frames, generators) is favoured, so that a force along what is preferred costs least.
 
     Of a pyramid of generators d + mu t_k with costs 1 / w_k the cheapest force is sum_k w_k (d + mu t_k), which is
-    d + lean for w_k = 1 + 2 lean . t_k / mu, as sum_k t_k t_k^T = n / 2 of n generators; where generators of torsion,
-    which do not lean, share the force, the others lean the more. The cone stays as it is.
+    d + p for w_k = 1 + 2 p . t_k / mu, p what is preferred, as sum_k t_k t_k^T = n / 2 of n generators; where
+    generators of torsion, which have no part in it, share the force, the others take more. The cone stays as it is.
     """
     shares = np.ones((len(task.strengths), len(generators)))
     if task.preferred is None:
         return shares
     for index, site in enumerate(task.sites):
         cone = site.cone
-        if not cone.leans or cone.direction is None or cone.frame != GROUND or not 0.0 < cone.friction < np.inf:
+        if (
+            not cone.takes_preference
+            or cone.direction is None
+            or cone.frame != GROUND
+            or not 0.0 < cone.friction < np.inf
+        ):
             continue
         members = np.flatnonzero((generators.site == index) & (generators.normal != 0.0))
         across = (generators.arrays.push[members] - cone.direction) / cone.friction
-        lean = np.nan_to_num(task.preferred[:, index]) * len(members) / np.any(np.abs(across) > 1e-12, axis=1).sum()
-        size = np.linalg.norm(lean, axis=1, keepdims=True)
-        lean = lean * np.minimum(1.0, MAX_PREFERRED * cone.friction / np.maximum(size, 1e-12))
-        shares[:, members] = 1.0 + 2.0 / cone.friction * lean @ across.T
+        preferred = (
+            np.nan_to_num(task.preferred[:, index]) * len(members) / np.any(np.abs(across) > 1e-12, axis=1).sum()
+        )
+        size = np.linalg.norm(preferred, axis=1, keepdims=True)
+        preferred = preferred * np.minimum(1.0, MAX_PREFERRED * cone.friction / np.maximum(size, 1e-12))
+        shares[:, members] = 1.0 + 2.0 / cone.friction * preferred @ across.T
     return shares
