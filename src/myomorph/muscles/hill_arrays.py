@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -16,7 +16,7 @@ from myomorph.model.model import Model
 from myomorph.model.paths import Muscle
 from myomorph.muscles.curves import Curve, CurveArrays, pack_curves
 from myomorph.muscles.model_table import MODELS, muscle_model
-from myomorph.muscles.muscle_model import FiberSizes, MuscleModel
+from myomorph.muscles.muscle_model import FiberSizes, MuscleModel, StaticOptimization
 
 Convention = Literal["rigid-tendon", "opensim"]
 CONVENTIONS: tuple[Convention, ...] = ("rigid-tendon", "opensim")
@@ -86,7 +86,7 @@ def compile_hill(model: Model, convention: Convention = "rigid-tendon") -> HillA
     BadModel
         for a class whose curves are not known, or parameters no curve can be made of
     """
-    return _latest(model) if convention == "rigid-tendon" else _latest_opensim(model)
+    return _latest[convention](model)
 
 
 def compile_hill_as(model: Model, like: Model) -> HillArrays:
@@ -98,7 +98,7 @@ def compile_hill_as(model: Model, like: Model) -> HillArrays:
     """
     sizes = _size_arrays(model)
     made = compile_hill(like)._replace(**sizes, least_along=sizes["shortest_along"])
-    _latest.put(model, made)
+    _latest["rigid-tendon"].put(model, made)
     return made
 
 
@@ -166,11 +166,11 @@ class _Numbered:
         return [self._number[curve] for curve in curves]
 
 
-def _compile(model: Model) -> HillArrays:
-    models, table = muscle_models(model), _Numbered()
-    sizes, count = _size_arrays(model), len(models)
-    curve, ends = np.empty((count, 3), np.int64), np.zeros(count, np.bool_)
-    for m, (muscle, kind) in enumerate(zip(model.muscles, models, strict=True)):
+def _compile(model: Model, convention: Convention) -> HillArrays:
+    models, table, opensim = muscle_models(model), _Numbered(), convention == "opensim"
+    pairs = list(zip(models, model.muscles, strict=True))
+    curve, resting = np.empty((len(pairs), 3), np.int64), np.full(len(pairs), -1, np.int64)
+    for m, (kind, muscle) in enumerate(pairs):
         if not (muscle.optimal_fiber_length > 0 and muscle.max_contraction_velocity > 0):
             raise BadModel(
                 f"muscle '{muscle.name}' has optimal fiber length {muscle.optimal_fiber_length:g} m and maximum "
@@ -180,42 +180,24 @@ def _compile(model: Model) -> HillArrays:
             curve[m] = table.numbers(kind.curves(muscle))
         except BadModel as error:
             raise BadModel(f"muscle '{muscle.name}': {error}") from error
-        ends[m] = kind.greatest_pennation(muscle) is not None
+        tendon = kind.resting_tendon(muscle) if opensim else None
+        if tendon is not None:
+            resting[m] = table.numbers([tendon])[0]
+    sizes = _size_arrays(model)
+    rules = [kind.static_optimization if opensim else StaticOptimization() for kind in models]
     return HillArrays(
         **sizes,
-        least_along=sizes["shortest_along"],
-        ends=ends,
-        turning=np.ones(count, np.bool_),
-        pennation_by=np.full(count, -1.0),
-        curve=curve,
-        resting=np.full(count, -1, np.int64),
-        curves=pack_curves(table.curves),
-    )
-
-
-def _compile_opensim(model: Model) -> HillArrays:
-    """With what OpenSim's static optimization does otherwise."""
-    arrays, models = compile_hill(model), muscle_models(model)
-    rules = [kind.static_optimization for kind in models]
-    table = _Numbered()
-    tendons = [kind.resting_tendon(muscle) for kind, muscle in zip(models, model.muscles, strict=True)]
-    # Curves of fibers are numbered anew, with those of resting tendons after them.
-    curve = [table.numbers(kind.curves(muscle)) for kind, muscle in zip(models, model.muscles, strict=True)]
-    resting = [-1 if tendon is None else table.numbers([tendon])[0] for tendon in tendons]
-    return arrays._replace(
-        least_along=np.array(
-            [along if rule.bounded else -np.inf for along, rule in zip(arrays.least_along, rules, strict=True)]
-        ),
+        least_along=np.where([rule.bounded for rule in rules], sizes["shortest_along"], -np.inf),
+        ends=np.array([kind.greatest_pennation(muscle) is not None for kind, muscle in pairs], np.bool_),
         turning=np.array([rule.turning for rule in rules], np.bool_),
         pennation_by=np.array([-1.0 if rule.pennation_by is None else rule.pennation_by for rule in rules]),
-        curve=np.array(curve, np.int64).reshape(len(models), 3),
-        resting=np.array(resting, np.int64),
+        curve=curve,
+        resting=resting,
         curves=pack_curves(table.curves),
     )
 
 
-_latest = Latest(_compile)
-_latest_opensim = Latest(_compile_opensim)
+_latest = {convention: Latest(partial(_compile, convention=convention)) for convention in CONVENTIONS}
 
 
 def _size_arrays(model: Model) -> dict[str, Any]:
