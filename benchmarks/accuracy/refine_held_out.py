@@ -26,6 +26,7 @@ from myomorph.io.osim.marker_set import read_marker_set
 from myomorph.model.inertia import with_inertial_parameters
 from myomorph.motion.sync import cut
 from myomorph.study.analyze.analyze import AnalyzeRequest, prepare_study
+from myomorph.study.inputs.loads import ExternalLoads
 from myomorph.study.subject.body_points import body_points
 from myomorph.study.subject.calibrating import _recording
 from myomorph.study.subject.identifying import MAPS
@@ -119,9 +120,8 @@ def _analyzed(
         still = _recording(about.static, model, None, [], about.labels, about.static_laboratory)
         found = {}
         for one in trials:
-            assert one.loads is not None
             checked = solve_kinematics(one)
-            found[one.name] = (checked.markers, one.loads(checked.fit.motion))
+            found[one.name] = (checked.markers, one.inputs[ExternalLoads].of(checked.fit.motion))
         return Recorded(name, model, mass, still, found, use)
 
 

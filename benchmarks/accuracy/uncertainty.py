@@ -26,8 +26,10 @@ from myomorph.motion.sync import common_time, cut
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.store.results import read_result
-from myomorph.study.trial.open_trial import open_motion_trial
-from myomorph.study.trial.trial_files import TrialFiles
+from myomorph.study.inputs.loads import ExternalLoads
+from myomorph.study.trial.open_trial import open_trial
+from myomorph.study.trial.steps.ik import recorded_poses
+from myomorph.study.trial.trial_files import trial_files
 from myomorph.uncertainty.bodies import Draw, drawn_subject
 from myomorph.uncertainty.drawn_inputs import drawn_markers, drawn_wrenches
 from myomorph.uncertainty.normals import Normals
@@ -169,15 +171,15 @@ def _apart(folder: Path, motion: str, span: tuple[float, float], errors: Sources
 def _recorded(folder: Path, motion: str, span: tuple[float, float]) -> tuple[mm.Model, mm.Motion, mm.Wrenches]:
     """A model, a smooth motion without derivatives, and the forces on it, each on the foot that it acts on."""
     home = folder / HOME
-    files = TrialFiles(
-        model=home / "models" / "manually_scaled.osim",
+    files = trial_files(
+        home / "models" / "manually_scaled.osim",
         motion=home / "ik_manual_scaling" / f"{motion}_ik.mot",
         loads=home / "grf" / f"{motion}_external_forces.xml",
     )
-    trial, poses = open_motion_trial(files, {})
-    assert trial.loads is not None
+    trial = open_trial(files, {})
+    poses, loads = recorded_poses(trial), trial.inputs[ExternalLoads]
     model, given = trial.model, poses.recorded
-    wrenches = trial.loads(given)
+    wrenches = loads.of(given)
     start, end = common_time(given, wrenches)
     smooth = mm.differentiate(given, CUTOFF)
     used = cut(mm.Motion(smooth.time, smooth.names, smooth.values), max(start, span[0]), min(end, span[1]))

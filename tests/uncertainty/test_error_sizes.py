@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from myomorph.model.errors import BadFile
-from myomorph.study.inputs.error_sizes import HEAD, TABLE, read_error_sizes, tables_beside, write_error_sizes
+from myomorph.study.inputs.error_size_tables import HEAD, TABLE, read_error_sizes, tables_beside, write_error_sizes
 from myomorph.uncertainty.bodies import Draw
 from myomorph.uncertainty.error_sizes import NOTHING, ItemSize, source_sizes
 from myomorph.uncertainty.normals import Normals

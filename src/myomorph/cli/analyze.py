@@ -5,12 +5,14 @@ from __future__ import annotations
 import shlex
 import sys
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 from cyclopts import Parameter
 
-from myomorph.cli.options import DrawCount, EmgMuscles, Threads, Time, use_threads
+from myomorph.cli.options import DrawCount, Threads, inputs_class, inputs_of_flags, use_threads
 from myomorph.cli.output import said
+
+AnalyzeInputs = inputs_class("loads", "emg", "time", leave_out=("bodies", "plates", "emg", "emg_gains_file"))
 
 
 def analyze_command(
@@ -35,10 +37,6 @@ def analyze_command(
     protocol: Annotated[
         Path | None, Parameter(help="Table of marker protocols of your own (.toml), beside those of the package.")
     ] = None,
-    loads: Annotated[
-        Path | None,
-        Parameter(help="Forces of the one recording, as of `id`; by default its plates, or what lies beside it."),
-    ] = None,
     force_columns: Annotated[
         str, Parameter(help="Names of the columns of a table of forces: time,Fx1,Fy1,Fz1,COPx1,...; - leaves one out.")
     ] = "",
@@ -47,15 +45,8 @@ def analyze_command(
         str, Parameter(help="Points that moments without a center of pressure are about [m]: 'x,y,z; x,y,z'.")
     ] = "",
     force_shift: Annotated[float, Parameter(help="Added to the times of external forces [s].")] = 0.0,
-    time: Time = None,
+    inputs: AnalyzeInputs | None = None,  # type: ignore[valid-type]
     draws: DrawCount = None,
-    emg_muscles: EmgMuscles = (),
-    emg_side: Annotated[
-        Literal["right", "left", ""], Parameter(help="Side of EMG channels whose names contain none.")
-    ] = "",
-    emg_mvc: Annotated[
-        tuple[Path, ...], Parameter(help="Recordings of maximum voluntary contractions.", consume_multiple=True)
-    ] = (),
     out: Annotated[Path, Parameter(help="Folder to write.")] = Path("analysis"),
     threads: Threads = None,
     workers: Annotated[int | None, Parameter(help="Processes that work side by side.")] = None,
@@ -76,7 +67,9 @@ def analyze_command(
     from myomorph.store.settings import ForceOptions
     from myomorph.study.analyze.analyze import AnalyzeRequest, prepare_study
     from myomorph.study.analyze.own_protocols import read_protocols
-    from myomorph.study.inputs.emg_files import channel_muscles
+    from myomorph.study.inputs.emg import EmgFiles
+    from myomorph.study.inputs.loads import LoadsFile
+    from myomorph.study.inputs.time_span import TimeSpan
     from myomorph.study.plan.plan import read_plan
 
     if not recordings:
@@ -84,6 +77,8 @@ def analyze_command(
     if not mass > 0.0:
         raise BadData(f"--mass {mass:g}: expected the subject's mass [kg]")
     use_threads(threads)
+    named = inputs_of_flags(inputs)
+    emg = named.or_default(EmgFiles)
     request = AnalyzeRequest(
         recordings,
         mass,
@@ -91,13 +86,13 @@ def analyze_command(
         static,
         model,
         None if protocol is None else read_protocols(protocol),
-        channel_muscles(emg_muscles),
-        emg_side,
-        emg_mvc,
+        emg.emg_muscles,
+        emg.emg_side,
+        emg.emg_mvc,
         shlex.join(["myomorph", *sys.argv[1:]]),
         draws,
-        time,
-        loads,
+        named.or_default(TimeSpan).time,
+        named.or_default(LoadsFile).loads,
         ForceOptions(
             force_shift=force_shift,
             force_columns=force_columns,

@@ -8,11 +8,10 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from myomorph.cli.options import (
-    LabelsFile,
     ModelFile,
     Threads,
-    Time,
-    labels_of,
+    inputs_class,
+    inputs_of_flags,
     options_class,
     settings_dict,
     use_threads,
@@ -21,6 +20,7 @@ from myomorph.cli.output import said, warn
 from myomorph.motion.calibration import CalibrationOptions
 
 CalibrateSettings = options_class(CalibrationOptions)
+CalibrateInputs = inputs_class("tasks", "labels", "time")
 
 
 def calibrate_command(
@@ -34,21 +34,24 @@ def calibrate_command(
     marker_set: Annotated[
         Path | None, Parameter(help="OpenSim marker set (.xml) that comes before the model's markers.")
     ] = None,
-    tasks: Annotated[Path | None, Parameter(help="OpenSim task set or setup file: weights of markers.")] = None,
-    labels: LabelsFile = None,
-    time: Time = None,
+    inputs: CalibrateInputs | None = None,  # type: ignore[valid-type]
     options: CalibrateSettings | None = None,  # type: ignore[valid-type]
     threads: Threads = None,
 ) -> int:
     """Link lengths and marker positions of the body that the recordings show."""
     # Imported by the command that needs it: --help and the others start without.
     from myomorph.store.settings import with_settings
+    from myomorph.study.inputs.labels import Labels
+    from myomorph.study.inputs.tasks import TasksFile
+    from myomorph.study.inputs.time_span import TimeSpan
     from myomorph.study.subject import calibrating
     from myomorph.study.subject.calibrating import CalibrationFiles
     from myomorph.study.subject.subjects import check_out_model
 
     use_threads(threads)
-    files = CalibrationFiles(model, markers, static, marker_set, tasks, time, labels_of(labels))
+    shared = inputs_of_flags(inputs)
+    named = (shared.or_default(TasksFile).tasks, shared.or_default(TimeSpan).time, shared.or_default(Labels).labels)
+    files = CalibrationFiles(model, markers, static, marker_set, *named)
     check_out_model(out, read=(model,))
     calibrated = calibrating.calibrate_files(files, with_settings(CalibrationOptions(), settings_dict(options)))
     lost = calibrating.write_calibrated(calibrated, out)

@@ -7,8 +7,10 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from myomorph.cli.options import PlateBodies, Time
+from myomorph.cli.options import inputs_class, inputs_of_flags
 from myomorph.cli.output import said, warn
+
+ConvertInputs = inputs_class("loads", "time", leave_out=("loads", "bodies"))
 
 
 def convert_command(
@@ -43,17 +45,19 @@ def convert_command(
         Path | None,
         Parameter(help="Table of names (.csv: label, new name; an empty new name drops the marker or channel)."),
     ] = None,
-    plates: PlateBodies = "",
-    time: Time = None,
+    inputs: ConvertInputs | None = None,  # type: ignore[valid-type]
 ) -> int:
     """A recording as other files: C3D to TRC, MOT with external loads and STO, and back."""
     # Imported by the command that needs it: --help and the others start without.
     from myomorph.io.labels import read_labels
     from myomorph.study.convert.convert import ConvertOptions, convert
-    from myomorph.study.inputs.external_forces import plates_of_text
+    from myomorph.study.inputs.loads import LoadsFile
+    from myomorph.study.inputs.time_span import TimeSpan
 
     names = {} if labels is None else read_labels(labels)
-    options = ConvertOptions(up, forward, axes, units, names, plates_of_text(plates), time)
+    named = inputs_of_flags(inputs)
+    plates, time = named.or_default(LoadsFile).plates, named.or_default(TimeSpan).time
+    options = ConvertOptions(up, forward, axes, units, names, plates, time)
     made = convert(files, out, options)
     warn(made.notes, "'myomorph info FILE' lists those of the file")
     for path, held in made.files:

@@ -10,11 +10,10 @@ from cyclopts import Parameter
 
 from myomorph.cli.options import (
     LOADS_HELP,
-    ForceBodies,
     ModelFile,
-    PlateBodies,
     Threads,
-    Time,
+    inputs_class,
+    inputs_of_flags,
     options_class,
     settings_dict,
     use_threads,
@@ -27,6 +26,7 @@ from myomorph.store.settings import ForceOptions, with_settings
 from myomorph.study.subject.subject_files import BodyOptions
 
 IdentifySettings = options_class(ForceOptions, RecordingOptions, IdentificationOptions, BodyOptions, LiveOptions)
+IdentifyInputs = inputs_class("loads", "time", leave_out=("loads",))
 
 Motions = Annotated[
     tuple[Path, ...],
@@ -48,8 +48,6 @@ def identify_command(
     out: Annotated[Path, Parameter(help="Model to write (.osim); tables and a report go into a folder beside it.")],
     motion: Motions = (),
     loads: Loads = (),
-    bodies: ForceBodies = (),
-    plates: PlateBodies = "",
     mass: Annotated[float | None, Parameter(help="Of the subject [kg]; the model's by default.")] = None,
     skin: Annotated[Path | None, Parameter(help="Mesh of the subject's skin: .obj, .stl or .ply.")] = None,
     landmarks: Annotated[
@@ -64,7 +62,7 @@ def identify_command(
         Parameter(help="Motions that are not identified from, to compare the models on.", consume_multiple=True),
     ] = (),
     check_loads: Annotated[tuple[Path, ...], Parameter(help="Their external loads.", consume_multiple=True)] = (),
-    time: Time = None,
+    inputs: IdentifyInputs | None = None,  # type: ignore[valid-type]
     live: Annotated[
         bool, Parameter(negative=(), help="Show what is known so far while frames arrive, from the files or streams.")
     ] = False,
@@ -74,8 +72,9 @@ def identify_command(
     """Masses, mass centers and inertias of every body from motions, their forces and the body's shape."""
     # Imported by the command that needs it: --help and the others start without.
     from myomorph.live.identification import live_motions
-    from myomorph.study.inputs.external_forces import bodies_of
+    from myomorph.study.inputs.loads import LoadsFile
     from myomorph.study.inputs.reading import open_model
+    from myomorph.study.inputs.time_span import TimeSpan
     from myomorph.study.subject import identifying
     from myomorph.study.subject.subject_files import BodyShape
     from myomorph.study.subject.subjects import check_out_model
@@ -85,7 +84,8 @@ def identify_command(
     settings = settings_dict(options)
     shape = BodyShape(skin, landmarks, height, chest, sex, age)
     scaled = open_model(model)
-    named = bodies_of(bodies, plates)
+    shared = inputs_of_flags(inputs)
+    named, time = shared.or_default(LoadsFile), shared.or_default(TimeSpan).time
     force_settings = {field.name: settings.pop(field.name) for field in fields(ForceOptions) if field.name in settings}
     forces = with_settings(ForceOptions(), force_settings)
     if live:

@@ -9,10 +9,10 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 from myomorph.cli.options import (
-    LabelsFile,
     ModelFile,
     UncertaintyFile,
-    labels_of,
+    inputs_class,
+    inputs_of_flags,
     options_class,
     settings_dict,
 )
@@ -20,9 +20,11 @@ from myomorph.cli.output import said, warn
 from myomorph.live.chain import ChainOptions
 from myomorph.live.limits import LimitOptions
 from myomorph.model.errors import BadData
+from myomorph.study.inputs.labels import Labels
 from myomorph.tension.tension import TensionOptions
 
 LiveSettings = options_class(ChainOptions, TensionOptions, LimitOptions, leave_out=("draw_seed", "widened"))
+LiveInputs = inputs_class("labels")
 
 
 def live_command(
@@ -38,7 +40,7 @@ def live_command(
             "to the foot that is nearest. A C3D file's own plates by default."
         ),
     ] = None,
-    labels: LabelsFile = None,
+    inputs: LiveInputs | None = None,  # type: ignore[valid-type]
     speed: Annotated[float, Parameter(help="Of the recording, times real time; 0 as fast as it goes.")] = 1.0,
     lsl_markers: Annotated[str, Parameter(help="Stream of markers of the Lab Streaming Layer.")] = "",
     lsl_forces: Annotated[str, Parameter(help="Stream of forces of the Lab Streaming Layer.")] = "",
@@ -66,13 +68,10 @@ def live_command(
         raise BadData("--loads belongs to a recording: with --lsl-markers give --lsl-forces NAME")
     if markers is not None and lsl_forces:
         raise BadData("--lsl-forces belongs to --lsl-markers: with --markers give --loads FILE")
-    if lsl_markers and labels is not None:
+    labels = inputs_of_flags(inputs).or_default(Labels).labels
+    if lsl_markers and labels:
         raise BadData("--labels belongs to a recording (--markers): a stream names its channels itself")
-    frames = (
-        LiveStreams(lsl_markers, lsl_forces, up)
-        if markers is None
-        else LiveFiles(markers, loads, speed, labels_of(labels))
-    )
+    frames = LiveStreams(lsl_markers, lsl_forces, up) if markers is None else LiveFiles(markers, loads, speed, labels)
     settings = settings_dict(options)
     sizes = {} if uncertainty is None else read_sizes(uncertainty)
     drawn = sizes | ({"draws": settings["draws"]} if settings.get("draws") else {})

@@ -10,26 +10,23 @@ from cyclopts import Parameter
 from myomorph.cli.options import (
     DrawCount,
     DrawProcesses,
-    ForceBodies,
-    LabelsFile,
-    LoadsFile,
     ModelFile,
     MotionFile,
     OutFile,
-    PlateBodies,
     Threads,
-    Time,
     UncertaintyFile,
-    labels_of,
+    inputs_class,
+    inputs_of_flags,
     options_class,
     settings_dict,
     use_threads,
 )
 from myomorph.cli.output import said, table_beside, warn
 from myomorph.report.trial.summary_lines import dynamics_line, kinematics_line
-from myomorph.study.inputs.external_forces import bodies_of
+from myomorph.study.inputs.markers import MarkersFile
+from myomorph.study.inputs.motion import MotionFile as Coordinates
 from myomorph.study.step.step import StepOutput, step_of
-from myomorph.study.trial.open_trial import open_motion_trial, open_trial
+from myomorph.study.trial.open_trial import open_trial
 from myomorph.study.trial.steps import id as dynamics
 from myomorph.study.trial.steps import ik
 from myomorph.study.trial.trial_files import TrialFiles
@@ -39,6 +36,8 @@ from myomorph.study.trial.uncertainty_file import drawn_settings, limits_summary
 
 IkOptions = options_class(*ik.STEP.options, leave_out=ik.STEP.not_settings)
 IdOptions = options_class(*dynamics.STEP.options)
+IkInputs = inputs_class(*ik.STEP.inputs)
+IdInputs = inputs_class(*dynamics.STEP.inputs)
 
 
 def ik_command(
@@ -46,9 +45,7 @@ def ik_command(
     model: ModelFile,
     markers: Annotated[Path, Parameter(help="Recording: .trc, .c3d, .mat or .h5.")],
     out: OutFile,
-    tasks: Annotated[Path | None, Parameter(help="OpenSim task set or setup file: weights of markers.")] = None,
-    labels: LabelsFile = None,
-    time: Time = None,
+    inputs: IkInputs | None = None,  # type: ignore[valid-type]
     draws: DrawCount = None,
     uncertainty: UncertaintyFile = None,
     workers: DrawProcesses = None,
@@ -57,7 +54,7 @@ def ik_command(
 ) -> int:
     """Inverse kinematics: the coordinates whose markers lie nearest to those recorded."""
     use_threads(threads)
-    files = TrialFiles(model=model, markers=markers, tasks=tasks, time=time, labels=labels_of(labels))
+    files = TrialFiles(model, inputs=inputs_of_flags(inputs).having(MarkersFile(markers)))
     drawn = drawn_settings(draws, uncertainty, workers)
     trial = open_trial(files, {"ik": settings_dict(options), **drawn})
     with table_beside(out, "ik", "coordinates.mot") as (folder, writer):
@@ -68,7 +65,7 @@ def ik_command(
     poses = results[ik.Poses]
     warn((*results.notes, *trial.warnings))
     assert poses.fit is not None
-    said(f"{kinematics_line(poses.fit, trial.model, trial.markers)}{limits_summary(results)}; wrote {out}")
+    said(f"{kinematics_line(poses.fit, trial.model, trial.recording.markers)}{limits_summary(results)}; wrote {out}")
     return 0
 
 
@@ -77,10 +74,7 @@ def id_command(
     model: ModelFile,
     motion: MotionFile,
     out: OutFile,
-    loads: LoadsFile = None,
-    bodies: ForceBodies = (),
-    plates: PlateBodies = "",
-    time: Time = None,
+    inputs: IdInputs | None = None,  # type: ignore[valid-type]
     draws: DrawCount = None,
     uncertainty: UncertaintyFile = None,
     workers: DrawProcesses = None,
@@ -89,10 +83,10 @@ def id_command(
 ) -> int:
     """Inverse dynamics: the generalized force of every coordinate."""
     use_threads(threads)
-    named = bodies_of(bodies, plates)
-    files = TrialFiles(model=model, motion=motion, loads=loads, bodies=named.bodies, plates=named.plates, time=time)
+    files = TrialFiles(model, inputs=inputs_of_flags(inputs).having(Coordinates(motion)))
     drawn = drawn_settings(draws, uncertainty, workers)
-    trial, poses = open_motion_trial(files, {"id": settings_dict(options), **drawn})
+    trial = open_trial(files, {"id": settings_dict(options), **drawn})
+    poses = ik.recorded_poses(trial)
     with table_beside(out, "id", "torques.sto") as (folder, writer):
         output = StepOutput(writer, folder)
         results = run_step(dynamics.STEP, trial, StepResults(poses), output)

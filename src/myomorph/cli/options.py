@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+import os
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, get_origin
 
 from cyclopts import Parameter
 
-from myomorph.model.frozen_map import FrozenMap
+from myomorph.model.errors import BadData
 from myomorph.store.settings import settings_of
+from myomorph.study.inputs.by_type import ByType
+from myomorph.study.inputs.keys import Key, flag_of
+from myomorph.study.inputs.table import input_of, settings_of_keys
 
 ModelFile = Annotated[Path, Parameter(name="--model", help="OpenSim (.osim) or MuJoCo (.xml) model.")]
 MotionFile = Annotated[Path, Parameter(name="--motion", help="Coordinates over time (.mot or .sto).")]
@@ -18,45 +21,8 @@ LOADS_HELP = (
     "an OpenSim external loads file (.xml), a table of forces (.mot, .sto, .csv), or a recording with force plates "
     "(.c3d)"
 )
-LoadsFile = Annotated[Path | None, Parameter(name="--loads", help=f"External forces: {LOADS_HELP}.")]
-ForceBodies = Annotated[
-    tuple[str, ...],
-    Parameter(
-        name="--bodies",
-        help="PREFIX=BODY ...: what the columns of each force of a table begin with, and the body it acts on; the foot "
-        "that is nearest to its center of pressure by default.",
-        consume_multiple=True,
-    ),
-]
-PlateBodies = Annotated[
-    str,
-    Parameter(
-        name="--plates",
-        help="BODY,BODY,...: bodies on a recording's force plates in their order, none for one that is left out; the "
-        "foot that is nearest to the center of pressure, step by step, by default.",
-    ),
-]
 OutFile = Annotated[Path, Parameter(name="--out", help="File to write; the same values go into a .nc file beside it.")]
 OutFolder = Annotated[Path, Parameter(name="--out", help="Folder to write; it is made where it does not exist.")]
-Time = Annotated[
-    tuple[float, float] | None,
-    Parameter(name="--time", help="START END: use only this part of the recording [s].", consume_multiple=True),
-]
-LabelsFile = Annotated[
-    Path | None,
-    Parameter(
-        name="--labels",
-        help='Map of marker labels (.csv of lines "recorded,model", or .toml); an empty model name drops a marker.',
-    ),
-]
-EmgMuscles = Annotated[
-    tuple[str, ...],
-    Parameter(
-        name="--emg-muscles",
-        help="CHANNEL=MUSCLE[,MUSCLE...] of EMG channels whose names contain no muscle, one or more.",
-        consume_multiple=True,
-    ),
-]
 DrawCount = Annotated[
     int | None,
     Parameter(
@@ -103,12 +69,55 @@ def options_class(*sources: type, leave_out: tuple[str, ...] = ()) -> Any:
     return Annotated[made, Parameter(name="*")]
 
 
-def labels_of(path: Path | None) -> Mapping[str, str]:
-    """What `LabelsFile` says."""
-    # Most commands run without: loaded where labels are given.
-    from myomorph.io.labels import read_labels
+def inputs_class(*names: str, leave_out: tuple[str, ...] = ()) -> Any:
+    """A dataclass whose fields are the keys of a trial's inputs, each a command-line option.
 
-    return FrozenMap({} if path is None else read_labels(path))
+    Parameters
+    ----------
+    names : of inputs, see `study.inputs.table`
+    leave_out : keys that the command has of its own, as several files of one
+    """
+    keys = [key for name in names for key in input_of(name).keys if key.name not in leave_out]
+    fields = [(key.name, flag(key), dataclasses.field(default=_no_flag(key))) for key in keys]
+    made = dataclasses.make_dataclass("Inputs", fields, frozen=True, namespace={"__module__": __name__, "NAMES": names})
+    return Annotated[made, Parameter(name="*")]
+
+
+def flag(key: Key) -> Any:
+    """A key of an input as an annotation of a command's parameter."""
+    help_text = f"{key.help[:1].upper()}{key.help[1:]}".rstrip(".") + "."
+    return Annotated[key.flag, Parameter(name=flag_of(key.name), help=help_text, consume_multiple=True)]
+
+
+def _no_flag(key: Key) -> Any:
+    """What a command gets where a flag is not there."""
+    if key.kind.flag is None:
+        return key.default
+    return "" if key.flag is str else () if get_origin(key.flag) is tuple else None
+
+
+def inputs_of_flags(flags: Any) -> ByType:
+    """Settings of inputs from a value of `inputs_class`, None where no flag is there.
+
+    Raises
+    ------
+    BadData
+        where a flag stands without the one that it belongs to
+    """
+    if flags is None:
+        return ByType()
+    values: dict[str, Any] = {}
+    for declared in map(input_of, flags.NAMES):
+        own = [key for key in declared.keys if hasattr(flags, key.name)]
+        written = {key.name: getattr(flags, key.name) for key in own}
+        said = [key.name for key in own if written[key.name] != _no_flag(key)]
+        main = next((key for key in own if key.name == declared.main), None)
+        if said and main is not None and main.name not in said:
+            word = f" {written[said[0]]}" if isinstance(written[said[0]], str) else ""
+            alone, needed = flag_of(said[0]) + word, flag_of(main.name)
+            raise BadData(f"{alone} without {needed}: give {needed} too, or leave both out")
+        values |= {key.name: key.kind.parsed(key.name, written[key.name]) for key in own if key.name in said}
+    return settings_of_keys(values, flags.NAMES)
 
 
 def settings_dict(options: Any) -> dict[str, Any]:
@@ -124,11 +133,6 @@ def use_threads(threads: int | None) -> None:
     BadData
         where that is less than one
     """
-    # Imported by the command that needs it: --help and the others start without.
-    import os
-
-    from myomorph.model.errors import BadData
-
     if threads is None:
         return
     if threads < 1:

@@ -9,22 +9,21 @@ from cyclopts import Parameter
 
 from myomorph.cli.options import (
     LOADS_HELP,
-    EmgMuscles,
-    ForceBodies,
     ModelFile,
-    PlateBodies,
     Threads,
-    Time,
+    inputs_class,
+    inputs_of_flags,
     options_class,
     settings_dict,
     use_threads,
 )
 from myomorph.cli.output import said, warn
 from myomorph.report.trial.personal_summary import personal_lines
-from myomorph.store.settings import Differentiation, ForceOptions, Side
+from myomorph.store.settings import Differentiation, ForceOptions
 from myomorph.study.subject import personalizing
 
 PersonalSettings = options_class(Differentiation, ForceOptions, *personalizing.STEP.options)
+PersonalInputs = inputs_class("loads", "emg", "time", leave_out=("loads", "emg"))
 
 
 def personalize_command(
@@ -41,8 +40,6 @@ def personalize_command(
             help=f"External forces, one file a recording, in the same order: {LOADS_HELP}.", consume_multiple=True
         ),
     ] = (),
-    bodies: ForceBodies = (),
-    plates: PlateBodies = "",
     torques: Annotated[
         tuple[Path, ...],
         Parameter(
@@ -54,8 +51,6 @@ def personalize_command(
         tuple[Path, ...],
         Parameter(help="EMG, one a recording, in the same order; a channel named as a muscle.", consume_multiple=True),
     ] = (),
-    emg_side: Annotated[Side, Parameter(help="right or left: side of EMG channels whose names contain none.")] = "",
-    emg_muscles: EmgMuscles = (),
     passive: Annotated[
         tuple[Path, ...],
         Parameter(
@@ -67,13 +62,11 @@ def personalize_command(
     generic: Annotated[
         Path | None, Parameter(help="The model that was scaled: muscles begin with its operating ranges.")
     ] = None,
-    time: Time = None,
+    inputs: PersonalInputs | None = None,  # type: ignore[valid-type]
     options: PersonalSettings | None = None,  # type: ignore[valid-type]
     threads: Threads = None,
 ) -> int:
     """Fiber lengths, tendon slack lengths and strengths of a person's muscles, from torques and EMG."""
-    from myomorph.study.inputs.emg_files import channel_muscles
-    from myomorph.study.inputs.external_forces import bodies_of
     from myomorph.study.inputs.reading import open_model
     from myomorph.study.subject.subjects import check_out_model
 
@@ -85,12 +78,9 @@ def personalize_command(
         loads,
         torques,
         emg,
-        emg_side,
         passive,
         generic,
-        time,
-        bodies_of(bodies, plates),
-        channel_muscles(emg_muscles),
+        inputs_of_flags(inputs),
     )
     scaled = open_model(model)
     found = personalizing.personalize_files(files, settings_dict(options), scaled)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -10,13 +10,10 @@ from cyclopts import Parameter
 
 from myomorph.cli.identify import Loads
 from myomorph.cli.options import (
-    ForceBodies,
-    LabelsFile,
     ModelFile,
-    PlateBodies,
     Threads,
-    Time,
-    labels_of,
+    inputs_class,
+    inputs_of_flags,
     options_class,
     settings_dict,
     use_threads,
@@ -26,6 +23,7 @@ from myomorph.identify.refine.options import RefineOptions
 from myomorph.store.settings import ForceOptions, with_settings
 
 RefineSettings = options_class(ForceOptions, RefineOptions)
+RefineInputs = inputs_class("loads", "tasks", "labels", "laboratory", "time", leave_out=("loads",))
 
 
 def refine_command(
@@ -38,19 +36,16 @@ def refine_command(
         tuple[Path, ...], Parameter(help="Recordings: .trc, .c3d, .mat or .h5, one or more.", consume_multiple=True)
     ] = (),
     loads: Loads = (),
-    bodies: ForceBodies = (),
-    plates: PlateBodies = "",
     mass: Annotated[float | None, Parameter(help="Of the subject [kg]; the model's by default.")] = None,
-    tasks: Annotated[Path | None, Parameter(help="OpenSim task set or setup file: weights of markers.")] = None,
-    labels: LabelsFile = None,
-    time: Time = None,
+    inputs: RefineInputs | None = None,  # type: ignore[valid-type]
     options: RefineSettings | None = None,  # type: ignore[valid-type]
     threads: Threads = None,
 ) -> int:
     """Motions, link lengths, marker positions and masses that agree with markers and force plates at once."""
     # Imported by the command that needs it: --help and the others start without.
     from myomorph.model.errors import BadData
-    from myomorph.study.inputs.external_forces import bodies_of
+    from myomorph.study.inputs.loads import LoadsFile
+    from myomorph.study.inputs.markers import MarkersFile
     from myomorph.study.subject import refining
     from myomorph.study.subject.subjects import check_out_model
     from myomorph.study.trial.trial_files import TrialFiles
@@ -64,17 +59,15 @@ def refine_command(
         )
     settings = settings_dict(options)
     forces = {field.name: settings.pop(field.name) for field in fields(ForceOptions) if field.name in settings}
-    named = bodies_of(bodies, plates)
+    shared = inputs_of_flags(inputs)
+    named = shared.or_default(LoadsFile)
     names = [path.stem for path in markers]
     if len(set(names)) < len(names):
         names = [f"{path.parent.name}_{path.stem}" for path in markers]
     files = [
-        TrialFiles(
-            model=model, name=name, markers=marker_file, loads=load_file, bodies=named.bodies, plates=named.plates,
-            tasks=tasks, time=time, labels=labels_of(labels),
-        )
+        TrialFiles(model, name, inputs=shared.having(MarkersFile(marker_file), replace(named, loads=load_file)))
         for name, marker_file, load_file in zip(names, markers, loads, strict=True)
-    ]  # fmt: skip
+    ]
     chosen = with_settings(RefineOptions(), settings)
     found = refining.refine_files(model, files, mass, chosen, {"id": forces} if forces else {})
     lost = refining.write_refined(found, out)

@@ -6,22 +6,21 @@ from collections.abc import Callable
 from typing import Optional
 
 from myomorph.cli.options import (
-    ForceBodies,
-    LoadsFile,
     ModelFile,
     MotionFile,
     OutFolder,
-    PlateBodies,
     Threads,
-    Time,
+    inputs_class,
+    inputs_of_flags,
     options_class,
     settings_dict,
     use_threads,
 )
 from myomorph.cli.output import folder_with, said, warn
-from myomorph.study.inputs.external_forces import bodies_of
+from myomorph.study.inputs.motion import MotionFile as Coordinates
 from myomorph.study.step.step import StepOutput, step_of
-from myomorph.study.trial.open_trial import open_motion_trial
+from myomorph.study.trial.open_trial import open_trial
+from myomorph.study.trial.steps.ik import Poses, recorded_poses
 from myomorph.study.trial.trial_files import TrialFiles
 from myomorph.study.trial.trial_step import StepResults, run_step, steps_before
 
@@ -42,17 +41,14 @@ def step_command(name: str) -> Callable[..., int]:
         model: ModelFile,
         motion: MotionFile,
         out: OutFolder,
-        loads: LoadsFile = None,
-        bodies: ForceBodies = (),
-        plates: PlateBodies = "",
-        time: Time = None,
+        inputs: object = None,
         options: object = None,
         threads: Threads = None,
     ) -> int:
         use_threads(threads)
-        named = bodies_of(bodies, plates)
-        files = TrialFiles(model=model, motion=motion, loads=loads, bodies=named.bodies, plates=named.plates, time=time)
-        trial, poses = open_motion_trial(files, {name: settings_dict(options)})
+        files = TrialFiles(model, inputs=inputs_of_flags(inputs).having(Coordinates(motion)))
+        trial = open_trial(files, {name: settings_dict(options)})
+        poses = recorded_poses(trial)
         results = StepResults(poses)
         with folder_with(out, name) as (folder, writer):
             read = {*step.needs, *step.uses}
@@ -64,6 +60,10 @@ def step_command(name: str) -> Callable[..., int]:
         return 0
 
     settings = options_class(*step.options, leave_out=step.not_settings)
+    # Of earlier steps, inverse kinematics is not run: coordinates are there.
+    earlier = [one for one in steps_before(step) if one.gives is not Poses]
+    names = dict.fromkeys(name for one in (*earlier, step) for name in one.inputs)
+    command.__annotations__["inputs"] = Optional[inputs_class(*names)]  # noqa: UP045
     command.__annotations__["options"] = Optional[settings]  # noqa: UP045
     command.__doc__ = f"{step.title[:1].upper()}{step.title[1:]}."
     return command

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from myomorph.cli.options import Time, options_class, settings_dict, use_threads
+from myomorph.cli.options import inputs_class, inputs_of_flags, options_class, settings_dict, use_threads
 from myomorph.cli.output import said, warn
 from myomorph.cli.running import (
     DryRun,
@@ -63,6 +63,7 @@ WithoutLoads = Annotated[
     tuple[Path, ...],
     Parameter(name="--removed-loads", help="The same with muscles removed.", consume_multiple=True),
 ]
+SwingInputs = inputs_class("time")
 
 
 def viscosity_command(
@@ -85,7 +86,7 @@ def viscosity_command(
         str | None, Parameter(name="--first-body", help="First body of the limb; the humerus by default.")
     ] = None,
     muscle_mass: Annotated[float | None, Parameter(help="Of the removed muscles, as weighed [kg].")] = None,
-    time: Time = None,
+    inputs: SwingInputs | None = None,  # type: ignore[valid-type]
     options: ViscositySettings | None = None,  # type: ignore[valid-type]
     resume: Resume = False,
     fresh: Fresh = False,
@@ -97,6 +98,7 @@ def viscosity_command(
 ) -> int:
     """Viscosity of a joint and of its muscles from swings of a limb on a force plate, with and without muscles."""
     # Imported by the command that needs it: --help and the others start without.
+    from myomorph.study.inputs.time_span import TimeSpan
     from myomorph.viscosity.study.plan import fixed_plan, read_viscosity_plan
     from myomorph.viscosity.study.run import graph_of, run_viscosity
     from myomorph.viscosity.study.template import write_template
@@ -111,6 +113,7 @@ def viscosity_command(
         # Its processes are in folders of their own.
         study, out = None if study is None else study.resolve(), out.resolve()
     use_threads(threads)
+    time = inputs_of_flags(inputs).or_default(TimeSpan).time
     if study is not None:
         plan = read_viscosity_plan(study)
         refuse_files(model, intact, without, changed(options))

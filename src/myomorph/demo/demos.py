@@ -10,12 +10,18 @@ import numpy as np
 from myomorph.model.errors import UnknownName
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
+from myomorph.model.series import Trial
 from myomorph.motion.envelope import envelopes
 from myomorph.motion.ik import InverseKinematicsOptions
 from myomorph.store.outcome import Outcome
 from myomorph.store.results import file_source, value_source
 from myomorph.store.settings import Differentiation
-from myomorph.study.inputs.by_type import OptionSet
+from myomorph.study.inputs.by_type import ByType, OptionSet
+from myomorph.study.inputs.emg import RecordedEmg
+from myomorph.study.inputs.loads import ExternalLoads
+from myomorph.study.inputs.markers import Recording
+from myomorph.study.inputs.mass import BodyMass
+from myomorph.study.inputs.time_span import TimeSpan
 from myomorph.study.step.step_table import usual_steps
 from myomorph.study.trial.ahead import TENDONS, compile_ahead, compile_curves, compile_motion, compiling
 from myomorph.study.trial.run_trial import run_trial
@@ -105,13 +111,13 @@ def _jump_trial() -> TrialInputs:
         subject="jumper",
         model=jump.model,
         options=OptionSet(InverseKinematicsOptions(marker_weights=FrozenMap(weights)), Differentiation(jump.cutoff)),
-        markers=jump.markers,
-        loads=lambda motion: jump.wrenches,
-        emg=envelopes(jump.analog),
-        events=jump.events,
-        mass=jump.mass,
-        time=jump.window,
-        plates=jump.trial.plates,
+        inputs=ByType(
+            Recording(Trial(jump.markers, jump.trial.plates, events=jump.events)),
+            ExternalLoads(lambda motion: jump.wrenches),
+            RecordedEmg(envelopes(jump.analog)),
+            BodyMass(jump.mass),
+            TimeSpan(jump.window),
+        ),
         notes=TrialNotes(jump.real, jump.assumed),
         sources=(
             value_source("model", "demo:jump", *(np.append(body.mass_center, body.mass) for body in jump.model.bodies)),

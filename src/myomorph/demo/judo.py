@@ -12,7 +12,7 @@ from myomorph.model.arrays import runs
 from myomorph.model.contacts import ContactForces, Contacts, Touch
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
-from myomorph.model.series import Emg, Series
+from myomorph.model.series import Emg, Series, Trial
 from myomorph.motion.filters import differentiate
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.simulate.bout import FEET, GRIPS
@@ -21,11 +21,15 @@ from myomorph.store.contact_store import get_contact_forces
 from myomorph.store.outcome import Outcome
 from myomorph.store.results import STORED, file_name, read_result, value_source
 from myomorph.store.settings import Differentiation, ReportOptions
-from myomorph.study.inputs.by_type import OptionSet
+from myomorph.study.inputs.by_type import ByType, OptionSet
+from myomorph.study.inputs.emg import RecordedEmg
+from myomorph.study.inputs.loads import ExternalLoads
+from myomorph.study.inputs.markers import Recording
+from myomorph.study.inputs.mass import BodyMass
 from myomorph.study.step.step import large_variables
 from myomorph.study.step.step_table import usual_steps
 from myomorph.study.trial.run_trial import run_trial
-from myomorph.study.trial.trial_inputs import TrialInputs, TrialNotes
+from myomorph.study.trial.trial_inputs import KnownTruth, TrialInputs, TrialNotes
 from myomorph.tension.emg_calibration import EmgOptions
 from myomorph.tension.tension import TensionOptions
 
@@ -64,10 +68,20 @@ def judo_trial(pair: VirtualPair) -> TrialInputs:
         name=f"{pair.options.kind} {pair.options.seed}",
         subject="tori and uke",
         model=model,
-        markers=pair.markers,
-        loads=lambda motion: truth.wrenches,
-        emg=emg,
-        emg_muscles=FrozenMap({name: (name,) for name in channels}),
+        inputs=ByType(
+            Recording(Trial(pair.markers)),
+            ExternalLoads(lambda motion: truth.wrenches),
+            RecordedEmg(emg, FrozenMap({name: (name,) for name in channels})),
+            ContactPlan(
+                feet=False,
+                sites=sites,
+                when=FrozenMap({site.name: "file" for site in sites}),
+                reported=touches_of(pair.touching),
+                measured="hidden",
+            ),
+            BodyMass(model.mass),
+            KnownTruth(FrozenMap(known_of(truth, pair))),
+        ),
         options=OptionSet(
             EmgOptions(delay=0.0, gains="normalized"),
             # MuJoCo's muscles have passive force, and no tendon that could take up their stretch.
@@ -75,16 +89,7 @@ def judo_trial(pair: VirtualPair) -> TrialInputs:
             Differentiation(CUTOFF),
             ReportOptions(preset="judo"),
         ),
-        contacts=ContactPlan(
-            feet=False,
-            sites=sites,
-            when=FrozenMap({site.name: "file" for site in sites}),
-            reported=touches_of(pair.touching),
-            measured="hidden",
-        ),
-        mass=model.mass,
         notes=TrialNotes(simulated=simulated_of(pair)),
-        truth=FrozenMap(known_of(truth, pair)),
         sources=(
             value_source("model", "demo:judo", *(np.append(body.mass_center, body.mass) for body in model.bodies)),
             value_source("markers", "simulated markers", pair.markers.values),

@@ -26,8 +26,8 @@ from myomorph.muscles.fiber_states import default_states, without_fibers
 from myomorph.muscles.scaling import default_path_lengths
 from myomorph.opensim_tools.outputs import ToolResult, check_outputs, write_outputs
 from myomorph.study.inputs import reading
+from myomorph.study.inputs.tasks_file import with_tasks
 from myomorph.study.subject.calibrating import with_marker_set
-from myomorph.study.trial.steps.ik import with_tasks
 
 
 def run_scale(setup: ScaleSetup, source: Path) -> ToolResult:

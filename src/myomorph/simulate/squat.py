@@ -18,7 +18,7 @@ from myomorph.io.mjcf.read import composed_model
 from myomorph.model.arrays import Array
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Marker, Model
-from myomorph.model.series import Markers, Motion, Series, Wrenches
+from myomorph.model.series import Markers, Motion, Series, Trial, Wrenches
 from myomorph.motion.filters import lowpass, natural_spline
 from myomorph.motion.ik import CoordinateTask, InverseKinematicsOptions, inverse_kinematics
 from myomorph.rigid.dynamics import inverse_dynamics, motion_arrays
@@ -27,8 +27,11 @@ from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import Tree, compile_tree
 from myomorph.store.results import value_source
 from myomorph.store.settings import Differentiation
-from myomorph.study.inputs.by_type import OptionSet
-from myomorph.study.trial.trial_inputs import TrialInputs, TrialNotes
+from myomorph.study.inputs.by_type import ByType, OptionSet
+from myomorph.study.inputs.loads import ExternalLoads
+from myomorph.study.inputs.markers import Recording
+from myomorph.study.inputs.mass import BodyMass
+from myomorph.study.trial.trial_inputs import KnownTruth, TrialInputs, TrialNotes
 
 FEET = ("calcn_r", "calcn_l")
 MARKED = (
@@ -110,9 +113,12 @@ def simulated_trial(options: SimulationOptions | None = None) -> TrialInputs:
         name="squat",
         subject="simulated body",
         model=model,
-        markers=markers,
-        loads=lambda motion: noisy,
-        mass=model.mass,
+        inputs=ByType(
+            Recording(Trial(markers)),
+            ExternalLoads(lambda motion: noisy),
+            BodyMass(model.mass),
+            KnownTruth(FrozenMap(known)),
+        ),
         options=OptionSet(Differentiation(options.cutoff)),
         notes=TrialNotes(
             assumed=(
@@ -129,7 +135,6 @@ def simulated_trial(options: SimulationOptions | None = None) -> TrialInputs:
                 f"{options.seed}.",
             ),
         ),
-        truth=FrozenMap(known),
         sources=(
             value_source("model", "demo:simulated", *(body.mass for body in model.bodies), *model.coordinate_names),
             value_source("markers", "simulated markers", markers.values),

@@ -17,6 +17,7 @@ from myomorph.model.errors import BadData
 from myomorph.motion.measurements import default_markers
 from myomorph.study.analyze.analyze import AnalyzeRequest, prepare_study
 from myomorph.study.analyze.study_text import StudyEntries, TrialEntry, study_text
+from myomorph.study.inputs.contacts import ContactsFile
 from myomorph.study.inputs.laboratory import Laboratory
 from myomorph.study.plan.plan import read_plan
 
@@ -43,7 +44,9 @@ def test_a_prepared_study_is_read_as_a_plan(tmp_path: Path) -> None:
     plan = read_plan(prepared.study)
     assert [one.name for one in plan.trials] == ["one", "two"]
     assert plan.subjects["subject"].static == tmp_path / "out" / ".." / "static.trc"
-    assert all(one.laboratory == Laboratory("z", 90.0) and one.contacts == "auto" for one in plan.trials)
+    assert all(
+        one.get(Laboratory) == Laboratory("z", 90.0) and one.get(ContactsFile).contacts == "auto" for one in plan.trials
+    )
     assert plan.home(tmp_path / "out", "subject", "one") == tmp_path / "out" / "one"
     assert any("static.trc is the static trial" in text for text in prepared.assumed)
     assert any("No force was measured" in text for text in prepared.assumed)

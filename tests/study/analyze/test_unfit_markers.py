@@ -16,6 +16,7 @@ from myomorph.motion.protocols import recognize
 from myomorph.store.settings import ForceOptions
 from myomorph.study.analyze.analyze import AnalyzeRequest, prepare_study
 from myomorph.study.analyze.unfit_markers import is_arm
+from myomorph.study.inputs.loads import LoadsFile
 from myomorph.study.plan.plan import read_plan
 
 KINDS = {
@@ -90,7 +91,7 @@ def test_forces_of_a_named_table_and_its_layout_go_into_the_study(tmp_path) -> N
     prepared = prepare_study(request, tmp_path / "out")
     assert any("rows at 100 Hz" in text for text in prepared.assumed)
     plan = read_plan(prepared.study)
-    assert plan.trials[0].loads.name == "plates.txt"
+    assert plan.trials[0].get(LoadsFile).loads.name == "plates.txt"
     assert plan.settings["id"] == {"force_columns": layout.force_columns, "force_rate": 100.0}
     with pytest.raises(BadFile, match="--force-columns"):
         prepare_study(replace(request, forces=ForceOptions()), tmp_path / "other")

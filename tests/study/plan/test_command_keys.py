@@ -10,7 +10,7 @@ import pytest
 
 from myomorph.cli import muscles, personalize
 from myomorph.store.settings import settings_of
-from myomorph.study.plan.subject_tables import SubjectTable, TrialTable, step_settings
+from myomorph.study.plan.subject_tables import SubjectTable, input_keys, step_settings, trial_table
 from myomorph.study.trial.steps.tension import STEP as TENSION
 
 RUN = {"out": "run --out", "threads": "run --workers", "options": "[options.STEP]"}
@@ -27,8 +27,10 @@ COMMANDS = {
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_every_file_of_a_command_is_a_key_of_a_subject_or_a_trial(name):
-    keys = {*SubjectTable.model_fields, *TrialTable.model_fields}
-    asked = set(inspect.signature(COMMANDS[name]).parameters) - set(RUN) - set(TABLES)
+    keys = {*input_keys("subject", SubjectTable), *trial_table().model_fields, *SubjectTable.model_fields}
+    taken = inspect.signature(COMMANDS[name], eval_str=True).parameters
+    inputs = typing.get_args(typing.get_args(taken["inputs"].annotation)[0])[0]
+    asked = {*taken, *(field.name for field in dataclasses.fields(inputs))} - {*RUN, *TABLES, "inputs"}
     assert set(TABLES.values()) <= set(step_settings())
     assert asked <= keys, sorted(asked - keys)
 

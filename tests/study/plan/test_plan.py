@@ -5,9 +5,12 @@ from __future__ import annotations
 import pytest
 
 from myomorph.model.errors import BadFile
+from myomorph.study.inputs.beside import plain_stem
+from myomorph.study.inputs.emg import EmgFiles
+from myomorph.study.inputs.loads import LoadsFile, loads_by_name
+from myomorph.study.inputs.mass import BodyMass
 from myomorph.study.plan.plan import read_plan
 from myomorph.study.plan.subject_tables import step_settings
-from myomorph.study.plan.subject_trials import companion, plain_stem
 
 SMALLEST = """
 [study]
@@ -47,9 +50,10 @@ def test_smallest_form(folder):
     assert plan.name == "walking"
     assert [trial.name for trial in plan.trials] == ["walk1", "walk2"]
     first, second = plan.trials
-    assert (first.loads, first.emg) == (folder / "walk1_grf.xml", folder / "walk1_emg.sto")
-    assert (second.loads, second.emg) == (None, None)
-    assert first.mass == 72.6
+    assert first.get(LoadsFile).loads == folder / "walk1_grf.xml"
+    assert first.get(EmgFiles).emg == folder / "walk1_emg.sto"
+    assert (second.get(LoadsFile).loads, second.get(EmgFiles).emg) == (None, None)
+    assert first.get(BodyMass).mass == 72.6
     assert plan.steps == (("ik", "id", "muscles", "tension", "report"),) * 2
     assert any("walk1_grf.xml" in remark for remark in plan.remarks)
 
@@ -65,7 +69,7 @@ def test_table_form_and_options(folder):
     )
     (trial,) = plan.trials
     assert (trial.name, trial.time) == ("fast", (0.5, 1.5))
-    assert trial.loads == folder / "walk1_grf.xml"
+    assert trial.get(LoadsFile).loads == folder / "walk1_grf.xml"
     assert plan.settings == {"id": {"cutoff": 6.0}, "tension": {"passive": False, "weights": "volume"}}
 
 
@@ -124,11 +128,11 @@ def test_two_trials_of_one_name_are_refused(folder):
 def test_forces_without_bodies_are_not_guessed(folder):
     (folder / "walk2_forces.mot").write_text("")
     plan = plan_of(folder, SMALLEST)
-    assert plan.trials[1].loads is None
+    assert plan.trials[1].get(LoadsFile).loads is None
     assert any("walk2_forces.mot is not used" in remark for remark in plan.remarks)
     given = '[{markers = "walk2.trc", loads = "walk2_forces.mot", bodies = {ground_force_ = "calcn_r"}}]'
     (trial,) = plan_of(folder, SMALLEST.replace('["walk*.trc"]', given)).trials
-    assert dict(trial.bodies) == {"ground_force_": "calcn_r"}
+    assert dict(trial.get(LoadsFile).bodies) == {"ground_force_": "calcn_r"}
 
 
 @pytest.mark.parametrize(
@@ -145,7 +149,7 @@ def test_forces_without_bodies_are_not_guessed(folder):
 def test_rule_of_names(tmp_path, markers, loads):
     for name in (markers, loads, "other_grf.xml"):
         (tmp_path / name).write_text("")
-    assert companion(tmp_path / markers, "loads") == tmp_path / loads
+    assert loads_by_name(tmp_path / markers) == tmp_path / loads
 
 
 def test_plain_stem():

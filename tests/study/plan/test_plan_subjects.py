@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from myomorph.model.errors import BadFile
+from myomorph.study.inputs.mass import BodyMass
 from myomorph.study.plan.plan import read_plan
 
 FOLDERS = """
@@ -163,7 +164,7 @@ def test_an_exclusion_that_is_wrong_is_named(folder, table, words):
 
 def test_a_table_of_measures(folder):
     plan = plan_of(folder, with_measures(), MEASURES)
-    assert [one.mass for one in plan.trials] == [61.5, 61.5, 80.0, 80.0]
+    assert [one.get(BodyMass).mass for one in plan.trials] == [61.5, 61.5, 80.0, 80.0]
     assert plan.subjects["P1"].shape.sex == "female"
     assert plan.subjects["P1"].shape.age == 30.0
     # A height without a chest is no body shape, and no fault in a table that has a column of heights.

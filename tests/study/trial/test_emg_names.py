@@ -6,8 +6,10 @@ import pytest
 
 from myomorph.model.errors import BadData
 from myomorph.study.analyze.generic_model import generic_model
-from myomorph.study.inputs.emg_files import OTHER_SENSORS, channel_muscles
+from myomorph.study.inputs.emg import EmgFiles
+from myomorph.study.inputs.emg_files import OTHER_SENSORS
 from myomorph.study.inputs.emg_names import muscles_of_channels, plain_channel
+from myomorph.study.inputs.keys import keys_of
 
 pytest.importorskip("myo_sim")
 
@@ -50,7 +52,9 @@ def test_channels_of_muscles_are(name: str) -> None:
 
 
 def test_muscles_of_channels_from_the_command_line() -> None:
-    assert channel_muscles(["EMG 1=soleus_r", "b=x,y"]) == {"EMG 1": ("soleus_r",), "b": ("x", "y")}
+    (key,) = (key for key in keys_of(EmgFiles) if key.name == "emg_muscles")
+    muscles = key.kind.parsed(key.name, ["EMG 1=soleus_r", "b=x,y"])
+    assert dict(muscles) == {"EMG 1": ("soleus_r",), "b": ("x", "y")}
     for text in (["a"], ["a="], ["a=b", "a=c"]):
         with pytest.raises(BadData, match="CHANNEL=MUSCLE"):
-            channel_muscles(text)
+            key.kind.parsed(key.name, text)

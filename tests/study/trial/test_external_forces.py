@@ -16,7 +16,9 @@ from myomorph.motion.sync import clock_shift, resample_wrenches
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.regressor import sum_of_wrenches
 from myomorph.store.settings import ForceOptions
-from myomorph.study.inputs.external_forces import bodies_of, read_loads, recording_wrenches
+from myomorph.study.inputs.external_forces import read_loads, recording_wrenches
+from myomorph.study.inputs.keys import keys_of
+from myomorph.study.inputs.loads import LoadsFile
 from myomorph.study.inputs.reading import open_model, read_motion
 from myomorph.study.subject.identifying import open_motions
 
@@ -124,14 +126,13 @@ def test_recordings_of_one_length_have_one_clock(start, stop, shift) -> None:
 
 
 def test_prefixes_and_plates_as_texts() -> None:
-    assert bodies_of(["ground_force_r_=calcn_r", "x=calcn_l"], "") == (
-        {"ground_force_r_": "calcn_r", "x": "calcn_l"},
-        (),
-    )
-    assert bodies_of([], "calcn_r,none,-,,calcn_l").plates == ("calcn_r", "", "", "", "calcn_l")
+    keys = {key.name: key.kind for key in keys_of(LoadsFile)}
+    bodies = keys["bodies"].parsed("bodies", ["ground_force_r_=calcn_r", "x=calcn_l"])
+    assert dict(bodies) == {"ground_force_r_": "calcn_r", "x": "calcn_l"}
+    assert keys["plates"].parsed("plates", "calcn_r,none,-,,calcn_l") == ("calcn_r", "", "", "", "calcn_l")
     for wrong in (["calcn_r"], ["a="], ["a=b", "a=c"]):
         with pytest.raises(BadData, match="prefix=body"):
-            bodies_of(wrong, "")
+            keys["bodies"].parsed("bodies", wrong)
 
 
 def test_times_that_do_not_meet_are_refused(walk, tmp_path) -> None:
@@ -193,7 +194,7 @@ def test_identification_takes_tables_too(walk, data) -> None:
     (one,) = open_motions(model, [data(f"{FOLDER}/coordinates.sto")], [data(f"{FOLDER}/grf_walk.mot")])
     for body in ("calcn_r", "calcn_l"):
         np.testing.assert_allclose(by_body(one.wrenches, body, motion), by_body(named, body, motion), atol=0.5)
-    bodies = bodies_of(["ground_force_r_=calcn_r", "ground_force_l_=calcn_l"], "")
+    bodies = LoadsFile(bodies={"ground_force_r_": "calcn_r", "ground_force_l_": "calcn_l"})
     (same,) = open_motions(model, [data(f"{FOLDER}/coordinates.sto")], [data(f"{FOLDER}/grf_walk.mot")], named=bodies)
     assert set(same.wrenches.bodies) == {"calcn_r", "calcn_l"}
 

@@ -9,11 +9,13 @@ from made_walker import PERIOD, recording, walker
 from myomorph.analysis.foot_events import Limb
 from myomorph.analysis.strides import find_strides
 from myomorph.analysis.walking import walking_strides
-from myomorph.model.series import Event, Series, Wrenches
+from myomorph.model.series import Event, Series, Trial, Wrenches
 from myomorph.motion.ik import inverse_kinematics
 from myomorph.motion.sync import cut
 from myomorph.store.results import new_result, read_result
 from myomorph.store.stored import put_events, put_motion
+from myomorph.study.inputs.by_type import ByType
+from myomorph.study.inputs.markers import Recording
 from myomorph.study.trial.steps.id import Torques
 from myomorph.study.trial.steps.ik import Poses
 from myomorph.study.trial.steps.tension import strides_of_trial
@@ -41,7 +43,7 @@ def walk():
 
 def test_the_step_of_tensions_uses_the_events_of_the_recording(walk):
     model, motion, alone, events = walk
-    trial = TrialInputs("walk", "one", model, events=events)
+    trial = TrialInputs("walk", "one", model, inputs=ByType(Recording(Trial(events=events))))
     torques = Torques(motion, Series(motion.time, motion.names, np.zeros_like(motion.values)), None)
     found = strides_of_trial(trial, Poses(motion), torques)
     assert found is not None

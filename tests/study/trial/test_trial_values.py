@@ -17,6 +17,7 @@ from myomorph.model.errors import BadData
 from myomorph.model.series import Wrenches
 from myomorph.store.outcome import Outcome
 from myomorph.store.results import value_source
+from myomorph.study.inputs.loads import ExternalLoads
 from myomorph.study.plan.plan import read_plan
 from myomorph.study.run.run import run_study
 from myomorph.study.trial import reporting
@@ -35,7 +36,7 @@ from myomorph.study.trial.tidy import (
     read_values,
     write_trial_values,
 )
-from myomorph.study.trial.trial_files import TrialFiles
+from myomorph.study.trial.trial_files import trial_files
 
 ANGLE, TORQUE = "joint angle [°]", "joint torque [N·m/kg]"
 
@@ -188,7 +189,7 @@ def test_strides_and_the_report_are_worked_out_once(walk, tmp_path, monkeypatch)
     while not (home / "walker.osim").is_file():
         home = home.parent
     settings = {"id": {"cutoff": 6.0}}
-    trial = open_trial(TrialFiles(home / "walker.osim", markers=home / "walk.trc", subject="s"), settings)
+    trial = open_trial(trial_files(home / "walker.osim", subject="s", markers=home / "walk.trc"), settings)
     outcome = run_trial(trial, ("ik", "id", "muscles", "report"), tmp_path)
     assert outcome.error == ""
     assert sorted(calls) == ["find_strides", "prepare"]
@@ -203,13 +204,13 @@ def test_what_every_step_found_doubtful_is_kept(tmp_path):
     body = walker()
     write_osim(body, tmp_path / "walker.osim")
     write_trc(recording(body, np.random.default_rng(5), 0.5), tmp_path / "walk.trc")
-    trial = open_trial(TrialFiles(tmp_path / "walker.osim", markers=tmp_path / "walk.trc"), {})
+    trial = open_trial(trial_files(tmp_path / "walker.osim", markers=tmp_path / "walk.trc"), {})
 
     def loads(motion):
         none = np.zeros((len(motion), 1, 3))
         return Wrenches(motion.time, ("plate",), ("foot_r",), none, none, none, notes=("a doubtful plate",))
 
-    for expected, one in ((True, replace(trial, loads=loads)), (False, trial)):
+    for expected, one in ((True, trial.having(ExternalLoads(loads))), (False, trial)):
         sources = (*trial.sources, value_source("loads", "plate", str(expected)))
         outcome = run_trial(replace(one, sources=sources), ("ik", "id"), tmp_path / "out")
         assert outcome.error == ""

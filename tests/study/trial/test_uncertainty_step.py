@@ -15,12 +15,13 @@ from myomorph.store.results import read_result
 from myomorph.study.plan.plan import read_plan
 from myomorph.study.run.run import run_study
 from myomorph.study.trial.load import load
-from myomorph.study.trial.open_trial import open_motion_trial
+from myomorph.study.trial.open_trial import open_trial
 from myomorph.study.trial.steps import draw_workers
 from myomorph.study.trial.steps.draw_workers import attempts
 from myomorph.study.trial.steps.drawn_trials import chain_of
 from myomorph.study.trial.steps.id import solve_dynamics
-from myomorph.study.trial.trial_files import TrialFiles
+from myomorph.study.trial.steps.ik import recorded_poses
+from myomorph.study.trial.trial_files import trial_files
 from myomorph.uncertainty.bodies import Draw
 from myomorph.uncertainty.normals import Normals
 from myomorph.uncertainty.sources import GROUPS, Sources
@@ -42,8 +43,9 @@ trials = [{{ markers = "reach.trc", loads = "reach_grf.xml" }}]
 
 
 def opened(arm, thin, **sizes):
-    files = TrialFiles(model=arm.model, motion=arm.motion, loads=arm.loads)
-    trial, poses = open_motion_trial(files, {"id": {"cutoff": 6.0}, "uncertainty": NONE | sizes})
+    files = trial_files(arm.model, motion=arm.motion, loads=arm.loads)
+    trial = open_trial(files, {"id": {"cutoff": 6.0}, "uncertainty": NONE | sizes})
+    poses = recorded_poses(trial)
     torques = solve_dynamics(trial, poses.recorded)
     return chain_of(trial, poses, torques, True, thin), torques, trial.options[Sources]
 
@@ -61,8 +63,9 @@ def test_an_error_of_the_force_comes_out_as_its_moment(arm):
     """Torques are linear in the force: their standard deviation is the gain's share of the moment of the force."""
     chain, torques, sources = opened(arm, False, plate_gain=0.02)
     values = np.stack([chain.drawn(Draw(k, sources, Normals(100)))["torques"] for k in range(100)])
-    files = TrialFiles(model=arm.model, motion=arm.motion)
-    trial, poses = open_motion_trial(files, {"id": {"cutoff": 6.0}})
+    files = trial_files(arm.model, motion=arm.motion)
+    trial = open_trial(files, {"id": {"cutoff": 6.0}})
+    poses = recorded_poses(trial)
     moment = torques.torques.values - solve_dynamics(trial, poses.recorded).torques.values
     np.testing.assert_allclose(values.std(axis=0), 0.02 * np.abs(moment), rtol=0.05, atol=1e-6)
 

@@ -14,10 +14,12 @@ from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, BadFile, MyomorphError
 from myomorph.model.series import Trial
 from myomorph.motion.protocols import ProtocolTable, Recognized, Site, recognize
+from myomorph.study.inputs.beside import plain_stem
+from myomorph.study.inputs.emg import emg_by_name
 from myomorph.study.inputs.external_forces import TABLES
 from myomorph.study.inputs.laboratory import Laboratory, Up
+from myomorph.study.inputs.loads import loads_by_name
 from myomorph.study.inputs.reading import read_recording
-from myomorph.study.plan.subject_trials import companion, plain_stem
 
 STILL = 0.03
 """Markers of somebody who stands still stay within so much, the farthest tenth of the frames left out [m]."""
@@ -194,7 +196,7 @@ def loads_beside(path: Path) -> Path | None:
 
     External loads files, and tables with columns of forces.
     """
-    result = companion(path, "loads")
+    result = loads_by_name(path)
     if result is not None and _has_forces(result):
         return result
     folders = [
@@ -205,7 +207,7 @@ def loads_beside(path: Path) -> Path | None:
         if one.is_dir() and one.name.lower().replace("_", "") in FORCE_FOLDERS
     ]
     for folder in folders:
-        result = companion(folder / path.name, "loads")
+        result = loads_by_name(folder / path.name)
         if result is not None and _has_forces(result):
             return result
     stem = plain_stem(path).lower()
@@ -224,7 +226,7 @@ def _has_forces(path: Path) -> bool:
 
 def emg_beside(path: Path) -> Path | None:
     """The file of EMG that belongs to a recording: by its name, or the only one that is called EMG."""
-    result = companion(path, "emg")
+    result = emg_by_name(path)
     if result is not None:
         return result
     alone = sum(trial_format(one) is not None for one in path.parent.iterdir() if one.is_file()) == 1

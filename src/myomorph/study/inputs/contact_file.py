@@ -24,10 +24,17 @@ from myomorph.model.contacts import Cone, Contacts, Site, Touch, contact_law
 from myomorph.model.errors import BadData, BadFile, MyomorphError, UnknownName, check_name, listing
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import GROUND, Model
+from myomorph.model.provenance import Source
 from myomorph.model.series import Z_UP_TO_Y_UP
 from myomorph.model.spatial import Transform
+from myomorph.store.results import file_source, value_source
 from myomorph.store.settings import Measured
 from myomorph.store.study_file import Strict, checked, existing, read_toml, refuse
+from myomorph.study.inputs.contacts import ContactsFile
+from myomorph.study.inputs.input import Opened, Opening
+from myomorph.study.inputs.loads import LoadsFile
+from myomorph.study.inputs.motion import MotionFile
+from myomorph.tension.terms.contacts import ContactOptions
 
 AUTO = "auto"
 Vector: TypeAlias = tuple[float, float, float]
@@ -126,6 +133,26 @@ class _StairsFile(Strict):
     stairs: _Stairs = Field(default_factory=_Stairs)
     step: list[_Step] = Field(min_length=1)
     paw: list[_Paw] = Field(default_factory=list)
+
+
+def opened(settings: ContactsFile, opening: Opening) -> Opened:
+    """What is known of the contacts of a trial."""
+    if not settings.contacts:
+        return Opened()
+    loads = opening.settings.or_default(LoadsFile).loads
+    if settings.measured == "shared" and loads is None and opening.settings.get(MotionFile) is not None:
+        raise BadData("--measured shared without --loads: give the forces that the contacts share")
+    plan = read_contacts(settings.contacts, opening.model, settings.measured)
+    # Options of contacts count wherever a recording has contacts.
+    return Opened((plan,), contact_sources(settings), options=(opening.options[ContactOptions],))
+
+
+def contact_sources(settings: ContactsFile) -> tuple[Source, ...]:
+    """What tells of contacts, as inputs by their hashes."""
+    source = value_source("contacts", settings.contacts, settings.contacts, settings.measured)
+    if settings.contacts == AUTO:
+        return (source,)
+    return source, *(file_source("contacts", path) for path in contact_files(Path(settings.contacts)))
 
 
 def read_contacts(source: str | Path, model: Model, measured: Measured | None = None) -> ContactPlan:

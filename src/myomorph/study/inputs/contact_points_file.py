@@ -11,8 +11,11 @@ from myomorph.io.mesh import read_surfaces
 from myomorph.model.errors import BadFile
 from myomorph.model.model import Model
 from myomorph.model.surface import Surface
+from myomorph.store.results import value_source
 from myomorph.store.study_file import Strict, checked, is_file, is_folder, read_toml, refuse
 from myomorph.study.inputs.contact_file import AUTO, Vector
+from myomorph.study.inputs.contact_points import ContactPointsFile
+from myomorph.study.inputs.input import Opened, Opening
 from myomorph.tension.joint_contact import ContactPoint, JointPoints
 from myomorph.tension.knee_points import knee_points
 
@@ -27,6 +30,14 @@ class _Point(Strict):
 
 class _File(Strict):
     point: list[_Point] = Field(min_length=1)
+
+
+def opened(settings: ContactPointsFile, opening: Opening) -> Opened:
+    """Contact points of a trial's joints."""
+    points = contact_points(settings.contact_points, opening.model)
+    if points is None:
+        return Opened()
+    return Opened((points,), (value_source("contact points", settings.contact_points, points.points),))
 
 
 def contact_points(given: str, model: Model) -> JointPoints | None:

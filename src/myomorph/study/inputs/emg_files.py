@@ -4,20 +4,36 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from myomorph.model.arrays import Array
-from myomorph.model.errors import BadData, BadFile
+from myomorph.model.errors import BadFile
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model, index_of
 from myomorph.model.series import Emg, Series, Table
-from myomorph.motion.emg_checks import BEYOND_ONE, envelope_faults, fast_share, noise_faults, raw_faults, without_faults
+from myomorph.motion.emg_checks import (
+    BEYOND_ONE,
+    envelope_faults,
+    fast_share,
+    noise_faults,
+    rate_against,
+    raw_faults,
+    without_faults,
+)
 from myomorph.motion.envelope import EnvelopeOptions, envelopes, largest
+from myomorph.store.results import file_source, value_source
+from myomorph.store.settings import plain_settings
+from myomorph.study.inputs.emg import EmgFiles, RecordedEmg
+from myomorph.study.inputs.emg_gains import read_gains, rescaled
 from myomorph.study.inputs.emg_names import muscles_of_channels
+from myomorph.study.inputs.input import Opened, Opening
+from myomorph.study.inputs.markers import NO_RECORDING, Recording
+from myomorph.study.inputs.motion import RecordedMotion
 from myomorph.study.inputs.reading import TABLE_FILES, about, read_recording
+from myomorph.tension.emg_targets import EmgOptions
 
 OTHER_SENSORS = re.compile(
     r"force|moment|torque|plate|cop|sync|trigger|pulse|speed|treadmill|gonio|acc|gyro|mag|load.?cell|imu|spare|channel"
@@ -33,24 +49,43 @@ SYMMETRIC = 0.55
 """How far raw EMG goes below its median at least, over how far above; rectified EMG goes 0.35 times as far."""
 
 
-@dataclass(frozen=True, eq=False)
-class OpenedEmg:
-    """EMG of a recording.
+def opened(settings: EmgFiles, opening: Opening) -> Opened:
+    """EMG of a trial, with the gains that its subject's steps found."""
+    sources = []
+    if settings.emg_muscles or settings.emg_side:
+        muscles = sorted(settings.emg_muscles.items())
+        sources.append(value_source("emg", "muscles of channels", muscles, settings.emg_side))
+    used = (("emg mvc", path) for path in settings.emg_mvc)
+    gains_file = (("emg gains", settings.emg_gains_file),) if settings.emg_gains_file else ()
+    sources += [file_source(role, path) for role, path in (*used, *gains_file)]
+    if settings.emg is None:
+        return Opened(sources=tuple(sources))
+    options = opening.options[EnvelopeOptions]
+    sources.append(file_source("emg", settings.emg))
+    sources.append(value_source("emg", "settings of envelopes", sorted(plain_settings(options).items())))
+    recorded = open_emg(settings.emg, opening.model, settings.emg_muscles, options, settings.emg_mvc, settings.emg_side)
+    if settings.emg_gains_file is not None:
+        gains = read_gains(settings.emg_gains_file)
+        emg = rescaled(recorded.emg, recorded.scale, gains.scale)
+        recorded = replace(recorded, emg=emg, scale=gains.scale, gains=gains.calibration)
+    time = _time(opening)
+    rate = "" if time is None else rate_against(recorded.emg, time)
+    # Options of EMG count wherever a recording has EMG.
+    return Opened(
+        (recorded,),
+        tuple(sources),
+        (*recorded.notes, *((rate,) if rate else ())),
+        f"EMG from {settings.emg.name}",
+        options=(opening.options[EmgOptions],),
+    )
 
-    Attributes
-    ----------
-    emg : envelopes of all channels that the file has, of a C3D file of those that tell a muscle
-    muscles : channel to the muscles it was measured on
-    maxima : envelope of channels in maximum voluntary contractions, empty where nobody measured any
-    notes : what was done, and what is wrong with it, one line each
-    scale : what each channel was divided by, in the units of the file
-    """
 
-    emg: Emg
-    muscles: Mapping[str, tuple[str, ...]]
-    notes: tuple[str, ...]
-    maxima: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
-    scale: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
+def _time(opening: Opening) -> Array | None:
+    """Clock of the motion (frames,) [s]."""
+    motion, recording = opening.values.get(RecordedMotion), opening.values.get(Recording) or NO_RECORDING
+    if motion is not None:
+        return motion.motion.time
+    return None if recording.markers is None else recording.markers.time
 
 
 def open_emg(
@@ -60,7 +95,7 @@ def open_emg(
     options: EnvelopeOptions | None = None,
     reference: Sequence[Path] = (),
     side: str = "",
-) -> OpenedEmg:
+) -> RecordedEmg:
     """EMG of a table or of the analog channels of a C3D file, as envelopes.
 
     Channels that swing about zero, or fast about an offset, are raw: they are filtered (see `envelopes`) and scaled to
@@ -103,10 +138,10 @@ def open_emg(
     notes = (f"{Path(path).name}: raw EMG, made into envelopes and {scaled}", *(fault.text for fault in faults))
     at_maximum = FrozenMap(dict.fromkeys(whole.names, 1.0) if reference else {})
     scale = FrozenMap({name: peaks[name] if peaks[name] > 0.0 else 1.0 for name in whole.names})
-    return _without_noise(OpenedEmg(whole, measured_on, (*mended, *notes), at_maximum, scale), named)
+    return _without_noise(RecordedEmg(whole, measured_on, (*mended, *notes), at_maximum, scale), named)
 
 
-def _without_noise(opened: OpenedEmg, named: Mapping[str, tuple[str, ...]]) -> OpenedEmg:
+def _without_noise(opened: RecordedEmg, named: Mapping[str, tuple[str, ...]]) -> RecordedEmg:
     """Channels that are noise throughout take no part, unless a user names their muscles."""
     found = noise_faults(opened.emg, tuple(opened.muscles))
     if not found:
@@ -184,7 +219,7 @@ def _swings_about_offset(column: Array, rate: float) -> bool:
 
 def _as_envelopes(
     series: Series, measured_on: Mapping[str, tuple[str, ...]], name: str, reference: Sequence[Path]
-) -> OpenedEmg:
+) -> RecordedEmg:
     values, notes, maxima = series.values, [], FrozenMap[str, float]({})
     peak = np.nanmax(values) if np.isfinite(values).any() else 0.0
     scale = np.ones(len(series.names))
@@ -199,7 +234,7 @@ def _as_envelopes(
     faults = envelope_faults(emg)
     used = [fault.text for fault in faults if not measured_on or fault.channel in measured_on]
     divided = FrozenMap(dict(zip(series.names, scale.tolist(), strict=True)))
-    return OpenedEmg(without_faults(emg, faults), measured_on, (*notes, *used), maxima, divided)
+    return RecordedEmg(without_faults(emg, faults), measured_on, (*notes, *used), maxima, divided)
 
 
 def _largest_of(reference: Sequence[Path], channel: str) -> float:
@@ -214,21 +249,3 @@ def _largest_of(reference: Sequence[Path], channel: str) -> float:
     if not largest_found > 0.0:
         raise BadFile(reference[0], f"has nothing on channel '{channel}'", "leave it out, or give another recording")
     return largest_found
-
-
-def channel_muscles(texts: Sequence[str]) -> dict[str, tuple[str, ...]]:
-    """EMG channels and their muscles from texts CHANNEL=MUSCLE,MUSCLE.
-
-    Raises
-    ------
-    BadData
-        where a text has no =, or a channel stands twice
-    """
-    result: dict[str, tuple[str, ...]] = {}
-    for text in texts:
-        channel, equal, muscles = text.partition("=")
-        names = tuple(one.strip() for one in muscles.split(",") if one.strip())
-        if not equal or not channel.strip() or not names or channel.strip() in result:
-            raise BadData(f"--emg-muscles {text}: expected CHANNEL=MUSCLE,MUSCLE once for each channel")
-        result[channel.strip()] = names
-    return result

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import NamedTuple
 
 from myomorph.contact.force_checks import LOAD, checked_forces
 from myomorph.io.force_table import ForceLayout, force_layout, read_forces
@@ -13,14 +13,21 @@ from myomorph.io.formats import trial_format
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, BadFile, UnknownName
 from myomorph.model.findings import Finding
-from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
+from myomorph.model.provenance import Source
+from myomorph.model.segments import feet_of
 from myomorph.model.series import Z_UP_TO_Y_UP, Motion, Trial, Wrenches
 from myomorph.motion.sync import clock_shift
+from myomorph.store.results import file_source, value_source
 from myomorph.store.settings import ForceOptions
+from myomorph.study.inputs.contacts import ContactsFile
+from myomorph.study.inputs.input import Opened, Opening
 from myomorph.study.inputs.laboratory import AS_RECORDED, Laboratory
+from myomorph.study.inputs.loads import ExternalLoads, LoadsFile
+from myomorph.study.inputs.markers import MarkersFile, Recording
 from myomorph.study.inputs.plate_wrenches import chosen_wrenches, nearest_feet, recorded_wrenches
 from myomorph.study.inputs.reading import PosesBy, about, faces_z, read_recording
+from myomorph.study.inputs.torques import TorquesFile
 
 TABLES = (".mot", ".sto", ".csv", ".txt")
 """Endings of tables of forces."""
@@ -29,21 +36,73 @@ NOBODY = ("", "-", "none")
 """What stands for a plate on which nobody steps."""
 
 
-class NamedBodies(NamedTuple):
-    """Bodies of forces that a user names.
+def opened(settings: LoadsFile, opening: Opening) -> Opened:
+    """External forces of a trial: of a file, or of the plates in its recording.
 
-    Attributes
-    ----------
-    bodies : prefix of the columns of each force of a table, and the body it acts on
-    plates : bodies on a recording's plates, in their order
+    Raises
+    ------
+    BadData
+        where bodies are named, but there are no forces
     """
+    model, recording, torques = opening.model, opening.values.get(Recording), opening.settings.get(TorquesFile)
+    sources: list[Source] = []
+    if settings.bodies or settings.plates:
+        bodies = sorted(settings.bodies.items())
+        sources.append(value_source("bodies", "bodies of the forces", bodies, settings.plates))
+    if settings.loads is None:
+        if recording is None and sources:
+            raise BadData("bodies of forces without forces: give --loads FILE with --plates or --bodies")
+        # Torques of a file hold whatever acts from outside.
+        plates = settings.plates or (recording is not None and recording.plates and feet_of(model))
+        if recording is None or not plates or (torques is not None and torques.torques is not None):
+            return Opened(sources=tuple(sources))
+        nearest = "The force of each plate acts on the foot that is nearest to its center of pressure."
+        loads = partial(
+            recording_wrenches, recording.trial, model, plates=settings.plates, options=_force_options(opening)
+        )
+        assumed = () if settings.plates else (nearest,)
+        return Opened((ExternalLoads(loads),), tuple(sources), real="external forces of the plates", assumed=assumed)
+    path, markers = settings.loads, opening.settings.or_default(MarkersFile)
+    loads = partial(
+        read_loads,
+        path,
+        model,
+        bodies=settings.bodies,
+        trial=markers.markers,
+        plates=settings.plates,
+        laboratory=opening.settings.get(Laboratory) or AS_RECORDED,
+        options=_force_options(opening),
+    )
+    sources += (file_source("loads", path), *load_tables(path, markers.markers))
+    return Opened((ExternalLoads(loads),), tuple(sources), real=f"external forces from {path.name}")
 
-    bodies: Mapping[str, str] = FrozenMap({})
-    plates: tuple[str, ...] = ()
+
+def _force_options(opening: Opening) -> ForceOptions:
+    """What is done with external forces: forces that contacts share are not on one body each, and stay as they are."""
+    options, contacts = opening.options[ForceOptions], opening.settings.get(ContactsFile)
+    if contacts is None or not contacts.contacts:
+        return options
+    # Most trials start without: loaded where a trial has such input.
+    from myomorph.contact.plan import ContactPlan
+
+    return replace(options, force_checks="none") if opening.values[ContactPlan].measured == "shared" else options
 
 
-NEAREST = NamedBodies()
-"""No body is named: forces go to the nearest feet."""
+def load_tables(path: Path, markers: Path | None = None) -> list[Source]:
+    """The tables that an external loads file, or a file of stairs, takes its numbers from."""
+    if path.suffix.lower() == ".toml":
+        # Most trials start without: loaded where a trial has such input.
+        from myomorph.study.inputs.contact_file import recording_of
+
+        return [file_source("load table", table) for table in recording_of(path, markers)]
+    if path.suffix.lower() != ".xml":
+        return []
+    # Brings SciPy: loaded only where loads are in an XML file.
+    from myomorph.io.loads import read_load_entries
+
+    with about(path):
+        tables = dict.fromkeys(entry.data for entry in read_load_entries(path))
+    return [file_source("load table", table) for table in tables]
 
 
 def read_loads(
@@ -274,33 +333,6 @@ def upright(trial: Trial, model: Model) -> Trial:
             warnings=(*trial.warnings, "the plates lie level with z: the recording was turned to the model's y axis"),
         )
     return trial
-
-
-def bodies_of_prefixes(texts: Sequence[str]) -> dict[str, str]:
-    """Bodies by prefix from texts `prefix=body`.
-
-    Raises
-    ------
-    BadData
-        where a text has no =, or a prefix stands twice
-    """
-    result: dict[str, str] = {}
-    for text in texts:
-        prefix, equal, body = text.partition("=")
-        if not equal or not body.strip() or prefix.strip() in result:
-            raise BadData(f"--bodies {text}: expected prefix=body once for each force, as ground_force_r_=calcn_r")
-        result[prefix.strip()] = body.strip()
-    return result
-
-
-def bodies_of(bodies: Sequence[str], plates: str) -> NamedBodies:
-    """Bodies of forces from texts `prefix=body` and a text `body,body,...`; raises `BadData`."""
-    return NamedBodies(bodies_of_prefixes(bodies), plates_of_text(plates))
-
-
-def plates_of_text(text: str) -> tuple[str, ...]:
-    """Bodies on plates from a text `body,body,...`; one that is empty, - or none is a plate that is left out."""
-    return tuple(map(_body_on_plate, text.split(","))) if text else ()
 
 
 def _body_on_plate(text: str) -> str:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
 from myomorph.model.arrays import Array
 from myomorph.model.series import Trial, Wrenches
 from myomorph.model.spatial import axis_rotation
+from myomorph.store.results import value_source
+from myomorph.study.inputs.input import Input, Opened, Opening
+from myomorph.study.inputs.keys import KeyKind
 
 Up = Literal["", "x", "-x", "y", "-y", "z", "-z"]
 UPRIGHT: dict[str, tuple[tuple[float, float, float], ...]] = {
@@ -33,8 +36,8 @@ class Laboratory:
     turn : by which the recording is turned about the model's vertical, counterclockwise from above [degrees]
     """
 
-    up: Up = ""
-    turn: float = 0.0
+    up: Annotated[Up, KeyKind()] = ""
+    turn: Annotated[float, KeyKind()] = 0.0
 
     def __bool__(self) -> bool:
         return bool(self.up) or self.turn != 0.0
@@ -57,4 +60,12 @@ class Laboratory:
         return replace(wrenches, **turned)
 
 
-AS_RECORDED = Laboratory()
+AS_RECORDED: Laboratory = Laboratory()
+
+
+def _open(settings: Laboratory, opening: Opening) -> Opened:
+    """Markers and forces are turned where they are read."""
+    return Opened(sources=(value_source("laboratory", "axes of the laboratory", settings),)) if settings else Opened()
+
+
+INPUT = Input(name="laboratory", settings=Laboratory, open=_open)

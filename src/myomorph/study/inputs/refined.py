@@ -3,9 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 from myomorph.model.arrays import read_only
 from myomorph.model.series import Motion
+from myomorph.study.inputs.input import Input, later
+
+
+@dataclass(frozen=True)
+class RefinedFile:
+    """What the subject's step `refine` found of a trial.
+
+    Attributes
+    ----------
+    path : of its coordinates; no such file where the trial was not among its own
+    cutoff : of the low-pass filter of the forces that these agree with [Hz]
+    """
+
+    path: Path
+    cutoff: float
 
 
 @read_only
@@ -20,3 +36,6 @@ class RefinedMotion:
 
     motion: Motion
     cutoff: float
+
+
+INPUT = Input(name="refined", settings=RefinedFile, open=later("myomorph.study.inputs.refined_motion:opened"))

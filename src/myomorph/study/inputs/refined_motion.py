@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -16,8 +17,24 @@ from myomorph.motion.marker_checks import CheckedFit
 from myomorph.motion.sync import resample_wrenches
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
+from myomorph.store.results import file_source
+from myomorph.study.inputs.input import Opened, Opening
+from myomorph.study.inputs.loads import ExternalLoads
 from myomorph.study.inputs.reading import read_motion
-from myomorph.study.inputs.refined import RefinedMotion
+from myomorph.study.inputs.refined import RefinedFile, RefinedMotion
+
+
+def opened(settings: RefinedFile, opening: Opening) -> Opened:
+    """The refined motion, and external forces filtered as they were when it was refined."""
+    if not settings.path.is_file():
+        return Opened()
+    refined, loads = read_refined(settings.path, settings.cutoff, opening.model), opening.values.get(ExternalLoads)
+    filtered = None if loads is None else ExternalLoads(partial(filtered_loads, loads.of, refined.cutoff))
+    return Opened(
+        (refined, filtered),
+        (file_source("refined motion", settings.path),),
+        real="coordinates refined together with body, masses and forces",
+    )
 
 
 def read_refined(path: Path, cutoff: float, model: Model) -> RefinedMotion:

@@ -10,9 +10,22 @@ from myomorph.io.sto import read_sto
 from myomorph.model.errors import BadData, BadFile, UnknownName
 from myomorph.model.model import Model
 from myomorph.model.series import Series
+from myomorph.store.results import file_source
+from myomorph.store.settings import TensionTables
 from myomorph.study.inputs import reading
+from myomorph.study.inputs.contact_points import ContactPointsFile
+from myomorph.study.inputs.contacts import ContactsFile
+from myomorph.study.inputs.input import Opened, Opening
+from myomorph.study.inputs.loads import LoadsFile
+from myomorph.study.inputs.torques import RecordedTorques, TorquesFile
 
 MOMENT, FORCE = "_moment", "_force"
+EXCLUDED = {
+    "loads": "loads: the torques already hold what the external forces do; give one of them",
+    "contacts": "contacts: forces of contacts are found with inverse dynamics, so leave the torques out",
+    "reactions": "joint reactions or contact points: loads of joints need the external forces, so give loads instead",
+}
+"""What torques cannot be given together with, and why."""
 
 
 def read_torques(path: Path, model: Model) -> tuple[Series, tuple[str, ...]]:
@@ -74,31 +87,28 @@ def _coordinate(column: str, model: Model, path: Path) -> str | None:
     return None
 
 
-def given_torques(
-    path: Path | None, model: Model, loads: Path | None, contacts: str, reactions: bool
-) -> tuple[Series | None, tuple[str, ...]]:
-    """`read_torques` where a file is given, and nothing beside it that it excludes.
-
-    Parameters
-    ----------
-    loads, contacts : what else is given of external forces
-    reactions : whether joint reactions, or contact points that share them, are asked for
+def opened(settings: TorquesFile, opening: Opening) -> Opened:
+    """Torques of a trial, where nothing is given beside them that they exclude.
 
     Raises
     ------
     BadData
         where they contradict each other
     """
+    path = settings.torques
     if path is None:
-        return None, ()
-    for given, what in (
-        (loads is not None, "loads: the torques already hold what the external forces do; give one of them"),
-        (bool(contacts), "contacts: forces of contacts are found with inverse dynamics, so leave the torques out"),
-        (
-            reactions,
-            "joint reactions or contact points: loads of joints need the external forces, so give loads instead",
-        ),
+        return Opened()
+    others = opening.settings
+    loads, contacts, points = others.get(LoadsFile), others.get(ContactsFile), others.get(ContactPointsFile)
+    reactions = opening.options[TensionTables].reactions != "none"
+    for is_there, what in (
+        (loads is not None and loads.loads is not None, EXCLUDED["loads"]),
+        (contacts is not None and bool(contacts.contacts), EXCLUDED["contacts"]),
+        (reactions or (points is not None and bool(points.contact_points)), EXCLUDED["reactions"]),
     ):
-        if given:
+        if is_there:
             raise BadData(f"{path.name}: torques are given together with {what}")
-    return read_torques(path, model)
+    torques, unused = read_torques(path, opening.model)
+    return Opened(
+        (RecordedTorques(torques),), (file_source("torques", path),), unused, f"joint torques from {path.name}"
+    )

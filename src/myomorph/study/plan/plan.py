@@ -13,6 +13,7 @@ from myomorph.model.frozen_map import FrozenMap
 from myomorph.store.outcome import Conditions, Excluded, Key
 from myomorph.store.results import file_name
 from myomorph.store.study_file import checked, existing, read_toml, refuse
+from myomorph.study.inputs.place import Notes
 from myomorph.study.plan.conditions import Exclusions, with_conditions
 from myomorph.study.plan.groups import GroupPlan, group_members, groups_of, measured_groups
 from myomorph.study.plan.measures import Measures, read_measures
@@ -34,7 +35,7 @@ from myomorph.study.plan.subject_tables import (
     study_steps,
     study_tables,
 )
-from myomorph.study.plan.subject_trials import Notes, contacts_file, measured, subject_files, subject_trials
+from myomorph.study.plan.subject_trials import contacts_file, measured, subject_files, subject_trials
 from myomorph.study.step.step_table import STEPS, usual_steps
 from myomorph.study.subject.subject_files import SubjectFiles
 from myomorph.study.trial.together import Together, together_of

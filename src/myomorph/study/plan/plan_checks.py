@@ -9,9 +9,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from myomorph.model.errors import MyomorphError, listing
-from myomorph.model.model import Model
+from myomorph.model.model import GROUND, Model
 from myomorph.store.results import file_name
 from myomorph.study.inputs.reading import open_model
+from myomorph.study.inputs.table import input_of, inputs_of
 from myomorph.study.step.step import step_of
 from myomorph.study.step.step_table import STEPS
 from myomorph.study.subject.subject_files import SubjectFiles
@@ -192,10 +193,11 @@ def check_model_names(trials: Sequence[TrialFiles], problems: list[str]) -> None
 
 def _named_in(trial: TrialFiles) -> Iterator[tuple[str, str, str]]:
     """Kind, key of the study file and name of all that must be the model's."""
-    yield from (("body", "bodies", name) for name in trial.bodies.values() if name != "ground")
-    yield from (("body", "plates", name) for name in trial.plates if name)
-    yield from (("marker", "labels", name) for name in trial.labels.values() if name)
-    yield from (("muscle", "emg_muscles", name) for names in trial.emg_muscles.values() for name in names)
+    for input_name, settings in inputs_of(trial.inputs).items():
+        for key in input_of(input_name).keys:
+            for kind, name in key.kind.parts(getattr(settings, key.name)):
+                if name != GROUND:
+                    yield kind, key.name, name
 
 
 def _names(kind: str, model: Model) -> tuple[str, ...]:

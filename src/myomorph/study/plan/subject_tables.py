@@ -11,9 +11,10 @@ from typing import Any, Literal
 from pydantic import BaseModel, Field, create_model
 
 from myomorph.model.errors import MyomorphError
-from myomorph.store.settings import Differentiation, Measured, Setting, Side, with_settings
+from myomorph.store.settings import Differentiation, Setting, with_settings
 from myomorph.store.study_file import Strict, StudyTable, globbed, is_pattern, options_table
-from myomorph.study.inputs.laboratory import Up
+from myomorph.study.inputs.place import Notes, Place
+from myomorph.study.inputs.table import INPUTS, all_keys
 from myomorph.study.plan.groups import StridesTable
 from myomorph.study.step.step import step_head, trial_steps
 from myomorph.study.step.step_table import REPORT, STEPS, usual_steps
@@ -86,29 +87,14 @@ class StudyHead(StudyTable):
 
 
 class TrialTable(Strict):
-    """A trial given by a table, where its files do not follow the rule of names."""
+    """A trial given by a table, where its files do not follow the rule of names; `input_tables` adds keys of inputs."""
 
-    markers: str | None = None
-    motion: str | None = None
     name: str = ""
     condition: str = ""
-    loads: str | None = None
-    torques: str | None = None
-    bodies: dict[str, str] = Field(default_factory=dict)
-    plates: list[str] = Field(default_factory=list)
-    emg: str | None = None
-    contacts: str = ""
-    measured: Measured | None = None
-    contact_points: str = ""
-    phases: dict[str, tuple[float, float]] = Field(default_factory=dict)
-    time: tuple[float, float] | None = None
-    up: Up | None = None
-    turn: float | None = None
-    assumed: list[str] = Field(default_factory=list)
 
 
 class SubjectTable(Strict):
-    """A subject, or all whose folders a pattern matches, or that a list names."""
+    """A subject, or all whose folders a pattern matches, or that a list names; `input_tables` adds keys of inputs."""
 
     name: str | None = None
     names: list[str] = Field(default_factory=list)
@@ -126,23 +112,9 @@ class SubjectTable(Strict):
     chest: float | None = Field(default=None, gt=0.0)
     sex: Literal["female", "male"] | None = None
     age: float | None = Field(default=None, gt=0.0)
-    emg_muscles: dict[str, list[str]] = Field(default_factory=dict)
-    emg_mvc: list[str] = Field(default_factory=list)
-    emg_side: Side = ""
-    emg_gains_file: str | None = None
     passive: list[str] = Field(default_factory=list)
     generic: str | None = None
-    tasks: str | None = None
-    actuators: str | None = None
-    contacts: str = ""
-    measured: Measured | None = None
-    contact_points: str = ""
-    time: tuple[float, float] | None = None
-    labels: dict[str, str] | str = Field(default_factory=dict)
-    up: Up = ""
-    turn: float = 0.0
     static_turn: float | None = None
-    assumed: list[str] = Field(default_factory=list)
     bones: BonesTable | None = None
 
 
@@ -156,15 +128,46 @@ class ExcludeTable(Strict):
 
 def study_tables() -> type[BaseModel]:
     """All tables of a study file, with the options that its steps have."""
-    return _tables(study_steps())
+    return _tables(study_steps(), tuple(INPUTS))
+
+
+def trial_table() -> type[BaseModel]:
+    """The table of a trial, with the keys of its inputs and the options of its steps."""
+    return _trial(study_steps(), tuple(INPUTS))
 
 
 @cache
-def _tables(steps: tuple[str, ...]) -> type[BaseModel]:
-    options = options_table(step_settings())
+def _options(steps: tuple[str, ...]) -> type[BaseModel]:
+    return options_table(step_settings())
+
+
+@cache
+def _trial(steps: tuple[str, ...], inputs: tuple[str, ...]) -> type[BaseModel]:
+    own: Any = (_options(steps), Field(default_factory=_options(steps)))
+    return create_model("_Trial", __base__=TrialTable, options=own, **input_keys("trial", TrialTable))
+
+
+def input_keys(per: str, base: type[BaseModel]) -> dict[str, Any]:
+    """Keys of inputs that the table of a subject or a trial has beside those of a base, as pydantic makes fields."""
+    return {
+        name: (key.table, Field(default=None, validate_default=False))
+        for name, (_, key) in all_keys().items()
+        if key.kind.per in (per, "both") and name not in base.model_fields
+    }
+
+
+@cache
+def _tables(steps: tuple[str, ...], inputs: tuple[str, ...]) -> type[BaseModel]:
+    options = _options(steps)
     own: Any = (options, Field(default_factory=options))
-    trial = create_model("_Trial", __base__=TrialTable, options=own)
-    subject = create_model("_Subject", __base__=SubjectTable, options=own, trials=(list[str | trial], ...))  # type: ignore[valid-type]
+    trial = _trial(steps, inputs)
+    subject = create_model(
+        "_Subject",
+        __base__=SubjectTable,
+        options=own,
+        trials=(list[str | trial], ...),  # type: ignore[valid-type]
+        **input_keys("subject", SubjectTable),
+    )
     return create_model(
         "StudyFile",
         __base__=Strict,
@@ -217,8 +220,12 @@ class Named:
 
     name: str
     folder: Path
-    table: SubjectTable
+    table: Any
     matched: bool = False
+
+    def place(self, notes: Notes) -> Place:
+        """Where its table stands."""
+        return Place(self.folder, f"subject '{self.name}'", notes)
 
 
 def as_list(patterns: Patterns) -> list[str]:

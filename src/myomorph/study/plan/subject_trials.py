@@ -2,80 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from myomorph.io.force_table import holds_forces
-from myomorph.io.labels import read_labels
-from myomorph.model.errors import BadFile, listing
+from myomorph.model.errors import listing
 from myomorph.model.frozen_map import FrozenMap
-from myomorph.store.study_file import check_time, existing, is_folder, matching
-from myomorph.study.inputs.contact_file import AUTO
+from myomorph.store.study_file import existing, matching
+from myomorph.study.inputs.beside import plain_stem
+from myomorph.study.inputs.keys import WordOrFile
 from myomorph.study.inputs.laboratory import Laboratory
+from myomorph.study.inputs.place import Notes, Place
+from myomorph.study.inputs.table import INPUTS, all_keys, input_of, settings_of_keys
 from myomorph.study.plan.measures import Measures
-from myomorph.study.plan.subject_tables import Named, SubjectTable, TrialTable, given_options, study_steps
+from myomorph.study.plan.subject_tables import Named, SubjectTable, given_options, study_steps, trial_table
 from myomorph.study.step.step_table import STEPS
 from myomorph.study.subject.morph_files import bones_of
 from myomorph.study.subject.subject_files import BodyShape, SubjectFiles
 from myomorph.study.trial.trial_files import TrialFiles
 
-MARKERS = ("markers_", "marker_", "_markers", "_marker", "_trc", "_ik", "ik_", "_coordinates", "_motion")
-LOADS = ("grf", "GRF", "external_loads", "external_forces", "externalforces", "ExternalLoads", "loads", "forces")
-EMG = ("emg", "EMG", "electromyography", "envelopes")
+BEGINS = ("markers", "motion")
+"""Keys of what a trial begins with."""
 COORDINATES = (".mot", ".sto")
 """Endings of tables of coordinates, with which a trial may begin."""
 NEEDS_MASS = ("refine", "identify")
 """Steps that hold what they find against the mass of the subject."""
-
-
-def plain_stem(markers: Path) -> str:
-    """A recording's name without its ending, and without "markers" before or after it."""
-    stem = markers.stem
-    for part in MARKERS:
-        if part.endswith("_") and stem.lower().startswith(part):
-            stem = stem[len(part) :]
-        elif part.startswith("_") and stem.lower().endswith(part):
-            stem = stem[: -len(part)]
-    return stem or markers.stem
-
-
-def companion(markers: Path, kind: str) -> Path | None:
-    """The file of forces ("loads") or EMG ("emg") that belongs to a recording, by its stem, or None.
-
-    With STEM the recording's name (and the same without "markers"), and WORD one of `LOADS` or `EMG`, the
-    first of these that exists beside it: STEM_WORD, WORD_STEM, STEM; forces first as an external loads file
-    (.xml), then as a table (.mot, .sto); EMG as a table (.sto, .mot, .csv), and never STEM alone.
-    """
-    words, endings = (LOADS, (".xml", ".mot", ".sto")) if kind == "loads" else (EMG, (".sto", ".mot", ".csv"))
-    stems = dict.fromkeys((markers.stem, plain_stem(markers)))
-    for ending in endings:
-        for stem in stems:
-            names = [name for word in words for name in (f"{stem}_{word}", f"{word}_{stem}")]
-            if kind == "loads":
-                names.append(stem)
-            for name in names:
-                path = markers.with_name(name + ending)
-                if path.is_file():
-                    return path
-    return None
-
-
-@dataclass
-class Notes:
-    """What is found while a study file is being read.
-
-    Attributes
-    ----------
-    problems : all of them make the file be refused
-    remarks : what is not used, or not as one might think
-    found : files that were found by the rule of names
-    """
-
-    problems: list[str] = field(default_factory=list)
-    remarks: list[str] = field(default_factory=list)
-    found: list[str] = field(default_factory=list)
 
 
 def measured(named: Named, measures: Measures | None, source: str, notes: Notes) -> tuple[SubjectTable, Path | None]:
@@ -136,6 +87,7 @@ def subject_files(named: Named, model: Path | None, trials: tuple[TrialFiles, ..
         problems.append(f"{where}: a body shape takes 'height' and 'chest' [m], but '{lacking}' is missing")
     if "morph" in table.steps and table.bones is None:
         problems.append(f"{where}: the step 'morph' needs a table 'bones' with the folder of the subject's bones")
+    shared = located(table, "subject", named.place(notes))
     source = model or folder / (table.model or "")
     bones = None if table.bones is None else bones_of(table.bones, source, table.mass, folder, where, problems)
     shape = BodyShape(files["skin"], files["landmarks"], table.height, table.chest, table.sex, table.age)
@@ -148,8 +100,10 @@ def subject_files(named: Named, model: Path | None, trials: tuple[TrialFiles, ..
         trials,
         bones,
         model_of=table.model_of or "",
-        labels=labels_of(table.labels, folder, where, problems),
-        static_laboratory=Laboratory(table.up, table.turn if table.static_turn is None else table.static_turn),
+        labels=shared.get("labels", FrozenMap({})),
+        static_laboratory=Laboratory(
+            shared.get("up", ""), shared.get("turn", 0.0) if table.static_turn is None else table.static_turn
+        ),
         passive=tuple(passive),
         generic=files["generic"],
     )
@@ -186,145 +140,81 @@ def subject_trials(
     ----------
     left_out : whether the study leaves out a trial of a subject; its other files are then not looked for
     """
-    table, folder, where, problems = named.table, named.folder, f"subject '{named.name}'", notes.problems
-    shared = {
-        role: existing(folder, name, f"{where}: {role}", problems)
-        for role, name in (
-            *(("model", table.model), ("tasks", table.tasks), ("actuators", table.actuators)),
-            ("emg_gains_file", table.emg_gains_file),
-        )
-    }
+    table, place = named.table, named.place(notes)
+    file = existing(named.folder, table.model, f"{place.where}: model", notes.problems)
     if table.emg_gains_file is not None and "emg" in table.steps:
-        problems.append(f"{where}: 'emg_gains_file' and the step 'emg', which finds gains: leave one of them out")
-    reference = [path for given in table.emg_mvc for path in matching(folder, given, f"{where}: emg_mvc", problems)]
+        notes.problems.append(
+            f"{place.where}: 'emg_gains_file' and the step 'emg', which finds gains: leave one of them out"
+        )
     if not table.trials:
-        problems.append(f"{where}: has no trials")
-    whole = TrialFiles(
-        model=model or shared["model"] or folder,
-        subject=named.name,
-        emg_muscles={channel: tuple(names) for channel, names in table.emg_muscles.items()},
-        emg_mvc=tuple(reference),
-        emg_side=table.emg_side,
-        emg_gains=shared["emg_gains_file"],
-        tasks=shared["tasks"],
-        actuators=shared["actuators"],
-        contacts=contacts_file(table.contacts, folder, where, notes),
-        measured=table.measured,
-        contact_points=_points(table.contact_points, folder, where, notes),
-        mass=table.mass,
-        time=table.time,
-        labels=labels_of(table.labels, folder, where, problems),
-        laboratory=Laboratory(table.up, table.turn),
-        assumed=tuple(table.assumed),
-    )
-    check_time(table.time, f"{where}: time", problems)
-    for trial, recording in _recordings(table, folder, where, problems):
+        notes.problems.append(f"{place.where}: has no trials")
+    shared = located(table, "subject", place)
+    for trial, recording in _recordings(table, named.folder, place.where, notes.problems):
         name = trial.name or plain_stem(recording)
-        if not left_out(named.name, name):
-            begun = replace(whole, name=name, markers=recording)
-            begun = replace(begun, markers=None, motion=recording) if trial.motion else begun
-            yield _trial(begun, trial, folder, notes), given_options(trial)
-
-
-def _recordings(
-    table: SubjectTable, folder: Path, where: str, problems: list[str]
-) -> Iterator[tuple[TrialTable, Path]]:
-    """The recordings of markers or coordinates that the entries of `trials` name: patterns, files, or tables."""
-    for given in table.trials:
-        trial = _of_text(given) if isinstance(given, str) else given
-        pattern = trial.markers or trial.motion
-        if pattern is None or (trial.markers and trial.motion):
-            problems.append(f"{where}: a trial has one of 'markers' and 'motion'")
+        if left_out(named.name, name):
             continue
-        for recording in matching(folder, pattern, where, problems):
-            yield trial, recording
+        own = located(trial, "trial", place, leave_out=BEGINS) | {_begins(trial): recording}
+        values = shared | own
+        values |= {key: (*shared[key], *own[key]) for key in own if key in shared and all_keys()[key][1].kind.adds}
+        if own.get("torques") is not None and own.get("loads") is not None:
+            notes.problems.append(f"{place.where}: {name}: 'torques' and 'loads' are given: give one of them")
+        inputs = settings_of_keys(values | _beside(recording, values, named.name, notes))
+        yield TrialFiles(model or file or named.folder, name, named.name, inputs, trial.condition), given_options(trial)
 
 
-def _of_text(given: str) -> TrialTable:
-    """A trial that is a name or a pattern: of coordinates where it ends as tables do, else of markers."""
-    return TrialTable(motion=given) if Path(given).suffix.lower() in COORDINATES else TrialTable(markers=given)
+def located(table: Any, per: str, place: Place, leave_out: Sequence[str] = ()) -> dict[str, Any]:
+    """What a table says of inputs, by key, its paths as files.
+
+    Parameters
+    ----------
+    per : "subject" or "trial": whose table it is
+    leave_out : keys that are looked at elsewhere
+    """
+    return {
+        name: key.kind.located(name, getattr(table, name), place)
+        for name, (_, key) in all_keys().items()
+        if name in table.model_fields_set and name not in leave_out and key.kind.per in (per, "both")
+    }
 
 
-def _holds_forces(loads: Path) -> bool:
-    """Whether a file that was found beside a recording names its forces, or is a table with columns of forces."""
-    return loads.suffix.lower() not in (".mot", ".sto") or holds_forces(loads)
-
-
-def _trial(whole: TrialFiles, trial: TrialTable, folder: Path, notes: Notes) -> TrialFiles:
-    """A recording's own files, beside what the subject's table says of all."""
-    where, problems = f"subject '{whole.subject}'", notes.problems
-    torques = None
-    if trial.torques is not None:
-        torques = existing(folder, trial.torques, f"{where}: torques", problems)
-        if trial.loads is not None:
-            problems.append(f"{where}: {whole.name}: 'torques' and 'loads' are given: give one of them")
-    # Torques that are given hold what the forces do, so none are looked for beside the recording.
-    loads = None if torques is not None else _companion(whole, folder, trial.loads, "loads", notes)
-    if loads is not None and trial.loads is None and not trial.bodies and not _holds_forces(loads):
-        notes.found.pop()
-        notes.remarks.append(f"{whole.subject}/{loads.name} is not used: no columns of forces are found in it")
-        loads = None
-    check_time(trial.time, f"{where}: time", problems)
-    for name, span in trial.phases.items():
-        check_time(span, f"{where}: phase '{name}'", problems)
-    return replace(
-        whole,
-        loads=loads,
-        torques=torques,
-        bodies=FrozenMap(dict(trial.bodies)),
-        plates=tuple(trial.plates),
-        emg=_companion(whole, folder, trial.emg, "emg", notes),
-        contacts=contacts_file(trial.contacts, folder, where, notes) if trial.contacts else whole.contacts,
-        measured=trial.measured or whole.measured,
-        contact_points=_points(trial.contact_points, folder, where, notes) or whole.contact_points,
-        phases=FrozenMap(dict(trial.phases)),
-        time=trial.time or whole.time,
-        condition=trial.condition,
-        laboratory=Laboratory(
-            whole.laboratory.up if trial.up is None else trial.up,
-            whole.laboratory.turn if trial.turn is None else trial.turn,
-        ),
-        assumed=(*whole.assumed, *trial.assumed),
-    )
-
-
-def _companion(whole: TrialFiles, folder: Path, given: str | None, kind: str, notes: Notes) -> Path | None:
-    """The forces or EMG of a trial: as given, or found by its stem."""
-    if given is not None:
-        return existing(folder, given, f"subject '{whole.subject}': {kind}", notes.problems)
-    recording = whole.markers or whole.motion
-    assert recording is not None
-    result = companion(recording, kind)
-    if result is None or result == recording:
-        return None
-    notes.found.append(f"{whole.subject}/{recording.name}: {kind} from {result.name}")
+def _beside(recording: Path, values: Mapping[str, Any], subject: str, notes: Notes) -> dict[str, Path]:
+    """Files that belong to a recording by the rule of names, where nothing else is said."""
+    result = {}
+    for declared in map(input_of, INPUTS):
+        if declared.beside is None or declared.main in values:
+            continue
+        path, remark = declared.beside(recording, values)
+        if remark:
+            notes.remarks.append(f"{subject}/{remark}")
+        if path is not None and path != recording:
+            notes.found.append(f"{subject}/{recording.name}: {declared.main} from {path.name}")
+            result[declared.main] = path
     return result
 
 
-def _points(given: str, folder: Path, where: str, notes: Notes) -> str:
-    """What tells of contact points: "auto", or a folder or file as a path that can be opened."""
-    if given in ("", AUTO) or is_folder(folder / given):
-        return given if given in ("", AUTO) else str(folder / given)
-    return str(existing(folder, given, f"{where}: contact_points", notes.problems) or "")
+def _recordings(table: SubjectTable, folder: Path, where: str, problems: list[str]) -> Iterator[tuple[Any, Path]]:
+    """The recordings of markers or coordinates that the entries of `trials` name: patterns, files, or tables."""
+    trial: Any
+    for given in table.trials:
+        trial = _of_text(given) if isinstance(given, str) else given
+        if bool(trial.markers) == bool(trial.motion):
+            problems.append(f"{where}: a trial has one of 'markers' and 'motion'")
+            continue
+        for recording in matching(folder, trial.markers or trial.motion, where, problems):
+            yield trial, recording
+
+
+def _begins(trial: Any) -> str:
+    """Which of `BEGINS` a trial has."""
+    return "markers" if trial.markers else "motion"
+
+
+def _of_text(given: str) -> Any:
+    """A trial that is a name or a pattern: of coordinates where it ends as tables do, else of markers."""
+    key = "motion" if Path(given).suffix.lower() in COORDINATES else "markers"
+    return trial_table()(**{key: given})
 
 
 def contacts_file(given: str, folder: Path, where: str, notes: Notes) -> str:
     """What tells of contacts: "auto", or a file as a path that can be opened."""
-    if given in ("", AUTO):
-        return given
-    found = existing(folder, given, f"{where}: contacts", notes.problems)
-    if found is None:
-        return ""
-    return str(found)
-
-
-def labels_of(given: Mapping[str, str] | str, folder: Path, where: str, problems: list[str]) -> Mapping[str, str]:
-    """Labels of a study file: a table of its own, or a file that holds one."""
-    if not isinstance(given, str):
-        return FrozenMap(dict(given))
-    path = existing(folder, given, f"{where}: labels", problems)
-    try:
-        return FrozenMap({} if path is None else read_labels(path))
-    except BadFile as error:
-        problems.append(f"{where}: labels: {error}")
-        return FrozenMap({})
+    return WordOrFile().located("contacts", given, Place(folder, where, notes))

@@ -15,7 +15,10 @@ from myomorph.store.locks import RunMark
 from myomorph.store.outcome import GATHERED, Key, Outcome
 from myomorph.store.results import STORED, file_name, file_source, read_result
 from myomorph.store.settings import TrialMotion, with_settings
+from myomorph.study.inputs.emg import EmgFiles
+from myomorph.study.inputs.error_sizes import ErrorSizeTables
 from myomorph.study.inputs.reading import open_model
+from myomorph.study.inputs.refined import RefinedFile
 from myomorph.study.plan.plan import Plan
 from myomorph.study.run.work import Graph, Recording, Work
 from myomorph.study.step.folder_steps import FolderSteps
@@ -133,15 +136,16 @@ def with_made(files: TrialFiles, made: MadeModel, maker: str, settings: Settings
     maker : subject whose steps they are
     settings : of the trial's subject
     """
-    files = replace(files, model=made.path, error_sizes=made.sizes)
+    files = replace(files, model=made.path).having(ErrorSizeTables(made.sizes))
     if maker != files.subject:
         return files
-    if made.gains is not None and files.emg is not None:
-        files = replace(files, emg_gains=made.gains)
+    recorded = files.get(EmgFiles)
+    if made.gains is not None and recorded.emg is not None:
+        files = files.having(replace(recorded, emg_gains_file=made.gains))
     refining = settings.get("refine", {})
     if made.motions is not None and with_settings(TrialMotion(), refining).use_motions:
         cutoff = with_settings(RefineOptions(), refining).cutoff
-        files = replace(files, refined=made.motions / f"{file_name(files.name)}.mot", refined_cutoff=cutoff)
+        files = files.having(RefinedFile(made.motions / f"{file_name(files.name)}.mot", cutoff))
     return files
 
 
@@ -202,7 +206,6 @@ class _Works:
         self.used[key] = files
         home, settings = self.plan.home(self.out, *key), self.plan.settings_of(*key)
         steps = tuple(step for step in (*STEPS["trial"], REPORT) if step in steps)
-        read = (files.markers, files.motion, files.loads, files.torques, files.emg, files.tasks, files.actuators)
         self.works.append(
             Work(
                 "trial",
@@ -214,7 +217,7 @@ class _Works:
                 fresh=self.fresh,
                 mark=self.mark,
                 settings=settings,
-                files=tuple(path.name for path in read if path is not None),
+                files=tuple(dict.fromkeys(path.name for path in files.paths)),
                 recordings=_recordings(files),
             )
         )

@@ -80,6 +80,7 @@ class Step(StepHead, Generic[Result]):
     needs : types of earlier results that it cannot do without
     uses : types of earlier results that it takes where they are there
     read : its result as stored, given the options of all steps; None where the file has none
+    inputs : names of the trial's inputs that it reads, see `study.inputs.table`; its command has their flags
     roles : of the sources that its result depends on, None for all
     hashed : from the trial to values of options that its result depends on; by default all of `options`
     show : adds what a result file has of this step to what the report shows
@@ -108,6 +109,7 @@ class Step(StepHead, Generic[Result]):
     needs: tuple[type, ...] = ()
     uses: tuple[type, ...] = ()
     read: Callable[[Stored, OptionSet], Result | None] = lambda stored, options: None
+    inputs: tuple[str, ...] = ()
     roles: tuple[str, ...] | None = None
     hashed: Callable[[Any], Sequence[object]] | None = None
     show: Callable[[ReportInput, Stored], ReportInput] = lambda given, stored: given

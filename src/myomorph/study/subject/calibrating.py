@@ -180,9 +180,10 @@ def calibrate_subject(subject: SubjectInputs, output: FolderOutput) -> Calibrate
     warnings, findings = [text for trial in trials for text in trial.warnings], list[Finding]()
     recordings = {}
     for trial in trials:
-        if trial.markers is not None:
-            reading.cut_to(trial.time, trial.markers, trial.name)
-            recordings[trial.name] = _checked(trial.name, used_markers(trial, trial.markers), model, findings)
+        markers = trial.recording.markers
+        if markers is not None:
+            reading.cut_to(trial.time, markers, trial.name)
+            recordings[trial.name] = _checked(trial.name, used_markers(trial, markers), model, findings)
             weights = trial.options[InverseKinematicsOptions].marker_weights
             options = replace(options, marker_weights=weights or options.marker_weights)
     if files.static is not None:

@@ -5,14 +5,23 @@ from __future__ import annotations
 import csv
 from collections.abc import Mapping, Sequence
 
+from myomorph.contact.plan import ContactPlan
 from myomorph.io.parsing.text import written
 from myomorph.model.errors import BadData
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.store.progress import progress
+from myomorph.study.inputs.actuators import Actuators
+from myomorph.study.inputs.emg import RecordedEmg
 from myomorph.study.inputs.emg_gains import SubjectGains, common_scale, rescaled, write_gains
+from myomorph.study.inputs.loads import ExternalLoads
+from myomorph.study.inputs.motion import RecordedMotion
+from myomorph.study.inputs.torques import RecordedTorques
 from myomorph.study.step.folder_steps import FolderOutput
 from myomorph.study.step.step import Step
-from myomorph.study.subject.subject_files import SubjectInputs, recordings_provenance
+from myomorph.study.subject.subject_files import (
+    SubjectInputs,
+    recordings_provenance,
+)
 from myomorph.study.trial.emg_tables import EMG_TABLE, write_channels
 from myomorph.study.trial.steps.id import solve_dynamics
 from myomorph.study.trial.steps.ik import solve_kinematics
@@ -41,22 +50,24 @@ def subject_gains(trials: Sequence[TrialInputs]) -> tuple[SubjectGains, Mapping[
         reasons = "; ".join(f"{name}: {why}" for name, why in parts.items())
         raise BadData(f"no trial determines EMG gains ({reasons}): leave the step 'emg' out, or give trials that do")
     muscles = _muscles(used)
-    scale = common_scale([one.emg_scale for one in used])
+    recorded_emg = {trial.name: trial.inputs[RecordedEmg] for trial in used}
+    scale = common_scale([whole.scale for whole in recorded_emg.values()])
     found, maxima = [], dict[str, float]()
     for trial in used:
-        assert trial.emg is not None
+        own, motion = recorded_emg[trial.name], trial.get(RecordedMotion)
         with progress(f"{trial.name}: EMG and torques", 1, "trials") as advance:
-            recorded = solve_kinematics(trial).fit.motion if trial.motion is None else trial.motion
+            recorded = solve_kinematics(trial).fit.motion if motion is None else motion.motion
             dynamics = solve_dynamics(trial, recorded)
-            emg = rescaled(trial.emg, trial.emg_scale, scale)
+            emg = rescaled(own.emg, own.scale, scale)
             found.append(EmgTrial(dynamics.motion, dynamics.torques, emg))
-            for name, one in trial.emg_maxima.items():
+            for name, one in own.maxima.items():
                 # Of the same contractions, in the units that all trials have now.
-                maxima[name] = one * trial.emg_scale.get(name, 1.0) / scale.get(name, 1.0)
+                maxima[name] = one * own.scale.get(name, 1.0) / scale.get(name, 1.0)
             advance(1)
     first = used[0]
     tension = first.options[TensionOptions]
-    actuators = added_reserves(first.model, tension) if first.actuators is None else first.actuators
+    beside = first.get(Actuators)
+    actuators = added_reserves(first.model, tension) if beside is None else beside.actuators
     largest = {name: one for name, one in maxima.items() if name in muscles}
     emg_options = first.options[EmgOptions]
     calibration = calibrate_emg(first.model, found, muscles, emg_options, tension, actuators, largest)
@@ -65,30 +76,37 @@ def subject_gains(trials: Sequence[TrialInputs]) -> tuple[SubjectGains, Mapping[
 
 def _left_out(trial: TrialInputs) -> str:
     """Why a trial does not determine gains, "" where it does."""
-    if trial.emg is None:
+    recorded = trial.get(RecordedEmg)
+    if recorded is None:
         return "no EMG"
-    if not trial.emg_muscles:
+    if not recorded.muscles:
         return "no channel's name contains a muscle of the model"
-    if trial.contacts is not None:
+    if trial.get(ContactPlan) is not None:
         return "its contact forces are estimated, so its torques are not known before its tensions"
-    if trial.loads is None and trial.torques is None and floating_joints(trial.model):
+    forces = trial.get(ExternalLoads) or trial.get(RecordedTorques)
+    if forces is None and floating_joints(trial.model):
         return "no external forces"
     return ""
+
+
+def _channels(trial: TrialInputs) -> Mapping[str, tuple[str, ...]]:
+    """Channels of a trial and their muscles."""
+    recorded = trial.get(RecordedEmg)
+    return {} if recorded is None else recorded.muscles
 
 
 def _muscles(trials: Sequence[TrialInputs]) -> dict[str, tuple[str, ...]]:
     """Muscles of the channels that all trials have."""
     first = trials[0]
-    assert first.emg is not None
-    common = dict(first.emg_muscles)
+    common = dict(_channels(first))
     for trial in trials[1:]:
-        for channel, names in trial.emg_muscles.items():
+        for channel, names in _channels(trial).items():
             if channel in common and tuple(common[channel]) != tuple(names):
                 raise BadData(
                     f"EMG channel '{channel}' is of {', '.join(common[channel])} in '{first.name}', but of "
                     f"{', '.join(names)} in '{trial.name}': gains of all trials need the same electrodes"
                 )
-        common = {channel: names for channel, names in common.items() if channel in trial.emg_muscles}
+        common = {channel: names for channel, names in common.items() if channel in _channels(trial)}
     if not common:
         listed = ", ".join(one.name for one in trials)
         raise BadData(f"no EMG channel is in all of the trials {listed}: gains of all trials need the same electrodes")

@@ -28,8 +28,9 @@ from myomorph.store.progress import progress
 from myomorph.store.results import file_source, provenance_of
 from myomorph.store.settings import ForceOptions, SettingGroup
 from myomorph.study.inputs import reading
-from myomorph.study.inputs.error_sizes import write_error_sizes
-from myomorph.study.inputs.external_forces import NEAREST, NamedBodies, read_loads
+from myomorph.study.inputs.error_size_tables import write_error_sizes
+from myomorph.study.inputs.external_forces import load_tables, read_loads
+from myomorph.study.inputs.loads import ExternalLoads, LoadsFile
 from myomorph.study.step.folder_steps import FolderOutput
 from myomorph.study.step.step import Step
 from myomorph.study.subject.body_points import OWN, body_points
@@ -42,7 +43,6 @@ from myomorph.study.subject.subject_files import (
 )
 from myomorph.study.subject.subjects import write_made_model
 from myomorph.study.trial.steps.ik import solve_kinematics
-from myomorph.study.trial.trial_files import load_tables
 
 MAPS = {"bone": "w_b", "cog": "w_d", "nearest": "w_n", OWN: "own link"}
 """Weight maps as the command names them, and as [D] and the tables do."""
@@ -91,7 +91,7 @@ def open_motions(
     loads: Sequence[Path],
     time: tuple[float, float] | None = None,
     held_out: bool = False,
-    named: NamedBodies = NEAREST,
+    named: LoadsFile | None = None,
     forces: ForceOptions | None = None,
 ) -> list[SubjectMotion]:
     """Motions and their forces, in pairs in the order given.
@@ -111,11 +111,11 @@ def open_motions(
             f"{len(motions)} motions but {len(loads)} files of forces: give one of each for every recording, "
             "in the same order"
         )
-    result = []
+    result, bodies = [], named or LoadsFile()
     for motion_path, loads_path in zip(motions, loads, strict=True):
         motion = reading.read_motion(motion_path, model)
         cut_to = reading.cut_to(time, motion, motion_path)
-        wrenches = read_loads(loads_path, model, motion, named.bodies, plates=named.plates, options=forces)
+        wrenches = read_loads(loads_path, model, motion, bodies.bodies, plates=bodies.plates, options=forces)
         result.append(SubjectMotion(motion_path.name, motion, wrenches, cut_to, held_out))
     return result
 
@@ -321,10 +321,11 @@ def summary(identification: Identification) -> list[str]:
 def _run(subject: SubjectInputs, output: FolderOutput) -> None:
     files, motions = subject.files, []
     for trial in subject.trials():
-        if trial.loads is None:
+        loads = trial.get(ExternalLoads)
+        if loads is None:
             continue
         motion = solve_kinematics(trial).fit.motion
-        motions.append(SubjectMotion(trial.name, motion, trial.loads(motion)))
+        motions.append(SubjectMotion(trial.name, motion, loads.of(motion)))
     if not motions:
         raise BadData(
             f"subject '{files.name}': no trial has external forces, so 'identify' has nothing to hold masses against"

@@ -35,7 +35,7 @@ from myomorph.store.progress import progress
 from myomorph.store.results import provenance_of
 from myomorph.store.settings import SettingGroup
 from myomorph.study.inputs import reading
-from myomorph.study.inputs.error_sizes import write_error_sizes
+from myomorph.study.inputs.error_size_tables import write_error_sizes
 from myomorph.study.step.folder_steps import FolderOutput
 from myomorph.study.step.step import Step
 from myomorph.study.subject.found_errors import morphed_errors

@@ -23,19 +23,25 @@ from myomorph.report.trial.personal_summary import personal_lines
 from myomorph.report.trial.personalized import ParameterRow, PersonalizedInput, personalized_page
 from myomorph.store.progress import progress
 from myomorph.store.results import file_source, provenance_of
-from myomorph.store.settings import Differentiation, ForceOptions, Side, plain_settings, with_settings
+from myomorph.store.settings import Differentiation, ForceOptions, plain_settings, with_settings
 from myomorph.study.inputs import reading
-from myomorph.study.inputs.error_sizes import write_error_sizes
-from myomorph.study.inputs.external_forces import NEAREST, NamedBodies
+from myomorph.study.inputs.by_type import ByType
+from myomorph.study.inputs.emg import EmgFiles, RecordedEmg
+from myomorph.study.inputs.error_size_tables import write_error_sizes
+from myomorph.study.inputs.external_forces import load_tables
+from myomorph.study.inputs.loads import ExternalLoads, LoadsFile
+from myomorph.study.inputs.motion import MotionFile, RecordedMotion
+from myomorph.study.inputs.time_span import TimeSpan
+from myomorph.study.inputs.torques import RecordedTorques
 from myomorph.study.step.folder_steps import FolderOutput
 from myomorph.study.step.step import Step
 from myomorph.study.subject.found_errors import personal_errors
 from myomorph.study.subject.subject_files import SubjectInputs, recordings_provenance
 from myomorph.study.subject.subjects import write_made_model
-from myomorph.study.trial.open_trial import open_motion_trial
+from myomorph.study.trial.open_trial import open_trial
 from myomorph.study.trial.steps.id import solve_dynamics
-from myomorph.study.trial.steps.ik import solve_kinematics
-from myomorph.study.trial.trial_files import TrialFiles, load_tables
+from myomorph.study.trial.steps.ik import recorded_poses, solve_kinematics
+from myomorph.study.trial.trial_files import TrialFiles
 from myomorph.study.trial.trial_inputs import TrialInputs
 from myomorph.tension.emg_calibration import EmgOptions, emg_targets
 from myomorph.tension.personal.fit import STEPS
@@ -53,19 +59,16 @@ REPORT = "report.html"
 
 @dataclass(frozen=True)
 class PersonalFiles:
-    """The files of a personalization, one a recording in the same order."""
+    """The files of a personalization, one a recording in the same order; `inputs` are settings of all recordings."""
 
     model: Path
     motion: tuple[Path, ...] = ()
     loads: tuple[Path, ...] = ()
     torques: tuple[Path, ...] = ()
     emg: tuple[Path, ...] = ()
-    emg_side: Side = ""
     passive: tuple[Path, ...] = ()
     generic: Path | None = None
-    time: tuple[float, float] | None = None
-    named: NamedBodies = NEAREST
-    emg_muscles: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: FrozenMap({}))
+    inputs: ByType = field(default_factory=ByType)
 
     def sources(self) -> tuple[Source, ...]:
         """The files by their hashes."""
@@ -117,28 +120,24 @@ def personalize_files(
     cutoff = {name: v for name, v in settings.items() if name in own and v is not None}
     warnings = list(model.warnings)
     trials = []
+    named, channels = files.inputs.or_default(LoadsFile), files.inputs.or_default(EmgFiles)
     for index, motion in enumerate(files.motion):
-        trial_files = TrialFiles(
-            model=files.model,
-            motion=motion,
-            loads=files.loads[index] if files.loads else None,
-            bodies=files.named.bodies,
-            plates=files.named.plates,
-            emg=files.emg[index] if files.emg else None,
-            emg_side=files.emg_side,
-            emg_muscles=files.emg_muscles,
-            time=files.time,
+        recorded = files.inputs.having(
+            MotionFile(motion),
+            replace(named, loads=files.loads[index]) if files.loads else None,
+            replace(channels, emg=files.emg[index]) if files.emg else None,
         )
-        trial, poses = open_motion_trial(trial_files, {"tension": cutoff})
+        trial = open_trial(TrialFiles(files.model, inputs=recorded), {"tension": cutoff}, model)
         warnings += [text for text in trial.warnings if text not in warnings]
         table = files.torques[index] if files.torques else None
-        trials.append(_trial(trial, poses.recorded, motion.stem, table))
+        trials.append(_trial(trial, recorded_poses(trial).recorded, motion.stem, table))
     trials += [read_passive(path, model) for path in files.passive]
     generic = None if files.generic is None else reading.open_model(files.generic)
     with reading.about(files.model), progress("muscles of the person", STEPS, "steps") as advance:
         found = personalize(model, trials, options, generic=generic, advance=advance)
-    used = plain_settings(options) | cutoff | {"time": files.time, "emg_side": files.emg_side}
-    used |= {"emg_muscles": sorted(files.emg_muscles.items())} if files.emg_muscles else {}
+    time = files.inputs.or_default(TimeSpan).time
+    used = plain_settings(options) | cutoff | {"time": time, "emg_side": channels.emg_side}
+    used |= {"emg_muscles": sorted(channels.emg_muscles.items())} if channels.emg_muscles else {}
     return PersonalizedFiles(found, provenance_of("personalize", files.sources(), used), tuple(warnings))
 
 
@@ -166,15 +165,16 @@ def _torques(path: Path, motion: Motion) -> Series:
 
 
 def _emg(trial: TrialInputs, motion: Motion) -> EmgTarget | None:
-    if trial.emg is None:
+    recorded = trial.get(RecordedEmg)
+    if recorded is None:
         return None
-    if not trial.emg_muscles:
-        names = ", ".join(trial.emg.names)
+    if not recorded.muscles:
+        names = ", ".join(recorded.emg.names)
         raise BadData(
             f"no EMG channel's name tells a muscle of the model ({names}): name channels as muscles, or give --emg-side"
         )
     options = replace(EmgOptions(), delay=USUAL)
-    return emg_targets(trial.emg, trial.emg_muscles, trial.model, motion.time, options)
+    return emg_targets(recorded.emg, recorded.muscles, trial.model, motion.time, options)
 
 
 def read_passive(path: Path, model: Model) -> PersonalTrial:
@@ -335,10 +335,10 @@ def _run(subject: SubjectInputs, output: FolderOutput) -> None:
     options = with_settings(PersonalizeOptions(), subject.settings.get("personalize", {}))
     files, trials, warnings = subject.files, [], []
     for trial in subject.trials():
-        if trial.loads is None and trial.torques is None:
+        forces, angles = trial.get(ExternalLoads) or trial.get(RecordedTorques), trial.get(RecordedMotion)
+        if forces is None:
             continue
-        angles = trial.motion if trial.markers is None else None
-        motion = solve_kinematics(trial).fit.motion if angles is None else angles
+        motion = solve_kinematics(trial).fit.motion if angles is None else angles.motion
         trials.append(_trial(trial, motion, trial.name))
         warnings += list(trial.warnings)
     trials += [read_passive(path, subject.model) for path in files.passive]

@@ -17,15 +17,16 @@ from myomorph.io.sto import table_from_motion, write_sto
 from myomorph.model.errors import BadData
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.inertia import inertial_parameters
-from myomorph.model.provenance import Provenance, Source
+from myomorph.model.provenance import Provenance
 from myomorph.motion.ik import InverseKinematicsOptions
 from myomorph.muscles.scaling import default_path_lengths
 from myomorph.report.page.parts import Grid, Note, PageHead, Section, SourceFile
 from myomorph.report.trial.report_input import ReportInput
 from myomorph.store.progress import progress
-from myomorph.store.results import file_name, file_source, provenance_of
+from myomorph.store.results import file_name, provenance_of
 from myomorph.store.settings import TrialMotion, plain_settings, with_settings
-from myomorph.study.inputs.error_sizes import write_error_sizes
+from myomorph.study.inputs.error_size_tables import write_error_sizes
+from myomorph.study.inputs.loads import ExternalLoads
 from myomorph.study.inputs.reading import open_model
 from myomorph.study.step.folder_steps import FolderOutput
 from myomorph.study.step.step import Step
@@ -35,7 +36,7 @@ from myomorph.study.subject.subject_files import SubjectInputs, recordings_prove
 from myomorph.study.subject.subjects import write_made_model
 from myomorph.study.trial.open_trial import open_trial
 from myomorph.study.trial.steps.ik import solve_kinematics
-from myomorph.study.trial.trial_files import Settings, TrialFiles, load_tables
+from myomorph.study.trial.trial_files import Settings, TrialFiles
 from myomorph.study.trial.trial_inputs import TrialInputs
 
 Rows = Sequence[Mapping[str, object]]
@@ -74,14 +75,7 @@ def refine_files(
     model = open_model(model_file)
     mass = check_mass(model, mass)
     trials = [open_trial(one, settings, model) for one in recordings]
-    sources: list[Source] = [file_source("model", model_file)]
-    for recording in recordings:
-        sources += [file_source("markers", recording.markers)] if recording.markers is not None else []
-        sources += (
-            [file_source("loads", recording.loads), *load_tables(recording.loads)]
-            if recording.loads is not None
-            else []
-        )
+    sources = dict.fromkeys(source for trial in trials for source in trial.sources)
     made = provenance_of("refine", sources, plain_settings(options) | {"mass": mass})
     return replace(refined(trials, mass, options, model_file.name), provenance=made)
 
@@ -96,10 +90,11 @@ def refined(trials: Sequence[TrialInputs], mass: float | None, options: RefineOp
     given, warnings = [], []
     for trial in trials:
         warnings += [f"{trial.name}: {text}" for text in trial.warnings]
-        if trial.markers is None or trial.loads is None:
+        loads = trial.get(ExternalLoads)
+        if trial.recording.markers is None or loads is None:
             continue
         checked = solve_kinematics(trial)
-        wrenches = trial.loads(checked.fit.motion)
+        wrenches = loads.of(checked.fit.motion)
         warnings += [f"{trial.name}: {text}" for text in (*map(str, checked.findings), *wrenches.notes)]
         tracking = trial.options[InverseKinematicsOptions]
         given.append(SubjectTrial(trial.name, checked.markers, wrenches, tracking))

@@ -11,7 +11,7 @@ from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.provenance import Provenance
 from myomorph.store.results import file_source, provenance_of, value_source
-from myomorph.study.inputs.error_sizes import TABLE as ERROR_SIZES
+from myomorph.study.inputs.error_size_tables import TABLE as ERROR_SIZES
 from myomorph.study.inputs.laboratory import AS_RECORDED, Laboratory
 from myomorph.study.inputs.reading import open_model
 from myomorph.study.step.step import Step, step_of

@@ -309,7 +309,7 @@ class _Held:
 
 
 def _is_short(trial: TrialInputs) -> bool:
-    return trial.markers is not None and len(trial.markers) <= HELD_FRAMES
+    return (markers := trial.recording.markers) is not None and len(markers) <= HELD_FRAMES
 
 
 def clear_leftovers(folder: Path) -> None:

@@ -15,19 +15,27 @@ from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.inertia import free_object
 from myomorph.model.join import clock_difference, join_models, join_motions, join_series, join_wrenches
 from myomorph.model.model import Model
-from myomorph.model.series import Emg, Motion, Wrenches
+from myomorph.model.series import Emg, Motion, Trial, Wrenches
 from myomorph.motion.clocks import on_one_clock
 from myomorph.motion.sync import resample_wrenches
 from myomorph.store.results import file_source, value_source
 from myomorph.store.settings import Measured
 from myomorph.store.study_file import Strict, existing
 from myomorph.study.inputs import reading
+from myomorph.study.inputs.by_type import ByType
+from myomorph.study.inputs.contact_file import contact_sources, read_contacts
+from myomorph.study.inputs.contacts import ContactsFile
+from myomorph.study.inputs.emg import RecordedEmg
+from myomorph.study.inputs.loads import ExternalLoads
+from myomorph.study.inputs.markers import Recording
+from myomorph.study.inputs.phases import Phases
+from myomorph.study.inputs.torques import RecordedTorques
 from myomorph.study.step.step import step_head
 from myomorph.study.step.step_table import REPORT, STEPS
-from myomorph.study.trial.open_trial import contact_plan, options_of
+from myomorph.study.trial.open_trial import options_of
 from myomorph.study.trial.steps.ik import Poses
-from myomorph.study.trial.trial_files import Settings, TrialFiles, contact_sources
-from myomorph.study.trial.trial_inputs import TrialInputs, TrialNotes
+from myomorph.study.trial.trial_files import Settings, TrialFiles
+from myomorph.study.trial.trial_inputs import JoinedParts, TrialInputs, TrialNotes
 from myomorph.tension.emg_calibration import EmgOptions
 from myomorph.tension.terms.contacts import ContactOptions
 
@@ -149,7 +157,7 @@ def join_trials(together: Together, parts: Mapping[str, Part], settings: Setting
         where the parts have no time in common, or differ in the settings of their steps
     """
     for name, part in parts.items():
-        if part.trial.torques is not None:
+        if part.trial.get(RecordedTorques) is not None:
             raise BadData(
                 f"'{together.name}': trial of '{name}' has torques of its own: what is solved together needs loads"
             )
@@ -158,69 +166,68 @@ def join_trials(together: Together, parts: Mapping[str, Part], settings: Setting
     motions, notes = on_one_clock({name: one.recorded for name, one in parts.items()})
     recorded = join_motions(motions)
     model = join_models(models, together.name)
-    files = TrialFiles(Path(), contacts=together.contacts, measured=together.measured)
+    contacts = ContactsFile(together.contacts, together.measured)
     trials = [one.trial for one in parts.values()]
     sources = tuple(source for trial in trials for source in trial.sources if source.role != "contacts")
     sources += tuple(value_source("coordinates", name, part.made) for name, part in parts.items() if part.made)
     kinds = {kind for step in (*STEPS["pair"], REPORT) for kind in step_head(step).options}
-    own = (one.options.get(EmgOptions) for one in trials if one.emg is not None)
+    own = (one.options.get(EmgOptions) for one in trials if one.get(RecordedEmg) is not None)
     contact_options = options_of({"tension": settings.get("tension", {})})[ContactOptions]
     options = first.options.only(*kinds).having(contact_options, next(own, None))
-    emg, channels = _emg(parts)
+    plates = tuple({plate.name: plate for one in trials for plate in one.recording.plates}.values())
     joined = TrialInputs(
         name=together.name,
         subject=" and ".join(parts),
         model=model,
         options=options,
-        loads=_JoinedLoads(parts, motions),
-        emg=emg,
-        emg_muscles=channels,
-        contacts=contact_plan(files, model),
-        phases=first.phases,
-        plates=tuple({plate.name: plate for one in trials for plate in one.plates}.values()),
+        inputs=ByType(
+            Recording(Trial(plates=plates)),
+            ExternalLoads(_JoinedLoads(parts, motions)),
+            _emg(parts),
+            read_contacts(together.contacts, model, together.measured) if together.contacts else None,
+            first.get(Phases),
+            JoinedParts(FrozenMap({name: one.source for name, one in parts.items()})),
+        ),
         notes=TrialNotes(
             real=tuple(dict.fromkeys(text for one in trials for text in one.notes.real)),
             assumed=tuple(dict.fromkeys(text for one in trials for text in one.notes.assumed)),
             simulated=tuple(dict.fromkeys(text for one in trials for text in one.notes.simulated)),
         ),
-        sources=(*sources, *contact_sources(files)),
+        sources=(*sources, *contact_sources(contacts)),
         warnings=tuple(text for one in trials for text in one.warnings),
-        parts=FrozenMap({name: one.source for name, one in parts.items()}),
     )
     return joined, Poses(recorded, notes=notes)
 
 
-def _emg(parts: Mapping[str, Part]) -> tuple[Emg | None, Mapping[str, tuple[str, ...]]]:
+def _emg(parts: Mapping[str, Part]) -> RecordedEmg | None:
     """EMG of all parts that have any, at the times of the first, and the muscles of their channels."""
-    given = {name: part.trial.emg for name, part in parts.items() if part.trial.emg is not None}
-    if not given:
-        return None, FrozenMap({})
-    time = next(iter(given.values())).time
+    recorded = {name: emg for name, part in parts.items() if (emg := part.trial.get(RecordedEmg)) is not None}
+    if not recorded:
+        return None
+    time = next(iter(recorded.values())).emg.time
     columns = {
-        name: Emg(time, one.names, np.array([np.interp(time, one.time, column) for column in one.values.T]).T)
-        for name, one in given.items()
+        name: Emg(time, emg.names, np.array([np.interp(time, emg.time, column) for column in emg.values.T]).T)
+        for name, emg in ((name, whole.emg) for name, whole in recorded.items())
     }
     joined = join_series(columns)
     channels = {
         f"{name}_{channel}": tuple(f"{name}_{muscle}" for muscle in muscles)
-        for name in given
-        for channel, muscles in parts[name].trial.emg_muscles.items()
+        for name, whole in recorded.items()
+        for channel, muscles in whole.muscles.items()
     }
-    return Emg(joined.time, joined.names, joined.values), FrozenMap(channels)
+    return RecordedEmg(Emg(joined.time, joined.names, joined.values), FrozenMap(channels))
 
 
 class _JoinedLoads:
     """External forces of all parts, at the times of the first that has any."""
 
     def __init__(self, parts: Mapping[str, Part], motions: Mapping[str, Motion]):
-        self.parts = {name: part for name, part in parts.items() if part.trial.loads is not None}
+        loads = {name: part.trial.get(ExternalLoads) for name, part in parts.items()}
+        self.loads = {name: own for name, own in loads.items() if own is not None}
         self.motions = motions
 
     def __call__(self, recorded: Motion) -> Wrenches:
-        found: dict[str, Wrenches] = {}
-        for name, part in self.parts.items():
-            assert part.trial.loads is not None
-            found[name] = part.trial.loads(self.motions[name])
+        found = {name: loads.of(self.motions[name]) for name, loads in self.loads.items()}
         if not found:
             nothing = np.zeros((len(recorded), 0, 3))
             return Wrenches(recorded.time, (), (), nothing, nothing, nothing)

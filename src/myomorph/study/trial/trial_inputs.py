@@ -4,31 +4,31 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple, Self, TypeVar
 
 import numpy as np
 
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.frozen_map import FrozenMap
-from myomorph.model.model import Actuator, Model
+from myomorph.model.model import Model
 from myomorph.model.provenance import Source
-from myomorph.model.series import Emg, Event, ForcePlate, Markers, Motion, Series, Wrenches
-from myomorph.motion.emg_delay import EmgCalibration
+from myomorph.model.series import Series
 from myomorph.store import stored as store
 from myomorph.store.results import ResultWriter
 from myomorph.store.settings import ReportOptions
-from myomorph.study.inputs.by_type import OptionSet
-from myomorph.study.inputs.refined import RefinedMotion
-from myomorph.uncertainty.error_sizes import NOTHING, ErrorSizes
+from myomorph.study.inputs.by_type import ByType, OptionSet
+from myomorph.study.inputs.input import Recorded
+from myomorph.study.inputs.markers import NO_RECORDING, Recording
+from myomorph.study.inputs.mass import BodyMass
+from myomorph.study.inputs.time_span import TimeSpan
 
-if TYPE_CHECKING:
-    from myomorph.contact.plan import ContactPlan
-    from myomorph.tension.joint_contact import JointPoints
-
+Held = TypeVar("Held")
 IN_STRIDE = "in a stride"
 """With which quantities end that are the mean over strides of each stride's own."""
+NO_FACTS = {"mass": "", "phases": "{}", "parts": "{}", "emg_muscles": "{}"}
+"""Facts of a recording without these inputs, as result files of every version have them."""
 EXTREMES = ("minimum", "maximum", "range", "mean")
 LOADED = 0.05
 """Of body weight: a foot that never carries more in a cycle did not stand on a plate."""
@@ -50,7 +50,42 @@ class TrialNotes:
     root: str = ""
 
 
-@read_only
+@dataclass(frozen=True, eq=False)
+class KnownTruth:
+    """What is known of a simulated recording: "motion", "torques", "activations"."""
+
+    series: Mapping[str, Series]
+
+    @property
+    def facts(self) -> Mapping[str, str]:
+        """Nothing but its values."""
+        return FrozenMap({})
+
+    def put(self, writer: ResultWriter) -> None:
+        """Write each on its own clock."""
+        store.put_truth(writer, self.series)
+
+
+@dataclass(frozen=True, eq=False)
+class JoinedParts:
+    """Parts of a recording that joins those of several subjects and objects.
+
+    Attributes
+    ----------
+    models : each part's name, and the file of its model or what makes the model of an object
+    """
+
+    models: Mapping[str, str | dict[str, object]]
+
+    @property
+    def facts(self) -> Mapping[str, str]:
+        """The models."""
+        return FrozenMap({"parts": json.dumps(dict(self.models))})
+
+    def put(self, writer: ResultWriter) -> None:
+        """Write nothing beside the facts."""
+
+
 @dataclass(frozen=True, eq=False)
 class TrialInputs:
     """One recording of one subject with all that the steps need, whatever files or programs it came from.
@@ -58,28 +93,7 @@ class TrialInputs:
     Attributes
     ----------
     options : of all steps
-    markers : as recorded, None where the steps begin with coordinates
-    motion : coordinates of a file, in the place of inverse kinematics; None to compute them
-    refined : coordinates that the step `refine` found, which take the place of those of inverse kinematics
-    loads : external forces of a motion, or None where there are none
-    torques : generalized forces from a file, in the place of inverse dynamics; None to compute them
-    emg, emg_muscles : envelopes, and each channel's muscles
-    emg_maxima : envelope of channels in maximum voluntary contractions
-    emg_scale : what each channel's envelope was divided by, in the units of its file
-    emg_gains : delays and gains of the channels, None to find them on this recording
-    events : of the recording
-    plates : force plates, for pictures and for feet that share one
-    plate_time : clock of their forces (samples,) [s]
-    mass : of the subject [kg], None where only the model has one
-    time : start and end of what is used [s], None for all
-    contacts : what is known of contacts whose forces are to be estimated, None to estimate none
-    contact_points : of joints whose forces are shared among them, None for none
-    actuators : beside the model's own; None adds a weak reserve for every coordinate
-    error_sizes : how far off the model may be, as the steps found that made it
-    phases : parts of the motion that the report shows apart, name to start and end [s]
-    truth : where the recording was simulated, what is known of it: "motion", "torques", "activations"
-    parts : of a recording that joins those of several subjects and objects: each part's name, and the file of its
-        model or what makes the model of an object
+    inputs : opened and fitted to the model, found by their types: `Recording`, `ExternalLoads`, `RecordedEmg`, ...
     sources : inputs by their hashes
     warnings : what the readers of the files reported, one line each
     """
@@ -88,56 +102,60 @@ class TrialInputs:
     subject: str
     model: Model
     options: OptionSet = field(default_factory=OptionSet)
-    markers: Markers | None = None
-    motion: Motion | None = None
-    refined: RefinedMotion | None = None
-    loads: Callable[[Motion], Wrenches] | None = None
-    torques: Series | None = None
-    emg: Emg | None = None
-    emg_muscles: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: FrozenMap({}))
-    emg_maxima: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
-    emg_scale: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
-    emg_gains: EmgCalibration | None = None
-    events: tuple[Event, ...] = ()
-    plates: tuple[ForcePlate, ...] = ()
-    plate_time: Array = field(default_factory=lambda: np.zeros(0))
-    mass: float | None = None
-    time: tuple[float, float] | None = None
-    contacts: ContactPlan | None = None
-    contact_points: JointPoints | None = None
-    actuators: tuple[Actuator, ...] | None = None
-    error_sizes: ErrorSizes = NOTHING
-    phases: Mapping[str, tuple[float, float]] = field(default_factory=lambda: FrozenMap({}))
-    truth: Mapping[str, Series] = field(default_factory=lambda: FrozenMap({}))
-    parts: Mapping[str, str | dict[str, object]] = field(default_factory=lambda: FrozenMap({}))
+    inputs: ByType = field(default_factory=ByType)
     notes: TrialNotes = field(default_factory=TrialNotes)
     sources: tuple[Source, ...] = ()
     warnings: tuple[str, ...] = ()
+
+    def get(self, kind: type[Held]) -> Held | None:
+        """An input of a type, None where the trial has none."""
+        return self.inputs.get(kind)
+
+    def having(self, *inputs: object) -> Self:
+        """The same with other inputs; each takes the place of the one of its type."""
+        return replace(self, inputs=self.inputs.having(*inputs))
+
+    @property
+    def recording(self) -> Recording:
+        """Markers, events and plates; one without any where the trial begins with coordinates."""
+        return self.inputs.get(Recording) or NO_RECORDING
+
+    @property
+    def time(self) -> tuple[float, float] | None:
+        """Start and end of what is used [s], None for all."""
+        span = self.inputs.get(TimeSpan)
+        return None if span is None else span.time
+
+    @property
+    def mass(self) -> float | None:
+        """Of the subject [kg], None where only the model has one."""
+        weighed = self.inputs.get(BodyMass)
+        return None if weighed is None else weighed.mass
 
     @property
     def facts(self) -> dict[str, str]:
         """What result files hold of the recording beside its values, by name."""
         notes = self.notes
-        return {
+        facts = {
             "trial": self.name,
             "subject": self.subject,
-            "mass": "" if self.mass is None else repr(self.mass),
             "root_note": notes.root,
             "notes": json.dumps({"real": notes.real, "assumed": notes.assumed, "simulated": notes.simulated}),
             "warnings": json.dumps(self.warnings),
             "preset": self.options[ReportOptions].preset,
-            "phases": json.dumps({name: list(span) for name, span in self.phases.items()}),
-            "parts": json.dumps(dict(self.parts)),
-            "emg_muscles": json.dumps({channel: list(names) for channel, names in self.emg_muscles.items()}),
-        }
+        } | NO_FACTS
+        for value in self._recorded:
+            facts |= value.facts
+        return facts
+
+    @property
+    def _recorded(self) -> tuple[Recorded, ...]:
+        return tuple(value for value in self.inputs if isinstance(value, Recorded))
 
     def put(self, writer: ResultWriter) -> None:
         """Write what every result file holds of the recording, so that a report can be made of it alone."""
-        store.put_events(writer, self.events)
-        store.put_plates(writer, self.plates)
-        store.put_truth(writer, self.truth)
-        if self.emg is not None:
-            store.put_emg(writer, self.emg)
+        for value in self._recorded:
+            value.put(writer)
         for name, text in self.facts.items():
             writer.fact(name, text)
 

@@ -24,7 +24,8 @@ from myomorph.store.study_file import (
     read_toml,
     refuse,
 )
-from myomorph.study.plan.subject_trials import companion, plain_stem
+from myomorph.study.inputs.beside import plain_stem
+from myomorph.study.inputs.loads import loads_by_name
 from myomorph.viscosity.cohort import QUANTITIES
 from myomorph.viscosity.identification.budget import ErrorOptions
 from myomorph.viscosity.identification.identify import STATES, ViscosityOptions
@@ -383,4 +384,4 @@ def _given(
 
 def swing_loads(markers: Path) -> Path | None:
     """The forces that belong to a recording: in it where it is a C3D file, else beside it by its stem, or None."""
-    return markers if markers.suffix.lower() == ".c3d" else companion(markers, "loads")
+    return markers if markers.suffix.lower() == ".c3d" else loads_by_name(markers)

@@ -14,6 +14,7 @@ from dataclasses import replace
 
 from myomorph.model.arrays import Array
 from myomorph.rigid.frames import one_thread, thread_count
+from myomorph.study.inputs.loads import ExternalLoads
 from myomorph.study.trial.steps.draw_process import PROTOCOL
 from myomorph.study.trial.steps.drawn_trials import Chain
 from myomorph.uncertainty.bodies import Draw
@@ -59,7 +60,9 @@ class _Shared:
         self._returned: list[int] = []
         self._changed = threading.Condition()
         # What reads the recording's forces is a function of this process; the forces themselves are in the chain.
-        plain = pickle.dumps(replace(chain, trial=replace(chain.trial, loads=None)), PROTOCOL)
+        plain = pickle.dumps(
+            replace(chain, trial=replace(chain.trial, inputs=chain.trial.inputs.without(ExternalLoads))), PROTOCOL
+        )
         self._children = [_begin() for _ in range(others)]
         for child in self._children:
             threading.Thread(target=self._serve, args=(child, plain), daemon=True).start()

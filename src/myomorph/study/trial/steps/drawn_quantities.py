@@ -15,6 +15,7 @@ from myomorph.store.settings import TensionTables
 from myomorph.study.trial.steps.drawn_strength import Strength
 from myomorph.study.trial.steps.id import Torques, shown_torques, torque_table
 from myomorph.study.trial.trial_inputs import TrialInputs
+from myomorph.tension.joint_contact import JointPoints
 from myomorph.tension.task import TensionTask
 
 
@@ -59,7 +60,7 @@ def muscle_quantities(trial: TrialInputs, task: TensionTask, strength: Strength 
     if task.setting is not None:
         tables.append(("contact_forces", loads_table(task.loads(tension)[0])))
         tables.append(("contact_groups", task.contact_groups(tension)))
-    frame, points = trial.options[TensionTables].reactions, trial.contact_points
+    frame, points = trial.options[TensionTables].reactions, trial.get(JointPoints)
     if frame != "none":
         tables.append(("joint_reactions", task.reactions(tension, frame)))
     if points is not None:

@@ -10,6 +10,7 @@ from typing import TypeVar
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
+from myomorph.contact.plan import ContactPlan
 from myomorph.io.sto import table_from_motion
 from myomorph.model.arrays import Array
 from myomorph.model.errors import MyomorphError
@@ -21,6 +22,10 @@ from myomorph.motion.sync import cut
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.store.settings import Differentiation
+from myomorph.study.inputs.emg import RecordedEmg
+from myomorph.study.inputs.loads import ExternalLoads
+from myomorph.study.inputs.refined import RefinedMotion
+from myomorph.study.inputs.torques import RecordedTorques
 from myomorph.study.trial.steps.drawn_quantities import Quantity, muscle_quantities, torque_quantity
 from myomorph.study.trial.steps.drawn_strength import Strength, TooWeak
 from myomorph.study.trial.steps.id import Torques, cutoff_of, every_frame, solve_dynamics
@@ -106,16 +111,16 @@ class Chain:
     @property
     def groups(self) -> tuple[str, ...]:
         """Groups of sources that can change a result."""
-        marked, forced = self.markers is not None, self.torques is not None and self.trial.torques is None
+        marked, forced = self.markers is not None, self.torques is not None and self.trial.get(RecordedTorques) is None
         acting = {
             "placement": marked,
             "joints": marked or forced,
             "forces": forced and self.loads is not None,
             "masses": forced,
             "filter": forced,
-            "joint contacts": self.tense and self.trial.contact_points is not None,
-            "contacts": self.tense and self.trial.contacts is not None,
-            "EMG": self.tense and self.trial.emg is not None,
+            "joint contacts": self.tense and self.trial.get(JointPoints) is not None,
+            "contacts": self.tense and self.trial.get(ContactPlan) is not None,
+            "EMG": self.tense and self.trial.get(RecordedEmg) is not None,
         } | dict.fromkeys(("paths", "muscles", "criterion"), self.tense)
         return tuple(one for one in GROUPS if acting.get(one, True))
 
@@ -196,7 +201,7 @@ class Chain:
         made = [Quantity("coordinates", *given, coordinates, "rad or m", units, factors)]
         if torques is None:
             return made
-        if self.trial.torques is None:
+        if self.trial.get(RecordedTorques) is None:
             made.append(torque_quantity(trial, torques))
         if self.tense:
             task = task_of(trial, recorded, every(step, torques))
@@ -250,7 +255,7 @@ def chain_of(trial: TrialInputs, poses: Poses, torques: Torques | None, tense: b
     if poses.fit is not None:
         checked = solve_kinematics(trial)
         markers, base = checked.markers, checked.fit.motion
-        if trial.refined is not None:
+        if trial.get(RefinedMotion) is not None:
             # Forces may be shorter than markers, and a refined motion is as long as both.
             span = float(recorded.time[0]), float(recorded.time[-1])
             markers, base = cut(markers, *span), cut(base, *span)
@@ -261,12 +266,13 @@ def chain_of(trial: TrialInputs, poses: Poses, torques: Torques | None, tense: b
         base = poses_near(trial.model, markers, whole(recorded, trial.model), trial.options[InverseKinematicsOptions])
     if torques is None and tense:
         torques = solve_dynamics(trial, recorded)
-    loads = None if trial.loads is None else trial.loads(recorded)
+    external = trial.get(ExternalLoads)
+    loads = None if external is None else external.of(recorded)
     chain = Chain(trial, recorded, torques, tense, markers, base, residuals, loads)
     if thin:
         rate = 1.0 / float(np.median(np.diff(recorded.time))) if len(recorded) > 1 else 0.0
         # Contacts and elastic tendons tie frames to each other.
-        tied = trial.contacts is not None or trial.options[TensionOptions].tendons == "elastic"
+        tied = trial.get(ContactPlan) is not None or trial.options[TensionOptions].tendons == "elastic"
         pose_step = max(1, int(rate / POSES))
         torque_step = 1 if tied else pose_step
         tension_step = 1 if tied else pose_step * max(1, int(rate / pose_step / TENSIONS))
@@ -298,19 +304,17 @@ def drawn_trial(chain: Chain, draw: Draw) -> TrialInputs:
     options = options.having(replace(options[Differentiation], cutoff=cutoff))
     if sources.criterion:
         options = options.having(drawn_criterion(options[TensionOptions], draw))
-        if trial.contacts is not None and draw.normals.uniform(draw.number, "criterion", "contacts") > 0.5:
+        if trial.get(ContactPlan) is not None and draw.normals.uniform(draw.number, "criterion", "contacts") > 0.5:
             options = options.having(replace(options[ContactOptions], formulation="sequential"))
     model = drawn_subject(trial.model, draw)
     loads = chain.loads
     if loads is not None and acts(sources, ("forces",)):
         loads = drawn_wrenches(loads, trial.model.up, draw)
-    return replace(
-        trial,
-        model=model,
-        options=options,
-        contact_points=_drawn_points(trial.contact_points, draw),
-        loads=None if loads is None else lambda motion: loads,
-        emg=None if trial.emg is None else drawn_emg(trial.emg, draw),
+    recorded = trial.get(RecordedEmg)
+    return replace(trial, model=model, options=options).having(
+        _drawn_points(trial.get(JointPoints), draw),
+        None if loads is None else ExternalLoads(lambda motion: loads),
+        None if recorded is None else replace(recorded, emg=drawn_emg(recorded.emg, draw)),
     )
 
 

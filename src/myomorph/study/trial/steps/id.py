@@ -24,7 +24,10 @@ from myomorph.store.outcome import Outcome
 from myomorph.store.results import Stored, get_findings, put_findings
 from myomorph.store.settings import Differentiation, ForceOptions, TorqueTable
 from myomorph.study.inputs.by_type import OptionSet
+from myomorph.study.inputs.loads import ExternalLoads
 from myomorph.study.inputs.reading import has_mass
+from myomorph.study.inputs.refined import RefinedMotion
+from myomorph.study.inputs.torques import RecordedTorques
 from myomorph.study.step.step import Step, StepOutput
 from myomorph.study.trial.steps.ik import Poses
 from myomorph.study.trial.trial_inputs import EXTREMES, Signals, TrialInputs, Value, all_drawn
@@ -59,8 +62,8 @@ def cutoff_of(trial: TrialInputs, recorded: Motion) -> float | None:
 
     A refined motion was filtered with its forces already: only a lower cutoff changes it.
     """
-    given = trial.options[Differentiation].cutoff
-    if trial.refined is not None and (given is None or given >= trial.refined.cutoff):
+    given, refined = trial.options[Differentiation].cutoff, trial.get(RefinedMotion)
+    if refined is not None and (given is None or given >= refined.cutoff):
         return None
     return automatic_cutoff(recorded) if given is None else given or None
 
@@ -97,17 +100,18 @@ def solve_dynamics(trial: TrialInputs, recorded: Motion, step: int = 1) -> Torqu
     ----------
     step : of so many frames one is computed; all are filtered
     """
-    if trial.torques is not None:
+    given, loads = trial.get(RecordedTorques), trial.get(ExternalLoads)
+    if given is not None:
         motion, notes = with_derivatives(trial, recorded)
         motion = every_frame(step, motion)
         notes = (*notes, "joint torques are those of the file that was given: no inverse dynamics was computed")
-        return Torques(motion, torques_at(trial.torques, motion), None, notes)
+        return Torques(motion, torques_at(given.torques, motion), None, notes)
     has_mass(trial.model, "inverse dynamics")
     motion, notes = with_derivatives(trial, recorded)
     motion = every_frame(step, motion)
     wrenches = None
-    if trial.loads is not None:
-        wrenches = resample_wrenches(trial.loads(recorded), motion.time, cutoff_of(trial, recorded))
+    if loads is not None:
+        wrenches = resample_wrenches(loads.of(recorded), motion.time, cutoff_of(trial, recorded))
         notes = (*wrenches.notes, *notes)
     return Torques(motion, inverse_dynamics(trial.model, motion, wrenches), wrenches, notes)
 
@@ -218,6 +222,7 @@ STEP = Step(
     gives=Torques,
     needs=(Poses,),
     options=(Differentiation, ForceOptions, TorqueTable),
+    inputs=("loads", "laboratory", "time"),
     hashed=_hashed,
     run=_run,
     read=_read,

@@ -4,19 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from myomorph.io.osim.setup_parts import IkTasks, read_ik_tasks
 from myomorph.io.sto import table_from_motion, write_sto
 from myomorph.model.errors import BadData
 from myomorph.model.findings import Finding
 from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion, Series, Table
 from myomorph.motion.crossings import CrossingOptions, crossings, within_crossings
-from myomorph.motion.ik import CoordinateTask, InverseKinematicsOptions, KinematicsFit
+from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit
 from myomorph.motion.marker_checks import CheckedFit, MarkerCheckOptions, checked_kinematics
 from myomorph.motion.sync import cut
 from myomorph.report.trial.report_input import Kinematics, ReportInput
@@ -25,7 +23,8 @@ from myomorph.store.outcome import Outcome
 from myomorph.store.progress import progress
 from myomorph.store.results import Stored, get_findings, put_findings
 from myomorph.study.inputs.by_type import OptionSet
-from myomorph.study.inputs.reading import about
+from myomorph.study.inputs.motion import RecordedMotion
+from myomorph.study.inputs.refined import RefinedMotion
 from myomorph.study.step.step import Step, StepOutput
 from myomorph.study.trial.trial_inputs import EXTREMES, Signals, TrialInputs, Value
 
@@ -53,44 +52,11 @@ class Poses:
     findings: tuple[Finding, ...] = ()
 
 
-def kinematics_options(path: Path | None, options: InverseKinematicsOptions, model: Model) -> InverseKinematicsOptions:
-    """Options of inverse kinematics with those of a task set, where there is one."""
-    if path is None:
-        return options
-    with about(path):
-        tasks = read_ik_tasks(path)
-    return with_tasks(options, tasks, model, str(path))
-
-
-def with_tasks(
-    options: InverseKinematicsOptions, tasks: IkTasks, model: Model, source: str
-) -> InverseKinematicsOptions:
-    """Options with the weights and aims of an OpenSim task set; one without markers leaves all of them at 1.
-
-    Raises
-    ------
-    BadData
-        where the set gives no marker of the model a weight
-    """
-    known = set(model.marker_names)
-    weights = {name: weight for name, weight in tasks.marker_weights.items() if name in known}
-    if tasks.marker_weights and not any(weights.values()):
-        raise BadData(f"{source}: gives no marker of model '{model.name}' a weight")
-    aims = {}
-    for aim in tasks.coordinates:
-        if aim.weight > 0.0 and aim.coordinate in model.coordinate_names:
-            default = model.coordinate(aim.coordinate).default
-            value = {"value": aim.value, "default": default, "table": None}[aim.source]
-            aims[aim.coordinate] = CoordinateTask(aim.weight, value)
-    only = bool(tasks.marker_weights)
-    return replace(options, marker_weights=weights, only_weighted=only, coordinate_tasks=aims)
-
-
 def solve_kinematics(trial: TrialInputs) -> CheckedFit:
     """Inverse kinematics of the part of a recording that is used, its labels checked."""
-    if trial.markers is None:
+    if trial.recording.markers is None:
         raise BadData(f"{trial.name}: holds no markers")
-    markers = used_markers(trial, trial.markers)
+    markers = used_markers(trial, trial.recording.markers)
     with progress(f"{trial.name}: inverse kinematics", len(markers)) as advance:
         options = trial.options
         chosen = (options[InverseKinematicsOptions], options[MarkerCheckOptions])
@@ -125,28 +91,35 @@ def error_table(fit: KinematicsFit) -> Table:
 
 
 def _run(trial: TrialInputs, output: StepOutput) -> Poses:
-    if trial.motion is not None:
-        return _given(trial, trial.motion, output)
+    given = trial.get(RecordedMotion)
+    if given is not None:
+        return _given(trial, given.motion, output)
     checked, writer = solve_kinematics(trial), output.writer
     notes = tuple(map(str, checked.findings))
-    if trial.refined is not None:
+    refined, recorded = trial.get(RefinedMotion), trial.recording.markers
+    if refined is not None:
         # Most trials start without: loaded where a trial has such input.
         from myomorph.study.inputs.refined_motion import refined_fit
 
         write_sto(table_from_motion(checked.fit.motion, trial.model), output.folder / "coordinates_ik.mot")
-        checked, more = refined_fit(trial.name, trial.model, trial.refined, checked)
+        checked, more = refined_fit(trial.name, trial.model, refined, checked)
         notes = (*notes, *more)
     fit = checked.fit
     write_sto(table_from_motion(fit.motion, trial.model), output.folder / "coordinates.mot")
     write_sto(error_table(fit), output.folder / "marker_errors.sto")
     store.put_fit(writer, fit, trial.model)
-    if trial.markers is not None:
-        kept = np.isin(trial.markers.time, fit.motion.time)
-        shown = replace(trial.markers, time=fit.motion.time, values=trial.markers.values[kept])
+    if recorded is not None:
+        kept = np.isin(recorded.time, fit.motion.time)
+        shown = replace(recorded, time=fit.motion.time, values=recorded.values[kept])
         mended = any(finding.mended for finding in checked.findings)
         store.put_markers(writer, checked.markers if mended else shown)
     put_findings(writer, FINDINGS, checked.findings)
     return Poses(fit.motion, fit, notes, checked.findings)
+
+
+def recorded_poses(trial: TrialInputs) -> Poses:
+    """Coordinates that a trial begins with; raises `KeyError` where it begins with markers."""
+    return Poses(trial.inputs[RecordedMotion].motion)
 
 
 def _given(trial: TrialInputs, motion: Motion, output: StepOutput) -> Poses:
@@ -224,6 +197,7 @@ STEP = Step(
     gives=Poses,
     options=(InverseKinematicsOptions, MarkerCheckOptions, CrossingOptions),
     not_settings=("only_weighted",),
+    inputs=("tasks", "labels", "laboratory", "time"),
     roles=("model", "markers", "tasks", "motion", "refined motion"),
     hashed=_hashed,
     run=_run,

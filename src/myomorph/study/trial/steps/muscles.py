@@ -156,6 +156,7 @@ STEP = Step(
     gives=MuscleLengths,
     needs=(Poses,),
     uses=(Torques,),
+    inputs=("time",),
     options=(Differentiation,),
     roles=("model", "markers", "tasks", "motion"),
     run=_run,

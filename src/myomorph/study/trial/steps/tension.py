@@ -10,6 +10,7 @@ import numpy as np
 
 from myomorph.analysis.strides import Strides
 from myomorph.analysis.walking import walking_strides
+from myomorph.contact.plan import ContactPlan
 from myomorph.io.contact_events import write_events
 from myomorph.io.loads import write_external_loads
 from myomorph.io.sto import write_sto
@@ -26,7 +27,10 @@ from myomorph.store.progress import progress
 from myomorph.store.results import Stored
 from myomorph.store.settings import Differentiation, EmgUse, ForceOptions, TensionTables
 from myomorph.store.stored import get_conflicts
+from myomorph.study.inputs.actuators import Actuators
 from myomorph.study.inputs.by_type import OptionSet
+from myomorph.study.inputs.emg import RecordedEmg
+from myomorph.study.inputs.torques import RecordedTorques
 from myomorph.study.step.step import Step, StepOutput
 from myomorph.study.trial.emg_tables import EMG_TABLE, write_calibration, write_conflicts
 from myomorph.study.trial.fiber_step import fiber_numbers, fiber_signals, write_fibers
@@ -37,9 +41,10 @@ from myomorph.study.trial.joint_contact_step import (
 )
 from myomorph.study.trial.steps.id import Torques, cutoff_of, put_dynamics, solve_dynamics, torque_table
 from myomorph.study.trial.steps.ik import Poses
-from myomorph.study.trial.trial_inputs import Signals, TrialInputs, Value, all_drawn, statistics_of
+from myomorph.study.trial.trial_inputs import JoinedParts, Signals, TrialInputs, Value, all_drawn, statistics_of
 from myomorph.tension.contact_setting import Measurements, during
 from myomorph.tension.emg_calibration import EmgOptions
+from myomorph.tension.joint_contact import JointPoints
 from myomorph.tension.passive_share import LARGE, contact_notes
 from myomorph.tension.recruitment import RecruitmentOptions
 from myomorph.tension.solve import ContactSolution, Tension, TensionOptions
@@ -90,20 +95,22 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques 
         tension, solution = task.solved(advance)
     notes = (*task.notes(tension), *notes)
     _write_tension(tension, task, output)
-    strides = strides_of_trial(trial, poses, torques) if tension.fibers is not None or trial.contact_points else None
+    points, plan = trial.get(JointPoints), trial.get(ContactPlan)
+    strides = strides_of_trial(trial, poses, torques) if tension.fibers is not None or points else None
     notes += write_fibers(tension, trial.model, strides, output)
     if task.emg is not None:
-        write_calibration(task.emg, trial.emg_muscles, output.folder / EMG_TABLE)
+        recorded = trial.get(RecordedEmg)
+        write_calibration(task.emg, {} if recorded is None else recorded.muscles, output.folder / EMG_TABLE)
         notes = (*write_conflicts(trial.model, tension, task.emg, output), *task.emg.notes, *notes)
     frame = trial.options[TensionTables].reactions
     if frame != "none":
         write_sto(task.reactions(tension, frame), output.folder / "joint_reactions.sto")
-    if trial.contact_points is not None:
-        forces = task.joint_contacts(tension, trial.contact_points)
-        notes += write_joint_contacts(forces, trial.contact_points, strides, output)
-    if task.setting is None or trial.contacts is None:
+    if points is not None:
+        forces = task.joint_contacts(tension, points)
+        notes += write_joint_contacts(forces, points, strides, output)
+    if task.setting is None or plan is None:
         return Tensions(tension, notes=notes)
-    loads, carried = _write_contacts(task, tension, trial.contacts.situation, output)
+    loads, carried = _write_contacts(task, tension, plan.situation, output)
     notes += task.setting.notes
     if solution is not None:
         notes += _write_warnings(trial, solution, output)
@@ -115,22 +122,23 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques 
 def strides_of_trial(trial: TrialInputs, poses: Poses, torques: Torques) -> Strides | None:
     """Strides as the report and the tables of values have them: by plates, else events, else the motion."""
     own = (trial.model, poses.recorded, poses.fit)
-    return walking_strides(*own, wrenches=torques.wrenches, events=trial.events)
+    return walking_strides(*own, wrenches=torques.wrenches, events=trial.recording.events)
 
 
 def task_of(trial: TrialInputs, recorded: Motion, torques: Torques) -> TensionTask:
     """The tension problem of a trial, of coordinates as recorded and the torques that belong to them."""
     options, tension = trial.options, trial.options[TensionOptions]
-    cutoff = None if trial.contacts is None else cutoff_of(trial, recorded)
+    actuators = trial.get(Actuators)
+    cutoff = None if trial.get(ContactPlan) is None else cutoff_of(trial, recorded)
     return tension_task(
         trial.model,
         torques.motion,
         torques.torques,
         tension,
         # Those of a file take the place of reserves.
-        added_reserves(trial.model, tension, _objects(trial)) if trial.actuators is None else trial.actuators,
-        Measurements(recorded, torques.wrenches, trial.plates, trial.plate_time, cutoff),
-        trial.contacts,
+        added_reserves(trial.model, tension, _objects(trial)) if actuators is None else actuators.actuators,
+        Measurements(recorded, torques.wrenches, trial.recording.plates, trial.recording.plate_time, cutoff),
+        trial.get(ContactPlan),
         options[ContactOptions],
         _emg_that_takes_part(trial),
         _recruitment(trial),
@@ -140,22 +148,24 @@ def task_of(trial: TrialInputs, recorded: Motion, torques: Torques) -> TensionTa
 def _recruitment(trial: TrialInputs) -> RecruitmentOptions:
     """Costs beside the effort; loads of joints need the forces on the body."""
     result = trial.options[RecruitmentOptions]
-    if result.joint_load and trial.torques is not None:
+    if result.joint_load and trial.get(RecordedTorques) is not None:
         raise BadData("joint_load with joint torques of a file: loads of joints need external forces (--loads)")
     return result
 
 
 def _emg_that_takes_part(trial: TrialInputs) -> EmgRecording | None:
     """EMG that was given to take part in the tensions, rather than to be shown."""
-    chosen = trial.options.get(EmgOptions)
-    if trial.emg is None or chosen is None or trial.options[EmgUse].emg_display_only:
+    chosen, recorded = trial.options.get(EmgOptions), trial.get(RecordedEmg)
+    if recorded is None or chosen is None or trial.options[EmgUse].emg_display_only:
         return None
-    return EmgRecording(trial.emg, trial.emg_muscles, trial.emg_maxima, chosen, trial.emg_gains)
+    return EmgRecording(recorded.emg, recorded.muscles, recorded.maxima, chosen, recorded.gains)
 
 
 def _objects(trial: TrialInputs) -> set[str]:
     """Bodies of the objects of a recording that joins several models."""
-    return {f"{name}_{name}" for name, part in trial.parts.items() if isinstance(part, dict)}
+    parts = trial.get(JoinedParts)
+    models = {} if parts is None else parts.models
+    return {f"{name}_{name}" for name, part in models.items() if isinstance(part, dict)}
 
 
 def _write_tension(tension: Tension, task: TensionTask, output: StepOutput) -> None:
@@ -213,8 +223,8 @@ def _hashed(trial: TrialInputs) -> Sequence[object]:
         options.get(TensionOptions),
         # As results of earlier versions, which had no such costs.
         None if options[RecruitmentOptions] == RecruitmentOptions() else options[RecruitmentOptions],
-        None if trial.contacts is None else options.get(ContactOptions),
-        None if trial.emg is None else options.get(EmgOptions),
+        None if trial.get(ContactPlan) is None else options.get(ContactOptions),
+        None if trial.get(RecordedEmg) is None else options.get(EmgOptions),
     )
     return *(one for one in chosen if one is not None), options[EmgUse], options[TensionTables]
 
@@ -311,6 +321,7 @@ STEP = Step(
         *(Differentiation, ForceOptions, TensionOptions, RecruitmentOptions, ContactOptions, EmgOptions),
         *(EnvelopeOptions, EmgUse, TensionTables),
     ),
+    inputs=("loads", "laboratory", "torques", "emg", "contacts", "contact points", "actuators", "time"),
     hashed=_hashed,
     run=_run,
     read=_read,

@@ -113,7 +113,7 @@ def _run(
     chain = chain_of(trial, poses, torques, tensions is not None, not chosen.all_frames)
     whole, quantities = zip(*chain.quantities(), strict=True)
     normals, failed, weak = Normals(chosen.draws, chosen.draw_seed), 0, 0
-    sizes = trial.error_sizes.beside(sources)
+    sizes = _found_sizes(trial).beside(sources)
     groups = tuple(one for one in chain.groups if any(sources.of(one).values())) if chosen.contributions else ()
     jobs = [Draw(number, sources, normals, sizes) for number in range(chosen.draws)]
     for group in groups:
@@ -163,7 +163,7 @@ def _run(
 def _strides(trial: TrialInputs, poses: Poses, torques: Torques | None) -> TrialStrides | None:
     """Strides as the trial's tables of values have them; None where it is no walk."""
     wrenches = None if torques is None else torques.wrenches
-    found = walking_strides(trial.model, poses.recorded, poses.fit, wrenches=wrenches, events=trial.events)
+    found = walking_strides(trial.model, poses.recorded, poses.fit, wrenches=wrenches, events=trial.recording.events)
     return None if found is None else TrialStrides(trial.name, tuple(found.strikes), (found,), found.notes)
 
 
@@ -274,7 +274,14 @@ def _write_sources(sizes: Sequence[SourceSize], path: Path) -> None:
 def _hashed(trial: TrialInputs) -> Sequence[object]:
     """Options, sizes, and what steps on the subject found, where they found anything."""
     given = (trial.options[DrawOptions], trial.options[Sources])
-    return given if trial.error_sizes == NOTHING else (*given, _FoundHash(_digest(trial.error_sizes)))
+    sizes = _found_sizes(trial)
+    return given if sizes == NOTHING else (*given, _FoundHash(_digest(sizes)))
+
+
+def _found_sizes(trial: TrialInputs) -> ErrorSizes:
+    """What steps on the subject found of the model's errors."""
+    sizes = trial.get(ErrorSizes)
+    return NOTHING if sizes is None else sizes
 
 
 def _digest(error_sizes: ErrorSizes) -> str:

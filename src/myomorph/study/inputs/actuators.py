@@ -1,0 +1,47 @@
+"""Reserve and residual actuators beside the model's own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+from myomorph.model.model import Actuator
+from myomorph.store.results import file_source
+from myomorph.study.inputs import reading
+from myomorph.study.inputs.input import Input, Opened, Opening
+from myomorph.study.inputs.keys import File
+
+
+@dataclass(frozen=True)
+class ActuatorsFile:
+    """Actuators of a file.
+
+    Attributes
+    ----------
+    actuators : OpenSim force set (.xml) of reserve and residual actuators
+    """
+
+    actuators: Annotated[Path | None, File()] = None
+
+
+@dataclass(frozen=True)
+class Actuators:
+    """Actuators beside the model's own; without any every coordinate has a weak reserve."""
+
+    actuators: tuple[Actuator, ...]
+
+
+def _open(settings: ActuatorsFile, opening: Opening) -> Opened:
+    path = settings.actuators
+    if path is None:
+        return Opened()
+    # Most trials start without: loaded where a trial has such input.
+    from myomorph.io.osim.actuators import read_actuators
+
+    with reading.about(path):
+        actuators = Actuators(read_actuators(path, opening.model))
+    return Opened((actuators,), (file_source("actuators", path),))
+
+
+INPUT = Input(name="actuators", settings=ActuatorsFile, open=_open, main="actuators")

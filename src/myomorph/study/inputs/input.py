@@ -1,0 +1,128 @@
+"""An input of a trial as one value: its settings, where it is found, how it is opened and fitted to the model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any, NamedTuple, Protocol, runtime_checkable
+
+from myomorph.model.model import Model
+from myomorph.model.provenance import Source
+from myomorph.store.results import ResultWriter
+from myomorph.study.inputs.by_type import ByType, OptionSet
+from myomorph.study.inputs.keys import Key, keys_of
+
+
+@dataclass(frozen=True, eq=False)
+class Opening:
+    """A trial while its inputs are opened.
+
+    Attributes
+    ----------
+    model_file : that the model came from
+    options : of the steps
+    settings : of all inputs
+    values : that were opened so far, by type
+    """
+
+    model_file: Path
+    model: Model
+    options: OptionSet
+    settings: ByType
+    values: ByType
+
+
+@dataclass(frozen=True, eq=False)
+class Opened:
+    """What an input gives.
+
+    Attributes
+    ----------
+    values : by whose types steps find them
+    sources : what results depend on
+    warnings : what is wrong with it, one line each
+    real : what was recorded, as a part of a sentence for the first lines of the report: "EMG from walk_emg.sto"
+    assumed : sentences for the same place
+    options : values that take the place of options of the steps
+    """
+
+    values: tuple[object, ...] = ()
+    sources: tuple[Source, ...] = ()
+    warnings: tuple[str, ...] = ()
+    real: str = ""
+    assumed: tuple[str, ...] = ()
+    options: tuple[object, ...] = ()
+
+
+class Beside(NamedTuple):
+    """A file that was looked for beside a recording.
+
+    Attributes
+    ----------
+    path : None where there is none that fits
+    remark : why one that is there does not fit
+    """
+
+    path: Path | None
+    remark: str = ""
+
+
+@runtime_checkable
+class Recorded(Protocol):
+    """A value of an input that result files hold, so that a report can be made of them alone."""
+
+    @property
+    def facts(self) -> Mapping[str, str]:
+        """Texts, by name."""
+
+    def put(self, writer: ResultWriter) -> None:
+        """Write the values."""
+
+
+Open = Callable[[Any, Opening], Opened]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Input:
+    """One input of a trial, or a few that belong together.
+
+    Flags of commands, keys of study files and their checks, what `analyze` writes, hashes, notes of the report and
+    files of the dry run follow from it.
+
+    Attributes
+    ----------
+    name : by which steps name it
+    settings : frozen dataclass; its fields with a `KeyKind` are keys of study files and flags of commands
+    open : from settings and what is open already to what it gives; `later` names a function of a module that is
+        imported when a trial has such an input
+    main : field without which the others mean nothing on a command line, "" where each stands alone
+    beside : from a recording and the trial's keys to the file that belongs to it by the rule of names, for `main`
+    near : the same for `analyze`, which looks further
+    holds : inputs that may come with it: opened after it, with their defaults where nothing else is said
+    """
+
+    name: str
+    settings: type
+    open: Open
+    main: str = ""
+    beside: Callable[[Path, Mapping[str, Any]], Beside] | None = None
+    near: Callable[[Path], Path | None] | None = None
+    holds: tuple[str, ...] = ()
+
+    @property
+    def keys(self) -> tuple[Key, ...]:
+        """Keys of study files and flags of commands."""
+        return keys_of(self.settings)
+
+
+def later(place: str) -> Open:
+    """The function at `module:name`, imported when it is called."""
+
+    def opened(settings: Any, opening: Opening) -> Opened:
+        module, _, name = place.partition(":")
+        function: Open = getattr(import_module(module), name)
+        return function(settings, opening)
+
+    return opened

@@ -1,0 +1,68 @@
+"""External forces of a trial: of a file, or of the plates in its recording."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any
+
+from myomorph.io.force_table import holds_forces
+from myomorph.model.frozen_map import FrozenMap
+from myomorph.model.series import Motion, Wrenches
+from myomorph.study.inputs.beside import TABLE_ENDINGS, companion
+from myomorph.study.inputs.input import Beside, Input, later
+from myomorph.study.inputs.keys import File, Names, Pairs
+
+WORDS = ("grf", "GRF", "external_loads", "external_forces", "externalforces", "ExternalLoads", "loads", "forces")
+"""In the name of a file of forces that belongs to a recording."""
+
+
+@dataclass(frozen=True)
+class LoadsFile:
+    """External forces.
+
+    Attributes
+    ----------
+    loads : external forces: an OpenSim external loads file (.xml), a table of forces (.mot, .sto, .csv), or a recording
+        with force plates (.c3d)
+    bodies : PREFIX=BODY ...: what the columns of each force of a table begin with, and the body it acts on; the foot
+        that is nearest to its center of pressure by default
+    plates : BODY,BODY,...: bodies on a recording's force plates in their order, none for one that is left out; the foot
+        that is nearest to the center of pressure, step by step, by default
+    """
+
+    loads: Annotated[Path | None, File(per="trial")] = None
+    bodies: Annotated[Mapping[str, str], Pairs(of="body", shown="prefix=body, as ground_force_r_=calcn_r")] = field(
+        default_factory=lambda: FrozenMap({})
+    )
+    plates: Annotated[tuple[str, ...], Names(of="body")] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class ExternalLoads:
+    """External forces of a motion, which is needed to find the bodies they act on."""
+
+    of: Callable[[Motion], Wrenches]
+
+
+def loads_by_name(recording: Path) -> Path | None:
+    """The forces that belong to a recording by the rule of names, or None."""
+    return companion(recording, WORDS, (".xml", *TABLE_ENDINGS), alone=True)
+
+
+def _beside(recording: Path, values: Mapping[str, Any]) -> Beside:
+    """The same where nothing else holds what they do, and a table has columns of forces."""
+    path = None if values.get("torques") is not None else loads_by_name(recording)
+    if path is None or values.get("bodies") or path.suffix.lower() not in TABLE_ENDINGS or holds_forces(path):
+        return Beside(path)
+    return Beside(None, f"{path.name} is not used: no columns of forces are found in it")
+
+
+INPUT = Input(
+    name="loads",
+    settings=LoadsFile,
+    open=later("myomorph.study.inputs.external_forces:opened"),
+    main="loads",
+    beside=_beside,
+)

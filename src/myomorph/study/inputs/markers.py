@@ -1,0 +1,91 @@
+"""Markers of a trial, and what else their recording holds: events and force plates."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+from myomorph.model.arrays import Array
+from myomorph.model.frozen_map import FrozenMap
+from myomorph.model.series import Event, ForcePlate, Markers, Trial
+from myomorph.store import stored as store
+from myomorph.store.results import ResultWriter, file_source
+from myomorph.study.inputs import reading
+from myomorph.study.inputs.input import Input, Opened, Opening
+from myomorph.study.inputs.keys import File
+from myomorph.study.inputs.labels import Labels
+from myomorph.study.inputs.laboratory import AS_RECORDED, Laboratory
+
+
+@dataclass(frozen=True)
+class MarkersFile:
+    """The recording of a trial.
+
+    Attributes
+    ----------
+    markers : recording: .trc, .c3d, .mat or .h5
+    """
+
+    markers: Annotated[Path | None, File(per="trial")] = None
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """A recording in the model's ground, its markers under the model's names."""
+
+    trial: Trial
+
+    @property
+    def markers(self) -> Markers | None:
+        """As recorded."""
+        return self.trial.markers
+
+    @property
+    def events(self) -> tuple[Event, ...]:
+        """Of the recording."""
+        return self.trial.events
+
+    @property
+    def plates(self) -> tuple[ForcePlate, ...]:
+        """For pictures, and for feet that share one."""
+        return self.trial.plates
+
+    @property
+    def plate_time(self) -> Array:
+        """Clock of their forces (samples,) [s]."""
+        return self.trial.plate_time
+
+    @property
+    def facts(self) -> Mapping[str, str]:
+        """Nothing but its values."""
+        return FrozenMap({})
+
+    def put(self, writer: ResultWriter) -> None:
+        """Write events and outlines of plates."""
+        store.put_events(writer, self.events)
+        store.put_plates(writer, self.plates)
+
+
+NO_RECORDING = Recording(Trial())
+
+
+def _open(settings: MarkersFile, opening: Opening) -> Opened:
+    """The recording, turned, with the model's labels, and held against the model's size."""
+    path, model = settings.markers, opening.model
+    if path is None:
+        return Opened()
+    labels = opening.settings.or_default(Labels).labels
+    reading.check_labels(labels, model)
+    upright = (opening.settings.get(Laboratory) or AS_RECORDED).trial(reading.read_recording(path))
+    recording = reading.fitted_to(model, reading.with_labels(upright, labels))
+    return Opened(
+        (Recording(recording),),
+        (file_source("markers", path),),
+        tuple(f"{path.name}: {text}" for text in recording.warnings),
+        f"markers from {path.name}",
+    )
+
+
+INPUT = Input(name="markers", settings=MarkersFile, open=_open, main="markers", holds=("loads", "error sizes"))

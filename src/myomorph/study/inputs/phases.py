@@ -1,0 +1,53 @@
+"""Parts of the motion that the report tells apart."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Annotated
+
+from myomorph.model.frozen_map import FrozenMap
+from myomorph.store.results import ResultWriter
+from myomorph.study.inputs.input import Input, Opened, Opening
+from myomorph.study.inputs.keys import Spans
+from myomorph.study.inputs.markers import NO_RECORDING, Recording
+
+
+@dataclass(frozen=True)
+class Phases:
+    """Named parts of a motion.
+
+    Attributes
+    ----------
+    phases : NAME=START,END [s]: parts of the motion that the report shows apart
+    """
+
+    phases: Annotated[Mapping[str, tuple[float, float]], Spans(per="trial")] = field(
+        default_factory=lambda: FrozenMap({})
+    )
+
+    @property
+    def facts(self) -> Mapping[str, str]:
+        """Start and end of each."""
+        return FrozenMap({"phases": json.dumps({name: list(span) for name, span in self.phases.items()})})
+
+    def put(self, writer: ResultWriter) -> None:
+        """Write nothing beside the facts."""
+
+
+def _open(settings: Phases, opening: Opening) -> Opened:
+    """Themselves, with a warning of those outside the recording."""
+    markers = (opening.values.get(Recording) or NO_RECORDING).markers
+    if markers is None:
+        return Opened((settings,))
+    start, stop = float(markers.time[0]), float(markers.time[-1])
+    warnings = tuple(
+        f"phase '{name}' is specified from {first:g} to {last:g} s, the recording lasts from {start:g} to {stop:g} s"
+        for name, (first, last) in settings.phases.items()
+        if last <= start or first >= stop
+    )
+    return Opened((settings,), warnings=warnings)
+
+
+INPUT = Input(name="phases", settings=Phases, open=_open)
