@@ -1,0 +1,29 @@
+"""Points on hinges' axes, which turn a limb about its length: a model laid on itself has them in place."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from myomorph.identify.body.center_fit import AXIS_LENGTH, first_frame, hinge_cues
+from myomorph.identify.body.regions import HINGES, center_positions, centers_of, regions_of
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.tree import compile_tree
+from myomorph.simulate.jump_model import leg_model
+
+
+def test_a_model_on_itself_has_its_cues_in_place():
+    model = leg_model()
+    centers = centers_of(model, regions_of(model))
+    pose = first_frame(None, model)
+    cues = hinge_cues(model, model, pose, (centers, centers), list(centers), np.eye(3))
+    hinges = [key for key, center in centers.items() if center.name in HINGES]
+    assert [cue.name for cue in cues] == [f"{key} axis" for key in hinges]
+    assert len(cues) >= 2
+    tree = compile_tree(model)
+    poses = forward_kinematics(tree, tree.coordinates_of(pose))
+    places = center_positions(model, centers, pose)
+    for key, cue in zip(hinges, cues, strict=True):
+        here = poses.points(np.array([tree.body_index[cue.body]]), cue.location[None])[0, 0]
+        np.testing.assert_allclose(here, cue.target, atol=1e-6)  # centers are where a search ends
+        assert np.linalg.norm(cue.target - places[key]) == pytest.approx(AXIS_LENGTH)
