@@ -12,7 +12,7 @@ from myomorph.model.series import Markers, Motion
 from myomorph.model.spatial import Transform
 from myomorph.motion import ik
 from myomorph.motion.branches import of_one_branch, other_branch
-from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics, marker_arrays, tracked_markers
+from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics, pose_problem, tracked_markers
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 
@@ -46,7 +46,7 @@ def branched(model: Model, values: np.ndarray) -> np.ndarray:
     tree = compile_tree(model)
     markers = Markers(np.arange(len(values)) * 0.01, model.marker_names, np.zeros((len(values), 4, 3)))
     options = InverseKinematicsOptions()
-    arrays = marker_arrays(tree, *tracked_markers(model, markers, options), options)
+    arrays = pose_problem(tree, *tracked_markers(model, markers, options), options)
     return of_one_branch(tree, arrays, values)
 
 

@@ -21,7 +21,7 @@ from myomorph.motion.body.shared_fit import reduce, settle
 from myomorph.motion.body.shared_problem import FrameSet, Prior, SharedProblem
 from myomorph.motion.calibrate import calibrate
 from myomorph.motion.calibration import CalibrationOptions
-from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics, marker_arrays
+from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics, pose_problem
 from myomorph.motion.lengths import lengths_of
 from myomorph.motion.online import OnlineKinematics
 from myomorph.motion.stretch import stretch_of
@@ -140,7 +140,7 @@ def test_reduced_gradient_is_that_of_the_settled_cost():
     markers = markers_of(model, four_bar_angles(1.5 + 0.8 * np.sin(np.linspace(0.0, 6.0, 7))), noise=0.01)
     tree = compile_tree(model)
     lengths = lengths_of(model, True)
-    arrays = marker_arrays(tree, model.marker_names, np.ones(len(model.markers)), InverseKinematicsOptions())
+    arrays = pose_problem(tree, model.marker_names, np.ones(len(model.markers)), InverseKinematicsOptions())
     # Values that can be written, as calibration gives them: for others the kernels would be compiled once more.
     frames = FrameSet(np.array(markers.values), np.tile(tree.defaults, (len(markers), 1)), np.zeros(3))
     unknowns = len(lengths) + 3 * len(model.markers) + 1

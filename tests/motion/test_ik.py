@@ -12,7 +12,8 @@ from myomorph.model.functions import linear, simm_spline
 from myomorph.model.model import GROUND, Axis, Body, Coordinate, Coupler, Joint, Marker, Model
 from myomorph.model.series import Markers, Motion
 from myomorph.model.spatial import Transform
-from myomorph.motion.ik import CoordinateTask, InverseKinematicsOptions, inverse_kinematics
+from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
+from myomorph.motion.tasks.coordinates import CoordinateTask
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 
@@ -164,7 +165,7 @@ def test_clamped_coordinates_stay_in_range_and_locked_ones_at_their_value():
 def test_coordinate_tasks_pull_and_weights_choose():
     model = walker()
     markers = seen(model, walking(model))
-    strong = InverseKinematicsOptions(coordinate_tasks={"knee_l": CoordinateTask(1e6, -1.0)})
+    strong = InverseKinematicsOptions(tasks=[CoordinateTask("knee_l", 1e6, -1.0)])
     np.testing.assert_allclose(inverse_kinematics(model, markers, strong).motion["knee_l"], -1.0, atol=1e-3)
     few = InverseKinematicsOptions(marker_weights={"trunk_0": 1.0, "trunk_1": 2.0, "trunk_2": 1.0}, only_weighted=True)
     fit = inverse_kinematics(model, markers, few)

@@ -5,7 +5,7 @@ import pytest
 
 from myomorph.io.formats import read_model
 from myomorph.model.scale import scale
-from myomorph.motion.ik import InverseKinematicsOptions, marker_arrays
+from myomorph.motion.ik import InverseKinematicsOptions, pose_problem
 from myomorph.motion.lengths import factors_of, lengths_of, mirrored_lengths, segments_that_stretch
 from myomorph.motion.stretch import skeleton, slopes_of_frame, stretch_of, with_travel
 from myomorph.rigid.couplers import couple_frames
@@ -41,9 +41,9 @@ def hold_against_differences(model):
     start = defaults + 0.2 * rng.normal(size=len(defaults))
     tree, placed = placing(model, lengths, values)
     places, c = placed(start)
-    problem = marker_arrays(tree, model.marker_names, np.ones(len(model.markers)), InverseKinematicsOptions())
+    problem = pose_problem(tree, model.marker_names, np.ones(len(model.markers)), InverseKinematicsOptions())
     stretch = with_travel(stretch_of(model, lengths, model.marker_names), model, values)
-    found, by_length, by_coordinate = slopes_of_frame(tree.arrays, problem, stretch, c)
+    found, by_length, by_coordinate = slopes_of_frame(tree.arrays, problem.markers, stretch, c)
     np.testing.assert_allclose(found.ravel(), places, atol=1e-12)
     h = 1e-6
     for i in range(len(lengths)):

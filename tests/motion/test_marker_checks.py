@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from tests.motion.test_root import bounded_walker, recorded
 
-from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics, marker_arrays, tracked_markers
+from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics, pose_problem, tracked_markers
 from myomorph.motion.marker_checks import MarkerCheckOptions, checked_kinematics
 from myomorph.motion.marker_influence import left_out, marker_frames, undetermined
 from myomorph.motion.marker_names import name_findings, near_names
@@ -221,10 +221,10 @@ def test_what_a_marker_left_out_says_is_what_a_fit_without_it_gives():
     noisy = replace(markers, values=markers.values + rng.normal(scale=1e-4, size=markers.values.shape))
     fit = inverse_kinematics(model, noisy, InverseKinematicsOptions(tolerance=1e-10))
     tree, options = compile_tree(model), InverseKinematicsOptions()
-    arrays = marker_arrays(tree, fit.marker_names, fit.weights, options)
+    arrays = pose_problem(tree, fit.marker_names, fit.weights, options)
     columns = [noisy.names.index(name) for name in fit.marker_names]
     frames = marker_frames(tree, arrays, noisy.values[:, columns], fit.motion.values)
-    away = left_out(frames, arrays.weight)
+    away = left_out(frames, arrays.markers.weight)
     name = "thigh_r_2"
     without = InverseKinematicsOptions(marker_weights={name: 0.0}, tolerance=1e-10)
     other = inverse_kinematics(model, noisy, without)

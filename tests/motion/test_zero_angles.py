@@ -16,7 +16,7 @@ from myomorph.motion.body.shared_problem import FrameSet, Prior, SharedProblem
 from myomorph.motion.body.sliding_skin import Slides, sliding
 from myomorph.motion.calibrate import CalibrationOptions, calibrate
 from myomorph.motion.calibration import STATIC
-from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics, marker_arrays
+from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics, pose_problem
 from myomorph.motion.lengths import factors_of, lengths_of
 from myomorph.motion.stretch import stretch_of
 from myomorph.rigid.kinematics import forward_kinematics
@@ -116,7 +116,7 @@ def shared(model: Model, markers: Markers) -> tuple[SharedProblem, np.ndarray, n
     still = np.zeros(len(tree.defaults))
     problem = SharedProblem(
         model, lengths, stretch_of(model, lengths, names),
-        marker_arrays(tree, names, np.ones(len(names)), InverseKinematicsOptions()),
+        pose_problem(tree, names, np.ones(len(names)), InverseKinematicsOptions()),
         (FrameSet(markers.values, np.tile(still, (len(markers), 1)), still),),
         Prior(np.eye(unknowns), np.zeros(unknowns)), tree.defaults, 1e-10,
     )  # fmt: skip
@@ -146,7 +146,7 @@ def test_sliding_skin_adds_the_spread_of_its_gradients():
     at = settle(problem, x, [angles], 1e-4)
     slides = Slides(shift=1e-4, turn=1e-3, independent_frames=1)
     poses = forward_kinematics(compile_tree(model), at.angles[0])
-    bodies, places = problem.markers.body, problem.placed(x)
+    bodies, places = problem.pose.markers.body, problem.placed(x)
     before = reduce(problem, at).g
     moves = []
     for body in np.unique(bodies):

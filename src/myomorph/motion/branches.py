@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from myomorph.model.arrays import Array
-from myomorph.motion.marker_cost import MarkerArrays
+from myomorph.motion.pose_problem import PoseProblem
 from myomorph.motion.root import floating_coordinates
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import Tree
@@ -20,7 +20,7 @@ JUMP = 0.5 * np.pi
 """Change of an angle from frame to frame beyond which another branch is looked for [rad]."""
 
 
-def of_one_branch(tree: Tree, markers: MarkerArrays, values: Array) -> Array:
+def of_one_branch(tree: Tree, problem: PoseProblem, values: Array) -> Array:
     """The same poses, with the angles of every joint of three that are nearest to those of the frame before.
 
     Angles (a, b, c) about axes each perpendicular to the next turn a body as (a + pi, pi - b, c + pi) do. Frames are
@@ -33,14 +33,14 @@ def of_one_branch(tree: Tree, markers: MarkerArrays, values: Array) -> Array:
     """
     values = values.copy()
     seen = np.flatnonzero(np.isfinite(values).all(axis=1))
-    place = {int(j): i for i, j in enumerate(markers.free)}
+    place = {int(j): i for i, j in enumerate(problem.free)}
     for triple in _triples(tree):
         steps = np.abs(np.diff(values[seen][:, triple], axis=0))
-        if not all(j in place for j in triple) or not (steps > JUMP).any() or markers.task_weight[triple].any():
+        if not all(j in place for j in triple) or not (steps > JUMP).any() or problem.coordinates.weight[triple].any():
             continue
         if not _turns_alike(tree, values[seen[0]], triple):
             continue
-        low, high = (np.array([bound[place[j]] for j in triple]) for bound in (markers.lower, markers.upper))
+        low, high = (np.array([bound[place[j]] for j in triple]) for bound in (problem.lower, problem.upper))
         for before, frame in pairwise(seen):
             last, here = values[before, triple], values[frame, triple]
             other = nearest_turn(other_branch(here), last)

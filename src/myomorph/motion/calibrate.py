@@ -33,7 +33,7 @@ from myomorph.motion.calibration_search import Search, search_minimum
 from myomorph.motion.ik import (
     InverseKinematicsOptions,
     coordinate_targets,
-    marker_arrays,
+    pose_problem,
     tracked_markers,
 )
 from myomorph.motion.lengths import factors_of, length_unit, lengths_of, segments_that_stretch
@@ -208,7 +208,7 @@ def _problem(
         model=bare,
         lengths=lengths,
         stretch=stretch_of(bare, lengths, names),
-        markers=marker_arrays(tree, names, weights, InverseKinematicsOptions()),
+        pose=pose_problem(tree, names, weights, InverseKinematicsOptions()),
         sets=tuple(sets),
         prior=calibration_prior(lengths, usual_shifts(model, names, distances), options, size),
         posture=tree.defaults,
@@ -362,7 +362,7 @@ def _deviations(problem: SharedProblem, search: Search, skin: Array) -> tuple[Ar
     prior_sd = np.zeros(len(free))
     prior_sd[np.flatnonzero(free)[:-1]] = np.sqrt(np.diag(np.linalg.inv(given_size.T @ given_size)))
     location = problem.stretch.location.ravel()
-    column = problem.stretch.column[problem.markers.body].ravel()
+    column = problem.stretch.column[problem.pose.markers.body].ravel()
     slopes = np.zeros((len(location), len(free)))
     slopes[:, n:-1] = np.eye(len(location))
     stretched = column >= 0

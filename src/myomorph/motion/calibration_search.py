@@ -99,7 +99,7 @@ def search_minimum(
     if options.method == "joint":
         tree = compile_tree(problem.model)
         problem = replace(
-            problem, mean_posture=symmetric_posture(tree, problem.markers.free, point.angles, options.posture_sd)
+            problem, mean_posture=symmetric_posture(tree, problem.pose.free, point.angles, options.posture_sd)
         )
     stages.append(noise)
     while stages:
@@ -148,7 +148,7 @@ def _noise(problem: SharedProblem, minimum: Minimum, free: Bools, variance: floa
     """Standard deviation of a marker along one axis from what the fit leaves, and whether that can be told."""
     squares, seen = 0.0, 0
     for errors in minimum.reduced.errors:
-        squares += float(np.nansum(problem.markers.weight * errors**2))
+        squares += float(np.nansum(problem.pose.markers.weight * errors**2))
         seen += 3 * int(np.isfinite(errors).sum())
     rows = problem.prior.rows[:, free]
     H = minimum.reduced.H[np.ix_(free, free)]

@@ -18,8 +18,8 @@ from myomorph.model.findings import Finding
 from myomorph.model.model import Model
 from myomorph.model.series import Markers
 from myomorph.motion.ik import KinematicsFit
-from myomorph.motion.marker_cost import MarkerArrays
 from myomorph.motion.marker_influence import MarkerFrames, marker_frames
+from myomorph.motion.pose_problem import PoseProblem
 from myomorph.motion.root import floating_coordinates
 from myomorph.rigid.tree import compile_tree
 
@@ -41,7 +41,7 @@ CHUNK = 128
 
 
 def without_hidden(
-    model: Model, markers: Markers, fit: KinematicsFit, arrays: MarkerArrays, mend: bool = True
+    model: Model, markers: Markers, fit: KinematicsFit, problem: PoseProblem, mend: bool = True
 ) -> tuple[KinematicsFit, tuple[Finding, ...]]:
     """The fit with gaps where the seen markers do not show where the body is, and what is hidden in part of the frames.
 
@@ -50,13 +50,13 @@ def without_hidden(
     Parameters
     ----------
     markers : that the fit is of
-    arrays : of `marker_arrays`, for the fit's markers
+    problem : of `pose_problem`, for the fit's markers
     mend : make such frames gaps; else they are only told
     """
     if model.loops or not fit.seen.any():
         return fit, ()
-    hidden = _hidden(model, markers, fit, arrays)
-    names = [model.coordinate_names[j] for j in arrays.free]
+    hidden = _hidden(model, markers, fit, problem)
+    names = [model.coordinate_names[j] for j in problem.free]
     floating = set(floating_coordinates(model))
     root = [i for i, name in enumerate(names) if name in floating]
     lost = hidden[:, root].any(axis=1) & fit.seen
@@ -75,26 +75,26 @@ def without_hidden(
     return replace(fit, motion=motion, errors=errors, converged=converged), tuple(findings)
 
 
-def _hidden(model: Model, markers: Markers, fit: KinematicsFit, arrays: MarkerArrays) -> np.ndarray:
+def _hidden(model: Model, markers: Markers, fit: KinematicsFit, problem: PoseProblem) -> np.ndarray:
     """(frames, variables) whether a coordinate is hidden that the frames with most markers show."""
     seen = np.isfinite(fit.errors)
     masks, first, group = np.unique(seen, axis=0, return_index=True, return_inverse=True)
     columns = [markers.names.index(name) for name in fit.marker_names]
     tree = compile_tree(model)
-    hidden = np.zeros((len(masks), len(arrays.free)), bool)
+    hidden = np.zeros((len(masks), len(problem.free)), bool)
     some = masks.any(axis=1)
     most = int(np.argmax(masks.sum(axis=1)))
     usual = None
     for chunk in np.array_split(np.r_[most, np.flatnonzero(some)], 1 + some.sum() // CHUNK):
         frames = first[chunk]
-        one = marker_frames(tree, arrays, markers.values[frames][:, columns], fit.motion.values[frames])
+        one = marker_frames(tree, problem, markers.values[frames][:, columns], fit.motion.values[frames])
         for index, mask in enumerate(chunk):
             sizes, parts = _sizes(one, index, masks[mask])
             usual = float(np.median(sizes[sizes > 1e-12 * sizes[-1]])) if usual is None else usual
             faint = parts[:, sizes < FAINT**2 * usual]
             hidden[mask] = (np.abs(faint).max(axis=1, initial=0.0) > PART) & ~one.held[index]
     found: np.ndarray = (hidden & ~hidden[most])[np.ravel(group)]
-    found[:, arrays.task_weight[arrays.free] > 0.0] = False
+    found[:, problem.coordinates.weight[problem.free] > 0.0] = False
     return found & fit.seen[:, None]
 
 

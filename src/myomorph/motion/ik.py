@@ -13,32 +13,19 @@ from myomorph.model.labelled import Labelled, Variable
 from myomorph.model.model import Model, index_of
 from myomorph.model.series import Markers, Motion
 from myomorph.motion.branches import of_one_branch
-from myomorph.motion.closed_frames import frame_solver
-from myomorph.motion.least_squares import SCOUT
 from myomorph.motion.lengths import coordinate_units
-from myomorph.motion.marker_cost import MarkerArrays
+from myomorph.motion.newton import SCOUT, Settings, frames_shown, solve_poses, task_arrays
+from myomorph.motion.pose_problem import PoseProblem
 from myomorph.motion.root import floating_coordinates, of_one_turn
 from myomorph.motion.starts import scout_poses
+from myomorph.motion.tasks.coordinates import CoordinateTask
+from myomorph.motion.tasks.loops import ties_of
+from myomorph.motion.tasks.markers import MarkerTask
+from myomorph.motion.tasks.task import TASKS, Task
 from myomorph.rigid.coordinates import Ints
 from myomorph.rigid.couplers import couple_frames
-from myomorph.rigid.frames import over_frames
-from myomorph.rigid.loops import closure
+from myomorph.rigid.loops import closure, free_coordinates
 from myomorph.rigid.tree import Tree, compile_tree
-
-
-@dataclass(frozen=True)
-class CoordinateTask:
-    """Pull of a coordinate towards a value, beside the markers.
-
-    Attributes
-    ----------
-    weight : of (coordinate - value)^2 [1/rad^2 or 1/m^2], where the markers' mean square counts 1 [1/m^2]
-    value : [rad or m], or None for the value in `InverseKinematicsOptions.coordinates` (a motion), or
-        the model's default where that has none
-    """
-
-    weight: float
-    value: float | None = None
 
 
 @dataclass(frozen=True)
@@ -49,35 +36,40 @@ class InverseKinematicsOptions:
     ----------
     marker_weights : weight of each marker; those not named count 1, 0 leaves one out
     only_weighted : use only the markers named in `marker_weights`, as an OpenSim task set does
-    coordinate_tasks : tasks by coordinate name
+    tasks : what is minimised beside the markers: pulls of coordinates, or own tasks (docs/adding.md)
     coordinates : a motion that gives values to tasks and to locked coordinates
     tolerance : a frame is solved when its last step moves no coordinate further [rad, or m on a body of human size;
         on a smaller one in proportion, see `length_unit`]
     iterations : at most so many in a frame
-    posture_weight : pull towards the default pose of coordinates that no marker shows, relative to the
-        mean curvature of the marker cost; too small to be seen in the others
+    posture_weight : pull towards the default pose of coordinates that no task shows, relative to the mean
+        curvature of the cost; too small to be seen in the others
     root_bounds : keep a floating body within the bounds of its root's coordinates too, as OpenSim does; by default
         it may stand and turn anywhere in the laboratory
     """
 
     marker_weights: Mapping[str, float] = field(default_factory=dict)
     only_weighted: bool = False
-    coordinate_tasks: Mapping[str, CoordinateTask] = field(default_factory=dict)
+    tasks: Sequence[Task] = ()
     coordinates: Motion | None = None
     tolerance: float = 1e-6
     iterations: int = 100
     posture_weight: float = 1e-7
     root_bounds: bool = False
 
+    @property
+    def settings(self) -> Settings:
+        """What the Newton loop is told of them."""
+        return self.posture_weight, self.tolerance, self.iterations
+
 
 @read_only
 @dataclass(frozen=True, eq=False)
 class KinematicsFit(Labelled):
-    """Coordinates found, and how well they explain the markers.
+    """Coordinates, and how well they explain the markers.
 
     Attributes
     ----------
-    motion : all coordinates, NaN in frames without any marker
+    motion : all coordinates, NaN in frames that no task shows
     marker_names : the markers used
     errors : (frames, markers) distance between model and recording [m], NaN where unseen
     weights : (markers,)
@@ -86,6 +78,7 @@ class KinematicsFit(Labelled):
     closure : (frames,) how far loops stand open, the largest gap or turning [m or rad]; None without loops
     unused_markers : recorded markers that the model does not have, or that have no weight
     missing_markers : model markers that the recording does not have
+    task_errors : by name of a kind of task (frames, ...) the residuals that it stores
     """
 
     motion: Motion
@@ -97,6 +90,7 @@ class KinematicsFit(Labelled):
     unused_markers: tuple[str, ...]
     missing_markers: tuple[str, ...]
     closure: Array | None = None
+    task_errors: Mapping[str, Array] = field(default_factory=dict)
 
     def variables(self) -> dict[str, Variable]:
         """Coordinates [rad or m], marker errors, and what became of each frame."""
@@ -144,12 +138,13 @@ def inverse_kinematics(
 
     In every frame,
 
-    sum_m w_m |x_m(c) - y_m|^2 / sum_m w_m + sum_j v_j (c_j - value_j)^2,
+    sum_m w_m |x_m(c) - y_m|^2 / sum_m w_m + sum_j v_j (c_j - value_j)^2 + ...,
 
-    over the coordinates that are neither locked, prescribed nor driven by a coupler, clamped ones within
-    their range, so that every loop stays closed: OpenSim's problem (its `InverseKinematicsSolver` on Simbody's
-    `Assembler`), solved by damped Newton steps with analytic first and second derivatives. Unlike there the root of
-    a floating body has no bounds (`root_bounds`): where it stands and turns is a matter of the laboratory.
+    the sum of the markers' and all other tasks, over the coordinates that are neither locked,
+    prescribed nor driven by a coupler, clamped ones within their range, so that every loop stays closed: OpenSim's
+    problem (its `InverseKinematicsSolver` on Simbody's `Assembler`), solved by damped Newton steps with analytic first
+    and second derivatives. Unlike there the root of a floating body has no bounds (`root_bounds`): where it stands and
+    turns is a matter of the laboratory.
 
     Source: Lu and O'Connor 1999; Seth et al. 2018.
 
@@ -184,42 +179,27 @@ def inverse_kinematics(
     options = options or InverseKinematicsOptions()
     tree = compile_tree(model)
     names, weights = tracked_markers(model, markers, options)
-    observed = np.ascontiguousarray(markers.values[:, [markers.names.index(name) for name in names]])
-    if not np.isfinite(observed).all(axis=2).any():
+    problem = pose_problem(tree, names, weights, options, markers)
+    if not frames_shown(problem).any():
         raise BadData(f"none of the {len(markers)} frames shows a marker that the model has")
-    targets = coordinate_targets(tree, markers.time, options)
-    arrays = marker_arrays(tree, names, weights, options)
-    starts = scout_poses(tree, arrays, observed, targets, options.posture_weight, options.iterations)
 
-    frames = len(markers)
-    values, errors = np.empty((frames, len(tree.defaults))), np.empty((frames, len(names)))
-    cost, converged, iterations = np.empty(frames), np.empty(frames, np.bool_), np.empty(frames, np.int64)
-    solve_frames = frame_solver(tree)
+    starts = np.repeat(scout_poses(tree, problem, options.settings), SCOUT, axis=0)[: len(markers)]
+    solved = solve_poses(tree, problem, starts, options.settings, progress=progress)
 
-    def part(start: int, stop: int) -> None:
-        span, poses = slice(start, stop), starts[start // SCOUT : -(-stop // SCOUT)]
-        solve_frames(
-            tree.arrays, arrays, observed[span], targets[span], tree.defaults, options.posture_weight,
-            options.tolerance, options.iterations, poses, values[span], errors[span],
-            cost[span], converged[span], iterations[span],
-        )  # fmt: skip
-
-    over_frames(part, frames, progress)
-    blank = ~np.isfinite(errors).any(axis=1)
-    values[blank], converged[blank] = np.nan, False
-    values = of_one_branch(tree, arrays, values)
+    values = of_one_branch(tree, problem, solved.values)
     if not options.root_bounds:
         values = of_one_turn(model, values)
     return KinematicsFit(
         motion=Motion(markers.time, model.coordinate_names, values),
         marker_names=names,
-        errors=errors,
+        errors=problem.markers.errors,
         weights=weights,
-        converged=converged,
-        iterations=iterations,
+        converged=solved.converged,
+        iterations=solved.iterations,
         closure=np.abs(closure(tree, values)).max(axis=1) if model.loops else None,
         unused_markers=tuple(name for name in markers.names if name not in names),
         missing_markers=tuple(name for name in model.marker_names if name not in markers.names),
+        task_errors={TASKS[type(part)].__name__: part.errors for part in problem.tasks[1:] if hasattr(part, "errors")},
     )
 
 
@@ -229,7 +209,7 @@ def tracked_markers(model: Model, markers: Markers, options: InverseKinematicsOp
     Raises
     ------
     BadData
-        where there is none
+        where there is none, and no task of another kind
     UnknownName
         where a weight names a marker that neither has
     """
@@ -240,6 +220,8 @@ def tracked_markers(model: Model, markers: Markers, options: InverseKinematicsOp
     weighted = {
         name: options.marker_weights.get(name, default) for name in model.marker_names if name in set(markers.names)
     }
+    if not weighted and any(not isinstance(task, CoordinateTask) for task in options.tasks):
+        return (), np.empty(0)
     if not weighted:
         first = model.marker_names[0] if model.marker_names else ""
         raise BadData(
@@ -252,50 +234,61 @@ def tracked_markers(model: Model, markers: Markers, options: InverseKinematicsOp
     return names, np.array([weighted[name] for name in names])
 
 
+def pose_problem(
+    tree: Tree,
+    names: Sequence[str],
+    weights: Array,
+    options: InverseKinematicsOptions,
+    recording: Markers | None = None,
+) -> PoseProblem:
+    """The sum of all tasks, and the coordinates that may move with their bounds.
+
+    Parameters
+    ----------
+    names, weights : of the markers that take part
+    recording : that shows them; without one, the problem has no frames
+
+    Raises
+    ------
+    BadData : a task is of other frames
+    UnknownName : a task names what the model does not have
+    """
+    model, frames = tree.model, 0 if recording is None else len(recording)
+    time = np.empty(0) if recording is None else recording.time
+    columns = [] if recording is None else [recording.values[:, recording.names.index(name)] for name in names]
+    positions = columns or [np.empty((frames, 3))] * len(names)
+    tracked = [MarkerTask(*marker) for marker in zip(names, positions, weights, strict=True)]
+    targets = coordinate_targets(tree, time, options)
+    free = free_coordinates(tree)
+    floating = () if options.root_bounds else floating_coordinates(model)
+    bounded = [model.coordinates[j].clamped and model.coordinates[j].name not in floating for j in free]
+    limits = [model.coordinates[j].range if held else (-np.inf, np.inf) for j, held in zip(free, bounded, strict=True)]
+    lower, upper = np.array(limits).reshape(-1, 2).T.copy()
+    return PoseProblem(
+        free=free,
+        lower=lower,
+        upper=upper,
+        unit=coordinate_units(tree),
+        fixed=targets,
+        posture=tree.defaults,
+        tasks=task_arrays([*tracked, *options.tasks], tree, targets),
+        ties=ties_of(tree),
+    )
+
+
 def coordinate_targets(tree: Tree, time: Array, options: InverseKinematicsOptions) -> Array:
     """(frames, coordinates) value of every coordinate's task, or of a locked or prescribed coordinate."""
     model = tree.model
     targets = np.tile(tree.defaults, (len(time), 1))
     if options.coordinates is not None:
-        given = options.coordinates
-        for name in set(given.names) & set(model.coordinate_names):
-            targets[:, model.coordinate_names.index(name)] = np.interp(time, given.time, given[name])
+        for name in set(options.coordinates.names) & set(model.coordinate_names):
+            values = np.interp(time, options.coordinates.time, options.coordinates[name])
+            targets[:, model.coordinate_names.index(name)] = values
     for j, coordinate in enumerate(model.coordinates):
         if coordinate.prescribed is not None:
             targets[:, j] = coordinate.prescribed(time)
-    for name, task in options.coordinate_tasks.items():
-        j = index_of("coordinate", name, model.coordinate_names)
-        if task.value is not None:
-            targets[:, j] = task.value
+    for task in options.tasks:
+        if isinstance(task, CoordinateTask) and task.value is not None:
+            targets[:, index_of("coordinate", task.coordinate, model.coordinate_names)] = task.value
     couple_frames(tree.arrays, targets)
     return targets
-
-
-def marker_arrays(
-    tree: Tree, names: tuple[str, ...], weights: Array, options: InverseKinematicsOptions
-) -> MarkerArrays:
-    """Markers, their bodies and weights, and the variables with their bounds."""
-    model = tree.model
-    marked = [model.marker(name) for name in names]
-    bodies = [tree.body_index[marker.body] for marker in marked]
-    free = np.array(
-        [j for j in tree.independent if not model.coordinates[j].locked and model.coordinates[j].prescribed is None],
-        np.int64,
-    )
-    floating = () if options.root_bounds else floating_coordinates(model)
-    bounded = [model.coordinates[j].clamped and model.coordinates[j].name not in floating for j in free]
-    limits = [model.coordinates[j].range if held else (-np.inf, np.inf) for j, held in zip(free, bounded, strict=True)]
-    lower, upper = np.array(limits).reshape(-1, 2).T.copy()
-    task_weight = np.zeros(len(model.coordinates))
-    for name, task in options.coordinate_tasks.items():
-        task_weight[index_of("coordinate", name, model.coordinate_names)] = task.weight
-    return MarkerArrays(
-        body=np.array(bodies, np.int64),
-        location=np.array([marker.location for marker in marked]),
-        weight=weights,
-        free=free,
-        lower=lower,
-        upper=upper,
-        task_weight=task_weight,
-        unit=coordinate_units(tree),
-    )

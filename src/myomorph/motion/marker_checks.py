@@ -16,7 +16,7 @@ from myomorph.model.findings import Finding
 from myomorph.model.model import Model
 from myomorph.model.series import Markers
 from myomorph.motion.hidden_frames import without_hidden
-from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit, inverse_kinematics, marker_arrays
+from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit, inverse_kinematics, pose_problem
 from myomorph.motion.label_repair import without_swaps
 from myomorph.motion.lengths import length_unit
 from myomorph.motion.marker_names import name_findings
@@ -81,8 +81,8 @@ def checked_kinematics(
     used = mended if checks.mend else markers
     fit = inverse_kinematics(model, used, options, progress)
     used, fit, swapped, _ = without_swaps(model, used, fit, options, checks.mend, unit)
-    arrays = marker_arrays(compile_tree(model), fit.marker_names, fit.weights, options)
-    fit, hidden = without_hidden(model, used, fit, arrays, checks.mend)
+    problem = pose_problem(compile_tree(model), fit.marker_names, fit.weights, options)
+    fit, hidden = without_hidden(model, used, fit, problem, checks.mend)
     matched = len(fit.marker_names)
     shared = set(model.marker_names)
     unknown = tuple(name for name in fit.unused_markers if name not in shared)
@@ -91,8 +91,8 @@ def checked_kinematics(
     findings += hidden
     # What a body under wrong labels does says nothing more.
     if all(one.mended for one in swapped):
-        findings += place_findings(model, used, fit, arrays, unit)
-        findings += pose_findings(model, used, fit, arrays, options)
+        findings += place_findings(model, used, fit, problem, unit)
+        findings += pose_findings(model, used, fit, problem, options)
     return CheckedFit(fit, used, tuple(findings))
 
 

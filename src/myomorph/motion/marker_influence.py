@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from myomorph.model.arrays import Array, read_only
-from myomorph.motion.marker_cost import MarkerArrays
+from myomorph.motion.pose_problem import PoseProblem
 from myomorph.rigid.couplers import couple_frames
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import Tree
@@ -41,7 +41,7 @@ class MarkerFrames:
     held: np.ndarray
 
 
-def marker_frames(tree: Tree, arrays: MarkerArrays, observed: Array, values: Array) -> MarkerFrames:
+def marker_frames(tree: Tree, problem: PoseProblem, observed: Array, values: Array) -> MarkerFrames:
     """Errors and slopes at poses; variables that lie at a bound do not move.
 
     Parameters
@@ -49,19 +49,19 @@ def marker_frames(tree: Tree, arrays: MarkerArrays, observed: Array, values: Arr
     observed : (frames, markers, 3) [m]
     values : (frames, coordinates) as inverse kinematics found them
     """
-    frames, count = len(values), len(arrays.free)
+    frames, count = len(values), len(problem.free)
     stacked = np.repeat(values[:, None], count + 1, axis=1)
-    for i, j in enumerate(arrays.free):
-        stacked[:, i + 1, j] += STEP * arrays.unit[j]
+    for i, j in enumerate(problem.free):
+        stacked[:, i + 1, j] += STEP * problem.unit[j]
     flat = np.ascontiguousarray(stacked.reshape(-1, values.shape[1]))
     couple_frames(tree.arrays, flat)
     poses = forward_kinematics(tree, flat)
-    points = poses.points(arrays.body, arrays.location).reshape(frames, count + 1, -1, 3)
+    points = poses.points(problem.markers.body, problem.markers.location).reshape(frames, count + 1, -1, 3)
     slopes = (points[:, 1:] - points[:, :1]) / STEP
-    here = values[:, arrays.free]
-    held = (here <= arrays.lower + 1e-9) | (here >= arrays.upper - 1e-9)
+    here = values[:, problem.free]
+    held = (here <= problem.lower + 1e-9) | (here >= problem.upper - 1e-9)
     slopes[held] = 0.0
-    rotations = poses.rotations.reshape(frames, count + 1, -1, 3, 3)[:, 0, arrays.body]
+    rotations = poses.rotations.reshape(frames, count + 1, -1, 3, 3)[:, 0, problem.markers.body]
     return MarkerFrames(observed - points[:, 0], np.moveaxis(slopes, 1, 3), rotations, held)
 
 
@@ -90,14 +90,14 @@ def left_out(marker_frames: MarkerFrames, weight: Array) -> Array:
     return result
 
 
-def undetermined(marker_frames: MarkerFrames, arrays: MarkerArrays, weight: Array) -> tuple[int, ...]:
+def undetermined(marker_frames: MarkerFrames, problem: PoseProblem, weight: Array) -> tuple[int, ...]:
     """Coordinates that take part in a motion that no marker of any of the frames shows."""
     seen = np.isfinite(marker_frames.errors).all(axis=2) & (weight > 0.0)
-    rows = marker_frames.slopes[seen].reshape(-1, len(arrays.free))
+    rows = marker_frames.slopes[seen].reshape(-1, len(problem.free))
     sizes, directions = np.linalg.eigh(rows.T @ rows)
     usual = np.median(sizes[sizes > 0.0]) if (sizes > 0.0).any() else 1.0
     blind = directions[:, sizes < BLIND**2 * usual]
     part = np.abs(blind).max(axis=1, initial=0.0)
     # A variable at its bound in all frames is determined by the bound.
-    own = [i for i in range(len(arrays.free)) if part[i] > 0.3 and not marker_frames.held[:, i].all()]
-    return tuple(int(arrays.free[i]) for i in own if arrays.task_weight[arrays.free[i]] == 0.0)
+    own = [i for i in range(len(problem.free)) if part[i] > 0.3 and not marker_frames.held[:, i].all()]
+    return tuple(int(problem.free[i]) for i in own if problem.coordinates.weight[problem.free[i]] == 0.0)

@@ -12,8 +12,8 @@ from myomorph.model.model import Model
 from myomorph.model.series import Markers
 from myomorph.model.sides import mirror_names
 from myomorph.motion.ik import KinematicsFit
-from myomorph.motion.marker_cost import MarkerArrays
 from myomorph.motion.marker_influence import left_out, marker_frames
+from myomorph.motion.pose_problem import PoseProblem
 from myomorph.rigid.tree import compile_tree
 
 OFF = 0.035
@@ -35,13 +35,13 @@ MOST, SAMPLES = 4, 20
 
 
 def place_findings(
-    model: Model, markers: Markers, fit: KinematicsFit, arrays: MarkerArrays, unit: float
+    model: Model, markers: Markers, fit: KinematicsFit, problem: PoseProblem, unit: float
 ) -> Iterator[Finding]:
     """Markers that lie steadily off the place where all others put them, while those of the other side do not.
 
     Parameters
     ----------
-    arrays : of `marker_arrays`, for the fit's markers
+    problem : of `pose_problem`, for the fit's markers
     unit : see `length_unit`
     """
     seen = np.flatnonzero(fit.seen)
@@ -49,8 +49,8 @@ def place_findings(
         return
     chosen = seen[np.unique(np.linspace(0, len(seen) - 1, SAMPLES).astype(int))]
     columns = [markers.names.index(name) for name in fit.marker_names]
-    frames = marker_frames(compile_tree(model), arrays, markers.values[chosen][:, columns], fit.motion.values[chosen])
-    weight = np.array(arrays.weight, np.float64)
+    frames = marker_frames(compile_tree(model), problem, markers.values[chosen][:, columns], fit.motion.values[chosen])
+    weight = np.array(problem.markers.weight, np.float64)
     partner = mirror_names(fit.marker_names)
     for _ in range(MOST):
         away, spread = _steady(left_out(frames, weight))

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 
 from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion
-from myomorph.motion.closed_frames import settle_closed
-from myomorph.motion.ik import InverseKinematicsOptions, coordinate_targets, marker_arrays, tracked_markers
-from myomorph.motion.stretch import settle_frames
+from myomorph.motion.ik import InverseKinematicsOptions, pose_problem, tracked_markers
+from myomorph.motion.newton import frames_shown, solve_poses
 from myomorph.motion.sync import refuse_other_times
-from myomorph.motion.ties import ties_of
-from myomorph.rigid.frames import over_frames
 from myomorph.rigid.tree import compile_tree
 
 
@@ -39,23 +34,10 @@ def poses_near(
     refuse_other_times("markers", markers.time, motion.time)
     tree = compile_tree(model)
     names, weights = tracked_markers(model, markers, options)
-    observed = np.ascontiguousarray(markers.values[:, [markers.names.index(name) for name in names]])
-    targets = coordinate_targets(tree, markers.time, options)
-    arrays = marker_arrays(tree, names, weights, options)
-    found = np.array(motion.values)
-    seen = np.asarray(np.isfinite(observed).all(axis=2))
-    blank = np.asarray(~np.isfinite(found).all(axis=1) | ~seen.any(axis=1))
-    found[blank] = tree.defaults
-    solve = partial(settle_closed, ties_of(tree)) if model.loops else settle_frames
-    cost, converged = np.empty(len(found)), np.empty(len(found), np.bool_)
-
-    def part(start: int, stop: int) -> None:
-        span = slice(start, stop)
-        solve(
-            tree.arrays, arrays, observed[span], targets[span], tree.defaults, options.posture_weight,
-            options.tolerance, options.iterations, found[span], cost[span], converged[span],
-        )  # fmt: skip
-
-    over_frames(part, len(found))
-    found[blank] = np.nan
-    return Motion(markers.time, model.coordinate_names, found)
+    problem = pose_problem(tree, names, weights, options, markers)
+    starts = np.array(motion.values)
+    blank = ~(np.isfinite(starts).all(axis=1) & frames_shown(problem))
+    starts[blank] = tree.defaults
+    values = solve_poses(tree, problem, starts, options.settings, chained=False).values
+    values[blank] = np.nan
+    return Motion(markers.time, model.coordinate_names, values)

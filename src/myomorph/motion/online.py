@@ -12,13 +12,14 @@ from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion
-from myomorph.motion.closed_frames import frame_solver
 from myomorph.motion.ik import (
     InverseKinematicsOptions,
     coordinate_targets,
-    marker_arrays,
+    pose_problem,
     tracked_markers,
 )
+from myomorph.motion.newton import Settings, frames_shown, solve_poses
+from myomorph.motion.pose_problem import PoseProblem
 from myomorph.motion.starts import scout_poses
 from myomorph.rigid.tree import compile_tree
 
@@ -177,8 +178,7 @@ class OnlineKinematics:
         empty = Markers(np.zeros(1), tuple(names), np.full((1, len(names), 3), np.nan))
         self.marker_names, weights = tracked_markers(model, empty, self._options)
         self._columns = [list(names).index(name) for name in self.marker_names]
-        self._arrays = marker_arrays(self._tree, self.marker_names, weights, self._options)
-        self._solve_frames = frame_solver(self._tree)
+        self._problem = pose_problem(self._tree, self.marker_names, weights, self._options)
         self._before: list[Array] = []
         self._usual = 0.0
 
@@ -189,14 +189,13 @@ class OnlineKinematics:
         ----------
         positions : (markers, 3) [m], NaN where unseen
         """
-        observed = np.ascontiguousarray(np.asarray(positions, dtype=np.float64)[None, self._columns])
-        if not np.isfinite(observed).all(axis=2).any():
+        problem = self._frame(time, positions)
+        if not frames_shown(problem)[0]:
             self._before = []
             return np.full(len(self._tree.defaults), np.nan), float("nan")
-        targets = coordinate_targets(self._tree, np.array([time]), self._options)
-        values, error = self._settle(observed, targets, self._start(observed, targets))
+        values, error = self._settle(problem, self._start(problem))
         if self._before and error > LOST * self._usual:
-            other, less = self._settle(observed, targets, self._search(observed, targets))
+            other, less = self._settle(problem, self._search(problem))
             if less < 0.99 * error:
                 values, error = other, less
                 self._before = []
@@ -205,40 +204,39 @@ class OnlineKinematics:
         return values, error
 
     def from_start(self, time: float, positions: Array, start: Array, posture: Array) -> tuple[Array, float]:
-        """As `solve`, but from a pose that is given, and remembering nothing.
+        """As `solve`, but from a pose that is passed, and remembering nothing.
 
         Parameters
         ----------
         start : (coordinates,) where to begin
         posture : (coordinates,) what coordinates that no marker shows are drawn to
         """
-        observed = np.ascontiguousarray(np.asarray(positions, dtype=np.float64)[None, self._columns])
-        targets = coordinate_targets(self._tree, np.array([time]), self._options)
-        return self._settle(observed, targets, start, posture)
+        return self._settle(self._frame(time, positions)._replace(posture=posture), start)
 
     def from_anywhere(self, time: float, positions: Array, posture: Array) -> tuple[Array, float]:
         """As `from_start`, but from the best of several headings."""
+        problem = self._frame(time, positions)
+        return self._settle(problem._replace(posture=posture), self._search(problem))
+
+    def _frame(self, time: float, positions: Array) -> PoseProblem:
+        """The problem of one frame."""
         observed = np.ascontiguousarray(np.asarray(positions, dtype=np.float64)[None, self._columns])
         targets = coordinate_targets(self._tree, np.array([time]), self._options)
-        return self._settle(observed, targets, self._search(observed, targets), posture)
+        shown = self._problem.with_markers(observed=observed, errors=np.full(observed.shape[:2], np.nan))
+        return shown.with_coordinates(value=targets)._replace(fixed=targets)
 
-    def _start(self, observed: Array, targets: Array) -> Array:
+    def _start(self, problem: PoseProblem) -> Array:
         if len(self._before) == 2:
             return 2.0 * self._before[1] - self._before[0]
-        return self._before[0] if self._before else self._search(observed, targets)
+        return self._before[0] if self._before else self._search(problem)
 
-    def _search(self, observed: Array, targets: Array) -> Array:
-        options = self._options
-        return scout_poses(self._tree, self._arrays, observed, targets, options.posture_weight, options.iterations)[0]
+    def _search(self, problem: PoseProblem) -> Array:
+        return scout_poses(self._tree, problem, self._settings)[0]
 
-    def _settle(
-        self, observed: Array, targets: Array, start: Array, posture: Array | None = None
-    ) -> tuple[Array, float]:
-        options, drawn = self._options, self._tree.defaults if posture is None else posture
-        values, errors = np.empty((1, len(start))), np.empty((1, len(self.marker_names)))
-        converged, iterations = np.empty(1, np.bool_), np.empty(1, np.int64)
-        self._solve_frames(
-            self._tree.arrays, self._arrays, observed, targets, drawn, options.posture_weight,
-            options.tolerance, options.iterations, start[None], values, errors, np.empty(1), converged, iterations,
-        )  # fmt: skip
-        return values[0], float(np.sqrt(np.nanmean(errors**2)))
+    def _settle(self, problem: PoseProblem, start: Array) -> tuple[Array, float]:
+        solved = solve_poses(self._tree, problem, start[None], self._settings)
+        return solved.values[0], float(np.sqrt(np.nanmean(problem.markers.errors**2)))
+
+    @property
+    def _settings(self) -> Settings:
+        return self._options.settings

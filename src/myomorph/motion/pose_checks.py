@@ -13,8 +13,8 @@ from myomorph.model.findings import Finding
 from myomorph.model.model import GROUND, Model
 from myomorph.model.series import Markers
 from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit, inverse_kinematics
-from myomorph.motion.marker_cost import MarkerArrays
 from myomorph.motion.marker_influence import marker_frames, undetermined
+from myomorph.motion.pose_problem import PoseProblem
 from myomorph.motion.root import floating_coordinates
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
@@ -36,36 +36,36 @@ LIES, MOSTLY = 60.0, 0.8
 
 
 def pose_findings(
-    model: Model, markers: Markers, fit: KinematicsFit, arrays: MarkerArrays, options: InverseKinematicsOptions
+    model: Model, markers: Markers, fit: KinematicsFit, problem: PoseProblem, options: InverseKinematicsOptions
 ) -> Iterator[Finding]:
     """Findings about the coordinates of a fit.
 
     Parameters
     ----------
     markers : that the fit is of
-    arrays : of `marker_arrays`, for the fit's markers
+    problem : of `pose_problem`, for the fit's markers
     """
     if not fit.seen.any():
         return
-    yield from _bound_findings(model, markers, fit, arrays, options)
-    yield from _blind_findings(model, markers, fit, arrays)
+    yield from _bound_findings(model, markers, fit, problem, options)
+    yield from _blind_findings(model, markers, fit, problem)
     yield from turned_findings(model, fit)
     yield from _upright_findings(model, fit)
     yield from _convergence_findings(fit)
 
 
 def _bound_findings(
-    model: Model, markers: Markers, fit: KinematicsFit, arrays: MarkerArrays, options: InverseKinematicsOptions
+    model: Model, markers: Markers, fit: KinematicsFit, problem: PoseProblem, options: InverseKinematicsOptions
 ) -> Iterator[Finding]:
     """Coordinates at a bound for more than a tenth of the frames, and how far they would go without it."""
-    values = fit.motion.values[:, arrays.free]
+    values = fit.motion.values[:, problem.free]
     with np.errstate(invalid="ignore"):
-        at = (values <= arrays.lower + AT) | (values >= arrays.upper - AT)
-    at &= np.asarray(arrays.lower < arrays.upper)
+        at = (values <= problem.lower + AT) | (values >= problem.upper - AT)
+    at &= np.asarray(problem.lower < problem.upper)
     held = np.flatnonzero(at.sum(axis=0) > HELD * int(fit.seen.sum()))
     if not len(held):
         return
-    names = [model.coordinate_names[j] for j in arrays.free]
+    names = [model.coordinate_names[j] for j in problem.free]
     loose = {names[i] for i in held}
     coordinates = tuple(replace(one, clamped=one.clamped and one.name not in loose) for one in model.coordinates)
     without = replace(model, coordinates=coordinates)
@@ -75,7 +75,7 @@ def _bound_findings(
     for i in held:
         coordinate = model.coordinate(names[i])
         own = at[some, i]
-        lower, upper = float(arrays.lower[i]), float(arrays.upper[i])
+        lower, upper = float(problem.lower[i]), float(problem.upper[i])
         reached = freed.motion[names[i]][own]
         low = 2 * int((values[:, i] <= lower + AT).sum()) > int(at[:, i].sum())
         bound = lower if low else upper
@@ -99,7 +99,7 @@ def _bound_findings(
         yield Finding("at its bound", names[i], text, tuple(spans))
 
 
-def _blind_findings(model: Model, markers: Markers, fit: KinematicsFit, arrays: MarkerArrays) -> Iterator[Finding]:
+def _blind_findings(model: Model, markers: Markers, fit: KinematicsFit, problem: PoseProblem) -> Iterator[Finding]:
     """Coordinates that no marker shows."""
     if model.loops:
         # What a loop ties is determined by the loop: slopes of single markers do not know it.
@@ -107,8 +107,8 @@ def _blind_findings(model: Model, markers: Markers, fit: KinematicsFit, arrays: 
     seen = np.flatnonzero(fit.seen)
     chosen = seen[np.unique(np.linspace(0, len(seen) - 1, 6).astype(int))]
     columns = [markers.names.index(name) for name in fit.marker_names]
-    frames = marker_frames(compile_tree(model), arrays, markers.values[chosen][:, columns], fit.motion.values[chosen])
-    names = [model.coordinate_names[j] for j in undetermined(frames, arrays, arrays.weight)]
+    frames = marker_frames(compile_tree(model), problem, markers.values[chosen][:, columns], fit.motion.values[chosen])
+    names = [model.coordinate_names[j] for j in undetermined(frames, problem, problem.markers.weight)]
     if names:
         stay = "It stays" if len(names) == 1 else "They stay"
         text = (

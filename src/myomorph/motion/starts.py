@@ -8,9 +8,8 @@ import numpy as np
 
 from myomorph.model.arrays import Array
 from myomorph.motion.branches import nearest_turn, other_branch
-from myomorph.motion.closed_frames import frame_solver
-from myomorph.motion.least_squares import SCOUT
-from myomorph.motion.marker_cost import MarkerArrays
+from myomorph.motion.newton import SCOUT, Settings, SolvedFrames, frames_shown, solve_frames
+from myomorph.motion.pose_problem import PoseProblem
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.loops import close_loops
 from myomorph.rigid.tree import Tree
@@ -29,10 +28,8 @@ SAME_ROTATION = 1e-6
 """Entries of rotation matrices that differ by less are those of one rotation."""
 
 
-def scout_poses(
-    tree: Tree, markers: MarkerArrays, observed: Array, targets: Array, posture_weight: float, iterations: int
-) -> Array:
-    """Pose of every `SCOUT`-th frame (poses, coordinates), tracked in turn; where it is not seen, that before it.
+def scout_poses(tree: Tree, problem: PoseProblem, settings: Settings) -> Array:
+    """Pose of every `SCOUT`-th frame (poses, coordinates), tracked in turn; where it is not shown, that before it.
 
     The first frame, and a frame whose cost jumps, is solved again from several headings of the whole
     body, and the best pose is kept, so that a bad first frame or a long gap does not spoil what follows.
@@ -40,39 +37,40 @@ def scout_poses(
 
     Parameters
     ----------
-    observed : (frames, markers, 3) [m], NaN where unseen
-    targets : (frames, coordinates) of `coordinate_targets`
-    posture_weight, iterations : as in `InverseKinematicsOptions`
+    settings : of `solve_poses`; the tolerance is `SCOUT_TOLERANCE`
     """
-    solve_frames = frame_solver(tree)
     rest = closed_defaults(tree)
     root = root_coordinates(tree)
-    turning = _turning(tree, markers, root)
-    whole_body = _only(markers, root)
+    turning = _turning(tree, problem, root)
+    whole_body = _only(problem, root)
+    shown = frames_shown(problem)
+    posture_weight, _, max_steps = settings
+    frames = len(shown)
+    solved = SolvedFrames(
+        np.empty((frames, len(rest))), np.empty(frames), np.empty(frames, np.bool_), np.empty(frames, np.int64)
+    )
 
-    def settle(problem: MarkerArrays, frame: int, start: Array) -> tuple[float, Array]:
-        # One frame of `solve_frames`: to compile a kernel of its own for it takes longer than to use it.
-        here = slice(frame, frame + 1)
-        pose, errors, cost = np.empty((1, len(start))), np.empty((1, observed.shape[1])), np.empty(1)
+    def settle(problem: PoseProblem, frame: int, start: Array) -> tuple[float, Array]:
+        solved.values[frame] = start
         solve_frames(
-            tree.arrays, problem, observed[here], targets[here], tree.defaults, posture_weight, SCOUT_TOLERANCE,
-            iterations, start[None], pose, errors, cost, np.empty(1, np.bool_), np.empty(1, np.int64),
+            tree.arrays, problem, frame, frame + 1, posture_weight, SCOUT_TOLERANCE, max_steps, True,
+            solved.values, solved.cost, solved.converged, solved.iterations,
         )  # fmt: skip
-        return float(cost[0]), pose[0]
+        return float(solved.cost[frame]), solved.values[frame].copy()
 
-    poses = np.empty((-(-len(observed) // SCOUT), len(tree.defaults)))
+    poses = np.empty((-(-frames // SCOUT), len(rest)))
     pose, usual = rest.copy(), 0.0
-    for frame in range(0, len(observed), SCOUT):
-        if np.isfinite(observed[frame]).all(axis=1).any():
-            cost, pose = settle(markers, frame, pose)
+    for frame in range(0, frames, SCOUT):
+        if shown[frame]:
+            cost, pose = settle(problem, frame, pose)
             if usual == 0.0 or cost > 4.0 * usual:
                 turned = sorted((settle(whole_body, frame, start) for start in _headings(rest, turning)), key=_cost)
-                others = [settle(markers, frame, start) for _, start in turned[:HEADINGS_TRIED]]
+                others = [settle(problem, frame, start) for _, start in turned[:HEADINGS_TRIED]]
                 best, other = min(others, key=_cost)
                 if best < 0.999 * cost:
                     cost, pose = best, nearest_turns(tree, turning, other, rest if usual == 0.0 else pose)
-                for joint in _at_bounds(tree, markers, pose):
-                    others = [settle(markers, frame, start) for start in _within(tree, joint, pose)]
+                for joint in _at_bounds(tree, problem, pose):
+                    others = [settle(problem, frame, start) for start in _within(tree, joint, pose)]
                     best, other = min(others, key=_cost)
                     if best < 0.999 * cost:
                         cost, pose = best, other
@@ -92,16 +90,16 @@ def closed_defaults(tree: Tree) -> Array:
     return close_loops(tree, tree.defaults[None])[0] if tree.model.loops else tree.defaults.copy()
 
 
-def _at_bounds(tree: Tree, markers: MarkerArrays, pose: Array) -> list[list[int]]:
+def _at_bounds(tree: Tree, problem: PoseProblem, pose: Array) -> list[list[int]]:
     """The free rotations of every joint of two or three of which one lies at its bound: it may be on a wrong branch."""
-    place = {int(j): i for i, j in enumerate(markers.free)}
+    place = {int(j): i for i, j in enumerate(problem.free)}
     result = []
     for joint in tree.model.joints:
         own = [tree.model.coordinate_names.index(name) for name in joint.coordinates]
         own = [j for j in own if j in place and tree.model.coordinates[j].motion == "rotational"]
         if not 2 <= len(own) <= 3:
             continue
-        low, high = (np.array([bound[place[j]] for j in own]) for bound in (markers.lower, markers.upper))
+        low, high = (np.array([bound[place[j]] for j in own]) for bound in (problem.lower, problem.upper))
         stuck = (pose[own] <= low + AT_BOUND) | (pose[own] >= high - AT_BOUND)
         if np.isfinite(high - low).all() and stuck.any():
             result.append(own)
@@ -123,10 +121,10 @@ def _cost(solved: tuple[float, Array]) -> float:
     return solved[0]
 
 
-def _only(markers: MarkerArrays, coordinates: list[int]) -> MarkerArrays:
+def _only(problem: PoseProblem, coordinates: list[int]) -> PoseProblem:
     """The same problem with only these coordinates free."""
-    kept = np.isin(markers.free, coordinates)
-    return markers._replace(free=markers.free[kept], lower=markers.lower[kept], upper=markers.upper[kept])
+    kept = np.isin(problem.free, coordinates)
+    return problem._replace(free=problem.free[kept], lower=problem.lower[kept], upper=problem.upper[kept])
 
 
 def root_coordinates(tree: Tree) -> list[int]:
@@ -136,9 +134,9 @@ def root_coordinates(tree: Tree) -> list[int]:
     return [int(j) for j in np.unique(used[used >= 0])]
 
 
-def _turning(tree: Tree, markers: MarkerArrays, root: list[int]) -> list[int]:
+def _turning(tree: Tree, problem: PoseProblem, root: list[int]) -> list[int]:
     """Root coordinates that may turn all the way round."""
-    free = set(markers.free[np.isinf(markers.lower) & np.isinf(markers.upper)])
+    free = set(problem.free[np.isinf(problem.lower) & np.isinf(problem.upper)])
     return [j for j in root if j in free and tree.model.coordinates[j].motion == "rotational"]
 
 

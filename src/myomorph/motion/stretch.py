@@ -20,10 +20,9 @@ import numpy as np
 from myomorph.model.arrays import Array
 from myomorph.model.model import GROUND, Axis, Model
 from myomorph.model.scale import scale, slides_freely
-from myomorph.motion.least_squares import hold, solve_frame
 from myomorph.motion.lengths import Length
-from myomorph.motion.marker_cost import MarkerArrays, new_work, seen_weight
-from myomorph.motion.ties import Ties
+from myomorph.motion.tasks.loops import Ties
+from myomorph.motion.tasks.markers import MarkerArrays, seen_weight
 from myomorph.rigid.coordinates import Ints, evaluate
 from myomorph.rigid.couplers import gather_dependents
 from myomorph.rigid.kernels import in_place, inner, kernel
@@ -120,33 +119,13 @@ def _in_tree_order(model: Model) -> list[tuple[Axis, ...]]:
     return [joints[body] for body in model.body_names if body != GROUND]
 
 
-def tied_markers(markers: MarkerArrays, ties: Ties | None) -> MarkerArrays:
-    """The points of ties, first and second in turn, as markers."""
-    if ties is None:
-        return markers._replace(body=markers.body[:0], location=markers.location[:0], weight=markers.weight[:0])
-    body = np.column_stack([ties.body_1, ties.body_2]).ravel()
-    location = np.stack([ties.point_1, ties.point_2], axis=1).reshape(-1, 3)
-    return markers._replace(body=body, location=location, weight=np.zeros(len(body)))
-
-
-@kernel
-def settle_frames(T, K, observed, targets, posture, posture_weight, tolerance, most, c, cost, converged):
-    """Inverse kinematics of frames, each from where it stands.
-
-    Parameters
-    ----------
-    observed, targets : (frames, markers, 3) [m], NaN where unseen; (frames, coordinates)
-    posture, posture_weight, tolerance, most : as `solve_frames`
-    c : (frames, coordinates) starts, replaced by what is found
-    cost, converged : (frames,) filled: the cost times the weight of the markers seen, and whether it settled
-    """
-    work = new_work(T, c.shape[1])
-    for frame in range(observed.shape[0]):
-        hold(K, targets[frame], c[frame])
-        converged[frame], _, value = solve_frame(
-            T, K, observed[frame], targets[frame], posture, posture_weight, tolerance, most, c[frame], work
-        )
-        cost[frame] = value * seen_weight(K, observed[frame])
+def tied_markers(ties: Ties | None) -> MarkerArrays:
+    """The points of ties, first and second in turn, as markers; none without ties."""
+    body, location = np.zeros(0, np.int64), np.zeros((0, 3))
+    if ties is not None:
+        body = np.column_stack([ties.body_1, ties.body_2]).ravel()
+        location = np.stack([ties.point_1, ties.point_2], axis=1).reshape(-1, 3)
+    return MarkerArrays(body, location, np.zeros(len(body)), np.empty((0, len(body), 3)), np.empty((0, len(body))))
 
 
 @inner
@@ -222,7 +201,7 @@ def add_offset(column, slopes, h, b, r, grown):
 
 
 @kernel
-def frame_blocks(T, K, S, tied, tied_S, observed, targets, posture, posture_weight, c, H, g, eliminated, errors):
+def frame_blocks(T, P, S, tied, tied_S, first, last, posture_weight, c, H, g, eliminated, errors):
     """Sums over frames of what the shared unknowns feel at fixed angles, and what the angles take away.
 
     With A = J_q^T W J_q = L L^T of a frame, the reduced normal equations are H - E^T E and g - E^T e, where
@@ -231,15 +210,17 @@ def frame_blocks(T, K, S, tied, tied_S, observed, targets, posture, posture_weig
 
     Parameters
     ----------
+    first, last : frames
     tied, tied_S : the points that loops tie, in pairs, as markers; none without loops
     c : (frames, coordinates) angles, at the minimum of each frame
     H, g : (shared, shared), (shared,) added to: J_s^T W J_s (lower triangle) and J_s^T W r
-    eliminated : (frames * variables, shared + 1) filled with [E e]; rows of coordinates at a bound are zero
+    eliminated : ((last - first) * variables, shared + 1) filled with [E e]; rows of coordinates at a bound are zero
     errors : (frames, markers) filled: distance of each marker [m], NaN where unseen
     """
     bodies, axes, n = T.parent.shape[0], T.axis_kind.shape[0], c.shape[1]
-    markers, F, lengths = K.body.shape[0], K.free, H.shape[0] - 3 * K.body.shape[0]
-    shared, rows, size = H.shape[0], 3 * K.body.shape[0], F.shape[0]
+    K, tasks, F = P.tasks[0], P.tasks[1], P.free
+    markers, size, shared = K.body.shape[0], F.shape[0], H.shape[0]
+    rows, lengths = 3 * markers, shared - 3 * markers
     R, p, dphi = np.empty((bodies, 3, 3)), np.empty((bodies, 3)), np.empty((axes, 2))
     w, o, grown = np.empty((axes, 3)), np.empty((axes, 3)), np.empty((bodies, 3, lengths))
     places, by_length, by_coordinate = np.empty((markers, 3)), np.empty((rows, lengths)), np.empty((rows, n))
@@ -247,31 +228,31 @@ def frame_blocks(T, K, S, tied, tied_S, observed, targets, posture, posture_weig
     ties = tied.body.shape[0]
     tied_places = np.empty((ties, 3))
     tied_length, tied_coordinate = np.empty((3 * ties, lengths)), np.empty((3 * ties, n))
-    for frame in range(c.shape[0]):
-        y, at = observed[frame], c[frame]
+    for frame in range(first, last):
+        at = c[frame]
         marker_slopes(T, K, S, at, R, p, w, o, dphi, grown, places, by_length, by_coordinate)
-        total = seen_weight(K, y)
-        E = eliminated[frame * size : (frame + 1) * size]
+        total = seen_weight(K, frame)
+        E = eliminated[(frame - first) * size : (frame - first + 1) * size]
         E[:] = 0.0
         A[:] = 0.0
-        add_markers(K, y, R, places, by_length, by_coordinate, misfit, Jq, A, E, H, g, errors[frame])
+        add_markers(K, F, frame, R, places, by_length, by_coordinate, misfit, Jq, A, E, H, g, errors[frame])
         curvature, moved = 0.0, 0
         for a in range(size):
             if A[a, a] > 0.0:
-                curvature += A[a, a] * K.unit[F[a]] ** 2
+                curvature += A[a, a] * P.unit[F[a]] ** 2
                 moved += 1
-            A[a, a] += total * K.task_weight[F[a]]
-            E[a, shared] += total * K.task_weight[F[a]] * (at[F[a]] - targets[frame, F[a]])
+            A[a, a] += total * tasks.weight[F[a]]
+            E[a, shared] += total * tasks.weight[F[a]] * (at[F[a]] - tasks.value[frame, F[a]])
         stiffness = posture_weight * (curvature / moved if moved else 1.0)
         if tied.body.shape[0] > 0:
             marker_slopes(T, tied, tied_S, at, R, p, w, o, dphi, grown, tied_places, tied_length, tied_coordinate)
             add_ties(F, tied_length, tied_coordinate, A, E, H)
         for a in range(size):
-            pull = stiffness / K.unit[F[a]] ** 2
+            pull = stiffness / P.unit[F[a]] ** 2
             A[a, a] += pull
-            E[a, shared] += pull * (at[F[a]] - posture[F[a]])
+            E[a, shared] += pull * (at[F[a]] - P.posture[F[a]])
             slack = 1e-9 * (1.0 + abs(at[F[a]]))
-            if at[F[a]] <= K.lower[a] + slack or at[F[a]] >= K.upper[a] - slack:
+            if at[F[a]] <= P.lower[a] + slack or at[F[a]] >= P.upper[a] - slack:
                 for index in range(size):
                     A[max(a, index), min(a, index)] = 0.0
                 A[a, a] = 1.0
@@ -280,7 +261,7 @@ def frame_blocks(T, K, S, tied, tied_S, observed, targets, posture, posture_weig
 
 
 @in_place
-def add_markers(K, y, R, places, by_length, by_coordinate, misfit, Jq, A, E, H, g, errors):
+def add_markers(K, F, frame, R, places, by_length, by_coordinate, misfit, Jq, A, E, H, g, errors):
     """Add what the markers seen in a frame say of its angles (A), of the shared unknowns (H, g) and of both (E).
 
     Parameters
@@ -288,13 +269,14 @@ def add_markers(K, y, R, places, by_length, by_coordinate, misfit, Jq, A, E, H, 
     by_length : overwritten: rows times the root of the marker's weight
     misfit, Jq : scratch (3 markers,), (3 markers, variables)
     """
-    F, lengths, size, shared = K.free, by_length.shape[1], A.shape[0], E.shape[1] - 1
+    lengths, size, shared = by_length.shape[1], A.shape[0], E.shape[1] - 1
     for m in range(places.shape[0]):
-        seen = K.weight[m] > 0.0 and np.isfinite(y[m, 0] + y[m, 1] + y[m, 2])
+        y = K.observed[frame, m]
+        seen = K.weight[m] > 0.0 and np.isfinite(y[0] + y[1] + y[2])
         square = 0.0
         root = np.sqrt(K.weight[m]) if seen else 0.0
         for i in range(3):
-            e = places[m, i] - y[m, i]
+            e = places[m, i] - y[i]
             square += e * e
             misfit[3 * m + i] = root * e if seen else 0.0
         errors[m] = np.sqrt(square)

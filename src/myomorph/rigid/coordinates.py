@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from myomorph.model.arrays import Array
 from myomorph.model.functions import Function, PiecewisePolynomial
-from myomorph.rigid.kernels import inner, kernel
+from myomorph.rigid.kernels import bare, kernel
 
 Ints = NDArray[np.int64]
 
@@ -69,7 +69,7 @@ def evaluate(F, i, x1, x2):
     return evaluate_curved(F, i, x1, x2)
 
 
-@inner
+@bare
 def evaluate_curved(F, i, x1, x2):
     """`evaluate` for any function."""
     c = F.table[i, START]

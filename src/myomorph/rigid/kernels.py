@@ -59,6 +59,14 @@ def inner(function: Callable[..., Any] | None = None, /, **options: Any) -> Any:
     return kernel(function, no_cpython_wrapper=True, no_cfunc_wrapper=True, **options)
 
 
+def bare(function: Callable[..., Any], /) -> Any:
+    """`inner` for what makes no arrays: those that it reads are not counted by reference, which small kernels feel.
+
+    Views are allowed. What it calls must be bare, too.
+    """
+    return inner(function, _nrt=False)
+
+
 def in_place(function: Callable[..., Any], /) -> Any:
     """`kernel` for what one kernel alone calls: compiled as a part of it, and not by itself."""
     return kernel(function, inline="always")
@@ -78,16 +86,28 @@ def signatures_on_disk(dispatcher: Any) -> list[tuple[Any, ...]]:
 
 @cache
 def _fingerprint(module: str) -> str:
-    """Of the sources of a module and of all modules whose kernels it calls."""
+    """Of the sources of a module and of all modules whose kernels it calls.
+
+    Those of a class with `kernels`, in a module or a tuple of one, are found by type when a kernel is compiled.
+    """
     sources: dict[str, bytes] = {}
     left = [module]
     while left:
         name = left.pop()
         if name not in sources:
             sources[name] = Path(str(sys.modules[name].__file__)).read_bytes()
-            called = vars(sys.modules[name]).values()
-            left += [one.py_func.__module__ for one in called if isinstance(one, Dispatcher)]
+            for value in vars(sys.modules[name]).values():
+                parts = value if isinstance(value, tuple) else (value,)
+                left += [part.py_func.__module__ for part in parts if isinstance(part, Dispatcher)]
+                left += [part.__module__ for part in parts if isinstance(part, type) and hasattr(part, "kernels")]
     return hashlib.sha256(b"".join(sources[name] for name in sorted(sources))).hexdigest()
+
+
+def _ours(kind: Any) -> bool:
+    """Whether all classes that an argument's type names come with the package: others may not be there to be read."""
+    named = getattr(kind, "instance_class", None)
+    parts = getattr(kind, "types", ())
+    return (named is None or named.__module__.startswith("myomorph.")) and all(_ours(part) for part in parts)
 
 
 class KernelFile(IndexDataCacheFile):  # type: ignore[misc]
@@ -170,6 +190,12 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """The code of a signature, or None where it is not on disk or the file is damaged or out of reach."""
-        with contextlib.suppress(OSError, EOFError):
-            return super().load_overload(sig, target_context)
+        if all(_ours(kind) for kind in sig):
+            with contextlib.suppress(OSError, EOFError):
+                return super().load_overload(sig, target_context)
         return None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep the code of a signature on disk, unless a type from outside the package is part of it."""
+        if all(_ours(kind) for kind in sig):
+            super().save_overload(sig, data)

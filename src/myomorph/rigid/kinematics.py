@@ -9,7 +9,7 @@ import numpy as np
 from myomorph.model.arrays import Array
 from myomorph.rigid.coordinates import Ints, evaluate
 from myomorph.rigid.frames import over_frames
-from myomorph.rigid.kernels import in_place, inner, kernel
+from myomorph.rigid.kernels import bare, in_place, inner, kernel
 from myomorph.rigid.tree import ROTATION, Tree
 from myomorph.rigid.vectors import (
     about,
@@ -26,7 +26,7 @@ from myomorph.rigid.vectors import (
 )
 
 
-@inner
+@bare
 def body_poses(T, c, R, p, w, o, dphi):
     """Poses of all bodies and the moving axes in ground, for one frame.
 

@@ -20,7 +20,8 @@ from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Marker, Model
 from myomorph.model.series import Markers, Motion, Series, Trial, Wrenches
 from myomorph.motion.filters import lowpass, natural_spline
-from myomorph.motion.ik import CoordinateTask, InverseKinematicsOptions, inverse_kinematics
+from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
+from myomorph.motion.tasks.coordinates import CoordinateTask
 from myomorph.rigid.dynamics import inverse_dynamics, motion_arrays
 from myomorph.rigid.joint_wrenches import joint_wrenches
 from myomorph.rigid.kinematics import forward_kinematics
@@ -202,8 +203,8 @@ def squat_splines(model: Model, options: SimulationOptions) -> Splines:
     bodies = [tree.body_index[marker.body] for marker in planted]
     places = standing.points(np.array(bodies), np.array([marker.location for marker in planted]))
     feet = Markers(time, tuple(marker.name for marker in planted), np.repeat(places, len(time), axis=0))
-    pull = {name: CoordinateTask(1e-5) for name in names if not name.startswith("root_t")}
-    pulled = InverseKinematicsOptions(coordinate_tasks=pull, coordinates=Motion(time, names, wanted))
+    pull = [CoordinateTask(name, 1e-5) for name in names if not name.startswith("root_t")]
+    pulled = InverseKinematicsOptions(tasks=pull, coordinates=Motion(time, names, wanted))
     poses = inverse_kinematics(model, feet, pulled).motion
     values = poses.values[:, [poses.names.index(name) for name in names]]
     return Splines(names, natural_spline(time, values))

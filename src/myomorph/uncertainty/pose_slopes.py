@@ -10,7 +10,7 @@ import numpy as np
 
 from myomorph.model.arrays import Array
 from myomorph.model.model import Model
-from myomorph.motion.ik import InverseKinematicsOptions, marker_arrays
+from myomorph.motion.ik import InverseKinematicsOptions, pose_problem
 from myomorph.rigid.couplers import couple_frames
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import Tree, compile_tree
@@ -34,7 +34,7 @@ class SlopeFinder:
 
     def __init__(self, model: Model, names: tuple[str, ...], weights: Array, options: InverseKinematicsOptions):
         self.names, self._weights, self._tree = names, weights, compile_tree(model)
-        self._arrays, self._posture = marker_arrays(self._tree, names, weights, options), options.posture_weight
+        self._problem, self._posture = pose_problem(self._tree, names, weights, options), options.posture_weight
 
     def at(self, coordinates: Array, seen: np.ndarray) -> Array:
         """(frames, coordinates, 3 markers) derivatives at poses (frames, coordinates) [rad/m or 1].
@@ -48,10 +48,10 @@ class SlopeFinder:
         return np.concatenate(parts) if len(parts) > 1 else parts[0]
 
     def _block(self, coordinates: Array, seen: np.ndarray) -> Array:
-        arrays, free = self._arrays, self._arrays.free
+        problem, free = self._problem, self._problem.free
         frames, width, values = len(coordinates), 3 * len(self.names), np.array(coordinates)
         # All poses, and behind them each with one coordinate after the other moved, in one go.
-        steps = STEP * arrays.unit[free]
+        steps = STEP * problem.unit[free]
         shifted = np.tile(values, (len(free) + 1, 1)).reshape(len(free) + 1, frames, -1)
         for index, j in enumerate(free):
             shifted[index + 1, :, j] += steps[index]
@@ -61,14 +61,14 @@ class SlopeFinder:
         shifted = flat.reshape(shifted.shape)
         J = np.moveaxis((places[1:] - places[0]) / steps[:, None, None], 0, 2)
         C = np.moveaxis((shifted[1:] - shifted[0]) / steps[:, None, None], 0, 2)
-        J *= _movable(values[:, free], arrays.lower, arrays.upper)[:, None]
+        J *= _movable(values[:, free], problem.lower, problem.upper)[:, None]
         share = np.repeat(seen * self._weights, 3, axis=1)
         share /= np.maximum(share.sum(axis=1, keepdims=True) / 3.0, 1e-12)
         weighted = J * share[:, :, None]
         H = np.swapaxes(J, 1, 2) @ weighted
-        own_weight = arrays.task_weight[free] + self._posture * np.einsum("fii->f", H)[:, None] / len(free)
+        own_weight = problem.coordinates.weight[free] + self._posture * np.einsum("fii->f", H)[:, None] / len(free)
         # What no marker shows has no derivative: it stays.
-        H += np.maximum(own_weight / arrays.unit[free] ** 2, 1e-12)[:, :, None] * np.eye(len(free))
+        H += np.maximum(own_weight / problem.unit[free] ** 2, 1e-12)[:, :, None] * np.eye(len(free))
         return np.asarray(C @ np.linalg.solve(H, np.swapaxes(weighted, 1, 2)))
 
 

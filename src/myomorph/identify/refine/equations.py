@@ -70,9 +70,9 @@ def cost(problem: Problem, at: Unknowns) -> float:
         rates = problem.rates(trial, coefficients)
         errors, residual = problem.predict(tree, locations, trial, rates)
         weights = _weights(problem, trial)
-        total += weights.marker * float(np.einsum("fmi,fmi,m->", errors, errors, problem.markers.weight))
+        total += weights.marker * float(np.einsum("fmi,fmi,m->", errors, errors, problem.pose.markers.weight))
         total += weights.share * float(trial.trust @ np.sum((residual / problem.residual_sd) ** 2, axis=1))
-        free = problem.markers.free
+        free = problem.pose.free
         moved = coefficients - _start(trial, tuple(free.tolist()))
         for nu, weight in ((0, weights.value), (2, weights.acceleration)):
             total += float(np.sum(weight * trial.basis.at(moved, nu) ** 2))
@@ -96,7 +96,7 @@ def _weights(problem: Problem, trial: TrialData) -> _Weights:
     options = problem.options
     step = float(np.median(np.diff(trial.time)))
     share = min(1.0, step / options.marker_time)
-    unit = problem.markers.unit[problem.markers.free]
+    unit = problem.pose.unit[problem.pose.free]
     return _Weights(
         share / problem.marker_variance,
         min(1.0, 2.0 * options.cutoff * step),
@@ -114,7 +114,7 @@ def _start(trial: TrialData, free: tuple[int, ...]) -> Array:
 
 def _beyond(problem: Problem, values: Array) -> Array:
     """(frames, free) how far coordinates are beyond their bounds, 0 inside."""
-    low, high = problem.markers.lower, problem.markers.upper
+    low, high = problem.pose.lower, problem.pose.upper
     return np.where(values > high, values - high, np.where(values < low, values - low, 0.0))
 
 
@@ -236,7 +236,7 @@ def slopes(
     nearby: list[tuple[TreeArrays, Array]],
 ) -> _Slopes:
     """Derivatives of markers and residuals of every frame in all unknowns; `rates` are consistent."""
-    free, frames, m = problem.markers.free, len(trial.time), len(problem.locations)
+    free, frames, m = problem.pose.free, len(trial.time), len(problem.locations)
     tree, locations = problem.arrays(at), problem.placed(at.factors, at.shifts)
     of_rates, moved = np.empty((3, frames, 6, len(free))), np.empty((frames, len(free), 3 * m))
     wrench = trial.wrench
@@ -244,7 +244,7 @@ def slopes(
     def part(start: int, stop: int) -> None:
         s = slice(start, stop)
         difference_frames(
-            tree, problem.markers.body, locations, free, *(rate[s] for rate in rates), wrench[s],
+            tree, problem.pose.markers.body, locations, free, *(rate[s] for rate in rates), wrench[s],
             of_rates[0, s], of_rates[1, s], of_rates[2, s], moved[s],
         )  # fmt: skip
 
@@ -290,17 +290,17 @@ def _trial_equations(
     g: Array,
 ) -> TrialEquations:
     """Normal equations of a trial; what it says of the shared unknowns is added to H, g."""
-    n, p, basis = len(problem.markers.free), problem.count, trial.basis
+    n, p, basis = len(problem.pose.free), problem.count, trial.basis
     rates = problem.rates(trial, coefficients)
     errors, residual = problem.predict(tree, locations, trial, rates)
     of = slopes(problem, at, trial, rates, nearby)
     weights = _weights(problem, trial)
     seen = np.isfinite(trial.observed).all(axis=2)
-    marker_root = np.sqrt(np.repeat(np.where(seen, weights.marker * problem.markers.weight, 0.0), 3, axis=1))
+    marker_root = np.sqrt(np.repeat(np.where(seen, weights.marker * problem.pose.markers.weight, 0.0), 3, axis=1))
     residual_root = np.sqrt(weights.share * trial.trust)[:, None] / problem.residual_sd
     misses = marker_root * errors.reshape(len(errors), -1)
-    beyond = _beyond(problem, rates[0][:, problem.markers.free])
-    departed = coefficients - _start(trial, tuple(problem.markers.free.tolist()))
+    beyond = _beyond(problem, rates[0][:, problem.pose.free])
+    departed = coefficients - _start(trial, tuple(problem.pose.free.tolist()))
     values, bends = basis.at(departed), basis.at(departed, 2)
     window = WIDTH * n
     band, right = np.zeros((window, basis.count * n)), np.zeros(basis.count * n)

@@ -16,7 +16,7 @@ from myomorph.model.model import Model
 from myomorph.model.scale import scale
 from myomorph.model.series import Motion
 from myomorph.motion.lengths import Length, factors_of
-from myomorph.motion.marker_cost import MarkerArrays
+from myomorph.motion.pose_problem import PoseProblem
 from myomorph.rigid.couplers import couple_rates_frames
 from myomorph.rigid.frames import over_frames
 from myomorph.rigid.tree import TreeArrays, compile_tree
@@ -83,7 +83,7 @@ class Problem:
     ----------
     model : skeleton with the masses before
     names : of the markers
-    markers : what is tracked, and the coordinates that are free
+    pose : what is tracked, and the coordinates that are free
     locations : (markers, 3) on the model [m]
     trials : that count
     prior : of the masses
@@ -95,7 +95,7 @@ class Problem:
     model: Model
     lengths: tuple[Length, ...]
     names: tuple[str, ...]
-    markers: MarkerArrays
+    pose: PoseProblem
     locations: Array
     trials: tuple[TrialData, ...]
     prior: MassPrior
@@ -137,7 +137,7 @@ class Problem:
 
     def begin(self) -> Unknowns:
         """Splines nearest to inverse kinematics, on the model as it is."""
-        free = self.markers.free
+        free = self.pose.free
         motions = tuple(trial.basis.fitted(trial.start[:, free]) for trial in self.trials)
         shifts = np.zeros_like(self.locations)
         return Unknowns(motions, np.ones(len(self.lengths)), shifts, self.prior.reference)
@@ -154,7 +154,7 @@ class Problem:
         names = {name: b + 1 for b, name in enumerate(self.model.body_names)}
         for body, factor in factors_of(self.lengths, factors).items():
             grown[names[body]] = factor
-        return self.locations * grown[self.markers.body] + shifts
+        return self.locations * grown[self.pose.markers.body] + shifts
 
     def arrays(self, at: Unknowns) -> TreeArrays:
         """The tree at a point."""
@@ -165,7 +165,7 @@ class Problem:
         c = trial.start.copy()
         cdot, cddot = np.zeros_like(c), np.zeros_like(c)
         for nu, one in enumerate((c, cdot, cddot)):
-            one[:, self.markers.free] = trial.basis.at(coefficients, nu)
+            one[:, self.pose.free] = trial.basis.at(coefficients, nu)
         return c, cdot, cddot
 
     def predict(
@@ -182,7 +182,7 @@ class Problem:
             s = slice(start, stop)
             predict_frames(
                 tree,
-                self.markers.body,
+                self.pose.markers.body,
                 locations,
                 *(rate[s] for rate in rates),
                 wrench[s],

@@ -79,7 +79,7 @@ def step(problem: Problem, equations: Equations, damping: float) -> tuple[tuple[
     """Changes of each trial's coefficients, and of the shared unknowns."""
     reduced, right, solved = _reduce(equations, damping)
     shared = -cho_solve(cho_factor(reduced), right) if len(right) else np.zeros(0)
-    n = len(problem.markers.free)
+    n = len(problem.pose.free)
     motions = tuple((-one[:, 0] - one[:, 1:] @ shared).reshape(-1, n) for one in solved)
     return motions, shared
 

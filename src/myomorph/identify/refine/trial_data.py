@@ -18,7 +18,7 @@ from myomorph.model.arrays import Array, read_only
 from myomorph.model.inertia import inertial_parameters
 from myomorph.model.model import Model
 from myomorph.model.series import Motion
-from myomorph.motion.ik import inverse_kinematics, marker_arrays, tracked_markers
+from myomorph.motion.ik import inverse_kinematics, pose_problem, tracked_markers
 from myomorph.motion.lengths import length_unit, lengths_of
 from myomorph.motion.stretch import skeleton
 from myomorph.rigid.regressor import base_wrench
@@ -83,7 +83,7 @@ def problem_of(
         inside = within or {}
         parts = [_weighed(_only(one.usable, inside.get(index)), model.mass) for index, one in enumerate(recorded)]
         masses = identified_masses(model, parts, options.cutoff)
-    arrays = marker_arrays(tree, names, np.array([weights[name] for name in names]), trials[0].tracking)
+    pose = pose_problem(tree, names, np.array([weights[name] for name in names]), trials[0].tracking)
     data = [
         _trial_data(model, names, trial, one, options, None if within is None else within.get(index))
         for index, (trial, one) in enumerate(zip(trials, recorded, strict=True))
@@ -92,8 +92,8 @@ def problem_of(
         bare,
         lengths_of(model),
         names,
-        arrays,
-        arrays.location.copy(),
+        pose,
+        pose.markers.location.copy(),
         tuple(data),
         MassPrior.of(masses, options.mass_sd),
         model.mass * float(np.linalg.norm(model.gravity)),

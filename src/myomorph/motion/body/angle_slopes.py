@@ -9,8 +9,9 @@ import numpy as np
 
 from myomorph.model.arrays import Array, read_only
 from myomorph.motion.body.shared_problem import Point, SharedProblem
+from myomorph.motion.pose_problem import PoseProblem
 from myomorph.motion.stretch import TIED, Stretch, slopes_of_frame, tied_markers, with_travel
-from myomorph.motion.ties import ties_of
+from myomorph.motion.tasks.loops import ties_of
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 
@@ -81,20 +82,20 @@ def frame_slopes(problem: SharedProblem, at: Point) -> Iterator[FrameSlopes]:
     tree = compile_tree(problem.stretched(at.x))
     stretch = with_travel(problem.stretch, problem.model, at.x[: len(problem.lengths)])
     ties = _ties(problem, tree, stretch)
-    bodies = problem.markers.body
+    bodies = problem.pose.markers.body
     every = max(-(-total // MOST), 1)
-    for group, K, angles in zip(problem.sets, at.markers, at.angles, strict=True):
+    for group, pose, angles in zip(problem.sets, at.poses, at.angles, strict=True):
         chosen = slice(len(angles) % every // 2, None, every)
         angles, frames = angles[chosen], len(angles)
         share = frames / (total * max(len(angles), 1))
         rotations = forward_kinematics(tree, angles).rotations if len(angles) else np.zeros((0, 1, 3, 3))
         for observed, c, R in zip(group.observed[chosen], angles, rotations, strict=True):
-            _, by_length, by_coordinate = slopes_of_frame(at.tree, K, stretch, c)
-            weight = np.where(np.isfinite(observed).all(axis=1), K.weight, 0.0)
-            free = _moving(K, by_coordinate, np.repeat(weight, 3), c)
+            _, by_length, by_coordinate = slopes_of_frame(at.tree, pose.markers, stretch, c)
+            weight = np.where(np.isfinite(observed).all(axis=1), pose.markers.weight, 0.0)
+            free = _moving(pose, by_coordinate, np.repeat(weight, 3), c)
             root = np.sqrt(np.repeat(weight, 3))[:, None]
             Jq = by_coordinate[:, free] * root
-            A = Jq.T @ Jq + weight.sum() * np.diag(K.task_weight[free])
+            A = Jq.T @ Jq + weight.sum() * np.diag(pose.coordinates.weight[free])
             # Shifts move their own marker by its body's rotation.
             by_shift = (R[bodies].transpose(0, 2, 1) @ Jq.reshape(-1, 3, len(free))).transpose(2, 0, 1)
             by_shift = by_shift * np.sqrt(weight)[None, :, None]
@@ -104,19 +105,19 @@ def frame_slopes(problem: SharedProblem, at: Point) -> Iterator[FrameSlopes]:
                 gap = _between(gap_coordinate)[:, free]
                 A += TIED**2 * gap.T @ gap
                 b[:, : gap_length.shape[1]] += TIED**2 * gap.T @ _between(gap_length)
-            unit = K.unit[free]
+            unit = pose.unit[free]
             scaled = A * unit[:, None] * unit
             stiff = problem.posture_weight * float(np.trace(scaled)) / max(len(free), 1)
             slope = -unit[:, None] * np.linalg.solve(scaled + stiff * np.eye(len(free)), b * unit[:, None])
             yield FrameSlopes(share, free, R, weight, by_length, by_coordinate[:, free], slope)
 
 
-def _moving(K, by_coordinate: Array, weight: Array, c: Array) -> Array:
+def _moving(pose: PoseProblem, by_coordinate: Array, weight: Array, c: Array) -> Array:
     """Coordinates that are solved for, move a marker that is seen, and lie at no bound."""
-    curvature = (by_coordinate[:, K.free] ** 2 * weight[:, None]).sum(axis=0) * K.unit[K.free] ** 2
-    slack = 1e-9 * (1.0 + np.abs(c[K.free]))
-    inside = (c[K.free] > K.lower + slack) & (c[K.free] < K.upper - slack)
-    return K.free[inside & (curvature > SEEN * curvature.max(initial=0.0))]
+    curvature = (by_coordinate[:, pose.free] ** 2 * weight[:, None]).sum(axis=0) * pose.unit[pose.free] ** 2
+    slack = 1e-9 * (1.0 + np.abs(c[pose.free]))
+    inside = (c[pose.free] > pose.lower + slack) & (c[pose.free] < pose.upper - slack)
+    return pose.free[inside & (curvature > SEEN * curvature.max(initial=0.0))]
 
 
 def _between(slopes: Array) -> Array:
@@ -128,5 +129,5 @@ def _between(slopes: Array) -> Array:
 def _ties(problem: SharedProblem, tree, stretch: Stretch) -> Sequence:
     if not problem.model.loops:
         return ()
-    given = tied_markers(problem.markers, ties_of(compile_tree(problem.model), lever=0.0))
-    return ((tied_markers(problem.markers, ties_of(tree)), stretch._replace(location=given.location)),)
+    given = tied_markers(ties_of(compile_tree(problem.model), lever=0.0))
+    return ((tied_markers(ties_of(tree)), stretch._replace(location=given.location)),)

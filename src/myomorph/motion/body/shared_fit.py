@@ -4,29 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from myomorph.model.arrays import Array
 from myomorph.motion.body.angle_slopes import angle_slopes
-from myomorph.motion.body.shared_problem import Point, Reduced, SharedProblem
-from myomorph.motion.closed_frames import settle_closed
-from myomorph.motion.marker_cost import MarkerArrays
+from myomorph.motion.body.shared_problem import FrameSet, Point, Reduced, SharedProblem
+from myomorph.motion.newton import solve_poses
+from myomorph.motion.pose_problem import PoseProblem
 from myomorph.motion.starts import closed_defaults
 from myomorph.motion.stretch import (
     FRAMES_AT_ONCE,
     Stretch,
     frame_blocks,
-    settle_frames,
     tied_markers,
     with_travel,
 )
-from myomorph.motion.ties import ties_of
+from myomorph.motion.tasks.loops import ties_of
+from myomorph.motion.tasks.markers import MarkerArrays
 from myomorph.rigid.frames import over_frames
 from myomorph.rigid.loops import loop_basis
-from myomorph.rigid.tree import compile_tree
+from myomorph.rigid.tree import Tree, compile_tree
 
 LEAST_GAIN = 1e-7
 """A step that lowers the cost by a smaller share is the last."""
@@ -47,62 +46,63 @@ SLOTS = 16
 def settle(problem: SharedProblem, x: Array, angles: Sequence[Array], variance: float, most: int = 50) -> Point:
     """Inverse kinematics of all frames on the model that x makes."""
     tree = compile_tree(problem.stretched(x))
-    solve = settle_frames if not tree.model.loops else partial(settle_closed, ties_of(tree))
-    locations = problem.placed(x)
-    arrays, found, data, settled, frames = [], [], [], 0, 0
+    poses, solutions, costs, converged = [], [], [], 0
     for group, start in zip(problem.sets, angles, strict=True):
-        seen = np.where(np.isfinite(group.observed).all(axis=2), problem.markers.weight, 0.0).sum(axis=1)
-        # The kernels count markers as a mean, and tasks beside it.
-        task = group.known * variance / max(float(np.median(seen)) if len(seen) else 1.0, 1e-12)
-        K = problem.markers._replace(location=locations, task_weight=task)
-        c, cost, converged = start.copy(), np.empty(len(start)), np.empty(len(start), np.bool_)
+        pose = _pose_of(problem, x, group, variance, tree)
+        solved = solve_poses(tree, pose, start, (problem.posture_weight, SETTLED, most), chained=False, chunk=16)
+        poses.append(pose)
+        solutions.append(solved.values)
+        costs.append(solved.cost * _seen_weight(problem, group))
+        converged += int(solved.converged.sum())
+    frames = max(sum(len(values) for values in solutions), 1)
+    prior = problem.prior_cost(x, solutions)
+    return Point(x, tree.arrays, tuple(poses), tuple(solutions), tuple(costs), prior, converged / frames)
 
-        def part(first: int, last: int, K=K, one=group, c=c, cost=cost, converged=converged) -> None:
-            span = slice(first, last)
-            solve(
-                tree.arrays, K, one.observed[span], one.targets[span], problem.posture, problem.posture_weight,
-                SETTLED, most, c[span], cost[span], converged[span],
-            )  # fmt: skip
 
-        over_frames(part, len(c), chunk=16)
-        arrays.append(K)
-        found.append(c)
-        data.append(cost)
-        settled += int(converged.sum())
-        frames += len(c)
-    return Point(
-        x, tree.arrays, tuple(arrays), tuple(found), tuple(data), problem.prior_cost(x, found), settled / max(frames, 1)
+def _pose_of(problem: SharedProblem, x: Array, group: FrameSet, variance: float, tree: Tree) -> PoseProblem:
+    """Inverse kinematics of one recording on the model that x makes; known coordinates are tasks."""
+    seen = _seen_weight(problem, group)
+    # Markers count as a mean, and tasks beside it.
+    weight = group.known * variance / max(float(np.median(seen)) if len(seen) else 1.0, 1e-12)
+    errors = np.empty(group.observed.shape[:2])
+    moved = problem.pose.with_markers(location=problem.placed(x), observed=group.observed, errors=errors)
+    return moved.with_coordinates(weight=weight, value=group.targets)._replace(
+        fixed=group.targets, posture=problem.posture, ties=ties_of(tree)
     )
+
+
+def _seen_weight(problem: SharedProblem, group: FrameSet) -> Array:
+    """(frames,) sum of the weights of the markers that are seen."""
+    seen: Array = np.where(np.isfinite(group.observed).all(axis=2), problem.pose.markers.weight, 0.0).sum(axis=1)
+    return seen
 
 
 def reduce(problem: SharedProblem, at: Point) -> Reduced:
     """Normal equations of the shared unknowns at a point; the overall size comes last and is empty."""
     shared = len(at.x) - 1
     stretch = with_travel(problem.stretch, problem.model, at.x[: len(problem.lengths)])
-    size = len(problem.markers.free)
+    size = len(problem.pose.free)
     fixed_H, fixed_g = np.zeros((shared, shared)), np.zeros(shared)
     taken_H, taken_g = np.zeros((shared, shared)), np.zeros(shared)
     tied, tied_stretch = _tied(problem, at.x, stretch)
     tree = compile_tree(problem.model)
-    closed = loop_basis(tree, closed_defaults(tree)[None], problem.markers.free).rank
+    closed = loop_basis(tree, closed_defaults(tree)[None], problem.pose.free).rank
     errors, angles_free = [], 0
-    for group, K, c in zip(problem.sets, at.markers, at.angles, strict=True):
-        distances = np.empty(group.observed.shape[:2])
+    for pose, c in zip(at.poses, at.angles, strict=True):
+        distances = np.empty(pose.markers.observed.shape[:2])
         block = max(1, -(-len(c) // SLOTS))
         slots = -(-len(c) // block) if len(c) else 0
         H, g = np.zeros((slots, shared, shared)), np.zeros((slots, shared))
         E, e, free = np.zeros_like(H), np.zeros_like(g), np.zeros(slots, np.int64)
 
-        def part(
-            first: int, last: int, K=K, one=group, c=c, block=block, H=H, g=g, E=E, e=e, free=free, distances=distances
-        ) -> None:
+        def part(first: int, last: int, P=pose, c=c, block=block, H=H, g=g, E=E, e=e, free=free, out=distances) -> None:
             slot = first // block
             for start in range(first, last, FRAMES_AT_ONCE):
-                span = slice(start, min(start + FRAMES_AT_ONCE, last))
-                gone = np.empty((size * (span.stop - span.start), shared + 1))
+                stop = min(start + FRAMES_AT_ONCE, last)
+                gone = np.empty((size * (stop - start), shared + 1))
                 frame_blocks(
-                    at.tree, K, stretch, tied, tied_stretch, one.observed[span], one.targets[span], problem.posture,
-                    problem.posture_weight, c[span], H[slot], g[slot], gone, distances[span],
+                    at.tree, P, stretch, tied, tied_stretch, start, stop, problem.posture_weight, c, H[slot], g[slot],
+                    gone, out,
                 )  # fmt: skip
                 E[slot] += gone[:, :-1].T @ gone[:, :-1]
                 e[slot] += gone[:, :-1].T @ gone[:, -1]
@@ -126,11 +126,11 @@ def reduce(problem: SharedProblem, at: Point) -> Reduced:
 def _tied(problem: SharedProblem, x: Array, stretch: Stretch) -> tuple[MarkerArrays, Stretch]:
     """The points that loops tie at x, as markers, and how they move with the lengths: as points of their bodies."""
     if not problem.model.loops:
-        return tied_markers(problem.markers, None), stretch
-    tied = tied_markers(problem.markers, ties_of(compile_tree(problem.stretched(x))))
+        return tied_markers(problem.pose.ties), stretch
+    tied = tied_markers(ties_of(compile_tree(problem.stretched(x))))
     # A weld's lever does not stretch.
-    given = tied_markers(problem.markers, ties_of(compile_tree(problem.model), lever=0.0))
-    return tied, stretch._replace(location=given.location)
+    unstretched = tied_markers(ties_of(compile_tree(problem.model), lever=0.0))
+    return tied, stretch._replace(location=unstretched.location)
 
 
 def settle_anew(problem: SharedProblem, at: Point, root: Sequence[int], variance: float) -> Point:

@@ -11,7 +11,7 @@ from myomorph.model.arrays import Array, read_only
 from myomorph.model.model import Model
 from myomorph.model.scale import scale
 from myomorph.motion.lengths import Length, factors_of
-from myomorph.motion.marker_cost import MarkerArrays
+from myomorph.motion.pose_problem import PoseProblem
 from myomorph.motion.stretch import Stretch
 from myomorph.rigid.tree import TreeArrays
 
@@ -76,7 +76,7 @@ class SharedProblem:
     Attributes
     ----------
     model : skeleton, as given
-    markers : what is tracked; locations are those of the given model
+    pose : the markers of the given model and what may move; it has no frames
     unit : by which changes of marker positions are measured [m]; see `length_unit`
     mean_posture : what is held likely of the mean of all frames' angles
     """
@@ -84,7 +84,7 @@ class SharedProblem:
     model: Model
     lengths: tuple[Length, ...]
     stretch: Stretch
-    markers: MarkerArrays
+    pose: PoseProblem
     sets: tuple[FrameSet, ...]
     prior: Prior
     posture: Array
@@ -104,7 +104,7 @@ class SharedProblem:
     def placed(self, x: Array) -> Array:
         """(markers, 3) positions on the stretched bodies [m]."""
         n = len(self.lengths)
-        factors = np.append(x[:n], 1.0)[self.stretch.column[self.markers.body]]
+        factors = np.append(x[:n], 1.0)[self.stretch.column[self.pose.markers.body]]
         return self.stretch.location * factors + x[n:-1].reshape(-1, 3)
 
 
@@ -114,6 +114,7 @@ class Point:
 
     Attributes
     ----------
+    poses : for each set, the problem of its frames
     angles : for each set (frames, coordinates)
     data : for each set (frames,) cost of each frame [m^2]
     prior : cost of the prior and of the mean posture [squares of standard deviations]
@@ -122,7 +123,7 @@ class Point:
 
     x: Array
     tree: TreeArrays
-    markers: tuple[MarkerArrays, ...]
+    poses: tuple[PoseProblem, ...]
     angles: tuple[Array, ...]
     data: tuple[Array, ...]
     prior: float

@@ -45,7 +45,7 @@ def sliding(problem: SharedProblem, at: Point, slides: Slides) -> Array:
     result = np.zeros((size, size))
     if slides.shift <= 0.0 and slides.turn <= 0.0:
         return result
-    bodies, places = problem.markers.body, problem.placed(at.x)
+    bodies, places = problem.pose.markers.body, problem.placed(at.x)
     modes = [_modes(places, bodies == body, slides) for body in np.unique(bodies)]
     frames = sum(len(angle) for angle in at.angles)
     alike = max(1.0, frames / slides.independent_frames)

@@ -67,7 +67,7 @@ def zero_angles(
     means = [np.concatenate(one.angles).mean(axis=0) for one in (at, start)]
     chosen = [
         j
-        for j in map(int, problem.markers.free)
+        for j in map(int, problem.pose.free)
         if problem.model.coordinates[j].motion == "rotational" and slopes.seen[j] > 0.0
     ]
     given_size = free.copy()
@@ -105,7 +105,7 @@ def zero_angles(
 
 
 def _part(at: Point, part: slice) -> Point:
-    return replace(at, markers=at.markers[part], angles=at.angles[part], data=at.data[part])
+    return replace(at, poses=at.poses[part], angles=at.angles[part], data=at.data[part])
 
 
 def _precision(S: Array, information: Array) -> Array:

@@ -7,7 +7,8 @@ from dataclasses import replace
 from myomorph.io.osim.setup_parts import IkTasks, read_ik_tasks
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
-from myomorph.motion.ik import CoordinateTask, InverseKinematicsOptions
+from myomorph.motion.ik import InverseKinematicsOptions
+from myomorph.motion.tasks.coordinates import CoordinateTask
 from myomorph.store.results import file_source
 from myomorph.study.inputs.input import Opened, Opening
 from myomorph.study.inputs.reading import about
@@ -39,11 +40,11 @@ def with_tasks(
     weights = {name: weight for name, weight in tasks.marker_weights.items() if name in known}
     if tasks.marker_weights and not any(weights.values()):
         raise BadData(f"{source}: gives no marker of model '{model.name}' a weight")
-    aims = {}
+    aims = []
     for aim in tasks.coordinates:
         if aim.weight > 0.0 and aim.coordinate in model.coordinate_names:
             default = model.coordinate(aim.coordinate).default
             value = {"value": aim.value, "default": default, "table": None}[aim.source]
-            aims[aim.coordinate] = CoordinateTask(aim.weight, value)
+            aims.append(CoordinateTask(aim.coordinate, aim.weight, value))
     only = bool(tasks.marker_weights)
-    return replace(options, marker_weights=weights, only_weighted=only, coordinate_tasks=aims)
+    return replace(options, marker_weights=weights, only_weighted=only, tasks=(*options.tasks, *aims))

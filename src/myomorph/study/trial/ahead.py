@@ -103,7 +103,7 @@ def cached(wraps: frozenset[str] = frozenset()) -> bool:
 def motion_cached() -> bool:
     """Whether an earlier command has left the kernels of inverse kinematics on disk."""
     # The kernels are imported when it is known that they must be compiled: a process that looks only starts faster.
-    from myomorph.motion.least_squares import solve_frames
+    from myomorph.motion.newton import solve_frames
 
     return bool(signatures_on_disk(solve_frames))
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from looped import four_bar, four_bar_angles
-from myomorph.motion.ik import InverseKinematicsOptions, marker_arrays
-from myomorph.motion.marker_cost import new_work
-from myomorph.motion.ties import close, multipliers, new_closing, ties_at, ties_of
+from myomorph.motion.ik import InverseKinematicsOptions, pose_problem
+from myomorph.motion.tasks.loops import close, multipliers, new_closing, ties_at, ties_of
+from myomorph.motion.tasks.task import new_work
 from myomorph.rigid.kernels import kernel
 from myomorph.rigid.tree import compile_tree
 
@@ -18,7 +18,7 @@ TIES = ties_of(TREE)
 CLOSED = four_bar_angles(np.array([1.0]))[0]
 FREE = np.full(3, np.inf)
 NAMES = MODEL.marker_names
-PROBLEM = marker_arrays(TREE, NAMES, np.ones(len(NAMES)), InverseKinematicsOptions())
+PROBLEM = pose_problem(TREE, NAMES, np.ones(len(NAMES)), InverseKinematicsOptions())
 
 
 @kernel
@@ -35,8 +35,8 @@ def at_closed(ties, T, K, c, gradient):
         # The axes move in proportion to their coordinates.
         for d in range(3):
             work.curvature[k, d] = 0.0
-    held = multipliers(T, ties, K, c, work, closing)
-    return closed, held, closing.given, closing.push, closing.G, work.H
+    multipliers(T, ties, K, c, work, closing)
+    return closed, work.held, closing.dependent, closing.push, closing.G, work.H
 
 
 @kernel

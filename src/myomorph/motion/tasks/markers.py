@@ -1,0 +1,153 @@
+"""Markers near where they were seen: the weighted mean of their squared distances."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from myomorph.model.arrays import Array
+from myomorph.motion.tasks.task import Task, TaskKernels, per_frame
+from myomorph.rigid.coordinates import Ints
+from myomorph.rigid.kernels import bare
+from myomorph.rigid.tree import Tree
+from myomorph.rigid.vectors import matrix, plus, turned, vector
+
+
+class MarkerArrays(NamedTuple):
+    """Markers of a model and where they were seen.
+
+    Attributes
+    ----------
+    body, location, weight : (markers,), (markers, 3) [m], (markers,)
+    observed : (frames, markers, 3) [m], NaN where unseen
+    errors : (frames, markers) filled: distance between model and recording [m], NaN where unseen
+    """
+
+    body: Ints
+    location: Array
+    weight: Array
+    observed: Array
+    errors: Array
+
+
+@bare
+def seen_weight(markers, frame):
+    """Sum of the weights of the markers seen in a frame."""
+    total = 0.0
+    for m in range(markers.body.shape[0]):
+        y = markers.observed[frame, m]
+        if np.isfinite(y[0] + y[1] + y[2]):
+            total += markers.weight[m]
+    return total
+
+
+@bare
+def marker_place(markers, m, R, p):
+    """Position of a marker of the model in ground [m]."""
+    b = markers.body[m]
+    return plus(vector(p, b), turned(matrix(R, b), vector(markers.location, m)))
+
+
+@bare
+def _shown(markers, frame):
+    return seen_weight(markers, frame) > 0.0
+
+
+@bare
+def _cost(markers, c, frame, work):
+    R, p = work.R, work.p
+    total, weights = 0.0, seen_weight(markers, frame)
+    for m in range(markers.body.shape[0]):
+        y = markers.observed[frame, m]
+        if markers.weight[m] > 0.0 and np.isfinite(y[0] + y[1] + y[2]):
+            b, x = markers.body[m], markers.location[m]
+            for i in range(3):
+                e = p[b, i] + R[b, i, 0] * x[0] + R[b, i, 1] * x[1] + R[b, i, 2] * x[2] - y[i]
+                total += markers.weight[m] / weights * e * e
+    return total
+
+
+@bare
+def _add(markers, c, frame, work):
+    cost, weights, points, z = 0.0, seen_weight(markers, frame), work.points, work.origin
+    for m in range(markers.body.shape[0]):
+        y = markers.observed[frame, m]
+        if not (markers.weight[m] > 0.0 and np.isfinite(y[0] + y[1] + y[2])):
+            continue
+        b, at, weight = markers.body[m], markers.location[m], markers.weight[m] / weights
+        R, p, S = work.R[b], work.p[b], points[b]
+        x0 = p[0] + R[0, 0] * at[0] + R[0, 1] * at[1] + R[0, 2] * at[2]
+        x1 = p[1] + R[1, 0] * at[0] + R[1, 1] * at[1] + R[1, 2] * at[2]
+        x2 = p[2] + R[2, 0] * at[0] + R[2, 1] * at[1] + R[2, 2] * at[2]
+        e0, e1, e2 = weight * (x0 - y[0]), weight * (x1 - y[1]), weight * (x2 - y[2])
+        cost += (e0 * e0 + e1 * e1 + e2 * e2) / weight
+        x0, x1, x2 = x0 - z[0], x1 - z[1], x2 - z[2]
+        S[0] += weight
+        S[1] += weight * x0
+        S[2] += weight * x1
+        S[3] += weight * x2
+        S[4] += weight * x0 * x0
+        S[5] += weight * x0 * x1
+        S[6] += weight * x0 * x2
+        S[7] += weight * x1 * x1
+        S[8] += weight * x1 * x2
+        S[9] += weight * x2 * x2
+        S[10] += e0
+        S[11] += e1
+        S[12] += e2
+        S[13] += x0 * e0
+        S[14] += x0 * e1
+        S[15] += x0 * e2
+        S[16] += x1 * e0
+        S[17] += x1 * e1
+        S[18] += x1 * e2
+        S[19] += x2 * e0
+        S[20] += x2 * e1
+        S[21] += x2 * e2
+    return cost
+
+
+@bare
+def _keep(markers, c, frame, work):
+    for m in range(markers.body.shape[0]):
+        x = marker_place(markers, m, work.R, work.p)
+        total = 0.0
+        for i in range(3):
+            e = x[i] - markers.observed[frame, m, i]
+            total += e * e
+        markers.errors[frame, m] = np.sqrt(total)
+
+
+@dataclass(frozen=True, eq=False)
+class MarkerTask(Task):
+    """A marker near where it was seen: weight |x - position|^2, divided by the weights of all markers seen.
+
+    Attributes
+    ----------
+    marker : of the model
+    positions : (frames, 3) in ground [m], NaN where unseen
+    weight : above 0
+    """
+
+    marker: str
+    positions: Array
+    weight: float = 1.0
+
+    kernels = TaskKernels(MarkerArrays, _shown, _cost, _add, _keep)
+
+    @classmethod
+    def together(cls, tasks: Sequence[Self], tree: Tree, targets: Array) -> MarkerArrays:
+        """Arrays of all markers."""
+        marked = [tree.model.marker(task.marker) for task in tasks]
+        frames = len(targets)
+        positions = [per_frame(task.positions, frames, f"positions of marker {task.marker!r}") for task in tasks]
+        return MarkerArrays(
+            body=np.array([tree.body_index[marker.body] for marker in marked], np.int64),
+            location=np.array([marker.location for marker in marked]).reshape(-1, 3),
+            weight=np.array([task.weight for task in tasks], np.float64),
+            observed=np.stack(positions, axis=1) if positions else np.empty((frames, 0, 3)),
+            errors=np.full((frames, len(marked)), np.nan),
+        )

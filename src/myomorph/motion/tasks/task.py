@@ -1,0 +1,262 @@
+"""What a task of inverse kinematics is, and the sums that tasks add to. The problem of a frame is the sum of its tasks.
+
+    minimise  sum_t cost_t(c)   over the free coordinates c, within their bounds, so that every loop stays closed
+
+A kind of task is a class derived from `Task` with four kernels, one file. Its values (one for each marker, sensor or
+coordinate) are compiled together into one named tuple of arrays, so that the Newton loop of `myomorph.motion.newton`,
+compiled once for each combination of kinds, adds up whatever it is handed. A kind from outside the package is compiled
+together with the same loop when it is first used.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, ClassVar, NamedTuple, Self
+
+import numpy as np
+from numba.extending import overload
+
+from myomorph.model.arrays import Array
+from myomorph.model.errors import BadData
+from myomorph.rigid.coordinates import Ints
+from myomorph.rigid.kernels import bare, inner
+from myomorph.rigid.tree import Tree
+from myomorph.rigid.vectors import cross, minus
+
+
+class TaskKernels(NamedTuple):
+    """The kernels of a kind of task, made with `myomorph.rigid.kernels.bare`.
+
+    All read the arrays of the kind, of type `arrays`, and the number of a frame; `c` are the coordinates, dependent
+    ones consistent, and `work` the sums and scratch arrays, whose poses are those at c.
+
+    Attributes
+    ----------
+    arrays : class of the named tuple that `Task.together` returns
+    shown : (arrays, frame), whether the frame has a measurement of this kind; a frame without any is left out
+    cost : (arrays, c, frame, work), the cost
+    add : as `cost`, which is returned; half its gradient and half its curvature are added to the sums in `work`
+    keep : as `cost`, called at the solution of a frame, to store its residuals in `arrays`; returns nothing
+    """
+
+    arrays: type
+    shown: Callable[..., Any]
+    cost: Callable[..., Any]
+    add: Callable[..., Any]
+    keep: Callable[..., Any]
+
+
+class Task:
+    """A summand of the cost of inverse kinematics; derived classes set `kernels`.
+
+    Where the arrays have a field `errors`, (frames, ...), the residuals stored there are those of the result.
+    """
+
+    kernels: ClassVar[TaskKernels]
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        TASKS[cls.kernels.arrays] = cls
+
+    @classmethod
+    def together(cls, tasks: Sequence[Self], tree: Tree, targets: Array) -> Any:
+        """Arrays of all tasks of this kind, as the kernels read them: writable and in C order.
+
+        Parameters
+        ----------
+        targets : (frames, coordinates) reference values of the coordinates [rad or m], see `coordinate_targets`
+        """
+        raise NotImplementedError
+
+
+TASKS: dict[type, type[Task]] = {}
+"""Each kind of task, by the class of its arrays."""
+
+
+def per_frame(values: Array, frames: int, what: str) -> Array:
+    """Values of each frame (frames, ...) as the kernels read them.
+
+    Raises
+    ------
+    BadData : another number of frames than the markers have
+    """
+    values = np.array(values, dtype=np.float64, order="C")
+    if len(values) != frames:
+        raise BadData(
+            f"{what}: {len(values)} frames, but the markers have {frames}: resample them to the markers' times"
+        )
+    return values
+
+
+class Work(NamedTuple):
+    """Sums that tasks add to, and scratch arrays of one solver. Points are relative to `origin` in sums over bodies.
+
+    Attributes
+    ----------
+    R, p, w, o, dphi : poses and axes of `body_poses`
+    H, g, D : Hessian and gradient of half the cost, and the diagonal of its Gauss-Newton part
+    direct : (coordinates,) curvature of tasks of single independent coordinates, added to H and D
+    L, step, trial : factor, step and trial point
+    held, stopped, late, index : (coordinates,) which variables are held at a bound at first and within a step, and
+        which come last where loops are closed; numbers of the variables that are solved for
+    origin : (3,) point about which the sums over bodies are taken [m]
+    points : (bodies, 22) weighted sums over points: 1, x (3), x x^T (upper 6), e (3), x e^T (9), e the error
+    rows, row_gradient : (bodies, 6, 6), (bodies, 6) Gauss-Newton sums J J^T and J r of residuals r with slopes J in the
+        twist of the body, its angular velocity and the velocity at `origin`
+    has_rows : (1,) whether any row was added
+    fields : (axes, 6) of `axis_fields`
+    curvature : (axes, 3) second derivatives of the axes' motions
+    """
+
+    R: Array
+    p: Array
+    w: Array
+    o: Array
+    dphi: Array
+    H: Array
+    g: Array
+    D: Array
+    direct: Array
+    L: Array
+    step: Array
+    trial: Array
+    held: np.ndarray
+    stopped: np.ndarray
+    late: np.ndarray
+    index: Ints
+    origin: Array
+    points: Array
+    rows: Array
+    row_gradient: Array
+    has_rows: np.ndarray
+    fields: Array
+    curvature: Array
+
+
+@inner
+def new_work(T, n):
+    """Sums and scratch arrays for a tree of n coordinates."""
+    bodies, axes = T.parent.shape[0], T.axis_kind.shape[0]
+    return Work(
+        np.empty((bodies, 3, 3)),
+        np.empty((bodies, 3)),
+        np.empty((axes, 3)),
+        np.empty((axes, 3)),
+        np.empty((axes, 2)),
+        np.empty((n, n)),
+        np.empty(n),
+        np.empty(n),
+        np.empty(n),
+        np.empty((n + 1, n)),
+        np.empty(n),
+        np.empty(n),
+        np.empty(n, np.bool_),
+        np.empty(n, np.bool_),
+        np.empty(n, np.bool_),
+        np.empty(n, np.int64),
+        np.empty(3),
+        np.empty((bodies, 22)),
+        np.zeros((bodies, 6, 6)),
+        np.zeros((bodies, 6)),
+        np.zeros(1, np.bool_),
+        np.empty((axes, 6)),
+        np.empty((axes, 3)),
+    )
+
+
+@bare
+def add_row(work, body, slope, residual, weight):
+    """Add weight residual^2 with its Gauss-Newton curvature; returns the cost.
+
+    Parameters
+    ----------
+    slope : six numbers, derivatives of the residual in the body's angular velocity and in its velocity at `work.origin`
+    """
+    if not work.has_rows[0]:
+        work.has_rows[0] = True
+        for b in range(work.rows.shape[0]):
+            for i in range(6):
+                work.row_gradient[b, i] = 0.0
+                for j in range(6):
+                    work.rows[b, i, j] = 0.0
+    for i in range(6):
+        work.row_gradient[body, i] += weight * residual * slope[i]
+        for j in range(6):
+            work.rows[body, i, j] += weight * slope[i] * slope[j]
+    return weight * residual * residual
+
+
+@bare
+def point_slope(work, x, direction):
+    """Slope for `add_row` of the component along a direction of a point of a body at x [m], both in ground."""
+    arm = cross(minus(x, (work.origin[0], work.origin[1], work.origin[2])), direction)
+    return (arm[0], arm[1], arm[2], direction[0], direction[1], direction[2])
+
+
+@bare
+def angle_slope(direction):
+    """Slope for `add_row` of a rotation of a body about a direction in ground."""
+    return (direction[0], direction[1], direction[2], 0.0, 0.0, 0.0)
+
+
+@bare
+def no_residual(arrays, c, frame, work):
+    """`TaskKernels.keep` of a kind that stores nothing."""
+    return
+
+
+def shown(tasks: tuple[Any, ...], frame: int) -> bool:
+    """Whether a frame has a measurement of any task; for kernels."""
+    raise NotImplementedError
+
+
+def sum_of_costs(tasks: tuple[Any, ...], c: Array, frame: int, work: Work) -> float:
+    """Cost of all tasks; for kernels."""
+    raise NotImplementedError
+
+
+def add_tasks(tasks: tuple[Any, ...], c: Array, frame: int, work: Work) -> float:
+    """Cost of all tasks, with half its gradient and curvature added to `work`; for kernels."""
+    raise NotImplementedError
+
+
+def keep_residuals(tasks: tuple[Any, ...], c: Array, frame: int, work: Work) -> None:
+    """Let all tasks store their residuals; for kernels."""
+    raise NotImplementedError
+
+
+@overload(shown)
+def _shown(tasks, frame):
+    first = TASKS[tasks[0].instance_class].kernels.shown
+    if len(tasks) == 1:
+        return lambda tasks, frame: first(tasks[0], frame)
+    return lambda tasks, frame: first(tasks[0], frame) or shown(tasks[1:], frame)
+
+
+@overload(sum_of_costs)
+def _sum_of_costs(tasks, c, frame, work):
+    first = TASKS[tasks[0].instance_class].kernels.cost
+    if len(tasks) == 1:
+        return lambda tasks, c, frame, work: first(tasks[0], c, frame, work)
+    return lambda tasks, c, frame, work: first(tasks[0], c, frame, work) + sum_of_costs(tasks[1:], c, frame, work)
+
+
+@overload(add_tasks)
+def _add_tasks(tasks, c, frame, work):
+    first = TASKS[tasks[0].instance_class].kernels.add
+    if len(tasks) == 1:
+        return lambda tasks, c, frame, work: first(tasks[0], c, frame, work)
+    return lambda tasks, c, frame, work: first(tasks[0], c, frame, work) + add_tasks(tasks[1:], c, frame, work)
+
+
+@overload(keep_residuals)
+def _keep_residuals(tasks, c, frame, work):
+    first = TASKS[tasks[0].instance_class].kernels.keep
+    if len(tasks) == 1:
+        return lambda tasks, c, frame, work: first(tasks[0], c, frame, work)
+
+    def each(tasks, c, frame, work):
+        first(tasks[0], c, frame, work)
+        keep_residuals(tasks[1:], c, frame, work)
+
+    return each

@@ -1,0 +1,90 @@
+"""Gradient and Hessian of the tasks are derivatives of their cost, on joints of every kind of function."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from myomorph.model.model import Marker
+from myomorph.model.series import Markers
+from myomorph.motion.ik import InverseKinematicsOptions, pose_problem
+from myomorph.motion.pose_equations import normal_equations
+from myomorph.motion.tasks.coordinates import CoordinateTask
+from myomorph.motion.tasks.task import keep_residuals, new_work, sum_of_costs
+from myomorph.rigid.couplers import couple
+from myomorph.rigid.kernels import kernel
+from myomorph.rigid.kinematics import body_poses
+from myomorph.rigid.tree import compile_tree
+from trees import functional_tree, random_tree
+
+STEP = 1e-5
+
+
+@kernel
+def equations_at(T, P, independent):
+    """Cost of poses alone, cost with derivatives, gradient, Hessian, its Gauss-Newton diagonal; distances are kept."""
+    c = independent.copy()
+    work = new_work(T, c.shape[0])
+    couple(T, c)
+    body_poses(T, c, work.R, work.p, work.w, work.o, work.dphi)
+    plain = sum_of_costs(P.tasks, c, 0, work)
+    cost = normal_equations(T, P, 0, c, work)
+    keep_residuals(P.tasks, c, 0, work)
+    return plain, cost, work.g, work.H, work.D
+
+
+def problem(model, seed):
+    """Kernel arguments for three markers a body, their places there, one of them unseen, and a pose."""
+    rng = np.random.default_rng(seed)
+    markers = tuple(
+        Marker(f"{body.name}_{i}", body.name, rng.normal(scale=0.2, size=3)) for body in model.bodies for i in range(3)
+    )
+    model = replace(model, markers=markers)
+    tree = compile_tree(model)
+    weights, observed = rng.uniform(0.5, 2.0, len(markers)), rng.normal(size=(1, len(markers), 3))
+    observed[0, 4] = np.nan
+    n = len(model.coordinates)
+    options = InverseKinematicsOptions(tasks=[CoordinateTask("c7", 0.3, float(rng.normal()))])
+    recording = Markers(np.zeros(1), model.marker_names, observed)
+    P = pose_problem(tree, model.marker_names, weights, options, recording)
+    return tree.arrays, P, rng.uniform(-1.0, 1.0, n)
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("made", [random_tree, functional_tree])
+def test_the_derivatives_are_those_of_the_cost(made, seed):
+    T, P, c = problem(made(seed), seed)
+    plain, cost, g, H, _ = equations_at(T, P, c)
+    distances = P.markers.errors[0]
+    seen = np.isfinite(distances)
+    assert seen.sum() == len(distances) - 1
+    mean = P.markers.weight[seen] @ distances[seen] ** 2 / P.markers.weight[seen].sum()
+    pulls = P.coordinates.weight @ (c - P.coordinates.value[0]) ** 2
+    assert pulls > 0.0
+    assert plain == pytest.approx(mean + pulls, rel=1e-12)
+    assert cost == pytest.approx(plain, rel=1e-12)
+    for i in P.free:
+        ahead, behind = (equations_at(T, P, c + s * STEP * np.eye(len(c))[i]) for s in (1.0, -1.0))
+        # Of half the cost.
+        slope = (ahead[0] - behind[0]) / (4.0 * STEP)
+        assert g[i] == pytest.approx(slope, rel=1e-6, abs=1e-7), i
+        column = (ahead[2] - behind[2]) / (2.0 * STEP)
+        np.testing.assert_allclose(H[i][P.free], column[P.free], rtol=1e-6, atol=1e-6)
+
+
+def test_where_markers_fit_the_gauss_newton_diagonal_is_the_hessians():
+    T, P, c = problem(random_tree(5), 5)
+    bare, places = P.with_coordinates(weight=np.zeros_like(c)), np.zeros_like(P.markers.observed)
+    for i in range(3):
+        # The distances from two points on an axis give the place along it.
+        distances = []
+        for point in np.array([1.0, -1.0])[:, None, None, None] * np.eye(3)[i] + np.zeros_like(places):
+            equations_at(T, bare.with_markers(observed=point), c)
+            distances.append(P.markers.errors[0] ** 2)
+        places[0, :, i] = (distances[1] - distances[0]) / 4.0
+    _, cost, _, H, D = equations_at(T, bare.with_markers(observed=places), c)
+    np.testing.assert_allclose(P.markers.errors, 0.0, atol=1e-12)
+    assert cost < 1e-24
+    np.testing.assert_allclose(D[P.free], np.diag(H)[P.free], rtol=1e-9)
