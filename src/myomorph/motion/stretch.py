@@ -25,7 +25,7 @@ from myomorph.motion.tasks.loops import Ties
 from myomorph.motion.tasks.markers import MarkerArrays, seen_weight
 from myomorph.rigid.coordinates import Ints, evaluate
 from myomorph.rigid.couplers import gather_dependents
-from myomorph.rigid.kernels import in_place, inner, kernel
+from myomorph.rigid.kernels import bare, in_place, kernel
 from myomorph.rigid.kinematics import body_poses
 from myomorph.rigid.tree import ROTATION, compile_tree
 from myomorph.rigid.vectors import about, along, cross, matrix, minus, product, turned, vector
@@ -128,7 +128,7 @@ def tied_markers(ties: Ties | None) -> MarkerArrays:
     return MarkerArrays(body, location, np.zeros(len(body)), np.empty((0, len(body), 3)), np.empty((0, len(body))))
 
 
-@inner
+@bare
 def marker_slopes(T, K, S, c, R, p, w, o, dphi, grown, places, by_length, by_coordinate):
     """Places of the markers in one frame, and their derivatives.
 
@@ -189,7 +189,7 @@ def marker_slopes(T, K, S, c, R, p, w, o, dphi, grown, places, by_length, by_coo
     gather_dependents(T, c, by_coordinate)
 
 
-@inner
+@bare
 def add_offset(column, slopes, h, b, r, grown):
     """Add what an offset between a parent h and its child b, turned by r, gains with their factors."""
     for t in range(6):

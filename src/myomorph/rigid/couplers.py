@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from myomorph.rigid.coordinates import evaluate
-from myomorph.rigid.kernels import bare, in_place, inner, kernel
+from myomorph.rigid.kernels import bare, in_place, kernel
 
 
 @bare
@@ -16,7 +16,7 @@ def couple(T, c):
         c[T.coupler_coordinate[index]] = evaluate(T.functions, T.coupler_function[index], x1, x2)[0]
 
 
-@inner
+@bare
 def couple_rates(T, c, cdot, cddot):
     """Set the dependent velocities and accelerations by the chain rule; c is consistent already."""
     for index in range(T.coupler_coordinate.shape[0]):

@@ -14,7 +14,7 @@ from myomorph.model.series import Motion, Series, Wrenches
 from myomorph.rigid.coordinates import Ints
 from myomorph.rigid.couplers import couple_rates_frames
 from myomorph.rigid.frames import over_frames
-from myomorph.rigid.kernels import in_place, inner, kernel
+from myomorph.rigid.kernels import bare, in_place, kernel
 from myomorph.rigid.kinematics import body_poses, body_rates, carried
 from myomorph.rigid.tree import ROTATION, Tree, compile_tree
 from myomorph.rigid.vectors import along, cross, dot, matrix, minus, plus, put_vector, turned, turned_back, vector
@@ -170,7 +170,7 @@ def body_wrenches(T, R, p, omega, alpha, a, f, m):
         put_vector(m, b, plus(moment, cross(plus(vector(p, b), center), force)))
 
 
-@inner
+@bare
 def project(T, w, o, dphi, f, m, tau):
     """Generalized forces tau (coordinates,) of wrenches on the bodies, summed from the leaves.
 

@@ -9,7 +9,7 @@ import numpy as np
 from myomorph.model.arrays import Array
 from myomorph.rigid.coordinates import Ints, evaluate
 from myomorph.rigid.frames import over_frames
-from myomorph.rigid.kernels import bare, in_place, inner, kernel
+from myomorph.rigid.kernels import bare, in_place, kernel
 from myomorph.rigid.tree import ROTATION, Tree
 from myomorph.rigid.vectors import (
     about,
@@ -76,7 +76,7 @@ def axis_rates(T, k, c, cdot, cddot):
     return d1 * v1 + d2 * v2, d1 * a1 + d2 * a2 + d11 * v1 * v1 + 2.0 * d12 * v1 * v2 + d22 * v2 * v2
 
 
-@inner
+@bare
 def body_rates(T, c, cdot, cddot, p, w, o, omega, v, alpha, a):
     """Angular and linear velocity and acceleration of all body frames in ground, for one frame.
 
@@ -111,7 +111,7 @@ def body_rates(T, c, cdot, cddot, p, w, o, omega, v, alpha, a):
         put_vector(a, b, B)
 
 
-@inner
+@bare
 def carried(W, E, V, B, r):
     """Velocity and acceleration of the point r further on in a frame with angular rates W, E."""
     turning = cross(W, r)

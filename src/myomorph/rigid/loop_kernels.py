@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from myomorph.rigid.couplers import gather_dependents
-from myomorph.rigid.kernels import inner, kernel
+from myomorph.rigid.kernels import bare, kernel
 from myomorph.rigid.kinematics import body_poses, body_rates, carried
 from myomorph.rigid.tree import ROTATION
 from myomorph.rigid.vectors import along, cross, dot, matrix, minus, plus, product, turned, turned_back, vector
@@ -14,13 +14,13 @@ HALF_TURN = -1.0 + 1e-12
 """Cosine below which two frames stand turned by half a turn, where the sine no longer shows the axis."""
 
 
-@inner
+@bare
 def transposed(r):
     """The transpose of a matrix."""
     return r[0], r[3], r[6], r[1], r[4], r[7], r[2], r[5], r[8]
 
 
-@inner
+@bare
 def tied_frames(L, i, R, p):
     """In ground the first tied frame of loop i and its second point; in that frame the pose (Q, e) of the second."""
     b1, b2 = L.body_1[i], L.body_2[i]
@@ -31,7 +31,7 @@ def tied_frames(L, i, R, p):
     return r1, x2, Q, turned_back(r1, minus(x2, x1))
 
 
-@inner
+@bare
 def half_rotation(Q):
     """The quaternion (a, u) of a rotation, a = cos(angle / 2) >= 0, u = sin(angle / 2) axis."""
     cosine = 0.5 * (Q[0] + Q[4] + Q[8] - 1.0)
@@ -47,7 +47,7 @@ def half_rotation(Q):
     return 0.0, (grown if k == 0 else u[0], grown if k == 1 else u[1], grown if k == 2 else u[2])
 
 
-@inner
+@bare
 def loop_errors(L, R, p, errors):
     """Errors (rows,) of all loops at the poses R, p: of a weld first the turning 2 u [rad], then the gap e [m].
 
@@ -63,19 +63,19 @@ def loop_errors(L, R, p, errors):
         put(errors, row, 1.0, gap)
 
 
-@inner
+@bare
 def put(array, row, scale, x):
     """Store scale x in array (n,) from row on."""
     array[row], array[row + 1], array[row + 2] = scale * x[0], scale * x[1], scale * x[2]
 
 
-@inner
+@bare
 def turned_error(a, u, W):
     """d(2 u)/dt of the quaternion (a, u) that turns with the angular velocity W: a W + W x u."""
     return along(cross(W, u), a, W)
 
 
-@inner
+@bare
 def loop_rows(T, L, c, R, p, w, o, dphi, rows):
     """Derivatives (rows, coordinates) of `loop_errors`, dependent coordinates folded into what they follow."""
     rows[:] = 0.0

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import math
 
-from myomorph.rigid.kernels import inner
+from myomorph.rigid.kernels import bare
 
 EPSILON = 2.220446049250313e-16
 
 
-@inner
+@bare
 def vector(array, k):
     """Row k of an array (n, 3)."""
     return array[k, 0], array[k, 1], array[k, 2]
 
 
-@inner
+@bare
 def matrix(array, k):
     """Matrix k of an array (n, 3, 3)."""
     return (
@@ -25,13 +25,13 @@ def matrix(array, k):
     )  # fmt: skip
 
 
-@inner
+@bare
 def put_vector(array, k, x):
     """Store a vector as row k of an array (n, 3)."""
     array[k, 0], array[k, 1], array[k, 2] = x[0], x[1], x[2]
 
 
-@inner
+@bare
 def put_matrix(array, k, r):
     """Store a matrix as number k of an array (n, 3, 3)."""
     array[k, 0, 0], array[k, 0, 1], array[k, 0, 2] = r[0], r[1], r[2]
@@ -39,43 +39,43 @@ def put_matrix(array, k, r):
     array[k, 2, 0], array[k, 2, 1], array[k, 2, 2] = r[6], r[7], r[8]
 
 
-@inner
+@bare
 def plus(x, y):
     """Sum of two vectors."""
     return x[0] + y[0], x[1] + y[1], x[2] + y[2]
 
 
-@inner
+@bare
 def minus(x, y):
     """The difference x - y."""
     return x[0] - y[0], x[1] - y[1], x[2] - y[2]
 
 
-@inner
+@bare
 def along(x, s, y):
     """The vector x + s y."""
     return x[0] + s * y[0], x[1] + s * y[1], x[2] + s * y[2]
 
 
-@inner
+@bare
 def cross(x, y):
     """Vector product."""
     return x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]
 
 
-@inner
+@bare
 def dot(x, y):
     """Scalar product."""
     return x[0] * y[0] + x[1] * y[1] + x[2] * y[2]
 
 
-@inner
+@bare
 def norm(x):
     """Euclidean length."""
     return math.sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2])
 
 
-@inner
+@bare
 def unit(x):
     """The vector of length 1, or zeros where `x` is shorter than the rounding error."""
     length = norm(x)
@@ -84,19 +84,19 @@ def unit(x):
     return 0.0, 0.0, 0.0
 
 
-@inner
+@bare
 def sign(x):
     """1 for a number x >= 0, else -1 (also for NaN)."""
     return 1 if x >= 0.0 else -1
 
 
-@inner
+@bare
 def replaced(x, i, value):
     """The vector with `value` as component i."""
     return value if i == 0 else x[0], value if i == 1 else x[1], value if i == 2 else x[2]
 
 
-@inner
+@bare
 def turned(r, x):
     """The vector r x."""
     return (
@@ -106,7 +106,7 @@ def turned(r, x):
     )
 
 
-@inner
+@bare
 def turned_back(r, x):
     """The vector r^T x."""
     return (
@@ -116,7 +116,7 @@ def turned_back(r, x):
     )
 
 
-@inner
+@bare
 def product(a, b):
     """The product of two matrices."""
     return (
@@ -132,7 +132,7 @@ def product(a, b):
     )
 
 
-@inner
+@bare
 def about(u, angle):
     """Rotation by `angle` about the unit vector u (Rodrigues)."""
     s, c = math.sin(angle), math.cos(angle)

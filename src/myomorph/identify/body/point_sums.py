@@ -13,7 +13,7 @@ import numpy as np
 from myomorph.identify.body.points import MassPoints
 from myomorph.model.arrays import Array, read_only
 from myomorph.rigid.frames import over_frames, thread_count
-from myomorph.rigid.kernels import inner, kernel
+from myomorph.rigid.kernels import bare, kernel
 
 EXPONENTS = [
     (0, 0, 0),
@@ -39,7 +39,7 @@ PRODUCT_OF = np.array([[_PRODUCTS.index((a + d, b + e, c + f)) for d, e, f in EX
 _POWERS = np.array(_PRODUCTS, np.int64)
 
 
-@inner
+@bare
 def _monomials(x, j):
     a, b, c = x[j, 0], x[j, 1], x[j, 2]
     return 1.0, a, b, c, a * a, b * b, c * c, b * c, c * a, a * b

@@ -6,7 +6,7 @@ import numpy as np
 
 from myomorph.rigid.couplers import couple, couple_rates
 from myomorph.rigid.dynamics import body_wrenches
-from myomorph.rigid.kernels import inner, kernel
+from myomorph.rigid.kernels import bare, kernel
 from myomorph.rigid.kinematics import body_poses, body_rates
 from myomorph.rigid.vectors import cross, matrix, minus, plus, turned, vector
 
@@ -88,14 +88,14 @@ def difference_frames(T, body, location, free, c, cdot, cddot, measured, by_valu
                     moved[frame, i, 3 * k + q] = (at[k, q] - base_at[k, q]) / STEP
 
 
-@inner
+@bare
 def restore(c, cdot, cddot, x, v, a):
     """Copies of a frame's coordinates and rates."""
     for j in range(c.shape[0]):
         x[j], v[j], a[j] = c[j], cdot[j], cddot[j]
 
 
-@inner
+@bare
 def put_places(body, location, R, p, places):
     """Positions of markers in ground."""
     for k in range(body.shape[0]):
@@ -104,7 +104,7 @@ def put_places(body, location, R, p, places):
             places[k, i] = at[i]
 
 
-@inner
+@bare
 def root_residual(T, c, cdot, cddot, R, p, w, o, measured, rates, residual):
     """What the motion needs less what was measured: moment about the base's origin and force."""
     omega, v, alpha, a, f, m = rates[0], rates[1], rates[2], rates[3], rates[4], rates[5]
