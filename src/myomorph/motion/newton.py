@@ -244,7 +244,7 @@ def newton_step(P, work, closing, c, damping):
     Variables that would leave their bounds are stopped there and the rest is solved again. Returns the largest entry
     of the step, in units, or -1 where the damped Hessian is not positive definite along the ties.
     """
-    F, L, step, stopped, index, n = P.free, work.L, work.step, work.stopped, work.index, P.free.shape[0]
+    F, L, step, stopped, index, n = P.free, work.L, work.step, work.stopped, work.solved, P.free.shape[0]
     for i in range(n):
         step[i], stopped[i] = 0.0, work.held[i]
     while True:
@@ -279,10 +279,10 @@ def reduced_system(P, work, closing, c, damping):
 
     Returns
     -------
-    how many there are; their numbers are in `work.index`
+    how many there are; their numbers are in `work.solved`
     """
     F, H, g, D, L, step, n = P.free, work.H, work.g, work.D, work.L, work.step, P.free.shape[0]
-    held, index = work.stopped, work.index
+    held, index = work.stopped, work.solved
     size = 0
     if closing is None:
         for i in range(n):
@@ -349,7 +349,7 @@ def close_step(work, closing, size):
     if closing is not None:
         for row in range(closing.rank[0]):
             for a in range(size):
-                work.step[closing.taken[row]] -= closing.A[row, work.index[a]] * work.L[size, a]
+                work.step[closing.taken[row]] -= closing.A[row, work.solved[a]] * work.L[size, a]
 
 
 @bare

@@ -97,7 +97,7 @@ class Work(NamedTuple):
     H, g, D : Hessian and gradient of half the cost, and the diagonal of its Gauss-Newton part
     direct : (coordinates,) curvature of tasks of single independent coordinates, added to H and D
     L, step, trial : factor, step and trial point
-    held, stopped, late, index : (coordinates,) which variables are held at a bound at first and within a step, and
+    held, stopped, late, solved : (coordinates,) which variables are held at a bound at first and within a step, and
         which come last where loops are closed; numbers of the variables that are solved for
     origin : (3,) point about which the sums over bodies are taken [m]
     points : (bodies, 22) weighted sums over points: 1, x (3), x x^T (upper 6), e (3), x e^T (9), e the error
@@ -123,7 +123,7 @@ class Work(NamedTuple):
     held: np.ndarray
     stopped: np.ndarray
     late: np.ndarray
-    index: Ints
+    solved: Ints
     origin: Array
     points: Array
     rows: Array
