@@ -232,7 +232,7 @@ def test_what_a_marker_left_out_says_is_what_a_fit_without_it_gives():
     k = fit.marker_names.index(name)
     wanted = np.einsum("fji,fj->fi", place.rotations[:, k], place.errors[:, k])
     np.testing.assert_allclose(away[:, k], wanted, atol=2e-7)
-    assert undetermined(frames, arrays, arrays.weight) == ()
+    assert undetermined(frames, arrays, arrays.markers.weight) == ()
 
 
 def test_clean_paths_have_no_edges_and_a_stamp_is_no_jump():
