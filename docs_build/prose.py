@@ -20,6 +20,7 @@ LABEL = re.compile(r"\*\*(?:Setup|Target|Published):\*\*.*", re.DOTALL)
 LEFT_OUT = re.compile(
     r"```.*?```|`[^`]*`|\{\{.*?\}\}|<!--.*?-->|\$\$.*?\$\$|\$[^$]{1,200}?\$|(?<=\])\([^)]*\)|https?://\S+", re.DOTALL
 )
+POINTER = re.compile(r"\]\([^)]*(?:validation/|performance\.md)")
 NAMES = re.compile(
     r"(?:OpenSim|MuJoCo|Pinocchio|Python|SciPy|Document version) \d+(?:\.\d+)*"
     r"|(?:[Dd]ecision|eqs?\.|[Ff]igure|[Tt]able|[Ss]ection|[Cc]hapter|[Ss]tep) [\d.]+(?:(?: to | and |, |-)[\d.]+)*"
@@ -38,6 +39,16 @@ def numbers_of(markdown: str) -> list[str]:
     for paragraph in re.split(r"\n\s*\n|\n(?=[-*|] |#)", LEFT_OUT.sub("`code`", markdown)):
         text = NAMES.sub("NAME", LABEL.sub("", " ".join(paragraph.split())))
         found += [text[max(0, number.start() - 40) : number.end() + 10] for number in NUMBERS.finditer(text)]
+    return found
+
+
+def numbers_beside_results(markdown: str) -> list[str]:
+    """Sentences of any page that point to the pages of results and hold a number, which the table there has."""
+    found = []
+    for paragraph in re.split(r"\n\s*\n|\n(?=[-*|] |#)", re.sub(r"```.*?```", "", markdown, flags=re.DOTALL)):
+        for sentence in re.split(r"(?<=[.:;]) (?=[A-Z`*(])", " ".join(paragraph.split())):
+            if POINTER.search(sentence) and numbers_of(sentence):
+                found.append(sentence)
     return found
 
 

@@ -4,14 +4,23 @@ from __future__ import annotations
 
 import pytest
 from docs_build.examples import DOCS
-from docs_build.prose import numbers_of
+from docs_build.prose import numbers_beside_results, numbers_of
 
 PAGES = [*sorted((DOCS / "validation").glob("*.md")), DOCS / "performance.md", DOCS / "shortfalls.md"]
+GUIDES = [
+    page for page in sorted(DOCS.rglob("*.md")) if page.parent.name != "decisions" and page.name != "references.md"
+]
+"""Decisions are records of their date, and references hold numbers of pages."""
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_prose_of_results_holds_no_number(page):
     assert numbers_of(page.read_text(encoding="utf-8")) == []
+
+
+@pytest.mark.parametrize("page", GUIDES, ids=lambda page: page.relative_to(DOCS).as_posix())
+def test_sentences_that_point_to_results_leave_the_numbers_there(page):
+    assert numbers_beside_results(page.read_text(encoding="utf-8")) == []
 
 
 @pytest.mark.parametrize(
@@ -32,6 +41,11 @@ def test_prose_of_results_holds_no_number(page):
 )
 def test_numbers_are_found(text):
     assert numbers_of(text)
+
+
+def test_numbers_beside_results_are_found():
+    text = "Skin moves by 5 mm. The error is\n3 mm ([validation](validation/models.md)). Here is none."
+    assert numbers_beside_results(text) == ["The error is 3 mm ([validation](validation/models.md))."]
 
 
 @pytest.mark.parametrize(
