@@ -136,6 +136,25 @@ def test_a_rigid_motion_moves_the_path_along(code):
         np.testing.assert_allclose(moved, out @ turn.T + shift, atol=1e-9)
 
 
+@pytest.mark.parametrize("code", [SPHERE, CYLINDER])
+def test_a_side_point_sends_the_path_the_other_way_where_the_center_is_in_their_triangle(code):
+    """Angles between a and b, and from each to where its line touches: the arc is what they leave of either way."""
+    rng = np.random.default_rng(7)
+    radius, ways = 0.3, {True: 0, False: 0}
+    for _ in range(200):
+        a, b, side = (rng.uniform(0.35, 1.0) * np.array([np.cos(t), np.sin(t), 0.0]) for t in rng.uniform(-4, 4, 3))
+        # The center in coordinates of the triangle's area.
+        weights = np.linalg.solve(np.column_stack([a, b, side]) + [[0.0], [0.0], [1.0]], [0.0, 0.0, 1.0])
+        far = bool((weights > 0.0).all())
+        near = np.arccos(np.clip(a @ b / np.linalg.norm(a) / np.linalg.norm(b), -1.0, 1.0))
+        lines = sum(np.arccos(radius / np.linalg.norm(end)) for end in (a, b))
+        expected = radius * ((2.0 * np.pi - near if far else near) - lines)
+        arc = wrap_tendon(a, b, code, radius, np.eye(3), np.zeros(3), side, FOUR, np.zeros((2, 3)))
+        assert arc == pytest.approx(expected if expected > 0.0 else -1.0, abs=1e-9)
+        ways[far] += 1
+    assert min(ways.values()) > 20
+
+
 def test_no_wrap_inside_or_away():
     out = np.zeros((2, 3))
     R, x, none = np.eye(3), np.zeros(3), np.zeros(3)

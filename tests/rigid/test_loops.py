@@ -235,6 +235,15 @@ def test_what_cannot_be_closed_is_named():
         project_rates(tree, still, np.array([[1.0, 0.0, 0.0]]), np.zeros((1, 3)), held=(0, 1))
 
 
+def test_what_is_locked_or_held_is_not_free():
+    model = four_bar()
+    locked = [replace(one, locked=k == 1) for k, one in enumerate(model.coordinates)]
+    tree = compile_tree(replace(model, coordinates=tuple(locked)))
+    assert free_coordinates(compile_tree(model)).tolist() == [0, 1, 2]
+    assert free_coordinates(tree).tolist() == [0, 2]
+    assert free_coordinates(tree, held=(2,)).tolist() == [0]
+
+
 def test_models_without_loops_pass_unchanged():
     model = replace(four_bar(), loops=())
     tree = compile_tree(model)
