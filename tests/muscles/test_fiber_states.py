@@ -114,3 +114,16 @@ def test_classes_that_are_not_built_are_named():
         fiber_states(model, LENGTHS, SPEEDS)
     with pytest.raises(BadData, match=r"expected lengths and speeds of shape \(frames, 1\)"):
         fiber_states(one_muscle("Thelen2003Muscle"), LENGTHS, SPEEDS[:, :0])
+
+
+@pytest.mark.parametrize("activation", [0.2, 0.7])
+def test_fibers_on_a_rigid_tendon_pull_most_at_their_optimal_length(activation):
+    stretched = np.linspace(0.6, 1.4, 9)
+    lengths = (SIZES["tendon_slack_length"] + SIZES["optimal_fiber_length"] * stretched)[:, None]
+    given = {("m", "activation"): np.full(9, activation)}
+    found, _ = fiber_states(one_muscle("RigidTendonMuscle", 0.0), lengths, np.zeros_like(lengths), given)
+    np.testing.assert_allclose(found.fiber_length[:, 0], SIZES["optimal_fiber_length"] * stretched, rtol=1e-12)
+    shares = found.active_force[:, 0] / (activation * SIZES["max_isometric_force"])
+    assert shares[4] == pytest.approx(1.0, rel=2e-2)
+    assert (np.diff(shares[:5]) > 0.0).all()
+    assert (np.diff(shares[4:]) < 0.0).all()
