@@ -25,7 +25,8 @@ from myomorph.study.run.jobs import Ended, Job
 from truths.cluster import Cluster, cluster_in
 from truths.interrupted_checks import differences, left_over
 
-HERE = {"PYTHONPATH": os.pathsep.join((str(Path(__file__).parent), str(Path(__file__).parents[3])))}
+ROOT = Path(__file__).parents[3]
+HERE = {"PYTHONPATH": os.pathsep.join(map(str, (Path(__file__).parent, ROOT / "tests", ROOT / "src", ROOT)))}
 
 
 def named(name: str) -> Model:

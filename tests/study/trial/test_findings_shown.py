@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from myomorph.cli.study import _report
+from myomorph.cli.running import print_outcome
 from myomorph.model.findings import Finding
 from myomorph.model.series import Motion, Series, Wrenches
 from myomorph.report.page.parts import PageHead
@@ -37,7 +37,7 @@ def test_findings_are_printed_with_their_trial(capsys) -> None:
     torques = Torques(Motion(TIME, ("a",), np.zeros((4, 1))), Series(TIME, ("a",), np.zeros((4, 1))), wrenches)
     outcome = step_of("id").outcome(Outcome("s01", "walk", Path("x"), frames=4), torques)
     assert outcome.findings == (FOUND[0].text,)
-    _report(outcome)
+    print_outcome(outcome)
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith("s01/walk: 4 frames")
     assert lines[1] == f"  {FOUND[0].text}"

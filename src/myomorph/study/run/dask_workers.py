@@ -225,10 +225,10 @@ class DaskWorkers:
 
     def _place(self) -> None:
         """Give jobs that wait to processes that do nothing, rather to one that has the model."""
-        free = [one for one in self._processes.values() if one.useful and one.job is None]
+        free = [process for process in self._processes.values() if process.useful and process.job is None]
         while free and self._waiting:
             job, parcel = self._waiting.popleft()
-            process = next((one for one in free if parcel.key in one.models), free[0])
+            process = next((free_process for free_process in free if parcel.key in free_process.models), free[0])
             free.remove(process)
             process.job, process.parcel = job, parcel
             self._send(process)

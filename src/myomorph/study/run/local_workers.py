@@ -145,7 +145,7 @@ class LocalWorkers:
     @property
     def processes(self) -> tuple[int, ...]:
         """Numbers of the processes that live."""
-        return tuple(one.child.pid for one in self._all)
+        return tuple(process.child.pid for process in self._all)
 
     def start(self, job: Job, model: Model | None) -> None:
         """Give a job to a process that has none; the model is sent where it does not hold it yet.
@@ -298,10 +298,10 @@ class LocalWorkers:
 
 def _taken(process: psutil.Process) -> int:
     """Memory that a process takes [bytes]; in an environment on Windows the interpreter is a child of what is begun."""
-    own = int(process.memory_info().rss)
+    resident = int(process.memory_info().rss)
     if sys.platform == "win32":
-        own += sum(int(one.memory_info().rss) for one in process.children(recursive=True))
-    return own
+        resident += sum(int(child.memory_info().rss) for child in process.children(recursive=True))
+    return resident
 
 
 def _ask_to_stop(process: _Process) -> None:

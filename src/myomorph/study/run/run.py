@@ -121,9 +121,9 @@ class _Loop:
                 continue
             # Where many results are there already, those that compute are seen to meanwhile.
             ended = self.workers.ended(AT_ONCE if self.ready and self.running < free else PATIENCE)
-            for one in ended:
+            for ended_job in ended:
                 self.running -= 1
-                self._take(one)
+                self._take(ended_job)
             if not ended:
                 self.watcher.idle()
         return self.outcomes

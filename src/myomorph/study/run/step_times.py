@@ -155,11 +155,11 @@ class Learning:
 
     def keep(self, outcomes: Iterable[Outcome]) -> None:
         """Keep what the run took, all its jobs done."""
-        found = {outcome.key: outcome for outcome in outcomes}
-        if not any(outcome.error for outcome in found.values()):
+        by_key = {outcome.key: outcome for outcome in outcomes}
+        if not any(outcome.error for outcome in by_key.values()):
             path = times_file()
             if path is not None:
-                keep_samples(path, [sample for outcome in found.values() for sample in self._samples(outcome)])
+                keep_samples(path, [sample for outcome in by_key.values() for sample in self._samples(outcome)])
 
     def _samples(self, outcome: Outcome) -> list[Sample]:
         work = self.works.get(outcome.key)

@@ -244,8 +244,8 @@ class StudyWatcher:
     def outcomes(self) -> list[Outcome]:
         """Those that are known, in the order of the study file, and those of tables and groups after them."""
         last = len(self._order)
-        ordered = sorted(self._found.values(), key=lambda one: self._order.get(one.key, last))
-        return [one for one in ordered if one.key != GATHERED or one.error]
+        ordered = sorted(self._found.values(), key=lambda outcome: self._order.get(outcome.key, last))
+        return [outcome for outcome in ordered if outcome.key != GATHERED or outcome.error]
 
     def _write(self) -> None:
         write_table(self.outcomes(), self._out / TABLE)
@@ -254,13 +254,13 @@ class StudyWatcher:
     def close(self) -> None:
         """Write what is known; raises `BadFile` where that is not possible."""
         self._progress.close()
-        failures = sum(1 for one in self._found.values() if one.error)
+        failures = sum(1 for outcome in self._found.values() if outcome.error)
         self._log.say(f"end: {len(self._found)} jobs ended, {failures} of them with an error")
         try:
             self._write()
         except OSError as error:
             problem = f"cannot be written ({error.strerror or error})"
-            lacking = len(self._order) - sum(1 for one in self._found.values() if not one.error)
+            lacking = len(self._order) - sum(1 for outcome in self._found.values() if not outcome.error)
             hint = f"make room, then run again: {lacking} of {len(self._order)} jobs are not done"
             raise BadFile(self._out / TABLE, problem, hint) from None
         finally:
@@ -283,7 +283,7 @@ def outcome_line(outcome: Outcome) -> str:
 
 def named(key: Key) -> str:
     """A job's key as it is told."""
-    return "/".join(one for one in key if one) or "tables"
+    return "/".join(part for part in key if part) or "tables"
 
 
 def write_table(outcomes: Sequence[Outcome], path: Path) -> None:

@@ -76,12 +76,12 @@ def main() -> None:
     """Do jobs until the other process asks for the end, or ends."""
     faulthandler.enable()
     warnings.simplefilter("ignore")
-    given, answers = os.dup(0), os.dup(1)
+    messages_in, answers = os.dup(0), os.dup(1)
     if sys.platform == "win32":
         # Windows only.
         import msvcrt
 
-        for descriptor in (given, answers):
+        for descriptor in (messages_in, answers):
             msvcrt.setmode(descriptor, os.O_BINARY)
     # Whatever else reads or prints must not meddle with the messages.
     nothing = os.open(os.devnull, os.O_RDONLY)
@@ -89,7 +89,7 @@ def main() -> None:
     os.dup2(2, 1)
     stopping = _Stopping()
     messages: queue.SimpleQueue[Any] = queue.SimpleQueue()
-    threading.Thread(target=_read, args=(given, messages, stopping), daemon=True).start()
+    threading.Thread(target=_read, args=(messages_in, messages, stopping), daemon=True).start()
     status = 0
     try:
         _work(messages, answers)

@@ -22,17 +22,17 @@ def changes(before: Provenance, after: Provenance) -> tuple[str, ...]:
     """
     if before.key == after.key:
         return ()
-    found = []
+    lines = []
     if before.version != after.version:
-        found.append(f"version {before.version or 'unknown'} -> {after.version or 'unknown'}")
-    found += _sources(before.sources, after.sources)
+        lines.append(f"version {before.version or 'unknown'} -> {after.version or 'unknown'}")
+    lines += _sources(before.sources, after.sources)
     names = sorted(before.options.keys() | after.options.keys())
     for name in names:
         old, new = _option(before.options, name), _option(after.options, name)
         if old != new:
             short = max(len(old), len(new)) <= LONGEST
-            found.append(f"{name} {old} -> {new}" if short else f"{name} has changed")
-    return tuple(dict.fromkeys(found)) or ("what it was made from has changed",)
+            lines.append(f"{name} {old} -> {new}" if short else f"{name} has changed")
+    return tuple(dict.fromkeys(lines)) or ("what it was made from has changed",)
 
 
 def _sources(before: Iterable[Source], after: Iterable[Source]) -> list[str]:
@@ -40,19 +40,25 @@ def _sources(before: Iterable[Source], after: Iterable[Source]) -> list[str]:
     result = []
     old, new = _by_role(before), _by_role(after)
     for role in dict.fromkeys((*old, *new)):
-        gone = [one for one in old.get(role, ()) if one.sha256 not in {other.sha256 for other in new.get(role, ())}]
-        come = [one for one in new.get(role, ()) if one.sha256 not in {other.sha256 for other in old.get(role, ())}]
-        for one in come:
-            same = next((other for other in gone if other.name == one.name), None)
+        gone = [
+            source for source in old.get(role, ()) if source.sha256 not in {other.sha256 for other in new.get(role, ())}
+        ]
+        come = [
+            source for source in new.get(role, ()) if source.sha256 not in {other.sha256 for other in old.get(role, ())}
+        ]
+        for source in come:
+            same = next((other for other in gone if other.name == source.name), None)
             if same is None and len(gone) == len(come) == 1:
                 same = gone[0]
             if same is None:
-                result.append(f"{role} {_name(one)} is new")
+                result.append(f"{role} {_name(source)} is new")
                 continue
             gone.remove(same)
-            moved = "" if _name(same) == _name(one) else f"{_name(same)} -> "
-            result.append(f"{role} {moved}{_name(one)} has changed" if not moved else f"{role} {moved}{_name(one)}")
-        result += [f"{role} {_name(one)} is no longer used" for one in gone]
+            moved = "" if _name(same) == _name(source) else f"{_name(same)} -> "
+            result.append(
+                f"{role} {moved}{_name(source)} has changed" if not moved else f"{role} {moved}{_name(source)}"
+            )
+        result += [f"{role} {_name(source)} is no longer used" for source in gone]
     return result
 
 

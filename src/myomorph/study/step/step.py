@@ -112,7 +112,7 @@ class Step(StepHead, Generic[Result]):
     inputs: tuple[str, ...] = ()
     roles: tuple[str, ...] | None = None
     hashed: Callable[[Any], Sequence[object]] | None = None
-    show: Callable[[ReportInput, Stored], ReportInput] = lambda given, stored: given
+    show: Callable[[ReportInput, Stored], ReportInput] = lambda report_input, stored: report_input
     signals: Callable[[Stored, Model, float], Sequence[Any]] = lambda stored, model, mass: ()
     numbers: Callable[[Stored, Model, Any], Iterable[Any]] = lambda stored, model, strides: ()
     numbers_last: bool = False

@@ -70,11 +70,11 @@ def body_points(
         raise BadData(f"--spacing {options.spacing:g}: expected a distance in metres from 0.0005 to 0.1, as 0.005")
     if shape.skin is not None or shape.height is not None or shape.chest is not None:
         return _in_skin(model, shape, mass, options, compare)
-    own = own_points(model, POSE, mass, options.spacing, surfaces)
+    points = own_points(model, POSE, mass, options.spacing, surfaces)
     if options.weights is None:
-        return {OWN: own}, None, ()
-    weights = _weights(model, own.points, own.links, (options.weights,))
-    return _made(own.points, own.reference, weights, own.links, options.spacing, own.source), None, ()
+        return {OWN: points}, None, ()
+    weights = _weights(model, points.points, points.links, (options.weights,))
+    return _made(points.points, points.reference, weights, points.links, options.spacing, points.source), None, ()
 
 
 def _weights(model: Model, points: Array, links: Links, names: Sequence[str]) -> dict[str, sparse.csr_array]:
@@ -117,7 +117,7 @@ def _in_skin(
         points = fill(posed, options.spacing)
     links = links_of(model, fitted.motion)
     first = options.weights or "bone"
-    names = (first, *(one for one in WEIGHTS if one != first and compare))
+    names = (first, *(kind for kind in WEIGHTS if kind != first and compare))
     weights = _weights(model, points, links, names)
     regions = _regions(model, weights[first]) if options.density == "segments" else None
     made = _made(points, reference_masses(points, mass, regions), weights, links, options.spacing, source)
@@ -141,8 +141,8 @@ def _statistical(shape: BodyShape, mass: float) -> Shape:
     from myomorph.identify.body.shape import body_shape
 
     if shape.height is None or shape.chest is None:
-        lacking, given = ("--chest", "--height") if shape.chest is None else ("--height", "--chest")
-        raise BadData(f"{given} needs {lacking} beside it: a body shape follows from both, in metres")
+        lacking, provided = ("--chest", "--height") if shape.chest is None else ("--height", "--chest")
+        raise BadData(f"{provided} needs {lacking} beside it: a body shape follows from both, in metres")
     return body_shape(shape.height, shape.chest, mass, shape.sex, shape.age)
 
 

@@ -122,13 +122,13 @@ def calibrate_files(files: CalibrationFiles, options: CalibrationOptions, model:
         standing = _recording(files.static, model, None, warnings, files.labels)
         options = replace(options, static=_checked(files.static.name, standing, model, findings))
     with reading.about(files.model), progress("calibration", options.iterations, "steps") as advance:
-        found = calibrate(model, recordings, options, advance, default_path_lengths)
+        calibration = calibrate(model, recordings, options, advance, default_path_lengths)
     names = tuple(path.stem for path in (*files.markers, *((files.static,) if files.static else ())))
     plain = plain_settings(options) | {"time": files.time}
     if files.labels:
         plain["labels"] = dict(files.labels)
     made = provenance_of("calibrate", files.sources(), plain)
-    return Calibrated(found, names, made, tuple(warnings), tuple(findings))
+    return Calibrated(calibration, names, made, tuple(warnings), tuple(findings))
 
 
 def _recording(
@@ -159,18 +159,18 @@ def _checked(name: str, markers: Markers, model: Model, findings: list[Finding])
 
     A calibration would move the model's markers after both.
     """
-    markers, found = mended_labels(model, markers)
+    markers, exchanged = mended_labels(model, markers)
     beside = side_findings(markers, model.marker_names, length_unit(compile_tree(model)))
     known = {(finding.kind, finding.place) for finding in findings}
-    new = [one for one in (*found, *beside) if (one.kind, one.place) not in known]
-    findings += [replace(one, text=f"{name}: {one.text}") for one in new]
+    new = [finding for finding in (*exchanged, *beside) if (finding.kind, finding.place) not in known]
+    findings += [replace(finding, text=f"{name}: {finding.text}") for finding in new]
     return markers
 
 
 def _weights(path: Path, model: Model) -> dict[str, float]:
     """Weights of a task set; markers that it does not name do not count."""
-    given = read_ik_tasks(path).marker_weights
-    return {name: given.get(name, 0.0) for name in model.marker_names}
+    weights = read_ik_tasks(path).marker_weights
+    return {name: weights.get(name, 0.0) for name in model.marker_names}
 
 
 def calibrate_subject(subject: SubjectInputs, output: FolderOutput) -> Calibrated:
@@ -192,9 +192,9 @@ def calibrate_subject(subject: SubjectInputs, output: FolderOutput) -> Calibrate
     if not recordings and options.static is None:
         raise BadData(f"subject '{files.name}': no trial has markers, so 'calibrate' has nothing to fit")
     with reading.about(files.model), progress(f"{files.name}: calibration", options.iterations, "steps") as advance:
-        found = calibrate(model, list(recordings.values()), options, advance, default_path_lengths)
+        calibration = calibrate(model, list(recordings.values()), options, advance, default_path_lengths)
     names = (*recordings, *((files.static.stem,) if files.static else ()))
-    calibrated = Calibrated(found, names, output.made, tuple(dict.fromkeys(warnings)), tuple(findings))
+    calibrated = Calibrated(calibration, names, output.made, tuple(dict.fromkeys(warnings)), tuple(findings))
     write_calibrated(calibrated, output.path("model"), output.tables)
     return calibrated
 
@@ -215,19 +215,19 @@ def write_calibrated(calibrated: Calibrated, out: Path, tables: Path | None = No
     -------
     what the model's file could not hold, one line each
     """
-    found = calibrated.found
+    calibration = calibrated.found
 
     def fill(folder: Path) -> None:
         from myomorph.study.trial.reporting import REPORT  # only now, as all of the report
 
-        _write_rows(length_rows(found), folder / "lengths.csv")
-        _write_rows(marker_rows(found), folder / "markers.csv")
-        _write_rows(zero_rows(found), folder / "zero_angles.csv")
+        _write_rows(length_rows(calibration), folder / "lengths.csv")
+        _write_rows(marker_rows(calibration), folder / "markers.csv")
+        _write_rows(zero_rows(calibration), folder / "zero_angles.csv")
         (folder / FINDINGS).write_text(findings_text(calibrated.findings), encoding="utf-8")
         (folder / NOTES).write_text("".join(f"{finding}\n" for finding in calibrated.findings), encoding="utf-8")
         (folder / REPORT).write_text(calibration_page(calibrated), encoding="utf-8")
 
-    return write_made_model(found.model, calibrated.provenance, out, tables or tables_folder(out), fill)
+    return write_made_model(calibration.model, calibrated.provenance, out, tables or tables_folder(out), fill)
 
 
 def length_rows(calibration: Calibration) -> list[dict[str, object]]:
@@ -326,12 +326,12 @@ def calibration_page(calibrated: Calibrated) -> str:
     from myomorph.report.trial.trial_page import report_page
     from myomorph.study.trial.reporting import surfaces_of
 
-    found, made = calibrated.found, calibrated.provenance
-    surfaces = surfaces_of(found.model)
+    calibration, made = calibrated.found, calibrated.provenance
+    surfaces = surfaces_of(calibration.model)
     return report_page(
         ReportInput(
             PageHead(
-                title=f"{found.model.name}: calibrated body",
+                title=f"{calibration.model.name}: calibrated body",
                 date=made.date,
                 version=__version__,
                 notes=(Note("real", f"Recordings: {', '.join(calibrated.recordings)}."),),
@@ -340,10 +340,10 @@ def calibration_page(calibrated: Calibrated) -> str:
                 ),
                 warnings=(*map(str, calibrated.findings), *calibrated.warnings),
             ),
-            model=found.model,
+            model=calibration.model,
             surfaces=surfaces,
             identification=IdentificationInput(
-                found.model, calibration=calibrated_body(found, calibrated.recordings), surfaces=surfaces
+                calibration.model, calibration=calibrated_body(calibration, calibrated.recordings), surfaces=surfaces
             ),
         )
     )
@@ -355,5 +355,5 @@ def with_marker_set(model: Model, path: Path | None) -> Model:
         return model
     with reading.about(path):
         new = read_marker_set(path, model)
-    names = {one.name for one in new}
+    names = {marker.name for marker in new}
     return replace(model, markers=(*(marker for marker in model.markers if marker.name not in names), *new))

@@ -44,25 +44,25 @@ def subject_gains(trials: Sequence[TrialInputs]) -> tuple[SubjectGains, Mapping[
     BadData
         where no trial has EMG and joint torques, or where trials name other muscles for one channel
     """
-    parts = {one.name: _left_out(one) for one in trials}
-    used = [one for one in trials if not parts[one.name]]
+    parts = {trial.name: _left_out(trial) for trial in trials}
+    used = [trial for trial in trials if not parts[trial.name]]
     if not used:
         reasons = "; ".join(f"{name}: {why}" for name, why in parts.items())
         raise BadData(f"no trial determines EMG gains ({reasons}): leave the step 'emg' out, or give trials that do")
     muscles = _muscles(used)
     recorded_emg = {trial.name: trial.inputs[RecordedEmg] for trial in used}
     scale = common_scale([whole.scale for whole in recorded_emg.values()])
-    found, maxima = [], dict[str, float]()
+    emg_trials, maxima = [], dict[str, float]()
     for trial in used:
         own, motion = recorded_emg[trial.name], trial.get(RecordedMotion)
         with progress(f"{trial.name}: EMG and torques", 1, "trials") as advance:
             recorded = solve_kinematics(trial).fit.motion if motion is None else motion.motion
             dynamics = solve_dynamics(trial, recorded)
             emg = rescaled(own.emg, own.scale, scale)
-            found.append(EmgTrial(dynamics.motion, dynamics.torques, emg))
-            for name, one in own.maxima.items():
+            emg_trials.append(EmgTrial(dynamics.motion, dynamics.torques, emg))
+            for name, maximum in own.maxima.items():
                 # Of the same contractions, in the units that all trials have now.
-                maxima[name] = one * own.scale.get(name, 1.0) / scale.get(name, 1.0)
+                maxima[name] = maximum * own.scale.get(name, 1.0) / scale.get(name, 1.0)
             advance(1)
     first = used[0]
     tension = first.options[TensionOptions]
@@ -70,7 +70,7 @@ def subject_gains(trials: Sequence[TrialInputs]) -> tuple[SubjectGains, Mapping[
     actuators = added_reserves(first.model, tension) if beside is None else beside.actuators
     largest = {name: one for name, one in maxima.items() if name in muscles}
     emg_options = first.options[EmgOptions]
-    calibration = calibrate_emg(first.model, found, muscles, emg_options, tension, actuators, largest)
+    calibration = calibrate_emg(first.model, emg_trials, muscles, emg_options, tension, actuators, largest)
     return SubjectGains(calibration, scale), parts
 
 
@@ -108,7 +108,7 @@ def _muscles(trials: Sequence[TrialInputs]) -> dict[str, tuple[str, ...]]:
                 )
         common = {channel: names for channel, names in common.items() if channel in _channels(trial)}
     if not common:
-        listed = ", ".join(one.name for one in trials)
+        listed = ", ".join(trial.name for trial in trials)
         raise BadData(f"no EMG channel is in all of the trials {listed}: gains of all trials need the same electrodes")
     return common
 

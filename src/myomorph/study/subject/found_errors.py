@@ -51,7 +51,7 @@ def refined_errors(refinement: Refinement) -> Iterator[ItemSize]:
 
 def personal_errors(personalized: Personalized) -> Iterator[ItemSize]:
     """Fiber and slack lengths of muscles; strengths, which muscles of a group share."""
-    fibers = {one.name: one.optimal_fiber_length for one in personalized.model.muscles}
+    fibers = {muscle.name: muscle.optimal_fiber_length for muscle in personalized.model.muscles}
     members: dict[str, list[str]] = {}
     for muscle, group in zip(personalized.model.muscle_names, personalized.strength_groups, strict=False):
         members.setdefault(group, []).append(muscle)

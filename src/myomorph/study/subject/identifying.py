@@ -151,10 +151,18 @@ def identify_subject(
     """
     mass = check_mass(model, mass)
     used = [
-        usable(model, one.motion, one.wrenches, mass=mass, time=one.time, name=one.name, options=options.recording)
-        for one in motions
+        usable(
+            model,
+            motion.motion,
+            motion.wrenches,
+            mass=mass,
+            time=motion.time,
+            name=motion.name,
+            options=options.recording,
+        )
+        for motion in motions
     ]
-    seen = [one for one, motion in zip(used, motions, strict=True) if not motion.held_out]
+    seen = [recording for recording, motion in zip(used, motions, strict=True) if not motion.held_out]
     if not seen:
         raise BadData("no motion to identify from: give at least one with its forces")
     points, inside, notes_of_points = body_points(
@@ -163,7 +171,7 @@ def identify_subject(
     ways = len(points) + 1 if options.identification.compare else 1
     # The matrices are small: waking further threads of BLAS for them costs more than they save.
     with progress("identification", ways, "solutions") as advance, threadpool_limits(limits=1, user_api="blas"):
-        found = identify(
+        identification = identify(
             model,
             seen,
             {MAPS[name]: point for name, point in points.items()},
@@ -171,21 +179,25 @@ def identify_subject(
             inside=inside,
             options=options.identification,
             recording=options.recording,
-            unseen=[one for one, motion in zip(used, motions, strict=True) if motion.held_out],
+            unseen=[recording for recording, motion in zip(used, motions, strict=True) if motion.held_out],
             advance=advance,
         )
     # What identification says of itself comes first: whether its masses may be believed.
-    found = replace(found, notes=(*found.notes, *_force_notes(motions), *notes_of_points, *_option_warnings(options)))
+    identification = replace(
+        identification,
+        notes=(*identification.notes, *_force_notes(motions), *notes_of_points, *_option_warnings(options)),
+    )
     models = {
-        name: with_inertial_parameters(model, found.parameters[name]) for name in (found.identified, SHAPE, GENERIC)
+        name: with_inertial_parameters(model, identification.parameters[name])
+        for name in (identification.identified, SHAPE, GENERIC)
     }
     validation = {
-        one.name: cross_validate(models, one.recording.motion, one.recording.wrenches, one.use)
-        for one, motion in zip(used, motions, strict=True)
+        recording.name: cross_validate(models, recording.recording.motion, recording.recording.wrenches, recording.use)
+        for recording, motion in zip(used, motions, strict=True)
         if motion.held_out
     }
     made = provenance_of("identify", sources, {"mass": mass, **options.plain()})
-    return Identified(found, FrozenMap(validation), made)
+    return Identified(identification, FrozenMap(validation), made)
 
 
 def _force_notes(motions: Sequence[SubjectMotion]) -> tuple[str, ...]:
@@ -207,8 +219,8 @@ def input_sources(model: Path, motions: Sequence[Path], loads: Sequence[Path], s
     sources += [file_source("motion", path) for path in motions]
     for path in loads:
         sources += [file_source("loads", path), *load_tables(path)]
-    given = (("skin", shape.skin), ("landmarks", shape.landmarks))
-    sources += [file_source(role, path) for role, path in given if path is not None]
+    named = (("skin", shape.skin), ("landmarks", shape.landmarks))
+    sources += [file_source(role, path) for role, path in named if path is not None]
     return sources
 
 
@@ -230,14 +242,14 @@ def write_identified(
     -------
     what the model's file could not hold, one line each
     """
-    found = identified.found
+    identification = identified.found
     return write_made_model(
-        found.model,
+        identification.model,
         identified.provenance,
         out,
         tables or tables_folder(out),
-        lambda folder: _write_tables(identified, folder, subject or found.model.name),
-        found.notes,
+        lambda folder: _write_tables(identified, folder, subject or identification.model.name),
+        identification.notes,
     )
 
 
@@ -246,13 +258,13 @@ def _write_tables(identified: Identified, folder: Path, subject: str) -> None:
     from myomorph.report.trial.trial_page import report_page
     from myomorph.study.trial.reporting import REPORT
 
-    found = identified.found
-    surfaces = _surfaces(found.model)
-    given = identification_input(found, identified.validation, surfaces)
-    for name, sheet in identification_tables(given).items():
+    identification = identified.found
+    surfaces = _surfaces(identification.model)
+    shown = identification_input(identification, identified.validation, surfaces)
+    for name, sheet in identification_tables(shown).items():
         (folder / name).write_text(sheet.csv(), encoding="utf-8")
-    if len(given.sd):
-        write_error_sizes(folder, STEP.name, identified_errors(found.model, given.sd))
+    if len(shown.sd):
+        write_error_sizes(folder, STEP.name, identified_errors(identification.model, shown.sd))
     made = identified.provenance
     sources = tuple(SourceFile(source.role, Path(source.name).name, source.sha256) for source in made.sources)
     page = report_page(
@@ -262,18 +274,18 @@ def _write_tables(identified: Identified, folder: Path, subject: str) -> None:
                 date=made.date,
                 version=__version__,
                 notes=(
-                    Note("real", f"Motions: {', '.join(recording.name for recording in found.recordings)}."),
-                    Note("assumed", f"Shape of the body: {found.points.source}."),
+                    Note("real", f"Motions: {', '.join(recording.name for recording in identification.recordings)}."),
+                    Note("assumed", f"Shape of the body: {identification.points.source}."),
                 ),
                 sources=sources,
-                warnings=found.notes,
+                warnings=identification.notes,
             ),
             recorded=Recorded(
-                subject, FrozenMap({"Body mass": f"{float(np.sum(found.parameters[GENERIC][:, 0])):.4g} kg"})
+                subject, FrozenMap({"Body mass": f"{float(np.sum(identification.parameters[GENERIC][:, 0])):.4g} kg"})
             ),
-            model=found.model,
+            model=identification.model,
             surfaces=surfaces,
-            identification=given,
+            identification=shown,
         )
     )
     (folder / REPORT).write_text(page, encoding="utf-8")
@@ -296,9 +308,9 @@ def summary(identification: Identification) -> list[str]:
     flight = sum(recording.flight for recording in identification.recordings)
     if flight:
         lines[0] += f"; {flight} of those used without contact"
-    generic, own = identification.residuals[GENERIC], identification.residuals[identification.identified]
+    generic, now = identification.residuals[GENERIC], identification.residuals[identification.identified]
     lines.append(
-        f"misfit of the ground wrench: {own[1]:.1f} N, {own[0]:.1f} N m (generic {generic[1]:.1f} N, {generic[0]:.1f} "
+        f"misfit of the ground wrench: {now[1]:.1f} N, {now[0]:.1f} N m (generic {generic[1]:.1f} N, {generic[0]:.1f} "
         "N m)"
         + (
             f"; {identification.unseen.what}: {identification.unseen.words}"

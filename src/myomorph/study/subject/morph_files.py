@@ -57,9 +57,9 @@ class MorphFiles:
 
     def sources(self) -> tuple[Source, ...]:
         """The files by their hashes."""
-        given = [("model", self.source), *(("bone", path) for path in bone_files(self.bones).values())]
-        given += [(role, path) for role, path in (("landmarks", self.landmarks), ("skin", self.skin)) if path]
-        return tuple(file_source(role, path) for role, path in given)
+        named = [("model", self.source), *(("bone", path) for path in bone_files(self.bones).values())]
+        named += [(role, path) for role, path in (("landmarks", self.landmarks), ("skin", self.skin)) if path]
+        return tuple(file_source(role, path) for role, path in named)
 
     def options(self) -> dict[str, object]:
         """What is said of the files, for provenance."""
@@ -110,7 +110,7 @@ def bone_files(folder: Path) -> dict[str, Path]:
     for path in sorted(folder.iterdir()):
         if path.suffix.lower() not in ENDINGS or not path.is_file():
             continue
-        twice = [one.name for stem, one in result.items() if stem.lower() == path.stem.lower()]
+        twice = [earlier.name for stem, earlier in result.items() if stem.lower() == path.stem.lower()]
         if twice:
             raise BadFile(folder, f"holds both {twice[0]} and {path.name}", "keep one file a bone")
         result[path.stem] = path

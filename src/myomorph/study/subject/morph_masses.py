@@ -76,7 +76,7 @@ def with_morphed_masses(
         if by == "carried" or (not by and _same_bodies(morph)):
             return _carried(morph.model, mass)
         bones = {bone.target_body: target_surface(bone) for bone in morph.bones.values()}
-        known = {name: one for name, one in bones.items() if one is not None}
+        known = {name: bone for name, bone in bones.items() if bone is not None}
         return with_envelope_masses(
             morph.model, known, mass, flesh=_flesh(morph, known, together), pose=pose, together=together
         )
@@ -89,8 +89,8 @@ def _same_bodies(morph: Morph) -> bool:
 def _carried(model: Model, mass: float | None) -> tuple[Model, tuple[str, ...]]:
     if model.mass <= 0.0:
         raise BadData(f"model '{model.name}' has no masses to carry over: ask for an envelope, or give a skin")
-    found = model if mass is None else _scaled(model, np.ones(len(model.bodies), dtype=bool), mass)
-    return found, (f"masses are the source's, carried by the bones' maps, {found.mass:.4g} kg together",)
+    whole = model if mass is None else _scaled(model, np.ones(len(model.bodies), dtype=bool), mass)
+    return whole, (f"masses are the source's, carried by the bones' maps, {whole.mass:.4g} kg together",)
 
 
 def with_skin_masses(
@@ -125,7 +125,7 @@ def with_skin_masses(
         f"masses from {len(points)} mass points inside the skin, {weight:.4g} kg"
         + ("" if mass is not None else f" ({DENSITY:g} kg/m^3, no mass was given)")
     )
-    empty = [name for name, one in zip(model.body_names, shares.sum(axis=0), strict=True) if one <= 0.0]
+    empty = [name for name, share in zip(model.body_names, shares.sum(axis=0), strict=True) if share <= 0.0]
     if empty:
         notes.append(f"no mass point belongs to {', '.join(empty[:FEW])}{', ...' if len(empty) > FEW else ''}")
     return _with_points(model, mass_points, np.ones(len(model.bodies), dtype=bool)), tuple(notes)
@@ -156,37 +156,41 @@ def with_envelope_masses(
     known = {name: bone for name, bone in bones.items() if name in model.body_names}
     if not known:
         raise BadData("masses need bones of the target or a skin: neither is there")
-    own = np.array([name in known for name in model.body_names])
+    enveloped = np.array([name in known for name in model.body_names])
     share = mass / model.mass if mass is not None and model.mass > 0.0 else 1.0
-    volume = None if mass is None else (mass - share * _mass(model, ~own)) / DENSITY
+    volume = None if mass is None else (mass - share * _mass(model, ~enveloped)) / DENSITY
     grown = grow_envelope(model, known, pose, volume=volume, soft_tissue=flesh or SOFT_TISSUE, together=together)
     # A bone inside another's hull may have no point of its own.
-    own &= np.array([grown.volumes.get(name, 0.0) > 0.0 for name in model.body_names])
-    kept = share * _mass(model, ~own)
+    enveloped &= np.array([grown.volumes.get(name, 0.0) > 0.0 for name in model.body_names])
+    kept = share * _mass(model, ~enveloped)
     weight = DENSITY * grown.volume if mass is None else mass - kept
-    found = _points(model, grown, weight, POSE if pose is None else pose)
+    whole = _points(model, grown, weight, POSE if pose is None else pose)
     words = "as the source's masses ask for" if flesh else f"at first {100 * SOFT_TISSUE:g} % of each bone's length"
     notes = [
         f"masses from an envelope grown around {len(known)} bones, no skin was given: flesh {words}"
         + (f", {DENSITY:g} kg/m^3 (no mass was given)" if mass is None else f", so thick that all weighs {mass:g} kg")
     ]
     if kept > 0.0:
-        names = [body.name for body, one in zip(model.bodies, own, strict=True) if not one and body.mass > 0.0]
+        names = [
+            body.name
+            for body, has_envelope in zip(model.bodies, enveloped, strict=True)
+            if not has_envelope and body.mass > 0.0
+        ]
         listed = ", ".join(names[:FEW]) + (f", ... ({len(names)} in all)" if len(names) > FEW else "")
         notes.append(f"masses in the model's proportion, for want of bones or places: {listed}, {kept:.3g} kg together")
-    return _with_points(_scaled(model, ~own, kept), found, own), tuple(notes)
+    return _with_points(_scaled(model, ~enveloped, kept), whole, enveloped), tuple(notes)
 
 
 def _mass(model: Model, which: np.ndarray) -> float:
     """Of some of the bodies [kg]."""
-    return sum(body.mass for body, one in zip(model.bodies, which, strict=True) if one)
+    return sum(body.mass for body, inside in zip(model.bodies, which, strict=True) if inside)
 
 
 def _flesh(morph: Morph, bones: Mapping[str, Surface], together: Sequence[Sequence[str]]) -> dict[str, float] | None:
     """Thickness of flesh that the source's masses ask for, by body; None where the bodies are others."""
     source = {bone.body: bone.source for bone in morph.bones.values() if bone.source is not None}
     weights = {body.name: body.mass for body in morph.source.bodies}
-    heavy = {name: one for name, one in source.items() if weights.get(name, 0.0) > 0.0}
+    heavy = {name: weight for name, weight in source.items() if weights.get(name, 0.0) > 0.0}
     if not (_same_bodies(morph) and heavy and set(heavy) == set(bones)):
         return None
     return soft_tissue_of(morph.source, heavy, DENSITY, together=together)
@@ -201,12 +205,12 @@ def _points(model: Model, grown: Envelope, weight: float, pose: Motion) -> MassP
     return MassPoints(grown.points, masses, shares, links, grown.spacing, "an envelope grown around the bones")
 
 
-def _with_points(model: Model, points: MassPoints, own: np.ndarray) -> Model:
+def _with_points(model: Model, points: MassPoints, massive: np.ndarray) -> Model:
     """The model with some bodies made of mass points, each a cube of the grid; others as they are."""
-    found = points.parameters(points.reference)
+    parameters = points.parameters(points.reference)
     # A cube has an inertia of its own, which matters where a body is few cubes large.
-    found[:, 4:7] += found[:, :1] * points.spacing**2 / 6.0
-    return with_inertial_parameters(model, np.where(own[:, None], found, inertial_parameters(model)))
+    parameters[:, 4:7] += parameters[:, :1] * points.spacing**2 / 6.0
+    return with_inertial_parameters(model, np.where(massive[:, None], parameters, inertial_parameters(model)))
 
 
 def _scaled(model: Model, which: np.ndarray, total: float) -> Model:

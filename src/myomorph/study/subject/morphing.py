@@ -134,15 +134,15 @@ def map_bones(
     wanted = [body for body in model.body_names if body in theirs or body in pairs]
     wanted.sort(key=lambda body: -spread(theirs[body]) if body in theirs else 0.0)
     poses = standing_poses(model) if together else {}
-    found: dict[str, BoneMap] = {}
+    maps: dict[str, BoneMap] = {}
     with progress("bones", len(wanted), "bones") as advance:
         for body in wanted:
             source, target, points = ours.get(body), theirs.get(body), pairs.get(body)
-            start = start_by_neighbors(model, body, found, poses) if together else None
+            start = start_by_neighbors(model, body, maps, poses) if together else None
             with reading.about(body):
-                found[body] = map_bone(body, source, target, points, settings.map, settings.match, start=start)
+                maps[body] = map_bone(body, source, target, points, settings.map, settings.match, start=start)
             advance(1.0)
-    return {body: found[body] for body in model.body_names if body in found}
+    return {body: maps[body] for body in model.body_names if body in maps}
 
 
 def _landmarks(path: Path, model: Model) -> dict[str, FeaturePoints]:
@@ -241,7 +241,7 @@ def _write_table(header: Sequence[str], rows: Iterable[Sequence[object]], path: 
     with path.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream)
         writer.writerow(header)
-        writer.writerows([f"{one:.6g}" if isinstance(one, float) else one for one in row] for row in rows)
+        writer.writerows([f"{cell:.6g}" if isinstance(cell, float) else cell for cell in row] for row in rows)
 
 
 def summary(morphed: Morphed) -> Iterable[str]:
@@ -258,9 +258,9 @@ def summary(morphed: Morphed) -> Iterable[str]:
 
 def bone_notes(morphed: Morphed) -> tuple[str, ...]:
     """What the maps of the bones that the target has had to say, one line each, with the bone's name."""
-    own = {body: bone for body, bone in morphed.morph.bones.items() if bone.basis in ("bone", "landmarks")}
+    measured = {body: bone for body, bone in morphed.morph.bones.items() if bone.basis in ("bone", "landmarks")}
     return tuple(
-        note if f"'{body}'" in note else f"'{body}': {note}" for body, bone in own.items() for note in bone.notes
+        note if f"'{body}'" in note else f"'{body}': {note}" for body, bone in measured.items() for note in bone.notes
     )
 
 

@@ -84,10 +84,10 @@ class PersonalFiles:
         if self.loads and self.torques:
             raise BadData("give --loads or --torques, not both: torques come from one of them")
         for name in ("loads", "torques", "emg"):
-            given = getattr(self, name)
-            if given and len(given) != len(self.motion):
+            value = getattr(self, name)
+            if value and len(value) != len(self.motion):
                 raise BadData(
-                    f"{len(self.motion)} motions but {len(given)} files of {name}: give one of each for every "
+                    f"{len(self.motion)} motions but {len(value)} files of {name}: give one of each for every "
                     "recording, in the same order"
                 )
         if self.motion and not (self.loads or self.torques):
@@ -115,9 +115,11 @@ def personalize_files(
     """
     files.check()
     model = reading.open_model(files.model) if model is None else model
-    own = {field.name for kind in (Differentiation, ForceOptions) for field in fields(kind)}
-    options = with_settings(PersonalizeOptions(), {name: v for name, v in settings.items() if name not in own})
-    cutoff = {name: v for name, v in settings.items() if name in own and v is not None}
+    settings_fields = {field.name for kind in (Differentiation, ForceOptions) for field in fields(kind)}
+    options = with_settings(
+        PersonalizeOptions(), {name: v for name, v in settings.items() if name not in settings_fields}
+    )
+    cutoff = {name: v for name, v in settings.items() if name in settings_fields and v is not None}
     warnings = list(model.warnings)
     trials = []
     named, channels = files.inputs.or_default(LoadsFile), files.inputs.or_default(EmgFiles)
@@ -134,11 +136,11 @@ def personalize_files(
     trials += [read_passive(path, model) for path in files.passive]
     generic = None if files.generic is None else reading.open_model(files.generic)
     with reading.about(files.model), progress("muscles of the person", STEPS, "steps") as advance:
-        found = personalize(model, trials, options, generic=generic, advance=advance)
+        personalized = personalize(model, trials, options, generic=generic, advance=advance)
     time = files.inputs.or_default(TimeSpan).time
     used = plain_settings(options) | cutoff | {"time": time, "emg_side": channels.emg_side}
     used |= {"emg_muscles": sorted(channels.emg_muscles.items())} if channels.emg_muscles else {}
-    return PersonalizedFiles(found, provenance_of("personalize", files.sources(), used), tuple(warnings))
+    return PersonalizedFiles(personalized, provenance_of("personalize", files.sources(), used), tuple(warnings))
 
 
 def _trial(trial: TrialInputs, recorded: Motion, name: str, table: Path | None = None) -> PersonalTrial:
@@ -202,7 +204,7 @@ def read_passive(path: Path, model: Model) -> PersonalTrial:
         columns = [index for index, name in enumerate(table.names) if names.get(name, name) != name]
         if not columns:
             raise BadData(f"no column is a torque: name them as '{poses.names[0]}_moment'")
-        torques = Series(table.time, tuple(names[table.names[k]] for k in columns), table.values[:, columns])
+        torques = Series(table.time, tuple(names[table.names[column]] for column in columns), table.values[:, columns])
         still = np.zeros_like(poses.values)
         return PersonalTrial(path.stem, replace(poses, velocities=still, accelerations=still), torques, passive=True)
 
@@ -230,19 +232,19 @@ def write_personalized(made: PersonalizedFiles, out: Path, tables: Path | None =
 
 
 def _write(made: PersonalizedFiles, folder: Path) -> None:
-    found = made.found
-    _rows(estimate_rows(found), folder / TABLE)
-    write_error_sizes(folder, STEP.name, personal_errors(found))
-    if len(found.recordings):
-        _rows(fiber_rows(found), folder / FIBERS)
-    if found.held_out is not None:
-        _rows(held_out_rows(found), folder / HELD_OUT)
-    (folder / NOTES).write_text("\n".join((*found.notes, *made.warnings)) + "\n", encoding="utf-8")
+    personalized = made.found
+    _rows(estimate_rows(personalized), folder / TABLE)
+    write_error_sizes(folder, STEP.name, personal_errors(personalized))
+    if len(personalized.recordings):
+        _rows(fiber_rows(personalized), folder / FIBERS)
+    if personalized.held_out is not None:
+        _rows(held_out_rows(personalized), folder / HELD_OUT)
+    (folder / NOTES).write_text("\n".join((*personalized.notes, *made.warnings)) + "\n", encoding="utf-8")
     (folder / REPORT).write_text(_page(made), encoding="utf-8")
 
 
 def _page(made: PersonalizedFiles) -> str:
-    found = made.found
+    personalized = made.found
     rows = tuple(
         ParameterRow(
             estimate.of,
@@ -255,20 +257,24 @@ def _page(made: PersonalizedFiles) -> str:
             estimate.bound,
             estimate.kept,
         )
-        for estimate in found.estimates
+        for estimate in personalized.estimates
     )
     personalized_input = PersonalizedInput(
-        found.model.muscle_names, found.before, found.after, rows, tuple(personal_lines(found))
+        personalized.model.muscle_names,
+        personalized.before,
+        personalized.after,
+        rows,
+        tuple(personal_lines(personalized)),
     )
     head = PageHead(
-        title=f"{found.model.name}: muscles of the person",
+        title=f"{personalized.model.name}: muscles of the person",
         date=made.provenance.date,
         version=__version__,
-        notes=(Note("real", f"Recordings: {', '.join(found.recordings) or 'none'}."),),
+        notes=(Note("real", f"Recordings: {', '.join(personalized.recordings) or 'none'}."),),
         sources=tuple(
             SourceFile(source.role, Path(source.name).name, source.sha256) for source in made.provenance.sources
         ),
-        warnings=(*found.notes, *made.warnings),
+        warnings=(*personalized.notes, *made.warnings),
     )
     return personalized_page(head, personalized_input)
 
@@ -349,11 +355,11 @@ def _run(subject: SubjectInputs, output: FolderOutput) -> None:
         )
     # What calibration lengthened had fibers that fitted; a morph's muscles come from other bones.
     scaled = "calibrate" in subject.done and "morph" not in subject.done and not files.model_of
-    own = files.generic or (files.model if scaled else None)
-    generic = None if own is None else reading.open_model(own)
+    generic_path = files.generic or (files.model if scaled else None)
+    generic = None if generic_path is None else reading.open_model(generic_path)
     with reading.about(files.model), progress(f"{files.name}: muscles", STEPS, "steps") as advance:
-        found = personalize(subject.model, trials, options, generic=generic, advance=advance)
-    result = PersonalizedFiles(found, output.made, tuple(dict.fromkeys(warnings)))
+        personalized = personalize(subject.model, trials, options, generic=generic, advance=advance)
+    result = PersonalizedFiles(personalized, output.made, tuple(dict.fromkeys(warnings)))
     write_personalized(result, output.path("model"), output.tables)
 
 

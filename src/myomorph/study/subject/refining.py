@@ -74,7 +74,7 @@ def refine_files(
     """
     model = open_model(model_file)
     mass = check_mass(model, mass)
-    trials = [open_trial(one, settings, model) for one in recordings]
+    trials = [open_trial(recording, settings, model) for recording in recordings]
     sources = dict.fromkeys(source for trial in trials for source in trial.sources)
     made = provenance_of("refine", sources, plain_settings(options) | {"mass": mass})
     return replace(refined(trials, mass, options, model_file.name), provenance=made)
@@ -87,7 +87,7 @@ def refined(trials: Sequence[TrialInputs], mass: float | None, options: RefineOp
     ------
     BadData : no trial has both
     """
-    given, warnings = [], []
+    recordings, warnings = [], []
     for trial in trials:
         warnings += [f"{trial.name}: {text}" for text in trial.warnings]
         loads = trial.get(ExternalLoads)
@@ -97,15 +97,15 @@ def refined(trials: Sequence[TrialInputs], mass: float | None, options: RefineOp
         wrenches = loads.of(checked.fit.motion)
         warnings += [f"{trial.name}: {text}" for text in (*map(str, checked.findings), *wrenches.notes)]
         tracking = trial.options[InverseKinematicsOptions]
-        given.append(SubjectTrial(trial.name, checked.markers, wrenches, tracking))
-    if not given:
+        recordings.append(SubjectTrial(trial.name, checked.markers, wrenches, tracking))
+    if not recordings:
         raise BadData(f"{name}: no trial has markers and external forces, so 'refine' has nothing to hold together")
     model = trials[0].model
-    pieces = 1 + (max(2, len(given)) if options.check and (options.body or options.masses) else 0)
+    pieces = 1 + (max(2, len(recordings)) if options.check and (options.body or options.masses) else 0)
     with progress(f"{name}: refinement", pieces * options.iterations, "steps") as advance:
-        found = refine(model, given, mass, options, default_path_lengths, lambda: advance(1))
+        refinement = refine(model, recordings, mass, options, default_path_lengths, lambda: advance(1))
     made = provenance_of("refine", [], plain_settings(options) | {"mass": mass})
-    return Refined(found, made, tuple(dict.fromkeys(warnings)))
+    return Refined(refinement, made, tuple(dict.fromkeys(warnings)))
 
 
 def tables_folder(out: Path) -> Path:
@@ -120,23 +120,25 @@ def write_refined(refined: Refined, out: Path, tables: Path | None = None) -> tu
     -------
     what the model's file could not hold, one line each
     """
-    found = refined.found
+    refinement = refined.found
 
     def fill(folder: Path) -> None:
         motions = folder / MOTIONS
         motions.mkdir()
-        for trial in found.trials:
-            write_sto(table_from_motion(trial.motion, found.model), motions / f"{file_name(trial.name)}.mot")
-        _write_rows(trial_rows(found), folder / "trials.csv")
-        _write_rows(mass_rows(found), folder / "masses.csv")
-        write_error_sizes(folder, STEP.name, refined_errors(found))
-        _write_rows(length_rows(found), folder / "lengths.csv")
+        for trial in refinement.trials:
+            write_sto(table_from_motion(trial.motion, refinement.model), motions / f"{file_name(trial.name)}.mot")
+        _write_rows(trial_rows(refinement), folder / "trials.csv")
+        _write_rows(mass_rows(refinement), folder / "masses.csv")
+        write_error_sizes(folder, STEP.name, refined_errors(refinement))
+        _write_rows(length_rows(refinement), folder / "lengths.csv")
         # Brings jinja2: loaded only where it is needed.
         from myomorph.study.trial.reporting import REPORT
 
         (folder / REPORT).write_text(_page(refined), encoding="utf-8")
 
-    return write_made_model(found.model, refined.provenance, out, tables or tables_folder(out), fill, found.notes)
+    return write_made_model(
+        refinement.model, refined.provenance, out, tables or tables_folder(out), fill, refinement.notes
+    )
 
 
 def trial_rows(refinement: Refinement) -> Rows:
@@ -265,19 +267,19 @@ def _page(refined: Refined) -> str:
     # Brings jinja2: loaded only where it is needed.
     from myomorph.report.trial.trial_page import report_page
 
-    found, made = refined.found, refined.provenance
+    refinement, made = refined.found, refined.provenance
     return report_page(
         ReportInput(
             PageHead(
-                title=f"{found.model.name}: refined body and motions",
+                title=f"{refinement.model.name}: refined body and motions",
                 date=made.date,
                 version=__version__,
-                notes=(Note("real", f"Recordings: {', '.join(each.name for each in found.trials)}."),),
+                notes=(Note("real", f"Recordings: {', '.join(each.name for each in refinement.trials)}."),),
                 sources=tuple(SourceFile(each.role, Path(each.name).name, each.sha256) for each in made.sources),
-                warnings=(*found.notes, *refined.warnings),
+                warnings=(*refinement.notes, *refined.warnings),
             ),
-            model=found.model,
-            more=(refinement_section(found),),
+            model=refinement.model,
+            more=(refinement_section(refinement),),
         )
     )
 

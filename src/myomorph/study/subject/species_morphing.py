@@ -103,12 +103,12 @@ def read_species(table: str | Path) -> SpeciesTable:
     BadData : what it says cannot be
     """
     known = species_tables()
-    own = str(table) in known
-    path = files("myomorph.morph") / "data" / f"{str(table).replace('-', '_')}.toml" if own else Path(table)
+    is_known = str(table) in known
+    path = files("myomorph.morph") / "data" / f"{str(table).replace('-', '_')}.toml" if is_known else Path(table)
     if isinstance(path, Path) and (path.suffix.lower() != ".toml" or not path.is_file()):
         raise BadFile(table, "no such species table", f"there are {', '.join(known)}, or give a .toml file of your own")
     try:
-        return _table(tomllib.loads(path.read_text("utf-8")), "" if own else Path(table).stem)
+        return _table(tomllib.loads(path.read_text("utf-8")), "" if is_known else Path(table).stem)
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise BadFile(table, f"not TOML: {error}") from None
     except BadData as error:
@@ -127,21 +127,21 @@ def _table(table: Table, name: str) -> SpeciesTable:
         table.get("name", name),
         _frame(frames["source"]),
         _frame(frames["target"]),
-        tuple(_bone(one) for one in table["bone"]),
-        tuple(CoordinateHomology(**one) for one in table.get("coordinate", ())),
+        tuple(_bone(entry) for entry in table["bone"]),
+        tuple(CoordinateHomology(**entry) for entry in table.get("coordinate", ())),
         tuple(
-            MuscleHomology(tuple(one["sources"]), tuple(one["targets"]), one.get("why", ""))
-            for one in table.get("muscle", ())
+            MuscleHomology(tuple(entry["sources"]), tuple(entry["targets"]), entry.get("why", ""))
+            for entry in table.get("muscle", ())
         ),
         posture.get("source", {}),
         posture.get("target", {}),
         table.get("missing", {}),
         table.get("extra", {}),
-        tuple(_architecture(one) for one in table.get("architecture", ())),
+        tuple(_architecture(entry) for entry in table.get("architecture", ())),
         _scaling(table["scaling"]) if "scaling" in table else None,
-        tuple(_share(one) for one in table.get("mass", ())),
-        tuple(_markers(one) for one in table.get("markers", ())),
-        tuple(_relative(one) for one in table.get("relative", ())),
+        tuple(_share(entry) for entry in table.get("mass", ())),
+        tuple(_markers(entry) for entry in table.get("markers", ())),
+        tuple(_relative(entry) for entry in table.get("relative", ())),
         tuple(table.get("straight", {}).get("muscles", ())),
         float(table.get("unlike", {}).get("attachments", 0.0)),
     )
@@ -150,12 +150,12 @@ def _table(table: Table, name: str) -> SpeciesTable:
 def _architecture(table: Table) -> ArchitectureTable:
     _known(table, TABLE_KEYS, "a table of architecture")
     kept = {key: value for key, value in table.items() if key != "muscles"}
-    return ArchitectureTable(rows=tuple(_row(one) for one in table["muscles"]), **kept)
+    return ArchitectureTable(rows=tuple(_row(entry) for entry in table["muscles"]), **kept)
 
 
 def _scaling(table: Table) -> ScalingLaw:
     _known(table, frozenset(field.name for field in fields(ScalingLaw)), "the scaling")
-    kept: dict[str, Any] = {key: tuple(one) if isinstance(one, list) else one for key, one in table.items()}
+    kept: dict[str, Any] = {key: tuple(value) if isinstance(value, list) else value for key, value in table.items()}
     return ScalingLaw(**kept)
 
 
@@ -168,27 +168,27 @@ def _share(table: Table) -> SegmentShare:
 def _relative(table: Table) -> RelativeBone:
     _known(table, frozenset(("body", "landmarks", "attachments", "citation")), "a relative's bone")
     attachments = []
-    for one in table["attachments"]:
-        _known(one, frozenset(("muscles", "end", "at")), "an attachment")
-        attachments.append(Attachment(tuple(one["muscles"]), one["end"], _point(one["at"])))
+    for attachment in table["attachments"]:
+        _known(attachment, frozenset(("muscles", "end", "at")), "an attachment")
+        attachments.append(Attachment(tuple(attachment["muscles"]), attachment["end"], _point(attachment["at"])))
     landmarks = {name: _point(at) for name, at in table["landmarks"].items()}
     return RelativeBone(table["body"], landmarks, tuple(attachments), table.get("citation", ""))
 
 
-def _point(given: Any) -> tuple[float, float, float]:
+def _point(coordinates: Any) -> tuple[float, float, float]:
     """Three coordinates [m]; raises `ValueError` where they are not three numbers."""
-    x, y, z = map(float, given)
+    x, y, z = map(float, coordinates)
     return x, y, z
 
 
 def _markers(table: Table) -> MarkerTable:
     _known(table, frozenset(("name", "citation", "moving", "start", "places")), "a table of markers")
     places: dict[str, tuple[str, tuple[float, float, float]]] = {}
-    for label, one in table["places"].items():
-        if len(one["at"]) != 3:
+    for label, place in table["places"].items():
+        if len(place["at"]) != 3:
             raise BadData(f"markers of '{table['name']}': expected three numbers at '{label}'")
-        x, y, z = map(float, one["at"])
-        places[label] = one["body"], (x, y, z)
+        x, y, z = map(float, place["at"])
+        places[label] = place["body"], (x, y, z)
     moving = tuple(table.get("moving", ("*",)))
     return MarkerTable(table["name"], table["citation"], places, moving, table.get("start", {}))
 
@@ -220,8 +220,8 @@ def _bone(table: Table) -> BoneHomology:
         if several in kept:
             kept[several] = tuple(kept[several])
     if "rays" in kept:
-        kept["rays"] = tuple(_ray(one) for one in kept["rays"])
-    kept["landmarks"] = tuple(_rule(one) for one in table["landmarks"])
+        kept["rays"] = tuple(_ray(ray) for ray in kept["rays"])
+    kept["landmarks"] = tuple(_rule(rule) for rule in table["landmarks"])
     return BoneHomology(**kept)
 
 
@@ -236,7 +236,7 @@ def _rule(table: Table) -> LandmarkRule:
         if box in kept:
             kept[box] = {name: (float(low), float(high)) for name, (low, high) in kept[box].items()}
     if "at" in kept:
-        kept["at"] = tuple(float(one) for one in kept["at"])
+        kept["at"] = tuple(float(value) for value in kept["at"])
     return LandmarkRule(**kept)
 
 
@@ -284,12 +284,12 @@ class SpeciesFiles:
 
     def sources(self) -> tuple[Source, ...]:
         """The files by their hashes."""
-        given = [("model", self.source), ("skeleton", self.target)]
+        named = [("model", self.source), ("skeleton", self.target)]
         if Path(self.species).is_file():
-            given.append(("species", Path(self.species)))
+            named.append(("species", Path(self.species)))
         if self.skin is not None:
-            given.append(("skin", self.skin))
-        return tuple(file_source(role, path) for role, path in given)
+            named.append(("skin", self.skin))
+        return tuple(file_source(role, path) for role, path in named)
 
 
 def species_files(files: SpeciesFiles, settings: MorphSettings) -> tuple[Morphed, Mapping[str, Surface]]:

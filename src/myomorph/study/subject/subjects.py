@@ -31,9 +31,9 @@ def check_out_model(out: Path, tables: Path | None = None, read: Iterable[Path |
         raise BadFile(out, "is a folder, but the result is a file", "give a name that ends in .osim")
     if not out.parent.is_dir():
         raise BadFile(out, f"cannot be written: folder '{out.parent}' does not exist", "make it first")
-    for one in read:
-        if one is not None and one.resolve() in (out.resolve(), (tables or out).resolve()):
-            raise BadFile(out, f"would be written over '{one}', which it is made from", "give --out another name")
+    for path in read:
+        if path is not None and path.resolve() in (out.resolve(), (tables or out).resolve()):
+            raise BadFile(out, f"would be written over '{path}', which it is made from", "give --out another name")
 
 
 def write_made_model(

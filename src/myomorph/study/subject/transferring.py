@@ -44,10 +44,10 @@ def transfer_files(lower: Path, higher: Path, pose: Path | None, options: Transf
     """
     subject = open_model(lower)
     motion = None if pose is None else read_motion(pose, subject)
-    found = transfer(subject, open_model(higher), options, motion)
+    result = transfer(subject, open_model(higher), options, motion)
     named = (("model", lower), ("model to", higher), *((("pose", pose),) if pose is not None else ()))
     sources = [file_source(role, path) for role, path in named]
-    return Transferred(found, provenance_of("transfer", sources, plain_settings(options)))
+    return Transferred(result, provenance_of("transfer", sources, plain_settings(options)))
 
 
 def tables_folder(out: Path) -> Path:
@@ -62,16 +62,16 @@ def write_transferred(transferred: Transferred, out: Path) -> tuple[str, ...]:
     -------
     what the model's file could not hold, one line each
     """
-    found = transferred.found
+    result = transferred.found
 
     def fill(folder: Path) -> None:
-        _write_rows(joint_rows(found), folder / "joints.csv")
-        _write_rows(length_rows(found), folder / "lengths.csv")
-        _write_rows(mass_rows(found), folder / "masses.csv")
+        _write_rows(joint_rows(result), folder / "joints.csv")
+        _write_rows(length_rows(result), folder / "lengths.csv")
+        _write_rows(mass_rows(result), folder / "masses.csv")
         # In it the joint centers of both models coincide.
-        write_sto(table_from_motion(found.higher_pose, found.model), folder / "pose.mot")
+        write_sto(table_from_motion(result.higher_pose, result.model), folder / "pose.mot")
 
-    return write_made_model(found.model, transferred.provenance, out, tables_folder(out), fill)
+    return write_made_model(result.model, transferred.provenance, out, tables_folder(out), fill)
 
 
 def joint_rows(transfer: Transfer) -> Rows:

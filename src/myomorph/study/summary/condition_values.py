@@ -61,13 +61,13 @@ class RunningMeans(Generic[Name]):
 
     def add(self, names: tuple[Name, ...], values: Array) -> None:
         """One more of each column (samples, names), NaN where it is not known."""
-        own = self.places(names)
+        columns = self.places(names)
         known = np.isfinite(values)
-        count = self.count[:, own] + known
-        away = np.where(known, values - self.mean[:, own], 0.0)
-        mean = self.mean[:, own] + away / np.maximum(count, 1.0)
-        self.squares[:, own] += away * np.where(known, values - mean, 0.0)
-        self.count[:, own], self.mean[:, own] = count, mean
+        count = self.count[:, columns] + known
+        away = np.where(known, values - self.mean[:, columns], 0.0)
+        mean = self.mean[:, columns] + away / np.maximum(count, 1.0)
+        self.squares[:, columns] += away * np.where(known, values - mean, 0.0)
+        self.count[:, columns], self.mean[:, columns] = count, mean
 
     def means(self) -> Array:
         """(samples, columns), NaN where nothing is known."""
@@ -112,18 +112,20 @@ class GrowingCondition:
         that of different parts of the motion. The curves of an only trial without strides are kept as they are.
         """
         self.trials += 1
-        own = self._subjects.setdefault(subject, _Subject())
+        subject_means = self._subjects.setdefault(subject, _Subject())
         self.units |= {value.quantity: value.unit for value in values}
         quantities, numbers = tuple(value.quantity for value in values), np.array([[value.value for value in values]])
-        for sums in (own.values, self._values):
+        for sums in (subject_means.values, self._values):
             sums.add(quantities, numbers)
-        own.strides += max((value.value for value in values if value.quantity.startswith("strides, ")), default=0.0)
+        subject_means.strides += max(
+            (value.value for value in values if value.quantity.startswith("strides, ")), default=0.0
+        )
         if self.trials > 1 and self.cycle != OF_STRIDE:
             if self._alone:
                 self._left_out(*self._alone)
             self.each = RunningMeans(SAMPLES)
-            for one in self._subjects.values():
-                one.curves = RunningMeans(SAMPLES)
+            for other_subject in self._subjects.values():
+                other_subject.curves = RunningMeans(SAMPLES)
         self._alone = (subject, trial) if self.trials == 1 and cycle != OF_STRIDE else None
         if self.trials > 1 and cycle != OF_STRIDE:
             self._left_out(subject, trial)
@@ -132,7 +134,7 @@ class GrowingCondition:
         self.cycle = cycle
         names, joined = joined_curves(curves)
         if names:
-            own.curves.add(names, joined)
+            subject_means.curves.add(names, joined)
             self.each.add(names, joined)
 
     def _left_out(self, subject: str, trial: str) -> None:
@@ -180,7 +182,7 @@ class GrowingCondition:
         moving = {(family, name) for family, curves in families.items() for name in curves.names}
         return Condition(
             self.name,
-            tuple(self._animal(name, one, moving) for name, one in self._subjects.items()),
+            tuple(self._animal(name, subject, moving) for name, subject in self._subjects.items()),
             self.trials,
             "stride" if self.cycle == OF_STRIDE else "trial",
             "subjects" if of_subjects else "trials",
@@ -219,9 +221,13 @@ def joined_curves(curves: Mapping[str, Series]) -> tuple[tuple[Curve, ...], Arra
 
 def _family(running: RunningMeans[Curve], family: str, names: Sequence[str]) -> MeanCurves:
     """Curves of a family that change along the cycle."""
-    own = [running.columns[family, name] for name in names]
-    moving = [k for k in own if np.nanmax(np.abs(running.mean[:, k] - running.mean[0, k]), initial=0.0) > 1e-9]
-    kept = [name for k, name in zip(own, names, strict=True) if k in set(moving)]
+    columns = [running.columns[family, name] for name in names]
+    moving = [
+        column
+        for column in columns
+        if np.nanmax(np.abs(running.mean[:, column] - running.mean[0, column]), initial=0.0) > 1e-9
+    ]
+    kept = [name for column, name in zip(columns, names, strict=True) if column in set(moving)]
     return mean_curves(kept, running.count[:, moving], running.mean[:, moving], running.squares[:, moving])
 
 
@@ -245,7 +251,7 @@ class OutlierSearch:
     def add(self, whose: tuple[str, str, str], values: Sequence[Value]) -> None:
         """Values of one more trial: subject, condition and trial."""
         subject, condition, trial = whose
-        shown = shown_quantities([one.quantity for one in values])
+        shown = shown_quantities([value.quantity for value in values])
         for value in values:
             if value.quantity in shown and _is_telling(value):
                 self._values.setdefault((condition, value.quantity, value.unit), []).append(
@@ -294,27 +300,27 @@ def outlier_rows(outliers: Sequence[Outlier]) -> Iterator[tuple[str, ...]]:
         yield (outlier.subject, outlier.condition, outlier.trial, outlier.quantity, *numbers)
 
 
-def _is_telling(one: Value) -> bool:
+def _is_telling(value: Value) -> bool:
     """Whether a value says something of a trial as a whole: of strides, ranges of angles, peaks of torques, errors."""
-    what = one.quantity.removesuffix(f" {IN_STRIDE}")
-    if one.unit == "deg":
+    what = value.quantity.removesuffix(f" {IN_STRIDE}")
+    if value.unit == "deg":
         return what.endswith(", range")
-    if one.unit == "N m" and what.endswith((", maximum", ", minimum")):
+    if value.unit == "N m" and what.endswith((", maximum", ", minimum")):
         return True
     return what in ("marker error, RMS", "residual force, RMS") or what.rpartition(", ")[0] in PER_STRIDE
 
 
 def described(growing: Sequence[GrowingCondition]) -> tuple[Described, ...]:
     """Every quantity in every condition: of subjects, each the mean of its trials; of one subject, of its trials."""
-    found: dict[str, list[tuple[float, float, int]]] = {}
+    by_quantity: dict[str, list[tuple[float, float, int]]] = {}
     units: dict[str, str] = {}
     subjects = of_subjects(growing)
-    for index, one in enumerate(growing):
-        for quantity, (mean, deviation, count) in one.described(subjects).items():
-            units.setdefault(quantity, one.units[quantity])
-            rows = found.setdefault(quantity, [(np.nan, np.nan, 0)] * len(growing))
+    for index, condition in enumerate(growing):
+        for quantity, (mean, deviation, count) in condition.described(subjects).items():
+            units.setdefault(quantity, condition.units[quantity])
+            rows = by_quantity.setdefault(quantity, [(np.nan, np.nan, 0)] * len(growing))
             rows[index] = mean, deviation, count
-    return tuple(Described(quantity, units[quantity], tuple(rows)) for quantity, rows in found.items())
+    return tuple(Described(quantity, units[quantity], tuple(rows)) for quantity, rows in by_quantity.items())
 
 
 def described_rows(quantities: Sequence[Described], conditions: Sequence[Condition]) -> Iterator[Row]:
@@ -340,13 +346,13 @@ def curve_rows(conditions: Sequence[Condition]) -> Iterator[Row]:
     yield ("condition", "kind", "curve", "cycle", "percent", "mean", "sd", "low", "high", "n", "of")
     for condition in conditions:
         for family, curves in condition.curves.items():
-            for k, name in enumerate(curves.names):
+            for index, name in enumerate(curves.names):
                 for i, percent in enumerate(np.linspace(0.0, 100.0, len(curves.mean))):
-                    values = (part[i, k] for part in (curves.mean, curves.deviation, curves.low, curves.high))
+                    values = (part[i, index] for part in (curves.mean, curves.deviation, curves.low, curves.high))
                     yield (
                         *(condition.name, family, name, condition.cycle, f"{percent:g}"),
                         *(_number_text(value) for value in values),
-                        *(f"{curves.count[i, k]:.0f}", condition.unit),
+                        *(f"{curves.count[i, index]:.0f}", condition.unit),
                     )
 
 

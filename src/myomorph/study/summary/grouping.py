@@ -45,7 +45,7 @@ def compare_stored(plan: GroupPlan, out: Path, folder: Path, name: str = "") -> 
     """
     notes: list[str] = []
     rows: list[tuple[str, str, TrialStrides]] = []
-    groups = [_group(one, plan, out, notes, rows) for one in (plan.first, plan.second)]
+    groups = [_group(members, plan, out, notes, rows) for members in (plan.first, plan.second)]
     for group in groups:
         if not group.animals:
             raise BadData(f"group '{group.name}' has no subject with strides: {'; '.join(notes) or 'no trials'}")
@@ -82,7 +82,7 @@ def _value_differences(plan: GroupPlan, out: Path) -> list[ValueDifference]:
     """Every value of the trials in both groups, with the errors of draws where there are any."""
     values = MeasuredValues()
     for name, subjects in (plan.first, plan.second):
-        for subject, trial in ((one, trial) for one in subjects for trial in plan.trials[one]):
+        for subject, trial in ((name, trial) for name in subjects for trial in plan.trials[name]):
             folder = out / file_name(subject) / file_name(trial)
             if (folder / TRIAL_VALUES).is_file():
                 errors = read_value_errors(folder / f"{file_name(trial)}{STORED}")
@@ -127,15 +127,15 @@ def _table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
     table = csv.writer(text, lineterminator="\n")
     table.writerow(head)
     for row in rows:
-        table.writerow([f"{one:.9g}" if isinstance(one, float) else one for one in row])
+        table.writerow([f"{cell:.9g}" if isinstance(cell, float) else cell for cell in row])
     return text.getvalue()
 
 
 def _parameter_table(comparison: Comparison) -> str:
-    one, other = comparison.names
+    first, other = comparison.names
     head = [
         "parameter",
-        *(f"{name}_{what}" for name in (one, other) for what in ("mean", "sd", "animals")),
+        *(f"{name}_{what}" for name in (first, other) for what in ("mean", "sd", "animals")),
         *("difference", "low", "high", "hedges_g", "g_low", "g_high", "p", "p_holm", "q"),
     ]
     rows = [
@@ -151,12 +151,12 @@ def _parameter_table(comparison: Comparison) -> str:
 
 
 def _curve_table(comparison: Comparison) -> str:
-    one, other = comparison.names
+    first, other = comparison.names
     head = [
         "kind",
         "curve",
         "percent",
-        *(f"{name}_{what}" for name in (one, other) for what in ("mean", "low", "high")),
+        *(f"{name}_{what}" for name in (first, other) for what in ("mean", "low", "high")),
         *("difference", "low", "high", "hedges_g", "g_low", "g_high", "p_corrected"),
     ]
     rows: list[tuple[object, ...]] = []
@@ -183,13 +183,23 @@ def _stride_table(trials: Sequence[tuple[str, str, TrialStrides]]) -> str:
             group,
             subject,
             strides.trial,
-            one.limb,
-            *(one.start, one.lift, one.stop, one.length, one.duration, one.speed, one.duty, one.width, one.seen),
-            one.source,
+            stride.limb,
+            *(
+                stride.start,
+                stride.lift,
+                stride.stop,
+                stride.length,
+                stride.duration,
+                stride.speed,
+                stride.duty,
+                stride.width,
+                stride.seen,
+            ),
+            stride.source,
         )
         for group, subject, strides in trials
         for limb in strides.limbs
-        for one in strides.of(limb)
+        for stride in strides.of(limb)
     ]
     return _table(head, rows)
 

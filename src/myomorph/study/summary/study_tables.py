@@ -179,7 +179,7 @@ def gather_study(plan: Plan, outcomes: Sequence[Outcome], out: Path, folder: Pat
             search.add(trial.whose, values)
             measured.add(trial.whose, values, trial.drawn)
             signs.add(trial.outcome.subject, values)
-    if len([one for one in growing.values() if one.trials]) > 1:
+    if len([condition for condition in growing.values() if condition.trials]) > 1:
         for condition in growing.values():
             condition.without_whole_trials()
     for trial in trials:
@@ -187,8 +187,8 @@ def gather_study(plan: Plan, outcomes: Sequence[Outcome], out: Path, folder: Pat
             search.add_curves(
                 trial.whose, growing[trial.condition], *read_curves(trial.outcome.folder / CURVES, COMPARED)
             )
-    given = [one for one in growing.values() if one.trials]
-    _write_conditions(plan, trials, lines, given, search, measured, signs.notes(), folder)
+    seen = [condition for condition in growing.values() if condition.trials]
+    _write_conditions(plan, trials, lines, seen, search, measured, signs.notes(), folder)
 
 
 def _write_conditions(
@@ -202,14 +202,14 @@ def _write_conditions(
     folder: Path,
 ) -> None:
     """The tables of conditions, and the page."""
-    found = search.found()
+    outliers = search.found()
     subjects = of_subjects(growing)
-    conditions = tuple(one.finished(subjects) for one in growing)
+    conditions = tuple(condition.finished(subjects) for condition in growing)
     comparisons = tuple(compare_conditions(conditions, GroupOptions(permutations=PERMUTATIONS)))
     quantities = described(growing)
-    compared = differences(measured, [one.name for one in growing])
+    compared = differences(measured, [condition.name for condition in growing])
     for name, rows in (
-        (OUTLIERS, outlier_rows(found)),
+        (OUTLIERS, outlier_rows(outliers)),
         (CONDITION_VALUES, described_rows(quantities, conditions)),
         (CONDITION_CURVES, curve_rows(conditions)),
         (DIFFERENCES, pair_rows(comparisons)),
@@ -226,11 +226,22 @@ def _write_conditions(
         tuple(lines),
         conditions,
         comparisons,
-        tuple(found),
+        tuple(outliers),
         tuple(quantity for quantity in quantities if quantity.quantity in shown),
-        tuple(one for one in compared if one.quantity in shown and np.isfinite(one.measured_sd)),
+        tuple(
+            difference
+            for difference in compared
+            if difference.quantity in shown and np.isfinite(difference.measured_sd)
+        ),
         _changes(trials),
-        (*notes, *(f"{one.name}: {text}" if one.name else text for one in growing for text in one.notes)),
+        (
+            *notes,
+            *(
+                f"{condition.name}: {text}" if condition.name else text
+                for condition in growing
+                for text in condition.notes
+            ),
+        ),
         (*groups, *((name, text) for name, text in FILES if name != PARQUET or has_parquet())),
     )
     (folder / PAGE).write_text(study_page(study_input), encoding="utf-8")
@@ -243,14 +254,14 @@ def _run(study: StudyInputs, output: FolderOutput) -> None:
 
 def _in_order(plan: Plan, outcomes: Sequence[Outcome]) -> list[_Trial]:
     """Outcomes with their conditions in the order of the study file, a subject's own steps before its trials."""
-    found = {outcome.key: outcome for outcome in outcomes}
+    by_key = {outcome.key: outcome for outcome in outcomes}
     keys = [key for trial in plan.trials for key in ((trial.subject, ""), (trial.subject, trial.name))]
-    keys += [(one.name, one.name) for one in plan.together]
+    keys += [(together.name, together.name) for together in plan.together]
     conditions = {(trial.subject, trial.name): trial.condition for trial in plan.trials} | dict(plan.conditions.trials)
     return [
-        _Trial(found[key], found[key].condition or conditions.get(key, ""))
+        _Trial(by_key[key], by_key[key].condition or conditions.get(key, ""))
         for key in dict.fromkeys(keys)
-        if key in found
+        if key in by_key
     ]
 
 
@@ -300,11 +311,11 @@ def _line(trial: _Trial, rows: Sequence[Mapping[str, str]], out: Path) -> TrialL
 
 def _changes(trials: Sequence[_Trial]) -> tuple[tuple[str, tuple[str, ...]], ...]:
     """What made steps be computed again, each with the trials it concerns."""
-    found: dict[str, list[str]] = {}
+    trials_by_text: dict[str, list[str]] = {}
     for trial in trials:
         for text in trial.outcome.changed:
-            found.setdefault(text, []).append(", ".join(part for part in trial.outcome.key if part))
-    return tuple((text, tuple(names)) for text, names in found.items())
+            trials_by_text.setdefault(text, []).append(", ".join(part for part in trial.outcome.key if part))
+    return tuple((text, tuple(names)) for text, names in trials_by_text.items())
 
 
 @contextmanager

@@ -78,10 +78,10 @@ class _Trials:
 
     def of(self, name: _Name) -> _Own | None:
         """A quantity, None where no trial has it."""
-        k = self.values.columns.get(name)
-        if k is None:
+        column = self.values.columns.get(name)
+        if column is None:
             return None
-        count, squares = self.values.count[0, k], self.values.squares[0, k]
+        count, squares = self.values.count[0, column], self.values.squares[0, column]
         square = float(squares / (count - 1.0) / count) if count > 1 else float("nan")
         error, scatter = None, float("nan")
         at = self._columns.get(name)
@@ -91,7 +91,7 @@ class _Trials:
             if count > 1:
                 within = self._squares[at] - count * float(np.nanmean(error**2))
                 scatter = max(within, 0.0) / (count - 1.0) / count
-        return _Own(float(self.values.mean[0, k]), square, int(count), error, scatter)
+        return _Own(float(self.values.mean[0, column]), square, int(count), error, scatter)
 
 
 class MeasuredValues:
@@ -109,8 +109,8 @@ class MeasuredValues:
 
     def of(self, condition: str, name: _Name) -> dict[str, _Own]:
         """A quantity by subject."""
-        found = {subject: one.of(name) for subject, one in self._trials.get(condition, {}).items()}
-        return {subject: one for subject, one in found.items() if one is not None}
+        trial_means = {subject: trials.of(name) for subject, trials in self._trials.get(condition, {}).items()}
+        return {subject: mean for subject, mean in trial_means.items() if mean is not None}
 
     @property
     def subjects(self) -> set[str]:
@@ -138,40 +138,40 @@ def differences(values: MeasuredValues, conditions: Sequence[str]) -> list[Value
     return result
 
 
-def _of_many(one: dict[str, _Own], other: dict[str, _Own]) -> _Pair | None:
-    shared = [name for name in one if name in other]
+def _of_many(first: dict[str, _Own], other: dict[str, _Own]) -> _Pair | None:
+    shared = [name for name in first if name in other]
     if len(shared) >= 2:
-        d = np.array([one[name].mean - other[name].mean for name in shared])
-        errors = [_less(one[name].error, other[name].error) for name in shared]
-        means = [float(np.mean([own[name].mean for name in shared])) for own in (one, other)]
+        d = np.array([first[name].mean - other[name].mean for name in shared])
+        errors = [_less(first[name].error, other[name].error) for name in shared]
+        means = [float(np.mean([subjects[name].mean for name in shared])) for subjects in (first, other)]
         square = float(d.var(ddof=1)) / len(d)
-        found = _intervals(means[0] - means[1], square, len(d) - 1.0, _mean_variance(errors), held=True)
-        return True, "subjects", (len(d), len(d)), (means[0], means[1]), *found
+        interval = _intervals(means[0] - means[1], square, len(d) - 1.0, _mean_variance(errors), held=True)
+        return True, "subjects", (len(d), len(d)), (means[0], means[1]), *interval
     if shared:
         return None
-    groups = [np.array([each.mean for each in own.values()]) for own in (one, other)]
+    groups = [np.array([each.mean for each in subjects.values()]) for subjects in (first, other)]
     means = [float(group.mean()) for group in groups]
     squares = [float(group.var(ddof=1)) / len(group) if len(group) > 1 else np.nan for group in groups]
     counts = (len(groups[0]), len(groups[1]))
-    drawn = sum(_mean_variance([each.error for each in own.values()]) for own in (one, other))
-    found = _intervals(means[0] - means[1], *_welch(squares, counts), drawn, held=True)
-    return False, "subjects", counts, (means[0], means[1]), *found
+    drawn = sum(_mean_variance([each.error for each in subjects.values()]) for subjects in (first, other))
+    interval = _intervals(means[0] - means[1], *_welch(squares, counts), drawn, held=True)
+    return False, "subjects", counts, (means[0], means[1]), *interval
 
 
 def _of_one(one: dict[str, _Own], other: dict[str, _Own]) -> _Pair | None:
-    first, second = (next(iter(own.values())) for own in (one, other))
+    first, second = (next(iter(subjects.values())) for subjects in (one, other))
     counts = (first.count, second.count)
     square, freedom = _welch((first.square, second.square), counts)
     drawn = _mean_variance([_less(first.error, second.error)])
     if np.isfinite(square):
         # What differs between trials shows in their spread already.
         drawn = float(np.maximum(drawn - first.scatter - second.scatter, 0.0))
-    found = _intervals(first.mean - second.mean, square, freedom, drawn, held=False)
-    return False, "trials", counts, (first.mean, second.mean), *found
+    interval = _intervals(first.mean - second.mean, square, freedom, drawn, held=False)
+    return False, "trials", counts, (first.mean, second.mean), *interval
 
 
-def _less(one: Array | None, other: Array | None) -> Array | None:
-    return None if one is None or other is None or len(one) != len(other) else np.asarray(one - other)
+def _less(first: Array | None, other: Array | None) -> Array | None:
+    return None if first is None or other is None or len(first) != len(other) else np.asarray(first - other)
 
 
 def _welch(squares: Sequence[float], counts: Sequence[int]) -> tuple[float, float]:
@@ -187,7 +187,7 @@ def _mean_variance(errors: Sequence[Array | None]) -> float:
     known = [error for error in errors if error is not None]
     if not known or len(known) < len(errors):
         return float("nan")
-    return float(sum(np.nanvar(one, ddof=1) for one in known)) / len(known) ** 2
+    return float(sum(np.nanvar(error, ddof=1) for error in known)) / len(known) ** 2
 
 
 def _intervals(

@@ -95,9 +95,9 @@ def cached(wraps: frozenset[str] = frozenset()) -> bool:
     # The kernels are imported when it is known that they must be compiled: a process that looks only starts faster.
     from myomorph.muscles.path_kernels import path_frames
 
-    wanted = [one in wraps for one in (SURFACES, TENDONS)]
-    found = signatures_on_disk(path_frames)
-    return any([not isinstance(one, types.NoneType) for one in signature[2:4]] == wanted for signature in found)
+    wanted = [kind in wraps for kind in (SURFACES, TENDONS)]
+    signatures = signatures_on_disk(path_frames)
+    return any([not isinstance(part, types.NoneType) for part in signature[2:4]] == wanted for signature in signatures)
 
 
 def motion_cached() -> bool:
@@ -190,10 +190,10 @@ def compile_motion() -> None:
     time = np.linspace(0.0, 0.07, 8)
     motion = Motion(time, model.coordinate_names, np.column_stack([time, 2.0 * time]))
     poses = forward_kinematics(tree, tree.coordinates_of(motion))
-    bodies = np.array([tree.body_index[one.body] for one in marked])
-    seen = poses.points(bodies, np.array([one.location for one in marked]))
-    found = inverse_kinematics(model, Markers(time, model.marker_names, seen)).motion
-    inverse_dynamics(model, differentiate(found))
+    bodies = np.array([tree.body_index[marker.body] for marker in marked])
+    seen = poses.points(bodies, np.array([marker.location for marker in marked]))
+    kinematics = inverse_kinematics(model, Markers(time, model.marker_names, seen)).motion
+    inverse_dynamics(model, differentiate(kinematics))
 
 
 @uncollected()

@@ -148,12 +148,12 @@ def load(folder: str | Path) -> Mapping[str, TrialResult]:
     if not folder.exists():
         raise BadFile(folder, "does not exist", "give a folder that run, tension, muscles or demo wrote")
     paths = [folder] if folder.is_file() else sorted(folder.rglob(f"*{STORED}"))
-    found: dict[str, TrialResult] = {}
-    for path in (one for one in paths if ".steps" not in one.parts):
+    results: dict[str, TrialResult] = {}
+    for path in (path for path in paths if ".steps" not in path.parts):
         stored = read_result(path, leave_out=("moment_arm",))
         home = path.parent.relative_to(folder if folder.is_dir() else folder.parent)
         name = path.stem if home == Path() else (home if home.name == path.stem else home / path.stem).as_posix()
-        found[name] = TrialResult(path, stored.provenance, stored.facts, stored)
-    if not found:
+        results[name] = TrialResult(path, stored.provenance, stored.facts, stored)
+    if not results:
         raise BadFile(folder, f"holds no results: no file in it ends in {STORED}", "give the --out of run or tension")
-    return FrozenMap(found)
+    return FrozenMap(results)

@@ -95,10 +95,10 @@ def _write(
     home: Path, paths: Sequence[Path], preset: str, times: Sequence[float], model: Callable[[Stored], Model]
 ) -> Path:
     """The report of the results in one folder, whole or not at all."""
-    found = joined([read_result(path, leave_out=large_variables()) for path in paths])
-    given = report_input(found, model(found))
-    chosen = replace(given.analysis, preset=preset or given.analysis.preset, times=tuple(times))
-    return write_report(home, prepare(replace(given, analysis=chosen)))
+    stored = joined([read_result(path, leave_out=large_variables()) for path in paths])
+    shown = report_input(stored, model(stored))
+    chosen = replace(shown.analysis, preset=preset or shown.analysis.preset, times=tuple(times))
+    return write_report(home, prepare(replace(shown, analysis=chosen)))
 
 
 def write_report(home: Path, prepared: Prepared) -> Path:
@@ -174,14 +174,16 @@ def model_of(stored: Stored, demo_model: ModelMaker | None = None) -> Model:
         where the file is gone or has changed since
     """
     sources = list(
-        dict.fromkeys(one for made in stored.provenance.values() for one in made.sources if one.role == "model")
+        dict.fromkeys(
+            source for made in stored.provenance.values() for source in made.sources if source.role == "model"
+        )
     )
     if not sources:
         raise BadFile(stored.path, "does not tell which model it was made with", "run the steps again")
     parts = json.loads(stored.facts.get("parts", "{}"))
     if not parts:
         return _source_model(sources[0], stored, demo_model)
-    by_name = {one.name: one for one in sources}
+    by_name = {source.name: source for source in sources}
     models = {
         name: object_model(source) if isinstance(source, dict) else _source_model(by_name[source], stored, demo_model)
         for name, source in parts.items()
@@ -197,7 +199,7 @@ def _source_model(source: Source, stored: Stored, demo_model: ModelMaker | None)
     there = [place for place in places if place.is_file()]
     if not there:
         raise BadFile(source.name, "is gone, but the model is needed", f"{stored.path} was made with it")
-    same = next((one for one in there if file_source("model", one).sha256 == source.sha256), None)
+    same = next((place for place in there if file_source("model", place).sha256 == source.sha256), None)
     if same is None:
         raise BadFile(there[0], "has changed since the results were made", "run the steps again")
     return open_model(same)
@@ -208,7 +210,7 @@ def report_input(stored: Stored, model: Model) -> ReportInput:
     facts, mass = stored.facts, stored.facts.get("mass", "")
     notes, truth = json.loads(facts.get("notes", "{}")), store.get_truth(stored)
     head = PageHead(
-        title=": ".join(one for one in (facts.get("subject", ""), facts.get("trial", "")) if one) or model.name,
+        title=": ".join(part for part in (facts.get("subject", ""), facts.get("trial", "")) if part) or model.name,
         date=max((made.date for made in stored.provenance.values()), default=""),
         version=__version__,
         notes=tuple(Note(kind, text) for kind in ("real", "simulated", "assumed") for text in notes.get(kind, ())),
@@ -226,7 +228,7 @@ def report_input(stored: Stored, model: Model) -> ReportInput:
         truth=Truth(truth.get("motion"), truth.get("torques"), truth.get("activations")) if truth else None,
     )
     phases = tuple(Phase(name, *span) for name, span in json.loads(facts.get("phases", "{}")).items())
-    given = ReportInput(
+    shown = ReportInput(
         head,
         model,
         _Meshes(model),
@@ -234,8 +236,8 @@ def report_input(stored: Stored, model: Model) -> ReportInput:
         analysis=AnalysisChoice(facts.get("preset", ""), phases),
     )
     for step in STEPS["trial"]:
-        given = step_of(step).show(given, stored)
-    return given
+        shown = step_of(step).show(shown, stored)
+    return shown
 
 
 class _Meshes(Mapping[str, Surface]):
@@ -274,7 +276,7 @@ def _sources(made: Mapping[str, Provenance]) -> tuple[SourceFile, ...]:
     unique = dict.fromkeys(
         (source.role, Path(source.name).name, source.sha256) for each in made.values() for source in each.sources
     )
-    return tuple(SourceFile(*one) for one in unique)
+    return tuple(SourceFile(*source) for source in unique)
 
 
 def _shown_step(step: str, stored: Stored) -> PageStep:

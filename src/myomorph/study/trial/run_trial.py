@@ -84,7 +84,9 @@ class TrialSteps(JobSteps):
 
     def _earlier(self) -> tuple[dict[str, Path], dict[str, Provenance]]:
         """The file that holds the result of each step, and what that was made from."""
-        made = {step: one for step, one in stored_provenance(self.stored).items() if step in STEPS["trial"]}
+        made = {
+            step: provenance for step, provenance in stored_provenance(self.stored).items() if step in STEPS["trial"]
+        }
         files = dict.fromkeys(made, self.stored)
         for step in STEPS["trial"]:
             part = self.parts / step / PART
@@ -337,9 +339,9 @@ def _move_tables(steps: Sequence[str], parts: Path, folder: Path) -> None:
 def with_results(outcome: Outcome, results: StepResults) -> Outcome:
     """An outcome with what results tell of the trial, as its frames and marker errors."""
     for step in trial_steps():
-        found = results.get(step.gives)
-        if step.outcome is not None and found is not None:
-            outcome = step.outcome(outcome, found)
+        result = results.get(step.gives)
+        if step.outcome is not None and result is not None:
+            outcome = step.outcome(outcome, result)
     return outcome
 
 

@@ -45,12 +45,12 @@ def write_trial_values(results: TrialResults, outcome: Outcome) -> None:
     steps = [step for step in outcome.done if step != REPORT]
     if set(steps) <= set(outcome.reused) and all((outcome.folder / name).is_file() for name in names):
         return
-    found, model, prepared = results.stored, results.model, results.prepared
-    strides = strides_of(prepared, found.facts.get("trial", ""))
-    mass = float(found.facts.get("mass") or 0.0) or model.mass
-    signals = [signal for step in trial_steps() for signal in step.signals(found, model, mass)]
+    stored, model, prepared = results.stored, results.model, results.prepared
+    strides = strides_of(prepared, stored.facts.get("trial", ""))
+    mass = float(stored.facts.get("mass") or 0.0) or model.mass
+    signals = [signal for step in trial_steps() for signal in step.signals(stored, model, mass)]
     cycles = [_cycles(signal, strides) for signal in signals]
-    limits = get_value_limits(found)
+    limits = get_value_limits(stored)
     _write_curves(outcome.folder / CURVES, strides, signals, cycles)
     _write_rows(
         outcome.folder / QUALITY, QUALITY_COLUMNS, quality_rows(prepared.verdicts, prepared.results.head.warnings)
@@ -61,24 +61,24 @@ def write_trial_values(results: TrialResults, outcome: Outcome) -> None:
         VALUE_COLUMNS,
         (
             value_row(_with_limits(trial_value, limits))
-            for trial_value in trial_values(found, model, strides, signals, cycles)
+            for trial_value in trial_values(stored, model, strides, signals, cycles)
             if np.isfinite(trial_value.value)
         ),
     )
 
 
-def value_row(one: Value) -> tuple[str, ...]:
+def value_row(value: Value) -> tuple[str, ...]:
     """A row of `VALUE_COLUMNS`."""
-    drawn = (f"{number:.6g}" if np.isfinite(number) else "" for number in (one.low, one.high, one.sd))
-    return (one.step, one.quantity, f"{one.value:.9g}", one.unit, *drawn)
+    drawn = (f"{number:.6g}" if np.isfinite(number) else "" for number in (value.low, value.high, value.sd))
+    return (value.step, value.quantity, f"{value.value:.9g}", value.unit, *drawn)
 
 
-def _with_limits(one: Value, limits: Mapping[tuple[str, str], tuple[float, float, float]]) -> Value:
-    known = limits.get((one.step, one.quantity))
+def _with_limits(value: Value, limits: Mapping[tuple[str, str], tuple[float, float, float]]) -> Value:
+    known = limits.get((value.step, value.quantity))
     if known is None:
-        return one
+        return value
     low, high, deviation = known
-    return one._replace(low=one.value + low, high=one.value + high, sd=deviation)
+    return value._replace(low=value.value + low, high=value.value + high, sd=deviation)
 
 
 def strides_of(prepared: Prepared, trial: str) -> TrialStrides | None:
@@ -172,7 +172,7 @@ def _write_curves(
         if cycle is None:
             continue
         drawn = list(signal.drawn)
-        head += [curve_name(signal.curve, signal.series.names[k]) for k in drawn]
+        head += [curve_name(signal.curve, signal.series.names[column]) for column in drawn]
         columns.append(statistics_of(cycle.values[:, :, drawn])["mean"] * signal.factor[drawn])
     rows = ([f"{value:.6g}" for value in row] for row in np.hstack(columns).tolist())
     _write_rows(path, head, rows)
@@ -212,8 +212,10 @@ def read_curves(path: Path, only: tuple[str, ...] = ()) -> tuple[str, dict[str, 
     for k, (family, _) in enumerate(names):
         families.setdefault(family, []).append(k)
     return head[0], {
-        family: Series(values[:, 0], tuple(names[k][1] for k in own), values[:, [k + 1 for k in own]])
-        for family, own in families.items()
+        family: Series(
+            values[:, 0], tuple(names[column][1] for column in columns), values[:, [column + 1 for column in columns]]
+        )
+        for family, columns in families.items()
     }
 
 
@@ -223,7 +225,7 @@ def read_values(path: Path) -> list[Value]:
         rows = csv.reader(stream)
         next(rows, None)
         return [
-            Value(step, quantity, float(value), unit, *(float(one or "nan") for one in drawn))
+            Value(step, quantity, float(value), unit, *(float(number or "nan") for number in drawn))
             for step, quantity, value, unit, *drawn in rows
         ]
 

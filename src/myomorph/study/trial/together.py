@@ -87,25 +87,25 @@ def together_of(
     if len(table.trials) + len(table.object) < 2:
         problems.append(f"{where}: has one trial and no object: expected two parts or more")
     for subject, trial in table.trials.items():
-        own = [one.name for one in trials if one.subject == subject]
+        own = [trial.name for trial in trials if trial.subject == subject]
         if not own:
-            subjects = tuple(dict.fromkeys(one.subject for one in trials))
+            subjects = tuple(dict.fromkeys(trial.subject for trial in trials))
             problems.append(f"{where}: no subject '{subject}': there are {listing(subject, subjects)}")
         elif trial not in own:
             problems.append(f"{where}: subject '{subject}' has no trial '{trial}': there are {listing(trial, own)}")
-    if table.name in {one.subject for one in trials}:
+    if table.name in {trial.subject for trial in trials}:
         problems.append(f"{where}: a subject has that name: give it another")
     objects, names = [], list(table.trials)
-    for one in table.object:
-        if one.name in names:
-            problems.append(f"{where}: two parts are named '{one.name}': give one of them another name")
-        names.append(one.name)
+    for description in table.object:
+        if description.name in names:
+            problems.append(f"{where}: two parts are named '{description.name}': give one of them another name")
+        names.append(description.name)
         try:
-            object_model(one.model_dump())
+            object_model(description.model_dump())
         except BadData as error:
             problems.append(f"{where}: {error}")
-        path = existing(folder, one.motion, f"{where}: motion of '{one.name}'", problems)
-        objects.append((one, path or folder))
+        path = existing(folder, description.motion, f"{where}: motion of '{description.name}'", problems)
+        objects.append((description, path or folder))
     return Together(table.name, FrozenMap(dict(table.trials)), contacts, table.measured, tuple(objects))
 
 
@@ -162,19 +162,19 @@ def join_trials(together: Together, parts: Mapping[str, Part], settings: Setting
                 f"'{together.name}': trial of '{name}' has torques of its own: what is solved together needs loads"
             )
     first = next(iter(parts.values())).trial
-    models = {name: one.trial.model for name, one in parts.items()}
-    motions, notes = on_one_clock({name: one.recorded for name, one in parts.items()})
+    models = {name: part.trial.model for name, part in parts.items()}
+    motions, notes = on_one_clock({name: part.recorded for name, part in parts.items()})
     recorded = join_motions(motions)
     model = join_models(models, together.name)
     contacts = ContactsFile(together.contacts, together.measured)
-    trials = [one.trial for one in parts.values()]
+    trials = [part.trial for part in parts.values()]
     sources = tuple(source for trial in trials for source in trial.sources if source.role != "contacts")
     sources += tuple(value_source("coordinates", name, part.made) for name, part in parts.items() if part.made)
     kinds = {kind for step in (*STEPS["pair"], REPORT) for kind in step_head(step).options}
-    own = (one.options.get(EmgOptions) for one in trials if one.get(RecordedEmg) is not None)
+    emg_options = (trial.options.get(EmgOptions) for trial in trials if trial.get(RecordedEmg) is not None)
     contact_options = options_of({"tension": settings.get("tension", {})})[ContactOptions]
-    options = first.options.only(*kinds).having(contact_options, next(own, None))
-    plates = tuple({plate.name: plate for one in trials for plate in one.recording.plates}.values())
+    options = first.options.only(*kinds).having(contact_options, next(emg_options, None))
+    plates = tuple({plate.name: plate for trial in trials for plate in trial.recording.plates}.values())
     joined = TrialInputs(
         name=together.name,
         subject=" and ".join(parts),
@@ -186,15 +186,15 @@ def join_trials(together: Together, parts: Mapping[str, Part], settings: Setting
             _emg(parts),
             read_contacts(together.contacts, model, together.measured) if together.contacts else None,
             first.get(Phases),
-            JoinedParts(FrozenMap({name: one.source for name, one in parts.items()})),
+            JoinedParts(FrozenMap({name: part.source for name, part in parts.items()})),
         ),
         notes=TrialNotes(
-            real=tuple(dict.fromkeys(text for one in trials for text in one.notes.real)),
-            assumed=tuple(dict.fromkeys(text for one in trials for text in one.notes.assumed)),
-            simulated=tuple(dict.fromkeys(text for one in trials for text in one.notes.simulated)),
+            real=tuple(dict.fromkeys(text for trial in trials for text in trial.notes.real)),
+            assumed=tuple(dict.fromkeys(text for trial in trials for text in trial.notes.assumed)),
+            simulated=tuple(dict.fromkeys(text for trial in trials for text in trial.notes.simulated)),
         ),
         sources=(*sources, *contact_sources(contacts)),
-        warnings=tuple(text for one in trials for text in one.warnings),
+        warnings=tuple(text for trial in trials for text in trial.warnings),
     )
     return joined, Poses(recorded, notes=notes)
 
@@ -223,20 +223,20 @@ class _JoinedLoads:
 
     def __init__(self, parts: Mapping[str, Part], motions: Mapping[str, Motion]):
         loads = {name: part.trial.get(ExternalLoads) for name, part in parts.items()}
-        self.loads = {name: own for name, own in loads.items() if own is not None}
+        self.loads = {name: load for name, load in loads.items() if load is not None}
         self.motions = motions
 
     def __call__(self, recorded: Motion) -> Wrenches:
-        found = {name: loads.of(self.motions[name]) for name, loads in self.loads.items()}
-        if not found:
+        wrenches = {name: loads.of(self.motions[name]) for name, loads in self.loads.items()}
+        if not wrenches:
             nothing = np.zeros((len(recorded), 0, 3))
             return Wrenches(recorded.time, (), (), nothing, nothing, nothing)
-        if clock_difference(found):
-            time = next(iter(found.values())).time
-            start = max(one.time[0] for one in found.values())
-            stop = min(one.time[-1] for one in found.values())
+        if clock_difference(wrenches):
+            time = next(iter(wrenches.values())).time
+            start = max(wrench.time[0] for wrench in wrenches.values())
+            stop = min(wrench.time[-1] for wrench in wrenches.values())
             if stop <= start:
-                raise BadData("external forces of " + " and ".join(found) + " have no time in common")
+                raise BadData("external forces of " + " and ".join(wrenches) + " have no time in common")
             common = time[(time >= start) & (time <= stop)]
-            found = {name: resample_wrenches(one, common) for name, one in found.items()}
-        return join_wrenches(found)
+            wrenches = {name: resample_wrenches(wrench, common) for name, wrench in wrenches.items()}
+        return join_wrenches(wrenches)

@@ -122,7 +122,7 @@ def model_from_scans(model: Model, scans: Sequence[ScanFiles], recorded: Markers
         clusters.append(cluster)
     placed = place_cluster_markers(model, bones, path_lengths=default_path_lengths if model.muscles else None)
     notes = [line for bone in bones for line in bone.notes]
-    notes += [f"{scan.bone}: {line}" for scan, one in zip(scans, clusters, strict=True) for line in one.notes]
+    notes += [f"{scan.bone}: {line}" for scan, cluster in zip(scans, clusters, strict=True) for line in cluster.notes]
     return ScannedModel(placed, tuple(bones), tuple(clusters), tuple(notes))
 
 
@@ -169,33 +169,35 @@ def _modelled(model: Model, scan: ScanFiles) -> Surface:
     if scan.mesh is not None:
         return read_mesh(scan.mesh)
     folder = Path(model.source).resolve().parent
-    folders = [one for one in (folder, folder / "Geometry", folder / "geometry", folder / "meshes") if one.is_dir()]
-    found = {}
+    folders = [
+        place for place in (folder, folder / "Geometry", folder / "geometry", folder / "meshes") if place.is_dir()
+    ]
+    meshes = {}
     for name in (mesh.file for mesh in body.meshes if mesh.shape == "mesh" and mesh.file):
         # Models from packages name their meshes by whole paths; only those beside the model are opened.
         whole = Path(name).is_absolute() and Path(name).is_file() and Path(name).resolve().is_relative_to(folder)
         path = Path(name) if whole else find_mesh(name, folders)
         if path is not None:
-            found[name] = read_mesh(path)
-    return bone_surface(body, found)
+            meshes[name] = read_mesh(path)
+    return bone_surface(body, meshes)
 
 
 def _picks(model: Model, scan: ScanFiles, points: Mapping[str, Array], factor: float) -> Picks | None:
     """Points of the scan beside those of the model's bone; None where fewer than three were picked."""
-    own = {marker.name: marker.location for marker in model.markers if marker.body == scan.bone}
+    locations = {marker.name: marker.location for marker in model.markers if marker.body == scan.bone}
     pairs = {}
     for name, row in points.items():
         if len(row) == 6:
             pairs[name] = (factor * row[:3], row[3:])
-        elif name in own and name not in scan.markers:
-            pairs[name] = (factor * row, own[name])
+        elif name in locations and name not in scan.markers:
+            pairs[name] = (factor * row, locations[name])
         elif name not in scan.markers:
-            raise UnknownName("picked point", name, tuple(own), f"body '{scan.bone}'")
+            raise UnknownName("picked point", name, tuple(locations), f"body '{scan.bone}'")
     if not pairs:
         return None
     if len(pairs) < 3:
         raise BadData(f"{len(pairs)} points were picked on '{scan.bone}', but three are needed")
-    scanned, modelled = (np.array(one) for one in zip(*pairs.values(), strict=True))
+    scanned, modelled = (np.array(points) for points in zip(*pairs.values(), strict=True))
     return Picks(tuple(pairs), scanned, modelled)
 
 
@@ -270,8 +272,8 @@ def placed(trial: Trial, files: PlateFiles, calibration: PlateCalibration) -> Tr
 def plate_residuals(plate_calibration: PlateCalibration) -> tuple[Residual, ...]:
     """The calibration as lines of the report."""
     far, turned = (
-        float(np.sqrt(np.mean(one**2)))
-        for one in (plate_calibration.left_out_distances, plate_calibration.left_out_angles)
+        float(np.sqrt(np.mean(residuals**2)))
+        for residuals in (plate_calibration.left_out_distances, plate_calibration.left_out_angles)
     )
     count = f"{len(plate_calibration.names)} placements"
     shift = 1e3 * float(np.max(plate_calibration.left_out_shifts, initial=0.0))

@@ -88,10 +88,10 @@ def identify_conditions(
     compared, conflicts = _compared(conditions, options.laws)
     options = _with_law(options, compared)
     by_swings = _identified(specimen, files, conditions, options.identification)
-    found, shares = with_shared_errors(by_swings, options.identification, options.errors, instruments)
-    found, shares = with_attachments(found, shares, options.moment_arms, options.identification.level)
+    shared, shares = with_shared_errors(by_swings, options.identification, options.errors, instruments)
+    shared, shares = with_attachments(shared, shares, options.moment_arms, options.identification.level)
     return Identified(
-        found,
+        shared,
         by_swings,
         shares,
         instruments,
@@ -135,37 +135,37 @@ def _corrected(conditions: Mapping[str, Prepared], options: ErrorOptions) -> tup
     if not options.estimate:
         return dict(conditions), Instruments.assumed(options)
     hidden = [name for name, condition in conditions.items() if condition.hides_mass]
-    found = estimate_instruments(
+    instruments = estimate_instruments(
         {name: condition.recordings for name, condition in conditions.items()}, options, hidden
     )
     corrected = {
-        name: replace(condition, recordings=tuple(found.corrected(each) for each in condition.recordings))
+        name: replace(condition, recordings=tuple(instruments.corrected(each) for each in condition.recordings))
         for name, condition in conditions.items()
     }
-    return corrected, found
+    return corrected, instruments
 
 
 def _compared(
     conditions: Mapping[str, Prepared], options: PassiveOptions
 ) -> tuple[dict[str, PassiveComparison], list[str]]:
     """Laws of the passive torque of every condition that can be compared, and where their criteria disagree."""
-    found, notes = {}, []
+    comparisons, notes = {}, []
     for name, condition in conditions.items():
-        own = replace(options, tare="unknown") if condition.hides_mass else options
+        condition_options = replace(options, tare="unknown") if condition.hides_mass else options
         try:
-            found[name] = compare_passive_laws(condition.recordings, own)
+            comparisons[name] = compare_passive_laws(condition.recordings, condition_options)
         except MyomorphError:
             continue  # `with_laws` tries again and names it.
-        if found[name].conflict:
-            notes.append(f"{STATES[name]}: {found[name].conflict}")
-    return found, notes
+        if comparisons[name].conflict:
+            notes.append(f"{STATES[name]}: {comparisons[name].conflict}")
+    return comparisons, notes
 
 
 def _with_law(options: StudyOptions, compared: Mapping[str, PassiveComparison]) -> StudyOptions:
     """The options with a spring where it was asked for, or a condition's swings are predicted better with it."""
     if options.identification.stiffness is not None:
         return options
-    sprung = any("stiffness" in term for one in compared.values() for term in one.chosen.terms)
+    sprung = any("stiffness" in term for comparison in compared.values() for term in comparison.chosen.terms)
     return replace(
         options,
         identification=replace(options.identification, stiffness=sprung),
@@ -178,8 +178,8 @@ def _identified(
 ) -> SpecimenViscosity:
     """The three steps; where one plate hides the mass, that of the other condition comes from it alone."""
     forces = specimen.isometric_forces
-    own = dict(zip(specimen.muscles, forces.tolist(), strict=True)) if (forces > 0.0).all() else None
-    pcsa = files.pcsa or own
+    shares = dict(zip(specimen.muscles, forces.tolist(), strict=True)) if (forces > 0.0).all() else None
+    pcsa = files.pcsa or shares
     recordings = {name: conditions[name].recordings if name in conditions else () for name in CONDITIONS}
 
     def solved(which: tuple[str, ...], chosen: ViscosityOptions) -> SpecimenViscosity:
@@ -189,10 +189,10 @@ def _identified(
     hidden = [name for name, condition in conditions.items() if condition.hides_mass]
     if not hidden:
         return solved(CONDITIONS, options)
-    found = solved(CONDITIONS, replace(options, tare="unknown"))
+    solution = solved(CONDITIONS, replace(options, tare="unknown"))
     for name in set(conditions) - set(hidden):
         key = "without" if name == "without" else "intact"
-        known, alone = getattr(found, key), getattr(solved((name,), options), key)
+        known, alone = getattr(solution, key), getattr(solved((name,), options), key)
         if known is not None and alone is not None:
-            found = replace(found, **{key: replace(known, mass=alone.mass, com=alone.com)})
-    return replace(found, muscle_mass=None)
+            solution = replace(solution, **{key: replace(known, mass=alone.mass, com=alone.com)})
+    return replace(solution, muscle_mass=None)

@@ -210,24 +210,24 @@ def read_viscosity_plan(path: str | Path) -> ViscosityPlan:
     raw, remarks = read_toml(path), list[str]()
     if "subject" in raw and "specimen" not in raw:
         raise BadFile(path, "describes subjects, not specimens", "run it with 'myomorph run'")
-    found, problems = checked(viscosity_tables(), raw)
+    file, problems = checked(viscosity_tables(), raw)
     specimens: list[SpecimenFiles] = []
-    if found is not None:
-        for one in found.specimen:
-            specimens.append(_specimen(one, path.parent, problems, remarks))
-            if any(other.name == one.name for other in specimens[:-1]):
-                problems.append(f"two specimens are named '{one.name}': give one another name")
+    if file is not None:
+        for table in file.specimen:
+            specimens.append(_specimen(table, path.parent, problems, remarks))
+            if any(other.name == table.name for other in specimens[:-1]):
+                problems.append(f"two specimens are named '{table.name}': give one another name")
     refuse(path, problems)
-    assert found is not None
-    settings = {step: one for step, one in found.options.model_dump(exclude_unset=True).items() if one}
+    assert file is not None
+    settings = {step: chosen for step, chosen in file.options.model_dump(exclude_unset=True).items() if chosen}
     return ViscosityPlan(
-        found.study.name,
+        file.study.name,
         path,
         tuple(specimens),
         FrozenMap(settings),
-        tuple(found.study.real),
-        tuple(found.study.simulated),
-        tuple(found.study.assumed),
+        tuple(file.study.real),
+        tuple(file.study.simulated),
+        tuple(file.study.assumed),
         tuple(remarks),
     )
 
@@ -243,7 +243,7 @@ def _specimen(specimen: _Specimen, folder: Path, problems: list[str], remarks: l
         )
     for table in ("truth", "paper"):
         for name in getattr(specimen, table):
-            names = [one.name for one in QUANTITIES]
+            names = [quantity.name for quantity in QUANTITIES]
             if name not in names:
                 problems.append(f"{where}: unknown quantity '{name}' in '{table}': there are {listing(name, names)}")
     without, intact = (
@@ -304,23 +304,23 @@ def _recordings(
 ) -> Iterator[SwingFiles]:
     seen: set[str] = set()
     for entry in entries:
-        given = _Recording(markers=entry) if isinstance(entry, str) else entry
-        check_time(given.time or time, f"{where}: time", problems)
-        for markers in matching(folder, given.markers, where, problems):
-            if given.loads is not None:
-                loads = existing(folder, given.loads, f"{where}: loads", problems)
+        recording = _Recording(markers=entry) if isinstance(entry, str) else entry
+        check_time(recording.time or time, f"{where}: time", problems)
+        for markers in matching(folder, recording.markers, where, problems):
+            if recording.loads is not None:
+                loads = existing(folder, recording.loads, f"{where}: loads", problems)
             else:
                 loads = swing_loads(markers)
                 if loads is None:
                     problems.append(f"{where}: no forces belong to {markers.name}: give 'loads', a table or C3D file")
                 elif loads != markers:
                     remarks.append(f"{markers.name}: loads from {loads.name}")
-            name = given.name or plain_stem(markers)
+            name = recording.name or plain_stem(markers)
             if name in seen:
                 problems.append(f"{where}: two recordings are named '{name}': give one a 'name'")
             seen.add(name)
             if loads is not None:
-                yield SwingFiles(name, markers, loads, given.time or time)
+                yield SwingFiles(name, markers, loads, recording.time or time)
 
 
 def fixed_plan(
@@ -373,13 +373,13 @@ def _given(
             f"{len(recordings)} recordings but {len(loads)} files of forces for --{OPTIONS[name]}: give one of each"
         )
     for i, markers in enumerate(recordings):
-        own = loads[i] if loads else swing_loads(markers)
-        for path in (markers, own):
+        recording_loads = loads[i] if loads else swing_loads(markers)
+        for path in (markers, recording_loads):
             if path is not None and not path.is_file():
                 raise BadFile(path, "does not exist")
-        if own is None:
+        if recording_loads is None:
             raise BadFile(markers, "has no forces beside it", f"give --{OPTIONS[name]}-loads")
-        yield SwingFiles(plain_stem(markers), markers, own, time)
+        yield SwingFiles(plain_stem(markers), markers, recording_loads, time)
 
 
 def swing_loads(markers: Path) -> Path | None:

@@ -48,11 +48,11 @@ NOUNS: dict[str, Any] = {
 def specimens_table(rows: Sequence[tuple[str, Row]]) -> str:
     """`specimens.csv`: a row a specimen, the columns of [S] tables I and II, each estimate with its interval."""
     head, cells = ["name"], [[name] for name, _ in rows]
-    for quantity in (one.name for one in QUANTITIES):
+    for quantity in (quantity.name for quantity in QUANTITIES):
         width = 1 if quantity == WEIGHED else 3
         head += [quantity, f"{quantity}_low", f"{quantity}_high"][:width]
-        for own, (_, row) in zip(cells, rows, strict=True):
-            own += _interval(row.get(quantity))[:width]
+        for row_cells, (_, row) in zip(cells, rows, strict=True):
+            row_cells += _interval(row.get(quantity))[:width]
     return _csv(head, cells)
 
 
@@ -64,7 +64,8 @@ def cohort_table(rows: Sequence[Row]) -> str:
     """`cohort.csv`: mean and population SD of every quantity, and the interval of the mean."""
     head = ("quantity", "mean", "sd", "n", "mean_low", "mean_high", "unit")
     cells = (
-        (one.quantity.name, one.mean, one.sd, one.count, one.low, one.high, one.quantity.unit) for one in cohort(rows)
+        (line.quantity.name, line.mean, line.sd, line.count, line.low, line.high, line.quantity.unit)
+        for line in cohort(rows)
     )
     return _csv(head, cells)
 
@@ -74,9 +75,9 @@ def axes_table(specimens: Sequence[SpecimenReport]) -> str:
     rows = (
         (specimen.name, name, axis, *_interval(value), "yes" if excited else "no")
         for specimen in specimens
-        for name, found in (("without", specimen.without), ("with", specimen.intact))
-        if found is not None
-        for axis, value, excited in zip(found.axes, found.axis_viscosity, found.excited, strict=True)
+        for name, condition in (("without", specimen.without), ("with", specimen.intact))
+        if condition is not None
+        for axis, value, excited in zip(condition.axes, condition.axis_viscosity, condition.excited, strict=True)
     )
     return _csv(("name", "condition", "axis", "viscosity", "viscosity_low", "viscosity_high", "excited"), rows)
 
@@ -250,20 +251,20 @@ def _plain(value: object, digits: int | None) -> Any:
             numbers = [float(f"{number:.{digits}g}") for number in numbers]
         return {KIND: ARRAY, "values": numbers, "shape": value.shape}
     if isinstance(value, Mapping):
-        return {"of": {str(name): _plain(one, digits) for name, one in value.items()}}
+        return {"of": {str(name): _plain(item, digits) for name, item in value.items()}}
     if isinstance(value, tuple | list):
-        return [_plain(one, digits) for one in value]
+        return [_plain(item, digits) for item in value]
     if isinstance(value, np.generic):
         return value.item()
     return value
 
 
-def _value(found: dict[str, Any]) -> Any:
-    kind = found.pop(KIND, None)
+def _value(entries: dict[str, Any]) -> Any:
+    kind = entries.pop(KIND, None)
     if kind is None:
-        return FrozenMap(found["of"]) if set(found) == {"of"} else found
+        return FrozenMap(entries["of"]) if set(entries) == {"of"} else entries
     if kind == ARRAY:
-        if found.get("whole"):
-            return np.array(found["values"])
-        return np.array(found["values"], dtype=np.float64).reshape(found["shape"])
-    return NOUNS[kind](**{name: tuple(one) if isinstance(one, list) else one for name, one in found.items()})
+        if entries.get("whole"):
+            return np.array(entries["values"])
+        return np.array(entries["values"], dtype=np.float64).reshape(entries["shape"])
+    return NOUNS[kind](**{name: tuple(value) if isinstance(value, list) else value for name, value in entries.items()})

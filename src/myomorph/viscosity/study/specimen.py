@@ -40,6 +40,7 @@ from myomorph.viscosity.study.calibration import calibrate, placed, plate_residu
 from myomorph.viscosity.study.conditions import Prepared, identify_conditions
 from myomorph.viscosity.study.plan import CONDITIONS, SpecimenFiles, StudyOptions, SwingFiles
 from myomorph.viscosity.study.swing_files import open_specimen, open_swing, recorded_markers
+from myomorph.viscosity.swings.recording import SwingRecording
 from myomorph.viscosity.tracking.rows import swing_recordings
 from myomorph.viscosity.tracking.track import track
 from myomorph.viscosity.tracking.tracked import TrackedSpecimen
@@ -63,9 +64,9 @@ def trusted(
 ) -> SpecimenReport:
     """The report with what tells how far to trust its values; what cannot be told is named in its notes."""
     for make in (
-        lambda one: with_laws(one, "without", specimen_viscosity.without, laws, compared.get("without")),
-        lambda one: with_laws(one, "with", specimen_viscosity.intact, laws, compared.get("with")),
-        lambda one: with_arms(one, specimen_viscosity, arms),
+        lambda report: with_laws(report, "without", specimen_viscosity.without, laws, compared.get("without")),
+        lambda report: with_laws(report, "with", specimen_viscosity.intact, laws, compared.get("with")),
+        lambda report: with_arms(report, specimen_viscosity, arms),
     ):
         try:
             report = make(report)
@@ -118,6 +119,10 @@ def _unit(part: str) -> str:
     return unit.replace(" ", "").replace("^2", "²")
 
 
+def _swings(tracked: TrackedSpecimen, cutoff: float) -> tuple[SwingRecording, ...]:
+    return swing_recordings(tracked, cutoff, muscles=False)
+
+
 def with_cutoffs(
     report: SpecimenReport,
     tracked: Mapping[str, TrackedSpecimen],
@@ -133,9 +138,9 @@ def with_cutoffs(
     hidden : conditions whose plate hides the mass
     """
     values: dict[str, Array] = {}
-    for name, one in tracked.items():
-        own = replace(options, tare="unknown") if name in hidden else options
-        scan = scan_cutoffs(lambda at, one=one: swing_recordings(one, at, muscles=False), options=own)  # type: ignore[misc]
+    for name, condition_tracked in tracked.items():
+        condition_options = replace(options, tare="unknown") if name in hidden else options
+        scan = scan_cutoffs(partial(_swings, condition_tracked), options=condition_options)
         kind = "joint_viscosity" if name == "without" else "total_viscosity"
         values |= {kind: scan.viscosity, f"com_{name}": scan.com, f"mass_{name}": scan.mass}
     shown = {name: value for name, value in values.items() if np.isfinite(value).any()}
@@ -158,10 +163,11 @@ def with_arms(
 
     kinds = spreads(options)
     by_level = [
-        next(one for one in spreads(replace(options, factor=level, offset=0.0)) if one.kind == EACH) for level in LEVELS
+        next(spread for spread in spreads(replace(options, factor=level, offset=0.0)) if spread.kind == EACH)
+        for level in LEVELS
     ]
     exact = by_level[0].exact
-    low, median, high = np.array([np.full(3, exact), *(one.quantiles() for one in by_level)]).T
+    low, median, high = np.array([np.full(3, exact), *(spread.quantiles() for spread in by_level)]).T
     table = tuple(
         ArmError(kind.kind, _size(kind.kind, kind.error), kind.sd, kind.bias, *kind.quantiles()) for kind in kinds
     )
@@ -204,8 +210,8 @@ def study_specimen(files: SpecimenFiles, options: StudyOptions, advance: Advance
     BadData, BadFile, BadModel, UnknownName
         where neither condition can be used
     """
-    given = dict(zip(CONDITIONS, (files.without, files.intact), strict=True))
-    opened = open_specimen(files, recorded_markers(next(entry for entries in given.values() for entry in entries)))
+    recordings = dict(zip(CONDITIONS, (files.without, files.intact), strict=True))
+    opened = open_specimen(files, recorded_markers(next(entry for entries in recordings.values() for entry in entries)))
     specimen = opened.specimen
     notes = [*specimen.notes, *opened.notes]
     place, residuals = None, opened.residuals
@@ -216,8 +222,8 @@ def study_specimen(files: SpecimenFiles, options: StudyOptions, advance: Advance
         residuals = (*residuals, *plate_residuals(calibration))
     conditions: dict[str, Prepared] = {}
     lost = []
-    share = TRACKING / sum(1 for entries in given.values() if entries)
-    for name, entries in given.items():
+    share = TRACKING / sum(1 for entries in recordings.values() if entries)
+    for name, entries in recordings.items():
         if not entries:
             continue
         try:
@@ -227,21 +233,25 @@ def study_specimen(files: SpecimenFiles, options: StudyOptions, advance: Advance
     if not conditions:
         raise BadData("; ".join(lost))
     try:
-        one = identify_conditions(specimen, files, conditions, options)
+        identified = identify_conditions(specimen, files, conditions, options)
     except BadData as error:
         raise BadData("; ".join((*lost, str(error)))) from None
-    notes += [*lost, *one.lost, *one.conflicts]
+    notes += [*lost, *identified.lost, *identified.conflicts]
     advance(IDENTIFYING)
-    report, found = _judged(one.found, one.by_swings, one.conditions, notes)
-    report = trusted(report, found, one.options.laws, one.options.moment_arms, one.compared)
-    tracked = {name: condition.tracked for name, condition in one.conditions.items()}
-    hidden = [name for name, condition in one.conditions.items() if condition.hides_mass]
-    report = with_cutoffs(report, tracked, one.cutoff, one.reason, one.options.identification, hidden)
-    report, model = _with_model(report, found, tracked, one.cutoff)
-    residuals = (*residuals, *_marker_residuals(one.conditions))
+    report, viscosity = _judged(identified.found, identified.by_swings, identified.conditions, notes)
+    report = trusted(report, viscosity, identified.options.laws, identified.options.moment_arms, identified.compared)
+    tracked = {name: condition.tracked for name, condition in identified.conditions.items()}
+    hidden = [name for name, condition in identified.conditions.items() if condition.hides_mass]
+    report = with_cutoffs(
+        report, tracked, identified.cutoff, identified.reason, identified.options.identification, hidden
+    )
+    report, model = _with_model(report, viscosity, tracked, identified.cutoff)
+    residuals = (*residuals, *_marker_residuals(identified.conditions))
     known = replace(report, truth=files.truth, paper=files.paper, calibration=residuals, scans=opened.scans)
-    known = replace(known, errors=one.shares, instruments=one.instruments, shoulder=_is_shoulder(specimen))
-    return Studied(found, known, model)
+    known = replace(
+        known, errors=identified.shares, instruments=identified.instruments, shoulder=_is_shoulder(specimen)
+    )
+    return Studied(viscosity, known, model)
 
 
 def _is_shoulder(specimen: Specimen) -> bool:
@@ -272,7 +282,7 @@ def _tracked(
 
 
 def _judged(
-    found: SpecimenViscosity, by_swings: SpecimenViscosity, conditions: Mapping[str, Prepared], notes: list[str]
+    viscosity: SpecimenViscosity, by_swings: SpecimenViscosity, conditions: Mapping[str, Prepared], notes: list[str]
 ) -> tuple[SpecimenReport, SpecimenViscosity]:
     """The specimen without what its recordings cannot tell, and every fault as a note.
 
@@ -290,11 +300,15 @@ def _judged(
             lacking |= {*MASSES[name], "estimated_muscle_mass"}
         if any(finding.fatal for finding in findings):
             lacking |= {*VISCOSITIES[name], "muscle_viscosity"}
-    muscles = None if "muscle_viscosity" in lacking else found.muscles
-    notes += [note for one in conditions.values() for note in one.notes if not any(note in line for line in notes)]
-    found = replace(found, muscles=muscles, notes=tuple(dict.fromkeys((*notes, *found.notes))))
-    report = specimen_report(found)
-    return replace(report, row={name: one for name, one in report.row.items() if name not in lacking}), found
+    muscles = None if "muscle_viscosity" in lacking else viscosity.muscles
+    notes += [
+        note for condition in conditions.values() for note in condition.notes if not any(note in line for line in notes)
+    ]
+    viscosity = replace(viscosity, muscles=muscles, notes=tuple(dict.fromkeys((*notes, *viscosity.notes))))
+    report = specimen_report(viscosity)
+    return replace(
+        report, row={name: estimate for name, estimate in report.row.items() if name not in lacking}
+    ), viscosity
 
 
 def _with_model(
@@ -302,11 +316,11 @@ def _with_model(
 ) -> tuple[SpecimenReport, Model | None]:
     """The specimen's model with what was found, for OpenSim; none of MJCF, whose tendons `.osim` cannot hold."""
     known = "joint_viscosity" in report.row
-    one = tracked.get("with", tracked.get("without"))
-    if one is None or not known or not one.specimen.model.source.lower().endswith(".osim"):
+    condition_tracked = tracked.get("with", tracked.get("without"))
+    if condition_tracked is None or not known or not condition_tracked.specimen.model.source.lower().endswith(".osim"):
         return report, None
     try:
-        made = identified_model(one, specimen_viscosity, cutoff)
+        made = identified_model(condition_tracked, specimen_viscosity, cutoff)
     except MyomorphError as error:
         return replace(report, notes=(*report.notes, f"no identified.osim: {error}")), None
     return (report, None) if made is None else (replace(report, notes=(*report.notes, *made[1])), made[0])

@@ -58,7 +58,7 @@ def turn_to(up: str, gravity: Array) -> Array:
 
 def turned(wrenches: Wrenches, rotation: Array) -> Wrenches:
     """The same wrenches in axes to which a rotation (3, 3) turns vectors."""
-    forces, points, torques = (one @ rotation.T for one in (wrenches.forces, wrenches.points, wrenches.torques))
+    forces, points, torques = (vectors @ rotation.T for vectors in (wrenches.forces, wrenches.points, wrenches.torques))
     return replace(wrenches, forces=forces, points=points, torques=torques)
 
 
@@ -87,7 +87,7 @@ def carrying(wrenches: Wrenches, gravity: Array, name: str, up: str | None = Non
         return wrenches, ()
     cosine = float(mean @ vertical) / size
     if abs(cosine) < ASLANT:
-        lab, own = AXES[int(np.argmax(np.abs(mean)))], AXES[int(np.argmax(np.abs(vertical)))]
+        lab, axis = AXES[int(np.argmax(np.abs(mean)))], AXES[int(np.argmax(np.abs(vertical)))]
         if up is not None:
             was = AXES[int(np.argmax(np.abs(turn_to(up, gravity).T @ mean)))]
             raise BadData(
@@ -95,8 +95,8 @@ def carrying(wrenches: Wrenches, gravity: Array, name: str, up: str | None = Non
                 f'along {was}: give up = "{was}", or leave it out'
             )
         raise BadData(
-            f"recording '{name}': the weight hangs along {lab}, but the model's vertical is {own}: give up = \"{lab}\" "
-            "in the study file"
+            f"recording '{name}': the weight hangs along {lab}, but the model's vertical is {axis}: "
+            f'give up = "{lab}" in the study file'
         )
     if cosine > 0.0:
         return wrenches, ()
@@ -164,8 +164,8 @@ def _unknown_markers(specimen: Specimen, recorded: Sequence[str]) -> tuple[str, 
 
 def _fits(scanned: ScannedModel) -> tuple[Residual, ...]:
     bones = tuple(
-        Residual(f"CT of {one.body} on the model's bone", 1e3 * one.fit.rms, "mm", _fit_told(one))
-        for one in scanned.bones
+        Residual(f"CT of {bone.body} on the model's bone", 1e3 * bone.fit.rms, "mm", _fit_told(bone))
+        for bone in scanned.bones
     )
     clusters = tuple(
         Residual(f"CT cluster of {bone.body}, distances of markers", 1e3 * cluster.misfit, "mm")
@@ -189,19 +189,21 @@ def _fit_told(scanned_bone: ScannedBone) -> str:
     return f"95 % of its places within {1e3 * scanned_bone.fit.percentile(95.0):.2f} mm; scale {scanned_bone.scale:.3f}"
 
 
-def _body(model: Model, given: str | None, role: str, other: str = "") -> str:
+def _body(model: Model, wanted: str | None, role: str, other: str = "") -> str:
     """The body that a study file names, or the one whose name tells; of two sides the one of `other`."""
-    if given is not None:
-        check_name("body", given, model.body_names, f"model '{model.name}'")
-        return given
+    if wanted is not None:
+        check_name("body", wanted, model.body_names, f"model '{model.name}'")
+        return wanted
     for word in NAMED[role]:
-        found = [name for name in model.body_names if word in name.lower() and "phantom" not in name.lower()]
-        sided = [name for name in found if other and name.lower().endswith(other.lower()[-2:])]
-        found = found if len(found) == 1 else sided or found
-        if len(found) == 1:
-            return found[0]
-        if found:
-            raise BadModel(f"which body is the '{role}'? The model has {listing('', found)}: name it in the study file")
+        bodies = [name for name in model.body_names if word in name.lower() and "phantom" not in name.lower()]
+        sided = [name for name in bodies if other and name.lower().endswith(other.lower()[-2:])]
+        bodies = bodies if len(bodies) == 1 else sided or bodies
+        if len(bodies) == 1:
+            return bodies[0]
+        if bodies:
+            raise BadModel(
+                f"which body is the '{role}'? The model has {listing('', bodies)}: name it in the study file"
+            )
     raise BadModel(
         f"no body is called '{NAMED[role][0]}': give '{role}' in the study file; the model has "
         f"{listing(NAMED[role][0], model.body_names)}"
@@ -314,8 +316,8 @@ def wrench_of_table(path: Path) -> Wrenches:
 
 
 def _triple(names: Sequence[str], kind: str) -> list[int] | None:
-    found = [[i for i, name in enumerate(names) if name.lower().endswith(f"{kind}{axis}")] for axis in "xyz"]
-    return [one[0] for one in found] if all(len(one) == 1 for one in found) else None
+    columns = [[i for i, name in enumerate(names) if name.lower().endswith(f"{kind}{axis}")] for axis in "xyz"]
+    return [column[0] for column in columns] if all(len(column) == 1 for column in columns) else None
 
 
 def plate_wrenches(trial: Trial) -> Wrenches:

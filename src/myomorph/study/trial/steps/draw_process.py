@@ -19,13 +19,13 @@ PROTOCOL = 5
 def main() -> None:
     """Draw until the input ends."""
     warnings.simplefilter("ignore")
-    given, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
+    requests, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
     # Whatever else reads or prints must not meddle with the messages.
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
     os.dup2(2, 1)
     with contextlib.suppress(EOFError, OSError):
-        sys.path[:] = pickle.load(given)
-        _draw(given, answers)
+        sys.path[:] = pickle.load(requests)
+        _draw(requests, answers)
 
 
 def _draw(binary_io: BinaryIO, answers: BinaryIO) -> None:

@@ -44,7 +44,7 @@ def attempts(chain: Chain, draws: Sequence[Draw], workers: int | None = None) ->
     yield chain.attempt(draws[1])
     left = draws[2:]
     if workers is None and len(left) * (time.monotonic() - begun) < WORTH:
-        yield from (chain.attempt(one) for one in left)
+        yield from (chain.attempt(draw) for draw in left)
         return
     with _Shared(chain, left, min(count, len(left)) - 1) as shared:
         yield from shared
@@ -91,14 +91,14 @@ class _Shared:
                 if number in self._found:
                     result = self._found.pop(number)
                     break
-                own = self._take(waiting=False)
-                if own is None:
+                outcome = self._take(waiting=False)
+                if outcome is None:
                     self._changed.wait()
                     continue
             with one_thread():
-                made = self._chain.attempt(self._draws[own])
+                made = self._chain.attempt(self._draws[outcome])
             with self._changed:
-                self._found[own] = made
+                self._found[outcome] = made
         if isinstance(result, Exception):
             raise result
         return result
@@ -121,25 +121,25 @@ class _Shared:
         """Give a process draws until there are no more; runs in a thread."""
         assert child.stdin is not None
         assert child.stdout is not None
-        own: int | None = None
+        number: int | None = None
         try:
             child.stdin.write(pickle.dumps(sys.path, PROTOCOL) + chain)
             while True:
                 with self._changed:
-                    own = self._take(waiting=True)
-                if own is None:
+                    number = self._take(waiting=True)
+                if number is None:
                     return
-                child.stdin.write(pickle.dumps(self._draws[own], PROTOCOL))
+                child.stdin.write(pickle.dumps(self._draws[number], PROTOCOL))
                 child.stdin.flush()
                 answer = pickle.load(child.stdout)
                 with self._changed:
-                    self._found[own], own = answer, None
+                    self._found[number], number = answer, None
                     self._changed.notify_all()
         except (OSError, EOFError, pickle.UnpicklingError):
             # It was lost: another takes its draw.
             with self._changed:
-                if own is not None:
-                    self._returned.append(own)
+                if number is not None:
+                    self._returned.append(number)
                 self._changed.notify_all()
         finally:
             for stream in (child.stdin, child.stdout):

@@ -65,7 +65,7 @@ def muscle_quantities(trial: TrialInputs, task: TensionTask, strength: Strength 
         tables.append(("joint_reactions", task.reactions(tension, frame)))
     if points is not None:
         tables.append(("joint_contact_forces", task.joint_contacts(tension, points).table()))
-    return [*made, *(quantity_of(name, one.time, one.names, one.values, "N, N m or m") for name, one in tables)]
+    return [*made, *(quantity_of(name, table.time, table.names, table.values, "N, N m or m") for name, table in tables)]
 
 
 def torque_quantity(trial: TrialInputs, torques: Torques) -> Quantity:
@@ -84,8 +84,8 @@ def torque_quantity(trial: TrialInputs, torques: Torques) -> Quantity:
 def quantity_of(name: str, time: Array, names: tuple[str, ...], values: Array, unit: str) -> Quantity:
     """A table whose columns have one unit, written as they are."""
 
-    def table(given: Array) -> Table:
-        return Table(time, names, given, facts=FrozenMap({"name": name.replace("_", " ")}))
+    def table(array: Array) -> Table:
+        return Table(time, names, array, facts=FrozenMap({"name": name.replace("_", " ")}))
 
     count = len(names)
     return Quantity(name, time, names, values, table, unit, (unit,) * count, np.ones(count))

@@ -38,9 +38,9 @@ class Strength:
         peaks, reserves = _torques(tension), _reserves(tension)
         for name, most in self.most.items():
             if reserves[name] > most * peaks[name]:
-                given = 100.0 * reserves[name] / max(peaks[name], 1e-300)
+                share = 100.0 * reserves[name] / max(peaks[name], 1e-300)
                 raise TooWeak(
-                    f"the reserve of {name} gives {given:.0f} % of its torque, {100.0 * most:.0f} % at most can be"
+                    f"the reserve of {name} gives {share:.0f} % of its torque, {100.0 * most:.0f} % at most can be"
                 )
 
 
@@ -49,8 +49,8 @@ def _torques(tension: Tension) -> dict[str, float]:
 
 
 def _reserves(tension: Tension) -> dict[str, float]:
-    found = zip(tension.reserve_names, _peaks(tension.reserves), strict=True)
-    return {name.removeprefix(RESERVE): peak for name, peak in found if name.startswith(RESERVE)}
+    peaks = zip(tension.reserve_names, _peaks(tension.reserves), strict=True)
+    return {name.removeprefix(RESERVE): peak for name, peak in peaks if name.startswith(RESERVE)}
 
 
 def _peaks(values: np.ndarray) -> list[float]:

@@ -122,13 +122,13 @@ class Chain:
             "contacts": self.tense and self.trial.get(ContactPlan) is not None,
             "EMG": self.tense and self.trial.get(RecordedEmg) is not None,
         } | dict.fromkeys(("paths", "muscles", "criterion"), self.tense)
-        return tuple(one for one in GROUPS if acting.get(one, True))
+        return tuple(group for group in GROUPS if acting.get(group, True))
 
     def quantities(self) -> tuple[tuple[Quantity, Quantity], ...]:
         """Tables without errors, of all frames and of those that are drawn."""
         whole = self._made(self.trial, self.recorded, self.torques, 1)
         if self.tension_step == 1:
-            return tuple((one, one) for one in whole)
+            return tuple((quantity, quantity) for quantity in whole)
         torques = None if self.torques is None else every(self.torque_step, self.torques)
         part = self._made(self.trial, self.recorded, torques, self.tension_step // self.torque_step)
         return tuple(zip(whole, part, strict=True))
@@ -153,10 +153,10 @@ class Chain:
             step *= COARSE
         for more in STRONGER if self.tense else ():
             try:
-                return {one.name: one.values for one in self._made(trial, recorded, torques, step, draw)}
+                return {quantity.name: quantity.values for quantity in self._made(trial, recorded, torques, step, draw)}
             except TooWeak:
                 trial = replace(trial, model=stronger(trial.model, more))
-        return {one.name: one.values for one in self._made(trial, recorded, torques, step, draw)}
+        return {quantity.name: quantity.values for quantity in self._made(trial, recorded, torques, step, draw)}
 
     def attempt(self, draw: Draw) -> dict[str, Array] | None:
         """`drawn`, None where the drawn trial has no solution, {} where its body is too weak for what was recorded."""
@@ -215,9 +215,11 @@ def _with_contacts(task: TensionTask, draw: Draw) -> TensionTask:
     """A task with the errors of contacts whose forces are estimated."""
     if task.setting is None:
         return task
-    own = task.setting.task
+    contact_task = task.setting.task
     changed = replace(
-        own, sites=drawn_sites(own.sites, draw), strengths=drawn_strengths(own.strengths, own.sites, draw)
+        contact_task,
+        sites=drawn_sites(contact_task.sites, draw),
+        strengths=drawn_strengths(contact_task.strengths, contact_task.sites, draw),
     )
     return replace(task, setting=replace(task.setting, task=changed))
 
@@ -237,8 +239,8 @@ def every(step: int, torques: Torques) -> Torques:
     if wrenches is not None:
         parts = {name: getattr(wrenches, name)[some] for name in ("time", "forces", "points", "torques")}
         wrenches = replace(wrenches, **parts)
-    own = torques.torques
-    return Torques(thin, replace(own, time=own.time[some], values=own.values[some]), wrenches)
+    series = torques.torques
+    return Torques(thin, replace(series, time=series.time[some], values=series.values[some]), wrenches)
 
 
 def chain_of(trial: TrialInputs, poses: Poses, torques: Torques | None, tense: bool, thin: bool) -> Chain:

@@ -50,12 +50,12 @@ class _Columns:
         """Numbers of a table (frames, columns)."""
         series = Series(time, self.names, values[:, self.columns] * self.factors)
         whole = statistics_of(series.values)
-        found = [whole[what] for what in self.statistics]
+        statistics = [whole[what] for what in self.statistics]
         cycles = None if strides is None else by_side(series, strides)
         if cycles is not None:
             each = statistics_of(cycles.values, axis=1)
-            found += [statistics_of(each[what])["mean"] for what in self.statistics]
-        return np.concatenate(found)
+            statistics += [statistics_of(each[what])["mean"] for what in self.statistics]
+        return np.concatenate(statistics)
 
 
 @read_only
@@ -80,7 +80,7 @@ class DrawnValues:
 
     def of(self, tables: Mapping[str, Array]) -> Array:
         """All numbers of a draw (names,)."""
-        parts = [one.of(self.times[name], tables[name], self.strides) for name, one in self.kept.items()]
+        parts = [kept.of(self.times[name], tables[name], self.strides) for name, kept in self.kept.items()]
         return np.concatenate(parts) if parts else np.zeros(0)
 
 
@@ -96,9 +96,9 @@ def drawn_values(quantities: Sequence[Quantity], strides: TrialStrides | None) -
     names, tables = [], list[str]()
     for name, columns in kept.items():
         walks = strides is not None and by_side(_first(columns, times[name]), strides) is not None
-        own = columns.quantities(walks)
-        names += own
-        tables += [name] * len(own)
+        named_values = columns.quantities(walks)
+        names += named_values
+        tables += [name] * len(named_values)
     return DrawnValues(times, kept, strides, tuple(names), tuple(tables))
 
 
@@ -118,7 +118,7 @@ def _columns(quantity: Quantity) -> _Columns | None:
         ending = "_activation" if quantity.name == "activations" else "_force"
         return _Columns("tension", every, quantity.names, (ending,) * count, PEAKS, np.ones(count))
     if quantity.name == "joint_contact_forces":
-        own = tuple(index for index, name in enumerate(quantity.names) if name.startswith(LOADS))
-        names = tuple(quantity.names[k] for k in own)
-        return _Columns("tension", own, names, (JOINT_CONTACT,) * len(own), PEAKS, np.ones(len(own)))
+        loads = tuple(index for index, name in enumerate(quantity.names) if name.startswith(LOADS))
+        names = tuple(quantity.names[index] for index in loads)
+        return _Columns("tension", loads, names, (JOINT_CONTACT,) * len(loads), PEAKS, np.ones(len(loads)))
     return None

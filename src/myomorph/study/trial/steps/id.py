@@ -62,10 +62,10 @@ def cutoff_of(trial: TrialInputs, recorded: Motion) -> float | None:
 
     A refined motion was filtered with its forces already: only a lower cutoff changes it.
     """
-    given, refined = trial.options[Differentiation].cutoff, trial.get(RefinedMotion)
-    if refined is not None and (given is None or given >= refined.cutoff):
+    cutoff, refined = trial.options[Differentiation].cutoff, trial.get(RefinedMotion)
+    if refined is not None and (cutoff is None or cutoff >= refined.cutoff):
         return None
-    return automatic_cutoff(recorded) if given is None else given or None
+    return automatic_cutoff(recorded) if cutoff is None else cutoff or None
 
 
 def filter_summary(trial: TrialInputs, recorded: Motion) -> str:
@@ -124,17 +124,17 @@ def put_dynamics(output: StepOutput, torques: Torques, model: Model) -> None:
     store.put_torques(output.writer, torques.torques, torques.wrenches)
 
 
-def shown_torques(trial: TrialInputs, found: Torques) -> Series:
+def shown_torques(trial: TrialInputs, result: Torques) -> Series:
     """The torques that the table of inverse dynamics shows: all of them, or what its options leave."""
-    torques, options = found.torques, trial.options[TorqueTable]
+    torques, options = result.torques, trial.options[TorqueTable]
     if options.net:
         # Most trials start without: loaded where a trial has such input.
         from myomorph.muscles.passive import passive_generalized_forces
 
-        passive = passive_generalized_forces(trial.model, found.motion).values
+        passive = passive_generalized_forces(trial.model, result.motion).values
         torques = replace(torques, values=torques.values - passive)
     if options.independent_coordinates:
-        torques = loop_torques(trial.model, found.motion, torques).torques
+        torques = loop_torques(trial.model, result.motion, torques).torques
     return torques
 
 
@@ -170,15 +170,15 @@ def _read(stored: Stored, options: OptionSet) -> Torques | None:
     return Torques(motion, torques, wrenches)
 
 
-def _show(given: ReportInput, stored: Stored) -> ReportInput:
-    given = given.with_warnings(map(str, get_findings(stored, FINDINGS)))
+def _show(report_input: ReportInput, stored: Stored) -> ReportInput:
+    report_input = report_input.with_warnings(map(str, get_findings(stored, FINDINGS)))
     dynamics = Dynamics(store.get_torques(stored), store.get_wrenches(stored), stored.facts.get("root_note", ""))
-    return replace(given, dynamics=dynamics)
+    return replace(report_input, dynamics=dynamics)
 
 
 def _signals(stored: Stored, model: Model, mass: float) -> Sequence[Signals]:
     """Torques, named as OpenSim names them, and vertical forces on each body."""
-    torques, found = store.get_torques(stored), []
+    torques, signals = store.get_torques(stored), []
     if torques is not None:
         rotating = [model.coordinate(name).motion == "rotational" for name in torques.names]
         endings = tuple("_moment" if turns else "_force" for turns in rotating)
@@ -186,8 +186,8 @@ def _signals(stored: Stored, model: Model, mass: float) -> Sequence[Signals]:
         per = np.full(len(units), 1.0 / mass if mass > 0.0 else 1.0)
         curve = f"joint torque [{'N·m/kg' if mass > 0.0 else 'N·m'}]"
         drawn = tuple(np.flatnonzero(rotating).tolist())
-        found.append(Signals("id", torques, endings, units, EXTREMES, curve, per, drawn))
-    return *found, *_ground_forces(store.get_wrenches(stored), model)
+        signals.append(Signals("id", torques, endings, units, EXTREMES, curve, per, drawn))
+    return *signals, *_ground_forces(store.get_wrenches(stored), model)
 
 
 def _ground_forces(wrenches: Wrenches | None, model: Model) -> Sequence[Signals]:

@@ -144,13 +144,13 @@ def _hashed(trial: TrialInputs) -> Sequence[object]:
     return options[InverseKinematicsOptions], options[MarkerCheckOptions], *((crossed,) if crossed.only else ())
 
 
-def _show(given: ReportInput, stored: Stored) -> ReportInput:
+def _show(report_input: ReportInput, stored: Stored) -> ReportInput:
     fit = store.get_fit(stored)
     coordinates = store.get_derivatives(stored) if fit is None else None
     if fit is None and coordinates is None and "coordinate_value" in stored.values:
         coordinates = store.get_motion(stored)
-    given = given.with_warnings(map(str, get_findings(stored, FINDINGS)))
-    return replace(given, kinematics=Kinematics(store.get_markers(stored), fit, coordinates))
+    report_input = report_input.with_warnings(map(str, get_findings(stored, FINDINGS)))
+    return replace(report_input, kinematics=Kinematics(store.get_markers(stored), fit, coordinates))
 
 
 def _signals(stored: Stored, model: Model, mass: float) -> Sequence[Signals]:

@@ -119,8 +119,8 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques 
         store.put_derivatives(output.writer, motion, trial.model)
     else:
         motion = torques.motion
-    found = write_muscles(trial.model, motion, output.writer, output.folder, f"{trial.name}: muscle paths")
-    return MuscleLengths(notes=notes, summary=found)
+    kinematics = write_muscles(trial.model, motion, output.writer, output.folder, f"{trial.name}: muscle paths")
+    return MuscleLengths(notes=notes, summary=kinematics)
 
 
 def _read(stored: Stored, options: OptionSet) -> MuscleLengths | None:

@@ -121,8 +121,8 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques 
 
 def strides_of_trial(trial: TrialInputs, poses: Poses, torques: Torques) -> Strides | None:
     """Strides as the report and the tables of values have them: by plates, else events, else the motion."""
-    own = (trial.model, poses.recorded, poses.fit)
-    return walking_strides(*own, wrenches=torques.wrenches, events=trial.recording.events)
+    parts = (trial.model, poses.recorded, poses.fit)
+    return walking_strides(*parts, wrenches=torques.wrenches, events=trial.recording.events)
 
 
 def task_of(trial: TrialInputs, recorded: Motion, torques: Torques) -> TensionTask:
@@ -229,11 +229,11 @@ def _hashed(trial: TrialInputs) -> Sequence[object]:
     return *(one for one in chosen if one is not None), options[EmgUse], options[TensionTables]
 
 
-def _show(given: ReportInput, stored: Stored) -> ReportInput:
+def _show(report_input: ReportInput, stored: Stored) -> ReportInput:
     tension, forces = store.get_tension(stored, TensionOptions()), contact_store.get_contact_forces(stored)
     carried = contact_store.get_forces_with_contacts(stored)
     if carried is not None:
-        given = replace(given, dynamics=replace(given.dynamics, torques=carried))
+        report_input = replace(report_input, dynamics=replace(report_input.dynamics, torques=carried))
     contacts = EstimatedContacts(
         contact_store.get_contacts(stored),
         forces,
@@ -257,7 +257,7 @@ def _show(given: ReportInput, stored: Stored) -> ReportInput:
             tension.fibers,
         )
     return replace(
-        given,
+        report_input,
         contacts=contacts,
         tension=shown,
         joint_contacts=contact_store.get_joint_contacts(stored),
@@ -281,7 +281,7 @@ def _residuals(tension: Tension | None) -> Series | None:
 
 def _signals(stored: Stored, model: Model, mass: float) -> Sequence[Signals]:
     statistics = ("maximum", "mean")
-    own = tuple(
+    loads = tuple(
         all_drawn(
             "tension", Series(stored.time, stored.names["muscle"], stored.values[name]), ending, unit, statistics, curve
         )
@@ -291,7 +291,7 @@ def _signals(stored: Stored, model: Model, mass: float) -> Sequence[Signals]:
         )
         if name in stored.values
     )
-    return *own, *fiber_signals(stored, model), *joint_contact_signals(stored)
+    return *loads, *fiber_signals(stored, model), *joint_contact_signals(stored)
 
 
 def _numbers(stored: Stored, model: Model, strides: TrialStrides | None) -> Iterator[Value]:

@@ -114,7 +114,7 @@ def _run(
     whole, quantities = zip(*chain.quantities(), strict=True)
     normals, failed, weak = Normals(chosen.draws, chosen.draw_seed), 0, 0
     sizes = _found_sizes(trial).beside(sources)
-    groups = tuple(one for one in chain.groups if any(sources.of(one).values())) if chosen.contributions else ()
+    groups = tuple(group for group in chain.groups if any(sources.of(group).values())) if chosen.contributions else ()
     jobs = [Draw(number, sources, normals, sizes) for number in range(chosen.draws)]
     for group in groups:
         for number in range(min(chosen.contributions, chosen.draws)):
@@ -163,8 +163,8 @@ def _run(
 def _strides(trial: TrialInputs, poses: Poses, torques: Torques | None) -> TrialStrides | None:
     """Strides as the trial's tables of values have them; None where it is no walk."""
     wrenches = None if torques is None else torques.wrenches
-    found = walking_strides(trial.model, poses.recorded, poses.fit, wrenches=wrenches, events=trial.recording.events)
-    return None if found is None else TrialStrides(trial.name, tuple(found.strikes), (found,), found.notes)
+    strides = walking_strides(trial.model, poses.recorded, poses.fit, wrenches=wrenches, events=trial.recording.events)
+    return None if strides is None else TrialStrides(trial.name, tuple(strides.strikes), (strides,), strides.notes)
 
 
 def _shares(
@@ -185,15 +185,15 @@ def _shares(
     results : what they come to
     """
     done = set(draws.done)
-    numbers = sorted({one.number for one in jobs} & done)
-    each = len({one.number for one in jobs})
+    numbers = sorted({job.number for job in jobs} & done)
+    each = len({job.number for job in jobs})
     kinds = len(jobs) // (each * len(groups))
-    whole = {one.name: np.zeros(len(one.names)) for one in quantities}
+    whole = {quantity.name: np.zeros(len(quantity.names)) for quantity in quantities}
     for quantity in quantities:
         for number in numbers:
             whole[quantity.name] += _mean_square(draws.at(quantity.name, number) - quantity.values) / len(numbers)
     # By table: squares alone and in total of each group, and how many they are of.
-    squares = {one.name: np.zeros((kinds, len(groups), len(one.names))) for one in quantities}
+    squares = {quantity.name: np.zeros((kinds, len(groups), len(quantity.names))) for quantity in quantities}
     counts = np.zeros((kinds, len(groups), 1))
     for index, (job, tables) in enumerate(zip(jobs, results, strict=True)):
         group, kind = index // (each * kinds), index % kinds
@@ -203,10 +203,10 @@ def _shares(
         counts[kind, group] += 1
         for quantity in quantities:
             other = quantity.values if kind == 0 else draws.at(quantity.name, job.number)
-            found = tables[quantity.name]
+            table = tables[quantity.name]
             # Tensions of some frames alone: a mean over time needs no more.
             squares[quantity.name][kind, group] += _mean_square(
-                found - other[:: 1 if len(found) == len(other) else COARSE]
+                table - other[:: 1 if len(table) == len(other) else COARSE]
             )
     with np.errstate(invalid="ignore", divide="ignore"):
         parts = {name: square / np.maximum(counts, 1) / whole[name] for name, square in squares.items()}
@@ -273,9 +273,9 @@ def _write_sources(sizes: Sequence[SourceSize], path: Path) -> None:
 
 def _hashed(trial: TrialInputs) -> Sequence[object]:
     """Options, sizes, and what steps on the subject found, where they found anything."""
-    given = (trial.options[DrawOptions], trial.options[Sources])
+    chosen = (trial.options[DrawOptions], trial.options[Sources])
     sizes = _found_sizes(trial)
-    return given if sizes == NOTHING else (*given, _FoundHash(_digest(sizes)))
+    return chosen if sizes == NOTHING else (*chosen, _FoundHash(_digest(sizes)))
 
 
 def _found_sizes(trial: TrialInputs) -> ErrorSizes:
