@@ -56,7 +56,8 @@ def plan(arm, steps='"ik"', mass=4.0):
 
 
 def count_frames(subject: SubjectInputs, output: FolderOutput) -> None:
-    frames = {trial.name: len(trial.markers) for trial in subject.trials() if trial.markers is not None}
+    recorded = {trial.name: trial.recording.markers for trial in subject.trials()}
+    frames = {name: len(markers) for name, markers in recorded.items() if markers is not None}
     with output.whole(("a few frames",)) as folder:
         text = "".join(f"{name},{count}\n" for name, count in frames.items())
         (folder / "frames.csv").write_text(text, encoding="utf-8")
