@@ -18,6 +18,7 @@ ROOT = Path(__file__).resolve().parents[1]
 if str(ROOT) not in sys.path:
     sys.path.insert(0, str(ROOT))
 
+from docs_build.face import with_names  # noqa: E402
 from docs_build.navigation import navigation, with_listed  # noqa: E402
 from docs_build.notebooks import notebook_text, tutorials  # noqa: E402
 from docs_build.tables import rendered  # noqa: E402
@@ -79,7 +80,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
     """Put tables and numbers of results in place; tutorials name the notebook that is made of them."""
     source = Path(page.file.src_uri)
-    markdown = with_listed(rendered(markdown, page.file.src_uri), page.file.src_uri)
+    markdown = with_listed(with_names(rendered(markdown, page.file.src_uri)), page.file.src_uri)
     # The index has the changelog beside docs/; in the site it is a page like others.
     markdown = markdown.replace("](../CHANGELOG.md)", "](changelog.md)")
     if source.parts[0] != "tutorials" or source.stem == "index":

@@ -2,18 +2,38 @@
 
 from __future__ import annotations
 
+import dataclasses
 import doctest
+import importlib
 import inspect
 import re
+from dataclasses import is_dataclass
 
 import pytest
+from docs_build.examples import DOCS
+from docs_build.face import (
+    TABLE,
+    first_sentence,
+    names_of,
+    namespaces,
+    public,
+    table,
+    types_in_fields,
+    types_in_signature,
+)
 
 import myomorph as mm
-from myomorph.demo.arm import example_files
 
-NAMES = sorted(mm.__all__)
-FUNCTIONS = [name for name in NAMES if inspect.isfunction(getattr(mm, name))]
-CLASSES = [name for name in NAMES if inspect.isclass(getattr(mm, name))]
+FACE = public()
+FUNCTIONS = [name for name, value in FACE.items() if inspect.isfunction(value)]
+CLASSES = [name for name, value in FACE.items() if inspect.isclass(value)]
+DEFINITIONS = {(value.__module__, value.__qualname__) for value in FACE.values()}
+LONG = {"mm.write_shoulder_study", "mm.viscosity.run_viscosity", "mm.viscosity.read_estimates"}
+"""Their examples swing a virtual limb in MuJoCo."""
+MAX_NAMES = {"mm": 130, "mm.model": 30}
+MAX_NAMES_INSIDE = 20
+"""A namespace is to be read on one screen. The top has about forty functions, each with its options and its result;
+`mm.model` has a class for each kind of part that a file of OpenSim's may hold."""
 
 
 def sections(text: str) -> dict[str, str]:
@@ -28,14 +48,65 @@ def described(section: str) -> set[str]:
     return {name.strip(" *") for head in heads for name in head.split(",")}
 
 
-def test_the_list_is_short():
-    assert 35 <= len(NAMES) <= 56
-    assert len(FUNCTIONS) + len(CLASSES) == len(NAMES)
+@pytest.mark.parametrize("space", namespaces())
+def test_a_namespace_is_short(space):
+    names = names_of(namespaces()[space])
+    assert 5 <= len(names) <= MAX_NAMES.get(space, MAX_NAMES_INSIDE)
+
+
+def test_all_that_is_public_is_a_function_or_a_class_and_has_one_name():
+    assert len(FUNCTIONS) + len(CLASSES) == len(FACE)
+    assert len(DEFINITIONS) == len(FACE)
+
+
+def signature_types():
+    """Classes of the package in the signature of any public function, each with where it is named."""
+    return {
+        definition: f"{name}({parameter})"
+        for name in FUNCTIONS
+        for parameter, definitions in types_in_signature(FACE[name]).items()
+        for definition in definitions
+    }
+
+
+def test_types_of_public_functions_are_public():
+    assert {definition: where for definition, where in signature_types().items() if definition not in DEFINITIONS} == {}
+
+
+def test_types_in_the_fields_of_what_public_functions_take_and_give_are_public():
+    private = {
+        f"{name}.{field}": definition
+        for module, name in signature_types()
+        for field, definitions in types_in_fields(getattr(importlib.import_module(module), name)).items()
+        for definition in definitions
+        if definition not in DEFINITIONS
+    }
+    assert private == {}
+
+
+def test_types_are_found_behind_type_checking_unions_containers_and_aliases():
+    assert ("myomorph.tension.terms.term", "Term") in types_in_signature(mm.solve_tension)["terms"]
+    assert ("myomorph.store.outcome", "Outcome") in types_in_signature(mm.run_study)["report"]
+    assert types_in_signature(mm.read_sto)["return"] == {("myomorph.model.series", "Table")}
+    assert "paths" not in types_in_fields(mm.MuscleKinematics)
+
+
+@pytest.mark.parametrize("name", FACE)
+def test_every_name_has_a_line(name):
+    line = first_sentence(FACE[name])
+    assert 10 < len(line) < 200
+    space = name.rpartition(".")[0]
+    assert f"| `{name}` | " in table(space)
+
+
+def test_the_page_on_python_has_every_namespace():
+    page = (DOCS / "python.md").read_text(encoding="utf-8")
+    assert TABLE.findall(page) == list(namespaces())
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)
 def test_functions_describe_every_parameter(name):
-    function = getattr(mm, name)
+    function = FACE[name]
     parts = sections(function.__doc__)
     assert described(parts.get("Parameters", "")) == set(inspect.signature(function).parameters)
     assert parts.get("Returns", "").strip() or inspect.signature(function).return_annotation in (None, "None")
@@ -44,12 +115,13 @@ def test_functions_describe_every_parameter(name):
 
 @pytest.mark.parametrize("name", CLASSES)
 def test_classes_describe_their_fields(name):
-    kind = getattr(mm, name)
+    kind = FACE[name]
     assert (kind.__doc__ or "").strip()
     if not issubclass(kind, Exception) and "Attributes" in sections(kind.__doc__):
-        wanted = set(getattr(kind, "__dataclass_fields__", {})) - set(
-            getattr(kind.__mro__[1], "__dataclass_fields__", {})
+        inherited = (
+            {field.name for field in dataclasses.fields(kind.__mro__[1])} if is_dataclass(kind.__mro__[1]) else set()
         )
+        wanted = {field.name for field in dataclasses.fields(kind)} - inherited if is_dataclass(kind) else set()
         assert wanted - {"stored"} <= described(sections(kind.__doc__)["Attributes"])
 
 
@@ -57,7 +129,7 @@ def test_classes_describe_their_fields(name):
 def worked_example(tmp_path_factory):
     """A folder with the files of the example and, in `results`, what the steps made of them."""
     folder = tmp_path_factory.mktemp("example")
-    files = example_files(folder)
+    files = mm.example_files(folder)
     (folder / "study.toml").write_text(
         f'[study]\nname = "reaching"\n[[subject]]\nname = "s01"\nmodel = "{files.model.name}"\nmass = 4.0\n'
         f'trials = ["{files.markers.name}"]\nsteps = ["ik", "id", "muscles", "tension"]\n',
@@ -67,15 +139,18 @@ def worked_example(tmp_path_factory):
     return folder
 
 
-@pytest.mark.parametrize("name", FUNCTIONS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.long if name in LONG else ()) for name in FUNCTIONS]
+)
 def test_examples_run(name, worked_example, monkeypatch):
     monkeypatch.chdir(worked_example)
-    function = getattr(mm, name)
-    tests = doctest.DocTestFinder(recurse=False).find(function, name, globs={})
-    assert any(one.examples for one in tests), f"{name} has no example"
+    tests = doctest.DocTestFinder(recurse=False).find(FACE[name], name, globs={})
+    lines = [example.source for test in tests for example in test.examples]
+    assert lines, f"{name} has no example"
+    assert [line for line in lines if re.search(r"(from|import) myomorph(?! as mm)", line)] == []
     runner = doctest.DocTestRunner(optionflags=doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS)
-    for one in tests:
-        runner.run(one)
+    for test in tests:
+        runner.run(test)
     assert runner.failures == 0
 
 

@@ -52,9 +52,26 @@ def correlate(rows: Series, columns: Series) -> Correlations:
     ----------
     rows, columns : signals (frames, n) on their own clocks; what both cover is compared
 
+    Returns
+    -------
+    correlations (rows, columns), their effective degrees of freedom and chances
+
+    Raises
+    ------
+    ValueError : a series has no frame
+
     References
     ----------
     Bartlett MS (1935), J R Stat Soc 98:536-543. Benjamini Y, Hochberg Y (1995), J R Stat Soc B 57:289-300.
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> model = mm.read_model("arm.osim")
+    >>> motion = mm.differentiate(mm.read_motion("reach.mot", model), cutoff=6.0)
+    >>> result = mm.correlate(motion, mm.inverse_dynamics(model, motion))
+    >>> result.rows, result.values.shape
+    (('shoulder_flexion', 'elbow_flexion'), (2, 2))
     """
     start, stop = max(rows.time[0], columns.time[0]), min(rows.time[-1], columns.time[-1])
     count = min(MAX_SAMPLES, len(rows), len(columns))

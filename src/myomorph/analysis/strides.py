@@ -40,6 +40,7 @@ class Stride:
 
     Attributes
     ----------
+    limb : name
     start, lift, stop : strike, lift and next strike [s]; the lift is nan where it was not seen
     length : way of the foot over the ground along the direction of travel [m]
     width : step width: distance to the other side's track, across the direction of travel [m]; nan without another side

@@ -176,7 +176,28 @@ def rest_on_floor(
 
     Parameters
     ----------
+    model : the body, with the bodies that the sites are on
+    motion : coordinates over time
+    sites : places that can touch [m]
     height : of the floor where it is known, as from plates; else where the sites rest as they are [m]
+
+    Returns
+    -------
+    the sites, moved on their bodies [m], and the floor: height [m] and velocity [m/s]
+
+    Raises
+    ------
+    BadData : no frame of the motion is whole
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> model = mm.read_model("arm.osim")
+    >>> motion = mm.differentiate(mm.read_motion("reach.mot", model), cutoff=6.0)
+    >>> sites = [mm.Site("hand", "fore", [[0.0, -0.3, 0.0]], mm.Cone(direction=model.up))]
+    >>> moved, floor = mm.contact.rest_on_floor(model, motion, sites, height=1.1)
+    >>> moved[0].name, moved[0].points.shape, floor.height
+    ('hand', (1, 3), 1.1)
     """
     tree, moving = compile_tree(model), site_motion(model, motion, sites)
     floor = floor_under(moving, height)

@@ -89,11 +89,37 @@ def foot_sites(
 
     Parameters
     ----------
+    model : of a body with feet
     surfaces : meshes by the name the model gives them, as `read_surfaces` finds them
+    options : thickness of the sole [m] and the cone of forces; see `FootOptions`
+
+    Returns
+    -------
+    six sites a foot, points on their bodies [m]
 
     Raises
     ------
     BadData : the model has no foot that is found by its bodies' names
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import myomorph as mm
+    >>> at = {"pelvis": ("ground", (0.0, 1.0, 0.0))}
+    >>> for side, z in (("r", 0.1), ("l", -0.1)):
+    ...     at |= {f"femur_{side}": ("pelvis", (0.0, -0.1, z)), f"tibia_{side}": (f"femur_{side}", (0.0, -0.4, 0.0))}
+    ...     at |= {f"calcn_{side}": (f"tibia_{side}", (-0.05, -0.42, 0.0))}
+    ...     at |= {f"toes_{side}": (f"calcn_{side}", (0.18, 0.0, 0.0))}
+    >>> def pose(place):
+    ...     return mm.model.Transform(np.eye(3), np.array(place))
+    >>> bodies = [mm.model.Body(name, 5.0, np.zeros(3), 0.05 * np.eye(3)) for name in at]
+    >>> joints = [
+    ...     mm.model.Joint(f"to_{name}", "WeldJoint", parent, name, pose(place), pose((0.0, 0.0, 0.0)))
+    ...     for name, (parent, place) in at.items()
+    ... ]
+    >>> model = mm.Model("legs", tuple(bodies), tuple(joints), (), [0.0, -9.80665, 0.0])
+    >>> [site.name for site in mm.contact.foot_sites(model) if site.group == "foot_r"]
+    ['heel_medial_r', 'heel_lateral_r', 'ball_medial_r', 'ball_lateral_r', 'toe_medial_r', 'toe_lateral_r']
     """
     options = options or FootOptions()
     cone = replace(options.cone, direction=model.up)
@@ -227,10 +253,40 @@ def body_sites(model: Model, names: Sequence[str]) -> tuple[Site, ...]:
     from the hip joints; the back, four points behind the thorax' mass center. Both are pushed along the body's
     own axes, up and forwards in the default posture.
 
+    Parameters
+    ----------
+    model : of a human body
+    names : of the sites
+
+    Returns
+    -------
+    the sites in that order, points on their bodies [m]
+
     Raises
     ------
     UnknownName : a name that is none of these
     BadData : the model has no such part
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import myomorph as mm
+    >>> at = {"pelvis": ("ground", (0.0, 1.0, 0.0))}
+    >>> for side, z in (("r", 0.1), ("l", -0.1)):
+    ...     at |= {f"femur_{side}": ("pelvis", (0.0, -0.1, z)), f"tibia_{side}": (f"femur_{side}", (0.0, -0.4, 0.0))}
+    ...     at |= {f"calcn_{side}": (f"tibia_{side}", (-0.05, -0.42, 0.0))}
+    ...     at |= {f"toes_{side}": (f"calcn_{side}", (0.18, 0.0, 0.0))}
+    >>> def pose(place):
+    ...     return mm.model.Transform(np.eye(3), np.array(place))
+    >>> bodies = [mm.model.Body(name, 5.0, np.zeros(3), 0.05 * np.eye(3)) for name in at]
+    >>> joints = [
+    ...     mm.model.Joint(f"to_{name}", "WeldJoint", parent, name, pose(place), pose((0.0, 0.0, 0.0)))
+    ...     for name, (parent, place) in at.items()
+    ... ]
+    >>> model = mm.Model("legs", tuple(bodies), tuple(joints), (), [0.0, -9.80665, 0.0])
+    >>> (seat,) = mm.contact.body_sites(model, ["seat"])
+    >>> seat.body, seat.points.shape
+    ('pelvis', (4, 3))
     """
     sites = []
     for name in names:

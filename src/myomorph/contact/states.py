@@ -93,8 +93,7 @@ def find_contacts(
     --------
     >>> import myomorph as mm
     >>> model = mm.read_model("arm.osim")
-    >>> from myomorph.model.contacts import Site
-    >>> sites = [Site("hand", "fore", [[0.0, -0.3, 0.0]])]
+    >>> sites = [mm.Site("hand", "fore", [[0.0, -0.3, 0.0]])]
     >>> found = mm.find_contacts(model, mm.read_motion("reach.mot", model), sites)
     >>> [(one.site, round(one.start, 2), round(one.stop, 2)) for one in found.intervals]
     [('hand', 0.52, 0.6)]
@@ -307,7 +306,29 @@ def strengths(
 
     Parameters
     ----------
+    model : the body, with the bodies that the sites are on
+    motion : coordinates over time, filtered
+    sites : places that can touch [m]
     contacts : when sites touch; all the time without
+    options : heights and speeds at which readiness fades, see `StrengthOptions`
+
+    Returns
+    -------
+    (frames, sites) from 0 to 1, at the motion's times
+
+    Raises
+    ------
+    BadData : contacts lack a site, or no frame of the motion is whole
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> model = mm.read_model("arm.osim")
+    >>> motion = mm.differentiate(mm.read_motion("reach.mot", model), cutoff=6.0)
+    >>> sites = [mm.Site("hand", "fore", [[0.0, -0.3, 0.0]], mm.Cone(direction=model.up))]
+    >>> ready = mm.contact.strengths(model, motion, sites, mm.find_contacts(model, motion, sites))
+    >>> ready.names, ready.values.shape, bool((ready.values <= 1.0).all())
+    (('hand',), (61, 1), True)
     """
     options = options or StrengthOptions()
     names = tuple(site.name for site in sites)
@@ -340,12 +361,28 @@ def preferred_directions(model: Model, motion: Motion, sites: Sequence[Site], pi
 
     Parameters
     ----------
+    model : the body, with the bodies that the sites are on
+    motion : coordinates over time
+    sites : places that can touch [m]
     pivot : height of the point above the center of mass, over the height of that above the floor
 
     Returns
     -------
     (frames, sites, 3) in ground: force across the cone's direction per force along it, 0 of a site on anything but
     the ground, or whose cone has no direction fixed in ground
+
+    Raises
+    ------
+    BadData : no frame of the motion is whole
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> model = mm.read_model("arm.osim")
+    >>> motion = mm.differentiate(mm.read_motion("reach.mot", model), cutoff=6.0)
+    >>> sites = [mm.Site("hand", "fore", [[0.0, -0.3, 0.0]], mm.Cone(direction=model.up))]
+    >>> mm.contact.preferred_directions(model, motion, sites).shape
+    (61, 1, 3)
     """
     tree = compile_tree(model)
     poses = forward_kinematics(tree, tree.coordinates_of(motion))

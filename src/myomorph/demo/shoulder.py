@@ -80,6 +80,14 @@ def write_shoulder_study(
     Raises
     ------
     BadData : `myo-sim` is not installed, or there is no such specimen
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import myomorph as mm
+    >>> study = mm.write_shoulder_study(Path("virtual"), (3,), seconds=3.0, trials=1, raw=())
+    >>> study.name
+    'shoulder.toml'
     """
     folder.mkdir(parents=True, exist_ok=True)
     arm_model()

@@ -77,6 +77,7 @@ class Usable:
 
     Attributes
     ----------
+    name : of the recording
     recording : motion with derivatives, wrenches at its times, and which frames to use
     left_out : reason to number of frames, each frame under its first reason
     frames : that were given
@@ -118,15 +119,35 @@ def usable(
 
     Parameters
     ----------
+    model : scaled to the body
+    options : cutoff [Hz] and shortest duration [s]; see `RecordingOptions`
     motion : coordinates as recorded; derivatives are taken here
     wrenches : as recorded, on their own clock; NaN where missing
     mass : of the subject [kg]; the model's by default
     time : start and end of what is to be used, cut after filtering [s]
     name : of the recording, for what is said about it
 
+    Returns
+    -------
+    motion with derivatives, wrenches at its times, which frames are used, and why others are not
+
     Raises
     ------
     BadData : no common time, no force at all, or plates tared with the load on them
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> model = mm.read_model("arm.osim")
+    >>> import numpy as np
+    >>> time = np.arange(0.0, 2.0, 0.01)
+    >>> angles = np.column_stack([np.sin(3.0 * time), 1.0 + 0.8 * np.sin(5.0 * time)])
+    >>> motion = mm.Motion(time, model.coordinate_names, angles)
+    >>> at = mm.joint_reactions(model, mm.differentiate(motion), None, joints=["shoulder"], frame="ground")
+    >>> wrenches = mm.Wrenches(time, ("shoulder",), ("upper",), at.forces, at.points, at.moments)
+    >>> recording = mm.usable(model, motion, wrenches)
+    >>> int(recording.use.sum()), round(recording.weighs, 3)
+    (200, 4.0)
     """
     options = options or RecordingOptions()
     mass = model.mass if mass is None else mass

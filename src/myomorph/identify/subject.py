@@ -187,18 +187,14 @@ def identify(
     --------
     >>> import numpy as np
     >>> import myomorph as mm
-    >>> from myomorph.identify.recordings import usable
-    >>> from myomorph.identify.subject import IdentificationOptions
-    >>> from myomorph.study.subject.body_points import body_points
-    >>> from myomorph.study.subject.subject_files import BodyOptions, BodyShape
     >>> model, time = mm.read_model("arm.osim"), np.arange(0.0, 2.0, 0.01)
     >>> angles = np.column_stack([np.sin(3.0 * time), 1.0 + 0.8 * np.sin(5.0 * time)])
     >>> motion = mm.Motion(time, model.coordinate_names, angles)
     >>> at = mm.joint_reactions(model, mm.differentiate(motion), None, joints=["shoulder"], frame="ground")
     >>> wrenches = mm.Wrenches(time, ("shoulder",), ("upper",), at.forces, at.points, at.moments)
-    >>> points, _, _ = body_points(model, BodyShape(), model.mass, BodyOptions(spacing=0.05))
-    >>> options = IdentificationOptions(compare=False)
-    >>> found = mm.identify(model, [usable(model, motion, wrenches)], points, options=options)
+    >>> points, _, _ = mm.body_points(model, mm.BodyShape(), model.mass, mm.BodyOptions(spacing=0.05))
+    >>> options = mm.IdentificationOptions(compare=False)
+    >>> found = mm.identify(model, [mm.usable(model, motion, wrenches)], points, options=options)
     >>> [round(float(body.mass), 1) for body in found.model.bodies]
     [2.0, 2.0]
     """

@@ -50,6 +50,8 @@ class MassMatch:
 
     Attributes
     ----------
+    region : of the body
+    lower_bodies, higher_bodies : bodies of the region in the simpler and in the richer model
     mass : of the lower model's bodies [kg]
     mass_error, center_error, inertia_error : of the sum of the higher model's bodies [kg], [m], [kg m^2]
     largest_shift : of a body's mass center by the spreading [m]
@@ -74,6 +76,9 @@ class Transfer:
 
     Attributes
     ----------
+    lengths : matched, one each
+    masses : matched, one a region
+    notes : warnings, one line each
     model : the higher model as it is now
     lower_pose, higher_pose : one frame each, in which the joint centers coincide
     rotation : (3, 3) from the lower model's ground axes to the higher's
@@ -143,16 +148,14 @@ def transfer(
     --------
     >>> import numpy as np
     >>> import myomorph as mm
-    >>> from myomorph.model.model import Body, Joint
-    >>> from myomorph.model.spatial import Transform
     >>> def leg(thigh):
     ...     parts = {"pelvis": ("ground", 1.0, 0.0), "femur_r": ("pelvis", -0.1, 0.1)}
     ...     parts |= {"femur_l": ("pelvis", -0.1, -0.1), "tibia_r": ("femur_r", -thigh, 0.0)}
     ...     parts |= {"calcn_r": ("tibia_r", -0.4, 0.0)}
-    ...     bodies = [Body(name, 5.0, [0.0, -0.1, 0.0], 0.05 * np.eye(3)) for name in parts]
-    ...     at = {name: Transform(np.eye(3), np.array([0.0, y, z])) for name, (_, y, z) in parts.items()}
-    ...     no = Transform(np.eye(3), np.zeros(3))
-    ...     joints = [Joint(f"to_{name}", "WeldJoint", parts[name][0], name, at[name], no) for name in parts]
+    ...     bodies = [mm.model.Body(name, 5.0, [0.0, -0.1, 0.0], 0.05 * np.eye(3)) for name in parts]
+    ...     at = {name: mm.model.Transform(np.eye(3), np.array([0.0, y, z])) for name, (_, y, z) in parts.items()}
+    ...     no = mm.model.Transform(np.eye(3), np.zeros(3))
+    ...     joints = [mm.model.Joint(f"to_{name}", "WeldJoint", parts[name][0], name, at[name], no) for name in parts]
     ...     return mm.Model("leg", tuple(bodies), tuple(joints), (), [0.0, -9.80665, 0.0])
     >>> found = mm.transfer(leg(thigh=0.44), leg(thigh=0.4), path_lengths=None)
     >>> round(float(found.model.joints[3].parent_frame.translation[1]), 3)

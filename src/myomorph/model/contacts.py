@@ -190,6 +190,8 @@ class Touch:
 
     Attributes
     ----------
+    site : name
+    surface : body that is touched
     start, stop : [s]
     confidence : how sure that is, 0 to 1
     source : what tells so: "plates", "kinematics", "camera", "sound", ...
@@ -252,6 +254,7 @@ class SharedWrench:
 
     Attributes
     ----------
+    name : of the plate
     sites : names of the sites that stand on it
     forces, moments : (frames, 3) on the bodies, moments about the ground's origin [N], [N m]; NaN where unknown
     force_sd, moment_sd : how well they are known, a standard deviation of each component [N], [N m]
@@ -278,6 +281,7 @@ class ContactForces:
 
     Attributes
     ----------
+    sites : those that may carry force
     time : (frames,) [s]
     strengths : (frames, sites) how ready each site was to carry force, 0 for no contact
     forces : (frames, sites, 3) on the site's body (the reaction acts on `Site.against`), 0 without contact [N]

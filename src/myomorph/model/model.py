@@ -48,6 +48,8 @@ class Body:
 
     Attributes
     ----------
+    name : of the body
+    meshes : drawn on it
     mass : [kg]
     mass_center : (3,) in the body's frame [m]
     inertia : (3, 3) about the mass center, in the body's frame [kg m^2]
@@ -70,6 +72,7 @@ class Coordinate:
 
     Attributes
     ----------
+    name : of the coordinate
     motion : what its unit is: "rotational" [rad], "translational" [m], "coupled" (the file's own)
     default, default_speed : value and speed of the model's default pose [rad or m, per s]
     range : (lower, upper) [rad or m]
@@ -123,6 +126,7 @@ class Joint:
 
     Attributes
     ----------
+    name : of the joint
     kind : the file's own word: "PinJoint", "CustomJoint", "ScapulothoracicJoint", "hinge", ...
     parent, child : body names; the parent may be "ground"
     parent_frame : joint frame in the parent's frame
@@ -160,6 +164,7 @@ class Loop:
 
     Attributes
     ----------
+    name : of the constraint
     kind : "PointConstraint", "WeldConstraint", "connect", "weld", ...
     body_1, body_2 : the bodies tied together
     pose_1, pose_2 : the tied frames in those bodies; a point constraint uses their origins
@@ -203,6 +208,10 @@ class Actuator:
 
     Attributes
     ----------
+    name : of the actuator
+    min_control, max_control : bounds of its control
+    point_is_global, direction_is_global : whether point and direction are those of ground
+    enabled : whether it takes part
     kind : "coordinate", "torque", "point" or "point_to_point"
     optimal_force : [N or N m]
     coordinate : for "coordinate"

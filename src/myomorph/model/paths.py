@@ -39,6 +39,7 @@ class MovingPathPoint:
 
     Attributes
     ----------
+    name, body : of the point, and that it is on
     functions : of x, y and z
     coordinates : name each function takes, "" where the function is constant
     """
@@ -55,6 +56,8 @@ class WrapObject:
 
     Attributes
     ----------
+    name, body : of the surface, and that it is on
+    active : whether paths wrap around it
     kind : "cylinder" (axis z), "sphere", "ellipsoid" or "torus" (axis z)
     pose : in the body's frame
     size : cylinder (radius, length), sphere (radius,), ellipsoid (x, y, z), torus (inner, outer) [m];
@@ -132,6 +135,9 @@ class Muscle:
 
     Attributes
     ----------
+    name : of the muscle
+    path : its points and wraps
+    groups : names of groups that it belongs to
     kind : the file's class, "Millard2012EquilibriumMuscle", "Thelen2003Muscle", ..., or "mujoco"
     max_isometric_force : [N]
     optimal_fiber_length, tendon_slack_length : [m]
@@ -168,6 +174,8 @@ class Ligament:
 
     Attributes
     ----------
+    name : of the ligament
+    path : its points and wraps
     kind : the file's class, "Ligament", "Blankevoort1991Ligament", ...
     slack_length : at which it begins to pull; NaN where the file has none [m]
     """
@@ -190,6 +198,7 @@ class PassiveTorque:
 
     Attributes
     ----------
+    name, coordinate : of the torque, and that it acts on
     torque : [N m or N] of the coordinate's value
     damping : [N m s or N s/m] of the coordinate's value
     """
@@ -214,6 +223,7 @@ class Bushing:
 
     Attributes
     ----------
+    name : of the bushing
     body_1, body_2 : the bodies held together
     pose_1, pose_2 : the frames in those bodies
     rotational_stiffness, rotational_damping : (3,) [N m/rad], [N m s/rad]

@@ -214,6 +214,8 @@ class ForcePlate:
 
     Attributes
     ----------
+    name : of the plate
+    kind : type of the C3D standard, 1 to 5
     corners : (4, 3) [m]
     forces, points, torques : (frames, 3): force on the subject [N], center of pressure [m] (NaN where
         unloaded) and free torque about it [N m]
@@ -250,6 +252,7 @@ class PlateRecording:
 
     Attributes
     ----------
+    name : of the plate
     kind : the C3D type: 1 force, center of pressure and free moment; 2 force and moment;
         3 eight sensor forces (Kistler); 4 as 2, but raw signals that `calibration` maps to 2
     corners : (4, 3) in the laboratory, in the plate's quadrants ++, -+, --, +- [m]

@@ -5,3 +5,7 @@ Lives here: whatever knows two shapes of a bone or two models of a skeleton. `ma
 against its source, `mirror/` makes the other side, `species/` pairs two species. `morphed.py` has the options and the
 result of a transfer. Never here: time, files, and pages of results.
 """
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

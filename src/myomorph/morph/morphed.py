@@ -90,6 +90,7 @@ class RebuiltJoint:
 
     Attributes
     ----------
+    name : of the joint
     method : "mapped", "sphere", "cylinder" or "given"
     in_parent, in_child : (3,) its center in the target bodies' frames [m]
     moved : between the fitted and the mapped center [m]; 0 where it is mapped
@@ -131,6 +132,7 @@ class MuscleChange:
 
     Attributes
     ----------
+    name : of the muscle
     path : length in the default pose
     fiber, tendon, force : optimal fiber length, tendon slack length, maximum isometric force
     pennation : difference [rad]
@@ -158,6 +160,8 @@ class Morph:
 
     Attributes
     ----------
+    options : of the transfer
+    left_out : why, by what was not transferred
     source, model : before and after
     bones : by body of the source
     points : of all muscles and ligaments, in order

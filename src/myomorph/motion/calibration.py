@@ -120,6 +120,7 @@ class LengthEstimate:
 
     Attributes
     ----------
+    length : which one
     factor, sd : of the given model's length, and the standard deviation that noise and prior leave
     prior_sd : standard deviation before any marker was seen, the overall size known
     generic, value : distance between joint centers along the axis before and after [m]
@@ -153,6 +154,7 @@ class MarkerEstimate:
 
     Attributes
     ----------
+    name, body : of the marker, and that it is on
     location : (3,) on its stretched body [m]
     shift : (3,) from where stretching alone puts it [m]
     sd : (3,) standard deviation along the body's axes [m]
@@ -174,6 +176,7 @@ class ZeroAngle:
 
     Attributes
     ----------
+    coordinate : name
     offset : mean angle on the found model less that on the model with the generic lengths and marker places [rad]
     sd : standard deviation of what every angle of this coordinate is off by [rad]
     shares : of what is known of the zero, by source
@@ -219,6 +222,9 @@ class Calibration:
 
     Attributes
     ----------
+    options : of the calibration
+    lengths : every length of the model that may change
+    markers : every marker, with its shift
     model : stretched, markers placed
     factors : (3,) of every body
     size : overall size relative to the given model

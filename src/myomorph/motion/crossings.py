@@ -66,9 +66,25 @@ def crossings(
     With J(S) the derivatives of the places of the markers S in the model's free coordinates, slightly bent from
     its default pose, a frame that sees S shows rank J(S) / rank J(all that are ever seen).
 
+    Parameters
+    ----------
+    markers : as recorded, NaN where a marker is hidden [m]
+    model : whose coordinates are to be shown; None counts markers
+    options : which frames show enough, times [s]; see `CrossingOptions`
+
+    Returns
+    -------
+    (start, end) [s] of each part, in order
+
     Raises
     ------
     BadData : model and recording share no marker
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> mm.crossings(mm.read_recording("reach.trc").markers)
+    ((0.0, 0.6),)
     """
     options = options or CrossingOptions()
     enough = shown_shares(markers, model) >= options.min_visible - 1e-9
@@ -79,7 +95,29 @@ def crossings(
 
 
 def within_crossings(markers: Markers, spans: tuple[tuple[float, float], ...]) -> Markers:
-    """The same recording, markers hidden outside of some spans of time."""
+    """The same recording, markers hidden outside of some spans of time.
+
+    Parameters
+    ----------
+    markers : positions over time [m]
+    spans : (start, end) of each span [s], as `crossings` gives them
+
+    Returns
+    -------
+    markers (frames, markers, 3) [m], NaN outside of the spans
+
+    Raises
+    ------
+    BadData : the changed recording is none, as without frames
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import myomorph as mm
+    >>> markers = mm.within_crossings(mm.read_recording("reach.trc").markers, ((0.0, 0.2),))
+    >>> int(np.isfinite(markers.values).all(axis=(1, 2)).sum())
+    21
+    """
     inside = np.zeros(len(markers), np.bool_)
     for start, end in spans:
         inside |= (markers.time >= start - 1e-9) & (markers.time <= end + 1e-9)

@@ -30,10 +30,27 @@ SeriesKind = TypeVar("SeriesKind", bound=Series)
 def cut(series: SeriesKind, start: float, end: float) -> SeriesKind:
     """The frames with start <= time <= end [s], half a frame of rounding allowed.
 
+    Parameters
+    ----------
+    series : any series over time
+    start, end : of what is kept [s]
+
+    Returns
+    -------
+    the same kind of series, its derivatives too
+
     Raises
     ------
     BadData
         where no frame is left, saying what times exist
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> model = mm.read_model("arm.osim")
+    >>> motion = mm.differentiate(mm.read_motion("reach.mot", model), cutoff=6.0)
+    >>> len(motion), len(mm.cut(motion, 0.1, 0.3))
+    (61, 21)
     """
     if len(series) == 0:
         raise BadData("the recording has no frames")

@@ -26,6 +26,8 @@ class Outcome:
 
     Attributes
     ----------
+    subject, trial : names
+    folder : of the results
     done : steps that ended well, those taken over from an earlier run included
     reused : steps taken over from an earlier run
     changed : what made other steps be computed again that an earlier run had done, one line each
@@ -69,6 +71,7 @@ class Excluded:
 
     Attributes
     ----------
+    subject, trial : names
     reason : why, in the words of the study file
     """
 

@@ -253,6 +253,7 @@ class Stored:
 
     Attributes
     ----------
+    path : of the result file
     values : numeric variables
     names : of the entries of each dimension that has names, and other variables of texts
     provenance : by step

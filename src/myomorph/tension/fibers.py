@@ -53,6 +53,7 @@ class Fibers:
 
     Attributes
     ----------
+    certificate : how near the solution is to an optimum
     lengths : of the fibers [m]
     velocities : lengthening of the fibers [m/s]
     tendon_strains : length over slack length less 1, 0 of a rigid tendon

@@ -111,6 +111,7 @@ class Tension(Labelled):
 
     Attributes
     ----------
+    options : of the problem
     time : (frames,) [s]
     muscles : names
     activations : (frames, muscles) NaN where the frame was not solved

@@ -3,3 +3,7 @@
 Here live how large each source is taken to be, random inputs (a model, markers, forces) around those that were
 given, and the statistics of draws. Never a step of the chain itself: `study/trial` runs it on what is drawn here.
 """
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -31,6 +31,7 @@ class Draw:
 
     Attributes
     ----------
+    normals : random numbers of all draws
     number : which of the draws
     sources : those that are not drawn have size 0
     found : sizes of single items that earlier steps found
@@ -95,6 +96,28 @@ def drawn_subject(model: Model, draw: Draw) -> Model:
     Whoever made the model chose slack lengths so that fibers are as long in the default pose as they should be. A path
     with a point elsewhere, or another fiber, would have got another tendon; with the old one it would stretch fibers
     to where they tear. How far off the fit itself is says the source `slack_length`.
+
+    Parameters
+    ----------
+    model : as it was given
+    draw : which errors
+
+    Returns
+    -------
+    a model with other masses [kg], joints [m], [rad], marker positions [m], paths [m] and muscles
+
+    Raises
+    ------
+    BadModel : the drawn model cannot be compiled
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> model = mm.read_model("arm.osim")
+    >>> draw = mm.uncertainty.Draw(0, mm.uncertainty.Sources(), mm.uncertainty.Normals(10))
+    >>> drawn = mm.uncertainty.drawn_subject(model, draw)
+    >>> 3.5 < drawn.mass < 4.5, drawn.mass == model.mass
+    (True, False)
     """
     made = drawn_model(model, draw)
     if made is model:

@@ -52,7 +52,28 @@ def drawn_markers(model: Model, markers: Markers, draw: Draw, residuals: Mapping
 
     Parameters
     ----------
-    residuals : see `skin_sizes`
+    model : says which segment a marker is on
+    markers : as recorded [m]
+    draw : which errors
+    residuals : see `skin_sizes` [m]; {} for the usual sizes
+
+    Returns
+    -------
+    markers (frames, markers, 3) [m] of the same names and times
+
+    Raises
+    ------
+    BadData : the recording has no frame
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> model = mm.read_model("arm.osim")
+    >>> draw = mm.uncertainty.Draw(0, mm.uncertainty.Sources(), mm.uncertainty.Normals(10))
+    >>> markers = mm.read_recording("reach.trc").markers
+    >>> moved = mm.uncertainty.drawn_markers(model, markers, draw, {})
+    >>> bool(0.0 < abs(moved.values - markers.values).max() < 0.05)
+    True
     """
     frames, width = len(markers), _width(markers.time, draw.sources.skin_time)
     sizes = skin_sizes(model, draw, residuals)
@@ -72,7 +93,32 @@ def drawn_markers(model: Model, markers: Markers, draw: Draw, residuals: Mapping
 
 
 def drawn_angles(model: Model, motion: Motion, draw: Draw) -> Motion:
-    """A motion with errors in all angles that are free; where a body floats, its place is kept."""
+    """A motion with errors in all angles that are free; where a body floats, its place is kept.
+
+    Parameters
+    ----------
+    model : says which coordinates are free
+    motion : without errors [rad or m]
+    draw : which errors
+
+    Returns
+    -------
+    coordinates (frames, coordinates) [rad or m]
+
+    Raises
+    ------
+    UnknownName : the motion has a coordinate that the model does not have
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> model = mm.read_model("arm.osim")
+    >>> draw = mm.uncertainty.Draw(0, mm.uncertainty.Sources(), mm.uncertainty.Normals(10))
+    >>> motion = mm.read_motion("reach.mot", model)
+    >>> moved = mm.uncertainty.drawn_angles(model, motion, draw)
+    >>> bool(0.0 < abs(moved.values - motion.values).max() < 0.2)
+    True
+    """
     frames, width = len(motion), _width(motion.time, draw.sources.skin_time)
     values, size = np.array(motion.values), draw.sources.angle
     driven = {coupler.dependent for coupler in model.couplers}
@@ -91,7 +137,27 @@ def drawn_wrenches(wrenches: Wrenches, up: Array, draw: Draw) -> Wrenches:
 
     Parameters
     ----------
+    wrenches : as recorded
     up : (3,) unit vector of the vertical
+    draw : which errors
+
+    Returns
+    -------
+    forces [N], points [m] and torques [N m] at the same times
+
+    Raises
+    ------
+    BadData : the wrenches have no frame
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> model = mm.read_model("arm.osim")
+    >>> draw = mm.uncertainty.Draw(0, mm.uncertainty.Sources(), mm.uncertainty.Normals(10))
+    >>> loads = mm.read_loads("reach_grf.xml", model, mm.read_motion("reach.mot", model))
+    >>> moved = mm.uncertainty.drawn_wrenches(loads, model.up, draw)
+    >>> bool(0.0 < abs(moved.points - loads.points).max() < 0.02)
+    True
     """
     points, forces = np.array(wrenches.points), np.array(wrenches.forces)
     for index, name in enumerate(wrenches.names):
@@ -122,7 +188,31 @@ def shifted(wrenches: Wrenches, late: float) -> Wrenches:
 
 
 def drawn_emg(emg: Emg, draw: Draw) -> Emg:
-    """EMG with other gains."""
+    """EMG with other gains.
+
+    Parameters
+    ----------
+    emg : envelopes, relative to maximum voluntary contraction
+    draw : which errors
+
+    Returns
+    -------
+    envelopes (frames, channels) of the same names and times
+
+    Raises
+    ------
+    BadData : a gain is not finite
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import myomorph as mm
+    >>> draw = mm.uncertainty.Draw(0, mm.uncertainty.Sources(), mm.uncertainty.Normals(10))
+    >>> emg = mm.Emg(np.arange(3.0), ("flexor",), [[0.1], [0.2], [0.3]])
+    >>> moved = mm.uncertainty.drawn_emg(emg, draw).values / emg.values
+    >>> bool(np.allclose(moved, moved[0])), bool(moved[0, 0] != 1.0)
+    (True, True)
+    """
     factors = np.array([draw.factor("emg_gain", name) for name in emg.names])
     return replace(emg, values=emg.values * factors)
 

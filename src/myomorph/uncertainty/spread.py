@@ -29,6 +29,7 @@ class Spread:
 
     Attributes
     ----------
+    time : (frames,) [s]
     names : columns
     low, high : (frames, names) between which 90 % of the draws lie
     deviation : (frames, names) standard deviation
@@ -80,6 +81,7 @@ class Uncertainty:
 
     Attributes
     ----------
+    notes : warnings, one line each
     spreads : by the tables' names
     shares : by the tables' names, what each group of sources contributes
     draws, failed : how many inputs were drawn, and of how many there is no solution

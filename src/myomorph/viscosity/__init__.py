@@ -4,3 +4,7 @@ From the bottom: `specimen` cuts base, joint and limb out of a model, `swings` h
 `tracking` makes these from markers and plate, `identification` solves them, `trust` judges the result. Files and runs
 are in `study`, the page in `report`. Nothing here knows subjects or trials of other studies.
 """
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

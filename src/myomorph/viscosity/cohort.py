@@ -103,6 +103,7 @@ class CohortLine:
 
     Attributes
     ----------
+    quantity : which one
     mean, sd : over specimens; the population SD (division by `count`), as [S] prints it
     low, high : 95 % interval of the mean of these specimens, from the intervals of each: it tells how well
         they were measured, not how other specimens may differ; NaN where a specimen has none

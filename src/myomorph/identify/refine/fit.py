@@ -50,6 +50,7 @@ def refine(
 
     Parameters
     ----------
+    options : how much each part is believed; see `RefineOptions`
     model : calibrated to the subject, with markers
     trials : recordings with markers and plates
     mass : of the whole body [kg]; the model's by default
@@ -64,6 +65,37 @@ def refine(
     ------
     BadModel : the model's base does not float, or bodies are tied in loops
     BadData : a trial has no usable frame, or shares no marker with the model
+
+    Examples
+    --------
+    >>> from dataclasses import replace
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> import myomorph as mm
+    >>> text = '''<mujoco><worldbody><body name="trunk" pos="0 0 1"><freejoint name="root"/>
+    ... <geom type="box" size=".1 .15 .3" mass="30"/><body name="arm" pos="0 .2 .3">
+    ... <joint name="shoulder" axis="1 0 0"/>
+    ... <geom type="box" pos="0 0 -.3" size=".05 .05 .3" mass="8"/></body></body></worldbody></mujoco>'''
+    >>> _ = Path("body.xml").write_text(text)
+    >>> model, time = mm.read_model("body.xml"), np.arange(0.0, 2.0, 0.02)
+    >>> corners = 0.1 * np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [-1, 0, -1]])
+    >>> markers = [
+    ...     mm.model.Marker(f"{body.name}{number}", body.name, corner)
+    ...     for body in model.bodies
+    ...     for number, corner in enumerate(corners)
+    ... ]
+    >>> model = model.with_markers(tuple(markers))
+    >>> middle = np.array([coordinate.default for coordinate in model.coordinates])
+    >>> values = middle + np.array([0.1] * 6 + [0.8]) * np.sin(np.outer(time, np.arange(2.0, 9.0)))
+    >>> motion = mm.Motion(time, model.coordinate_names, values)
+    >>> at = mm.joint_reactions(model, mm.differentiate(motion), None, joints=["root"], frame="ground")
+    >>> wrenches = mm.Wrenches(time, ("plate",), ("trunk",), at.forces, at.points, at.moments)
+    >>> trial = mm.SubjectTrial("swing", mm.marker_positions(model, motion), wrenches)
+    >>> trunk, arm = model.bodies
+    >>> guess = replace(model, bodies=(replace(trunk, mass=33.0), replace(arm, mass=5.0)))
+    >>> result = mm.refine(guess, [trial], options=mm.RefineOptions(check=False, body=False))
+    >>> bool(result.after.force < 0.01 * result.before.force)
+    True
     """
     options = options or RefineOptions()
     _check_model(model)

@@ -19,6 +19,9 @@ class SubjectTrial:
 
     Attributes
     ----------
+    name : of the recording
+    markers : positions over time [m]
+    time : start and end of what is used [s], None for all
     wrenches : external forces as recorded, each with its body
     tracking : options of its inverse kinematics; weights of markers count here too
     """
@@ -51,6 +54,8 @@ class RefinedTrial:
 
     Attributes
     ----------
+    name : of the recording
+    frames : of the recording
     motion : refined, with derivatives that belong to it
     before : of inverse kinematics, low-pass filtered, on the model as given at the subject's mass
     after : of the refined motion on the refined model, the same frames
@@ -71,6 +76,7 @@ class Prediction:
 
     Attributes
     ----------
+    name : of the recording or part
     given, refined : errors of the model as given, and of the refined one
     markers_alone : marker error of a body that was refined from the same recordings' markers without their forces [m]
     """
@@ -103,6 +109,7 @@ class Refinement:
 
     Attributes
     ----------
+    factors_sd : (lengths,) standard deviations of the factors
     model : stretched, markers placed, with its masses
     given : model it began with, at the subject's mass
     trials : by name

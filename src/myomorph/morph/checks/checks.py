@@ -49,13 +49,30 @@ def check_morph(
 
     Parameters
     ----------
+    morph : of `morph_model`
+    options : limits of the checks; see `CheckOptions`
     coordinates : by coordinate of the source the target's, factor and offset, as of `graft_muscles`; None for those of
         the same name
     progress : called with 1 after each of `PARTS` parts
 
+    Returns
+    -------
+    paths through bones [m], moment arms [m], folds, and warnings
+
     Raises
     ------
     UnknownName : the table names a coordinate that its model does not have
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> model = mm.read_model("arm.osim")
+    >>> import numpy as np
+    >>> places = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.3, 0.0], [0.0, 0.0, 0.05]])
+    >>> fore = mm.map_bone("fore", None, None, mm.morph.FeaturePoints(("a", "b", "c", "d"), places, 1.2 * places))
+    >>> checks = mm.morph.check_morph(mm.morph_model(model, {"fore": fore}, mass=4.0))
+    >>> [warning.kind for warning in checks.warnings], len(checks.arms)
+    ([], 2)
     """
     options = options or CheckOptions()
     pairs = compared_coordinates(morph.source, morph.model, coordinates)

@@ -164,6 +164,7 @@ class Penetration:
 
     Attributes
     ----------
+    muscle, body : names
     source, target : deepest place under the bone's surface over all poses [m]; 0 where it runs outside
     increase : target less source times the bone's size [m]
     coordinate, value : moved in the pose where it is deepest in the target [rad or m]; "" in the default pose

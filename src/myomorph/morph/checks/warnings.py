@@ -95,6 +95,7 @@ class MorphChecks:
 
     Attributes
     ----------
+    options : limits of the checks
     penetrations : of muscles through bones, the largest increase first
     arms : moment arms over each coordinate's range
     order : rank correlation of the muscles' mean moment arms about each coordinate; NaN of fewer than four

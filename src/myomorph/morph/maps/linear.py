@@ -29,6 +29,7 @@ class Similarity:
 
     Attributes
     ----------
+    scale : factor of all lengths
     rotation : (3, 3)
     translation : (3,) [m]
     """

@@ -29,6 +29,7 @@ class GroupPlan:
 
     Attributes
     ----------
+    strides : how strides are found
     first, second : name of the group, names of its subjects
     trials : of every subject, by name
     """

@@ -49,6 +49,9 @@ class Plan:
 
     Attributes
     ----------
+    name : of the study
+    path : of the study file
+    trials : recordings of all subjects
     settings : by step, what the study file says for all
     steps : of each trial, in the order in which they run
     subjects : by name, what the steps on subjects need

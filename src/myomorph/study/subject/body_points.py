@@ -59,12 +59,28 @@ def body_points(
 
     Parameters
     ----------
+    model : of the body
+    shape : what is known of it: a skin, or height and chest [m]; nothing for envelopes of the links
+    mass : of the whole body [kg]
+    options : spacing of the points [m], weight map and density; see `BodyOptions`
     compare : also by the other weight maps, where a skin makes them differ
     surfaces : meshes of the model's bodies
+
+    Returns
+    -------
+    points by weight map; a test of points (points, 3) [m], None without a skin; notes
 
     Raises
     ------
     BadData : a shape that cannot be, or more points than memory holds
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> model = mm.read_model("arm.osim")
+    >>> points, inside, notes = mm.body_points(model, mm.BodyShape(), 4.0, mm.BodyOptions(spacing=0.05))
+    >>> list(points), round(float(points["own"].reference.sum()), 3), inside
+    (['own'], 4.0, None)
     """
     if not 0.0005 <= options.spacing <= 0.1:
         raise BadData(f"--spacing {options.spacing:g}: expected a distance in metres from 0.0005 to 0.1, as 0.005")

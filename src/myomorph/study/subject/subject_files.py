@@ -70,6 +70,8 @@ class SubjectFiles:
 
     Attributes
     ----------
+    name : of the subject
+    mass : of the body [kg], None for the model's
     model : generic or scaled
     static : recording of standing still, for calibration
     shape : what is known of the body, for identification

@@ -67,6 +67,8 @@ class Together:
 
     Attributes
     ----------
+    name : of the trial
+    measured : what plates and sensors measured, None for nothing
     trials : name of each part, which is its subject's, to the name of its trial
     objects : tables of objects, each with the file of its motion: coordinates tx, ty, tz, rx, ry, rz
     contacts : file of sites and touches; names in it have their part's name before them (`tori_hand_r`)

@@ -24,7 +24,9 @@ class TrialFiles:
 
     Attributes
     ----------
+    model : file
     name : of the trial, "" for that of its recording
+    subject : whose it is
     condition : that it was recorded in, as the study file names it
     inputs : settings of its inputs, see `study.inputs.table`
     """

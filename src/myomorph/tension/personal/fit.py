@@ -46,6 +46,7 @@ class Fitted:
 
     Attributes
     ----------
+    moved : largest change of a parameter in the last step, in its standard deviations
     p : (parameters,) see `Prior`
     covariance : (parameters, parameters) after the recordings
     noise : errors of torques and activations that the misfits show

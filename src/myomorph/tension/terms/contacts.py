@@ -69,6 +69,8 @@ class ContactTask:
 
     Attributes
     ----------
+    sites : places that may carry force
+    options : how forces are chosen
     strengths : (frames, sites) in 0..1 at the motion's times: 0 for no contact, between for a contact that
         is only beginning, or not sure
     measured : forces known for some sites together

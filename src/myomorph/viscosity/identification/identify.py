@@ -129,6 +129,7 @@ class MuscleViscosity:
 
     Attributes
     ----------
+    muscles : names
     common : one value for all muscles, as the paper prints it [N s/m]
     pcsa : (muscles,) shares of the physiological cross-section, mean 1
     by_pcsa : the factor of those shares [N s/m]
@@ -154,6 +155,7 @@ class SpecimenViscosity:
 
     Attributes
     ----------
+    name : of the specimen
     without, intact : muscles removed and intact; None where that condition is lacking or failed
     muscles : None unless both conditions are there
     muscle_mass : with less without [kg]

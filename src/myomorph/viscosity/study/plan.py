@@ -131,6 +131,9 @@ class SpecimenFiles:
 
     Attributes
     ----------
+    name : of the specimen
+    model : file
+    joint : ball or hinge, the one that swings
     without, intact : recordings without and with muscles; either may be empty
     measured_muscle_mass : of the removed muscles on a scale [kg]
     base, first : bodies of the model, None for those called scapula and humerus
@@ -169,6 +172,8 @@ class ViscosityPlan:
 
     Attributes
     ----------
+    name : of the study
+    specimens : in the order of the file
     path : of the study file, None where there is none
     settings : by step, only what was given
     real, simulated, assumed : sentences of the report's head
@@ -200,11 +205,39 @@ def viscosity_tables() -> type[BaseModel]:
 def read_viscosity_plan(path: str | Path) -> ViscosityPlan:
     """Read a study file of swinging limbs; paths in it are relative to its folder.
 
+    Parameters
+    ----------
+    path : of the study file
+
+    Returns
+    -------
+    names of specimens, their files and settings; nothing is read yet
+
     Raises
     ------
     BadFile
         where it is no TOML, or with one list of all that is wrong: unknown keys and quantities, values of the
         wrong kind, files that do not exist, a specimen without any recording
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import myomorph as mm
+    >>> text = '''
+    ... [study]
+    ... name = "swings"
+    ... [[specimen]]
+    ... name = "03"
+    ... model = "arm.osim"
+    ... base = "upper"
+    ... first_body = "fore"
+    ... joint = "hinge"
+    ... removed = [{ markers = "reach.trc", loads = "reach_grf.xml" }]
+    ... '''
+    >>> _ = Path("swings.toml").write_text(text)
+    >>> plan = mm.viscosity.read_viscosity_plan("swings.toml")
+    >>> [specimen.name for specimen in plan.specimens]
+    ['03']
     """
     path = Path(path)
     raw, remarks = read_toml(path), list[str]()

@@ -87,6 +87,8 @@ def run_viscosity(
 
     Parameters
     ----------
+    plan : of `read_viscosity_plan`
+    out : folder of the results
     report : called with each specimen's outcome when it ends
     fresh : compute every specimen, whatever an earlier run left
     workers : that do the jobs, closed at the end; None does them in this process
@@ -99,6 +101,18 @@ def run_viscosity(
     Raises
     ------
     BadData : an option is out of its range, or another run writes into the folder
+
+    Examples
+    --------
+    >>> from dataclasses import replace
+    >>> from pathlib import Path
+    >>> import myomorph as mm
+    >>> plan = mm.viscosity.read_viscosity_plan(
+    ...     mm.write_shoulder_study(Path("shoulder"), (3,), seconds=6.0, trials=1, raw=())
+    ... )
+    >>> outcomes = mm.viscosity.run_viscosity(replace(plan, settings={"identification": {"draws": 20}}), Path("swung"))
+    >>> [outcome.error for outcome in outcomes], Path("swung/cohort.csv").exists()
+    ([''], True)
     """
     StudyOptions.of(plan.settings)
     return run_graph(lambda mark: graph_of(plan, out, fresh, mark), out, workers, report)

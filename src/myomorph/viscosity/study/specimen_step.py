@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from myomorph.io.osim.write import write_osim
 from myomorph.model.frozen_map import FrozenMap
-from myomorph.model.provenance import Provenance
+from myomorph.model.provenance import Estimate, Provenance
 from myomorph.store.progress import progress
 from myomorph.store.results import file_source, provenance_of
 from myomorph.study.step.folder_steps import FolderOutput
@@ -60,6 +61,37 @@ def read_specimen(home: Path) -> SpecimenReport:
         where there is no such result
     """
     return read_value(home / SPECIMEN, SpecimenReport)
+
+
+def read_estimates(folder: str | Path) -> Mapping[str, Estimate]:
+    """The numbers of a specimen with their intervals, by quantity, as in `specimens.csv`.
+
+    Parameters
+    ----------
+    folder : of the specimen, in that of the results
+
+    Returns
+    -------
+    masses [kg], distances of mass centers [m], viscosities [N m s/rad] and [N s/m]; what is lacking is absent
+
+    Raises
+    ------
+    BadFile
+        where there is no such result
+
+    Examples
+    --------
+    >>> from dataclasses import replace
+    >>> from pathlib import Path
+    >>> import myomorph as mm
+    >>> study = mm.write_shoulder_study(Path("shoulder"), (3,), seconds=6.0, trials=1, raw=())
+    >>> plan = replace(mm.viscosity.read_viscosity_plan(study), settings={"identification": {"draws": 20}})
+    >>> _ = mm.viscosity.run_viscosity(plan, Path("swung"))
+    >>> joint = mm.viscosity.read_estimates("swung/03")["joint_viscosity"]
+    >>> 0.04 < joint.value < 0.08, joint.low < joint.value < joint.high
+    (True, True)
+    """
+    return read_specimen(Path(folder)).row
 
 
 def _run(specimen: SpecimenInputs, output: FolderOutput) -> SpecimenReport:

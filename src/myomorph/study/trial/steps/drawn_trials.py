@@ -19,7 +19,7 @@ from myomorph.model.series import Markers, Motion, Table, Wrenches
 from myomorph.motion.ik import InverseKinematicsOptions
 from myomorph.motion.nearby import poses_near
 from myomorph.motion.sync import cut
-from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.marker_positions import marker_positions
 from myomorph.rigid.tree import compile_tree
 from myomorph.store.settings import Differentiation
 from myomorph.study.inputs.emg import RecordedEmg
@@ -264,7 +264,7 @@ def chain_of(trial: TrialInputs, poses: Poses, torques: Torques | None, tense: b
         errors = np.sqrt(np.nanmean(checked.fit.errors**2, axis=0))
         residuals = dict(zip(checked.fit.marker_names, errors.tolist(), strict=True))
     elif trial.model.markers:
-        markers = markers_of(trial, recorded)
+        markers = marker_positions(trial.model, recorded)
         base = poses_near(trial.model, markers, whole(recorded, trial.model), trial.options[InverseKinematicsOptions])
     if torques is None and tense:
         torques = solve_dynamics(trial, recorded)
@@ -285,16 +285,6 @@ def chain_of(trial: TrialInputs, poses: Poses, torques: Torques | None, tense: b
 def whole(motion: Motion, model: Model) -> Motion:
     """A motion with all coordinates of the model, those that it lacks at their defaults."""
     return Motion(motion.time, model.coordinate_names, compile_tree(model).coordinates_of(motion))
-
-
-def markers_of(trial: TrialInputs, motion: Motion) -> Markers:
-    """Where a model's markers are in a motion."""
-    tree = compile_tree(trial.model)
-    poses = forward_kinematics(tree, tree.coordinates_of(motion))
-    places = trial.model.markers
-    bodies = np.array([tree.body_number(place.body) for place in places], np.int64)
-    points = poses.points(bodies, np.array([place.location for place in places]))
-    return Markers(motion.time, tuple(place.name for place in places), points)
 
 
 def drawn_trial(chain: Chain, draw: Draw) -> TrialInputs:

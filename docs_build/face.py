@@ -1,0 +1,130 @@
+"""The public face as data: what `import myomorph as mm` reaches, by namespace, and the tables of it in the docs.
+
+A line `<!-- names: mm.morph -->` of a page stands for the table of that namespace, a row a name with the first sentence
+of its docstring, when the site is built.
+"""
+
+from __future__ import annotations
+
+import ast
+import dataclasses
+import importlib
+import inspect
+import re
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import myomorph as mm
+
+TABLE = re.compile(r"^<!-- names: (?P<namespace>[\w.]+) -->$", re.MULTILINE)
+Definition = tuple[str, str]
+"""A module of the package, and a name that is defined there."""
+
+
+def namespaces() -> dict[str, ModuleType]:
+    """`mm` and what it has of namespaces, by the names that users write."""
+    inner = {f"mm.{name}": getattr(mm, name) for name in sorted(mm.__all__) if inspect.ismodule(getattr(mm, name))}
+    return {"mm": mm, **inner}
+
+
+def names_of(namespace: ModuleType) -> tuple[str, ...]:
+    """Public functions and classes of a namespace, sorted; namespaces within it are left out."""
+    return tuple(name for name in sorted(namespace.__all__) if not inspect.ismodule(getattr(namespace, name)))
+
+
+def public() -> dict[str, Any]:
+    """Every public function and class by the name that users write, as `mm.morph.Morph`."""
+    return {
+        f"{space}.{name}": getattr(module, name) for space, module in namespaces().items() for name in names_of(module)
+    }
+
+
+def first_sentence(value: object) -> str:
+    """What a docstring says first, up to its first full stop or blank line."""
+    paragraph = inspect.cleandoc(value.__doc__ or "").split("\n\n")[0].replace("\n", " ")
+    return re.split(r"(?<=[^.])\.(?:\s|$)", paragraph, maxsplit=1)[0]
+
+
+def table(namespace: str) -> str:
+    """The names of a namespace as a table of Markdown.
+
+    Raises
+    ------
+    KeyError
+        where there is no such namespace
+    """
+    module = namespaces()[namespace]
+    rows = (
+        f"| `{namespace}.{name}` | {first_sentence(getattr(module, name)).replace('|', chr(92) + '|')} |"
+        for name in names_of(module)
+    )
+    return "\n".join(("| name | what it is |", "| --- | --- |", *rows))
+
+
+def with_names(markdown: str) -> str:
+    """A page with the tables of names in place."""
+    return TABLE.sub(lambda line: table(line["namespace"]), markdown)
+
+
+def types_in_signature(function: Any) -> dict[str, set[Definition]]:
+    """Classes of the package that a function takes or gives, by parameter, and "return"."""
+    signature = inspect.signature(function)
+    annotations = {name: parameter.annotation for name, parameter in signature.parameters.items()}
+    annotations["return"] = signature.return_annotation
+    return {name: set(_classes(function.__module__, annotation)) for name, annotation in annotations.items()}
+
+
+def types_in_fields(kind: type) -> dict[str, set[Definition]]:
+    """Classes of the package in the fields of a dataclass, by field; fields that `repr` hides are the package's own."""
+    if not dataclasses.is_dataclass(kind):
+        return {}
+    hidden = {field.name for field in dataclasses.fields(kind) if not field.repr}
+    return {
+        name: set(_classes(base.__module__, annotation))
+        for base in kind.__mro__
+        for name, annotation in vars(base).get("__annotations__", {}).items()
+        if name not in hidden and not name.startswith("_")
+    }
+
+
+def _classes(module: str, annotation: object) -> Iterator[Definition]:
+    """Classes of the package that an annotation of a module names, aliases replaced by what they stand for."""
+    text = annotation if isinstance(annotation, str) else inspect.formatannotation(annotation)
+    for node in ast.walk(ast.parse(text, mode="eval")):
+        if isinstance(node, ast.Name):
+            yield from _definition(module, node.id)
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and node.value.isidentifier():
+            yield from _definition(module, node.value)
+
+
+@cache
+def _tree(module: str) -> ast.Module:
+    file = importlib.import_module(module).__file__
+    return ast.parse(Path(file).read_text(encoding="utf-8"))
+
+
+@cache
+def _definition(module: str, name: str) -> tuple[Definition, ...]:
+    """Where a name of a module is defined, imports followed, those for type checkers too."""
+    for node in ast.walk(_tree(module)):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("myomorph"):
+            for alias in node.names:
+                if (alias.asname or alias.name) == name:
+                    return _definition(node.module, alias.name)
+    for node in _tree(module).body:
+        if isinstance(node, ast.ClassDef) and node.name == name:
+            return ((module, name),)
+        targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
+        if isinstance(node, ast.Assign | ast.AnnAssign) and any(
+            getattr(variable, "id", "") == name for variable in targets
+        ):
+            value = node.value
+            # Of a type variable, what it is bound to.
+            parts = (
+                [*value.args[1:], *(word.value for word in value.keywords)] if isinstance(value, ast.Call) else [value]
+            )
+            return tuple(kind for part in parts if part is not None for kind in _classes(module, ast.unparse(part)))
+    return ()

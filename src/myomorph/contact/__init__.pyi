@@ -1,0 +1,10 @@
+# The public names of `mm.contact`: where bodies may touch, when they do, and how ready a contact is to carry force.
+from .site_motion import Floor as Floor
+from .site_motion import rest_on_floor as rest_on_floor
+from .sites import FootOptions as FootOptions
+from .sites import body_sites as body_sites
+from .sites import foot_sites as foot_sites
+from .states import ContactStateOptions as ContactStateOptions
+from .states import StrengthOptions as StrengthOptions
+from .states import preferred_directions as preferred_directions
+from .states import strengths as strengths

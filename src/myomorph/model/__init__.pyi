@@ -1,0 +1,27 @@
+# The public names of `mm.model`: parts of models and of recordings, and what results say of themselves.
+from .findings import Finding as Finding
+from .model import Actuator as Actuator
+from .model import Axis as Axis
+from .model import Body as Body
+from .model import Coordinate as Coordinate
+from .model import Coupler as Coupler
+from .model import Frame as Frame
+from .model import Joint as Joint
+from .model import Kept as Kept
+from .model import Loop as Loop
+from .model import Marker as Marker
+from .model import Mesh as Mesh
+from .paths import Bushing as Bushing
+from .paths import Ligament as Ligament
+from .paths import MovingPathPoint as MovingPathPoint
+from .paths import Muscle as Muscle
+from .paths import PassiveTorque as PassiveTorque
+from .paths import Path as Path
+from .paths import PathPoint as PathPoint
+from .paths import PathWrap as PathWrap
+from .paths import WrapObject as WrapObject
+from .provenance import Estimate as Estimate
+from .provenance import Provenance as Provenance
+from .provenance import Source as Source
+from .segments import Segment as Segment
+from .spatial import Transform as Transform

@@ -1,0 +1,18 @@
+# The public names of `mm.tension`: terms of the tension problem, and parts of its results.
+from .fibers import Certificate as Certificate
+from .fibers import Fibers as Fibers
+from .personal.fit import Fitted as Fitted
+from .personal.generic_map import GenericMap as GenericMap
+from .personal.held_out import HeldOut as HeldOut
+from .personal.personalize import Estimate as Estimate
+from .terms.contacts import ContactOptions as ContactOptions
+from .terms.contacts import ContactTask as ContactTask
+from .terms.emg import EmgTarget as EmgTarget
+from .terms.term import Columns as Columns
+from .terms.term import Frames as Frames
+from .terms.term import Penalties as Penalties
+from .terms.term import Rows as Rows
+from .terms.term import Smoothing as Smoothing
+from .terms.term import Term as Term
+from .terms.term import Unknowns as Unknowns
+from .terms.term import Variables as Variables
