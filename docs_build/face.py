@@ -93,11 +93,21 @@ def types_in_fields(kind: type) -> dict[str, set[Definition]]:
 def _classes(module: str, annotation: object) -> Iterator[Definition]:
     """Classes of the package that an annotation of a module names, aliases replaced by what they stand for."""
     text = annotation if isinstance(annotation, str) else inspect.formatannotation(annotation)
-    for node in ast.walk(ast.parse(text, mode="eval")):
+    for node in ast.walk(_Plain().visit(ast.parse(text, mode="eval"))):
         if isinstance(node, ast.Name):
             yield from _definition(module, node.id)
         elif isinstance(node, ast.Constant) and isinstance(node.value, str) and node.value.isidentifier():
             yield from _definition(module, node.value)
+
+
+class _Plain(ast.NodeTransformer):
+    """Annotations without what `Annotated` adds to a type."""
+
+    def visit_Subscript(self, node: ast.Subscript) -> ast.AST:
+        """The type alone."""
+        self.generic_visit(node)
+        annotated = isinstance(node.value, ast.Name) and node.value.id == "Annotated"
+        return node.slice.elts[0] if annotated and isinstance(node.slice, ast.Tuple) else node
 
 
 @cache

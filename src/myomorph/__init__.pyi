@@ -95,6 +95,7 @@ from .motion.ik import KinematicsFit as KinematicsFit
 from .motion.ik import inverse_kinematics as inverse_kinematics
 from .motion.sync import cut as cut
 from .motion.sync import resample_wrenches as resample_wrenches
+from .motion.tasks.task import Task as Task
 from .muscles.kinematics import MuscleKinematics as MuscleKinematics
 from .muscles.kinematics import muscle_kinematics as muscle_kinematics
 from .rigid.dynamics import inverse_dynamics as inverse_dynamics
