@@ -89,12 +89,12 @@ from .motion.crossings import within_crossings as within_crossings
 from .motion.envelope import EnvelopeOptions as EnvelopeOptions
 from .motion.envelope import envelopes as envelopes
 from .motion.filters import differentiate as differentiate
-from .motion.ik import CoordinateTask as CoordinateTask
 from .motion.ik import InverseKinematicsOptions as InverseKinematicsOptions
 from .motion.ik import KinematicsFit as KinematicsFit
 from .motion.ik import inverse_kinematics as inverse_kinematics
 from .motion.sync import cut as cut
 from .motion.sync import resample_wrenches as resample_wrenches
+from .motion.tasks.coordinates import CoordinateTask as CoordinateTask
 from .motion.tasks.task import Task as Task
 from .muscles.kinematics import MuscleKinematics as MuscleKinematics
 from .muscles.kinematics import muscle_kinematics as muscle_kinematics

@@ -1,4 +1,5 @@
 # The public names of `mm.model`: parts of models and of recordings, and what results say of themselves.
+from .contacts import Generators as Generators
 from .findings import Finding as Finding
 from .model import Actuator as Actuator
 from .model import Axis as Axis
