@@ -26,7 +26,6 @@ from myomorph.io.loads import read_external_loads
 from myomorph.io.osim.setup_parts import read_ik_tasks
 from myomorph.model.inertia import inertial_parameters, with_inertial_parameters
 from myomorph.report.trial.identification_tables import segment_sheet
-from myomorph.report.trial.identified import identification_input
 from myomorph.rigid.regressor import base_regressor, base_wrench
 from myomorph.study.inputs.external_forces import force_table
 from myomorph.study.subject.body_points import OWN, body_points
@@ -288,6 +287,6 @@ def measure_segments(folder: Path, chosen: Sequence[int] = (0, 5)) -> Iterator[d
         if not (folder / subject.model).exists():
             continue
         found, _ = identified(folder, subject, tuple(subject.trials))
-        sheet = segment_sheet(identification_input(found, {}, {}))
+        sheet = segment_sheet(found)
         for cells in sheet.rows:
             yield {"subject": subject.name} | dict(zip(sheet.head, cells, strict=True))

@@ -190,7 +190,7 @@ def test_cross_validation_of_the_true_model_is_exact(walk):
     assert np.isnan(check.measured[~found.use]).all()
     np.testing.assert_allclose(check.rms("true"), 0.0, atol=1e-9)
     table = check.table()["true"]
-    assert set(table) == {"mean", "rms", "peak", "percent"}
+    assert set(table) == {"bias", "mean", "rms", "peak", "percent"}
     assert check.weight == pytest.approx(MASS * 9.80665)
     with pytest.raises(UnknownName, match="'true'"):
         check.rms("false")

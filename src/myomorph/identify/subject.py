@@ -132,6 +132,21 @@ class Identification:
         return self.known.sd if self.chosen == self.identified else self.known.prior_sd
 
     @property
+    def from_data(self) -> np.ndarray:
+        """(bodies, 10) which of the model's parameters the data determine."""
+        return self.known.data & (self.chosen == self.identified)
+
+    @property
+    def link_shares(self) -> Array:
+        """(bodies,) how much of what is known of each link comes from the data rather than from the shape, 0 to 1."""
+        return np.asarray(self.known.shares.mean(axis=1))
+
+    @property
+    def masses(self) -> Mapping[str, Array]:
+        """(bodies,) masses by the name of the way that gives them [kg]."""
+        return {name: table[:, 0] for name, table in self.parameters.items()}
+
+    @property
     def left_out(self) -> Mapping[str, int]:
         """Reason -> frames of all recordings left out for it."""
         return FrozenMap(dict(all_left_out(self.recordings)))

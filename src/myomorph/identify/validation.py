@@ -21,6 +21,9 @@ from myomorph.rigid.regressor import base_wrench, regressor_blocks
 Inside = Callable[[Array], np.ndarray]
 """Points (points, 3) in ground [m] -> (points,) whether each is inside the body."""
 
+COMPONENTS = ("Nx", "Ny", "Nz", "Fx", "Fy", "Fz")
+"""Of a wrench, in the order of its arrays: moment [N m], then force [N]."""
+
 ROUNDING = 1e-9
 """How far below 0 rounding may bring an eigenvalue, relative to what is summed up in it."""
 
@@ -46,7 +49,7 @@ class CrossValidation:
     @property
     def errors(self) -> Mapping[str, Array]:
         """(frames, 6) predicted less measured, by name."""
-        return {name: one - self.measured for name, one in self.predicted.items()}
+        return {name: wrench - self.measured for name, wrench in self.predicted.items()}
 
     def rms(self, name: str) -> Array:
         """(2,) root mean square of the moment's and the force's error vectors [N m], [N].
@@ -62,14 +65,17 @@ class CrossValidation:
         return np.array([np.sqrt(np.mean(np.square(half).sum(axis=1))) for half in halves])
 
     def table(self) -> Mapping[str, Mapping[str, Array]]:
-        """By name: mean of the absolute error, RMS and peak of the six components, and RMS as percent of body weight.
+        """By name: mean error of the six components, its mean absolute value, RMS, peak, and RMS over body weight [%].
 
-        The percentage of a moment is of body weight times 1 m.
+        The percentage of a moment is of body weight times 1 m. A model without a frame to compare is left out.
         """
         result = {}
         for name, error in self.errors.items():
+            if not np.isfinite(error).any():
+                continue
             rms = np.sqrt(np.nanmean(np.square(error), axis=0))
             result[name] = {
+                "bias": np.nanmean(error, axis=0),
                 "mean": np.nanmean(np.abs(error), axis=0),
                 "rms": rms,
                 "peak": np.nanmax(np.abs(error), axis=0),

@@ -74,12 +74,12 @@ def test_tables_have_a_name_for_every_column(morph, checks):
     tables = morphing_tables(morph, checks)
     assert {"bones.csv", "points.csv", "muscles.csv", "joints.csv", "masses.csv", "moment_arms.csv", "warnings.csv",
             "penetration.csv", "moment_arm_summary.csv", "not_transferred.csv"} == set(tables)  # fmt: skip
-    for name, (header, rows) in tables.items():
-        assert {len(row) for row in rows} == {len(header)}, name
-    header, rows = tables["moment_arms.csv"]
+    for name, sheet in tables.items():
+        assert {len(row) for row in sheet.rows} == {len(sheet.head)}, name
+    rows = tables["moment_arms.csv"].rows
     values = np.array([row[3:] for row in rows if row[2] == "flexor"], dtype=np.float64)
     np.testing.assert_allclose(values[:, 3], 1.1 * values[:, 2], rtol=1e-9)
-    assert len(tables["points.csv"][1]) == len(morph.points)
+    assert len(tables["points.csv"].rows) == len(morph.points)
 
 
 def test_names_of_muscles_with_a_warning_are_marked(morph, checks):

@@ -11,8 +11,6 @@ from myomorph.report.charts.axis import number
 from myomorph.report.charts.rows import dot_plot
 from myomorph.report.morph.figures import arm_figure, body_figure, bone_figures, name_of
 from myomorph.report.morph.tables import (
-    Cell,
-    Rows,
     arm_summary_rows,
     joint_rows,
     mass_rows,
@@ -20,7 +18,7 @@ from myomorph.report.morph.tables import (
     point_rows,
     wrap_rows,
 )
-from myomorph.report.page.parts import Figure, Grid, Section
+from myomorph.report.page.parts import Cell, Figure, Grid, Section, Sheet
 
 KINDS = {
     "bone": "Path through bone",
@@ -136,17 +134,17 @@ def arm_section(morph: Morph, checks: MorphChecks) -> Section | None:
         (name_of(arms.pair), str(len(arms.muscles)), number(checks.order[arms.pair.source], 0.001))
         for arms in checks.arms
     )
-    header, rows = arm_summary_rows(morph, checks)
+    rows = arm_summary_rows(morph, checks).rows
     printed = [
-        (str(row[0]), str(row[1]), *(number(1e3 * float(x)) for x in row[2:8]), number(float(row[8])),
-         f"{100 * float(row[9]):.0f} %", *(number(1e3 * float(x)) for x in row[10:]))
-        for row in rows
+        (str(pair), str(muscle), *(number(1e3 * arm) for arm in arms[:6]), number(arms[6]), f"{100 * arms[7]:.0f} %",
+         *(number(1e3 * arm) for arm in arms[8:]))
+        for pair, muscle, *numbers in rows
+        for arms in [np.array(numbers, float).tolist()]
     ]  # fmt: skip
     head = (
         "Coordinate", "Muscle", "Source mean [mm]", "Minimum", "Maximum", "Target mean [mm]", "Minimum", "Maximum",
         "Ratio to scaled source", "Same sign", "Jump, source [mm]", "Jump, target [mm]", "Within, 90 % [mm]",
     )  # fmt: skip
-    assert len(head) == len(header)
     title = f"All {len(rows)} pairs of muscle and coordinate"
     if len(printed) > MAX_ROWS:
         printed = [row for row in printed if any(w.name == row[1] and row[0] in w.text for w in checks.warnings)]
@@ -254,18 +252,17 @@ def mass_section(morph: Morph) -> Section:
     return Section("masses", "Masses", " ".join([lead, *notes]), (), (), (grid,))
 
 
-def _millimeters(table: Rows, title: str, plain: set[int], folded: bool = True) -> Grid:
+def _millimeters(sheet: Sheet, title: str, plain: set[int], folded: bool = True) -> Grid:
     """A table for print, metres in millimetres."""
-    header, rows = table
 
     def printed(column: int, cell: Cell) -> str:
         if not isinstance(cell, float):
             return str(cell)
-        return number(1e3 * cell) if "[m]" in header[column] and column not in plain else number(cell)
+        return number(1e3 * cell) if "[m]" in sheet.head[column] and column not in plain else number(cell)
 
-    head = tuple(name.replace("[m]", "[mm]").capitalize() for name in header)
+    head = tuple(name.replace("[m]", "[mm]").capitalize() for name in sheet.head)
     return Grid(
-        head, tuple(tuple(printed(index, cell) for index, cell in enumerate(row)) for row in rows), title, folded
+        head, tuple(tuple(printed(index, cell) for index, cell in enumerate(row)) for row in sheet.rows), title, folded
     )
 
 

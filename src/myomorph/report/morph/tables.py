@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import TypeAlias
 
 import numpy as np
 
@@ -12,15 +11,12 @@ from myomorph.morph.checks.moment_arms import MomentArms
 from myomorph.morph.checks.warnings import MorphChecks
 from myomorph.morph.maps.fields import muscle_sizes
 from myomorph.morph.morphed import Morph
-
-Cell: TypeAlias = str | float | int
-Rows: TypeAlias = tuple[tuple[str, ...], list[tuple[Cell, ...]]]
-"""Column names with their units, and rows; NaN where nothing is known."""
+from myomorph.report.page.parts import Cell, Sheet
 
 
-def morphing_tables(morph: Morph, checks: MorphChecks) -> Mapping[str, Rows]:
-    """Every table that has rows, by the name of the file to write it to: header and rows, in SI and radians."""
-    tables: dict[str, Rows] = {
+def morphing_tables(morph: Morph, checks: MorphChecks) -> Mapping[str, Sheet]:
+    """Every table that has rows, by the name of its file: in SI and radians, NaN where nothing is known."""
+    tables: dict[str, Sheet] = {
         "bones.csv": bone_rows(morph),
         "points.csv": point_rows(morph),
         "muscles.csv": muscle_rows(morph),
@@ -30,16 +26,16 @@ def morphing_tables(morph: Morph, checks: MorphChecks) -> Mapping[str, Rows]:
         "moment_arm_summary.csv": arm_summary_rows(morph, checks),
         "wrap_objects.csv": wrap_rows(checks),
         "penetration.csv": penetration_rows(checks),
-        "warnings.csv": (
+        "warnings.csv": Sheet(
             ("kind", "name", "warning"),
             [(warning.kind, warning.name, warning.text) for warning in checks.warnings],
         ),
-        "not_transferred.csv": (("part", "reason"), [(name, reason) for name, reason in morph.left_out.items()]),
+        "not_transferred.csv": Sheet(("part", "reason"), tuple(morph.left_out.items())),
     }
-    return {name: rows for name, rows in tables.items() if rows[1]}
+    return {name: sheet for name, sheet in tables.items() if sheet.rows}
 
 
-def bone_rows(morph: Morph) -> Rows:
+def bone_rows(morph: Morph) -> Sheet:
     """What each bone was mapped by and how well."""
     named = dict.fromkeys(name for bone in morph.bones.values() for name in bone.measures)
     measures = [name for name in named if name != "features"]
@@ -49,10 +45,10 @@ def bone_rows(morph: Morph) -> Rows:
         known = [float(bone.measures.get(name, np.nan)) for name in measures]
         count = 0 if bone.features is None else len(bone.features)
         rows.append((bone.body, bone.target_body, bone.basis, bone.whole.scale, count, *known, "; ".join(bone.notes)))
-    return header, rows
+    return Sheet(header, rows)
 
 
-def point_rows(morph: Morph) -> Rows:
+def point_rows(morph: Morph) -> Sheet:
     """Every path point before and after."""
     axes = "xyz"
     header = (
@@ -65,10 +61,10 @@ def point_rows(morph: Morph) -> Rows:
          point.depth_source, point.depth_target, point.within, point.cleared)
         for point in morph.points
     ]  # fmt: skip
-    return header, rows
+    return Sheet(header, rows)
 
 
-def mass_rows(morph: Morph) -> Rows:
+def mass_rows(morph: Morph) -> Sheet:
     """Masses, and mass centers in the bodies' frames."""
     axes = "xyz"
     header = (
@@ -83,14 +79,14 @@ def mass_rows(morph: Morph) -> Rows:
         moments = _xyz(np.linalg.eigvalsh(body.inertia))
         mass = float("nan") if source is None else source.mass
         rows.append((body.name, mass, body.mass, *center, *_xyz(body.mass_center), *moments))
-    return header, rows
+    return Sheet(header, rows)
 
 
 def _xyz(point: Iterable[float]) -> tuple[float, ...]:
     return tuple(float(coordinate) for coordinate in point)
 
 
-def muscle_rows(morph: Morph) -> Rows:
+def muscle_rows(morph: Morph) -> Sheet:
     """What became of each muscle's parameters, target over source, and 90 % intervals where tables gave them."""
     header = (
         "muscle", "path", "optimal fiber length", "tendon slack length", "maximum isometric force",
@@ -104,10 +100,10 @@ def muscle_rows(morph: Morph) -> Rows:
          muscle.basis or "bones", *muscle.fiber_interval, *muscle.force_interval)
         for muscle in morph.muscles
     ]  # fmt: skip
-    return header, rows
+    return Sheet(header, rows)
 
 
-def joint_rows(morph: Morph) -> Rows:
+def joint_rows(morph: Morph) -> Sheet:
     """Where each joint's center is in the target's bones, and how it was found."""
     axes = "xyz"
     header = (
@@ -118,10 +114,10 @@ def joint_rows(morph: Morph) -> Rows:
         (joint.name, joint.method, *_xyz(joint.in_parent), *_xyz(joint.in_child), joint.moved, joint.gap)
         for joint in morph.joints
     ]
-    return header, rows
+    return Sheet(header, rows)
 
 
-def arm_rows(checks: MorphChecks) -> Rows:
+def arm_rows(checks: MorphChecks) -> Sheet:
     """Moment arms of every muscle over every coordinate's range, in source and target."""
     header = (
         "coordinate", "target coordinate", "muscle", "source value [rad or m]", "target value [rad or m]",
@@ -134,10 +130,10 @@ def arm_rows(checks: MorphChecks) -> Rows:
             columns = arm.source_values, arm.target_values, arm.source[:, index], arm.target[:, index], within[:, index]
             values = zip(*columns, strict=True)
             rows += [(arm.pair.source, arm.pair.target, muscle, *map(float, row)) for row in values]
-    return header, rows
+    return Sheet(header, rows)
 
 
-def arm_summary_rows(morph: Morph, checks: MorphChecks) -> Rows:
+def arm_summary_rows(morph: Morph, checks: MorphChecks) -> Sheet:
     """Mean, least and greatest moment arm of every muscle about every coordinate, and what becomes of its sign."""
     header = (
         "coordinate", "muscle", "source mean [m or 1]", "source least", "source greatest", "target mean [m or 1]",
@@ -155,7 +151,7 @@ def arm_summary_rows(morph: Morph, checks: MorphChecks) -> Rows:
             jumps = float(arm.source_jumps[index]), float(arm.target_jumps[index])
             within = float(np.sqrt(np.mean(_within(arm)[:, index] ** 2)))
             rows.append((arm.pair.target, muscle, *_spread(r), *_spread(t), ratio, same, *jumps, within))
-    return header, rows
+    return Sheet(header, rows)
 
 
 def _within(moment_arms: MomentArms) -> Array:
@@ -163,7 +159,7 @@ def _within(moment_arms: MomentArms) -> Array:
     return np.full_like(moment_arms.target, np.nan) if moment_arms.within is None else moment_arms.within
 
 
-def wrap_rows(checks: MorphChecks) -> Rows:
+def wrap_rows(checks: MorphChecks) -> Sheet:
     """Where wrap objects lie in the target's bones, their sizes, and how surely."""
     header = (
         "wrap object", "body", "kind", *(f"middle {a} [m]" for a in "xyz"), "first size [m]",
@@ -174,29 +170,21 @@ def wrap_rows(checks: MorphChecks) -> Rows:
          wrap.within, wrap.size)
         for wrap in checks.wraps
     ]  # fmt: skip
-    return header, rows
+    return Sheet(header, rows)
 
 
 def _spread(values: np.ndarray) -> tuple[float, float, float]:
     return float(values.mean()), float(values.min()), float(values.max())
 
 
-def penetration_rows(checks: MorphChecks) -> Rows:
+def penetration_rows(checks: MorphChecks) -> Sheet:
     """Muscles that run under the surface of a bone, and where they are deepest."""
     header = (
         "muscle", "bone", "source depth [m]", "target depth [m]", "increase over grown source [m]",
         "coordinate", "value [rad or m]",
     )  # fmt: skip
     rows: list[tuple[Cell, ...]] = [
-        (
-            penetration.muscle,
-            penetration.body,
-            penetration.source,
-            penetration.target,
-            penetration.increase,
-            penetration.coordinate,
-            penetration.value,
-        )
-        for penetration in checks.penetrations
+        (fault.muscle, fault.body, fault.source, fault.target, fault.increase, fault.coordinate, fault.value)
+        for fault in checks.penetrations
     ]
-    return header, rows
+    return Sheet(header, rows)

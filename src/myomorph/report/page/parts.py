@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import csv
+import io
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Literal
@@ -39,6 +42,32 @@ class Grid:
     rows: tuple[tuple[str | Link, ...], ...]
     title: str = ""
     folded: bool = False
+
+
+Cell = str | float | int | None
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """A table of numbers: column names with their units, and rows; None is an empty cell."""
+
+    head: tuple[str, ...]
+    rows: Sequence[tuple[Cell, ...]]
+
+    def csv(self, digits: int | None = None) -> str:
+        """The table as comma-separated text, a cell without a value empty; by default all digits of a number."""
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(self.head)
+        for row in self.rows:
+            writer.writerow([_written(cell, digits) if isinstance(cell, float) else cell for cell in row])
+        return text.getvalue()
+
+
+def _written(number: float, digits: int | None) -> str:
+    if not math.isfinite(number):
+        return ""
+    return repr(float(number)) if digits is None else f"{number:.{digits}g}"
 
 
 @dataclass(frozen=True)

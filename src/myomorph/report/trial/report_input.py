@@ -9,15 +9,17 @@ from typing import Literal
 import numpy as np
 
 from myomorph.analysis.phases import Phase
+from myomorph.identify.subject import Identification
+from myomorph.identify.validation import CrossValidation
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.contacts import ContactForces, Contacts
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.series import Emg, Event, ForcePlate, Markers, Motion, Series, Wrenches
 from myomorph.model.surface import Surface
+from myomorph.motion.calibration import Calibration
 from myomorph.motion.ik import KinematicsFit
 from myomorph.report.page.parts import PageHead, Section
-from myomorph.report.trial.identified import IdentificationInput
 from myomorph.tension.emg_conflicts import EmgConflict
 from myomorph.tension.fibers import Fibers
 from myomorph.tension.joint_contact import JointContactForces
@@ -208,6 +210,26 @@ class AnalysisChoice:
     preset: str = ""
     phases: tuple[Phase, ...] = ()
     times: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class IdentificationInput:
+    """A body whose masses were identified, or whose lengths were calibrated; a part appears where it is given.
+
+    Attributes
+    ----------
+    model : with the identified parameters
+    identification : of its masses
+    validation : on motions that were not used, by their names
+    calibration : of its lengths and markers
+    recordings : names of those that the calibration used, in their order, the static one last
+    """
+
+    model: Model
+    identification: Identification | None = None
+    validation: Mapping[str, CrossValidation] = field(default_factory=lambda: FrozenMap({}))
+    calibration: Calibration | None = None
+    recordings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

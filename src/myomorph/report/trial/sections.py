@@ -44,7 +44,7 @@ BANDS = " Bands hold 90 % of the draws (see Uncertainty)."
 def sections(prepared: Prepared) -> tuple[list[Section], list[str]]:
     """All sections that what was given allows, and a sentence on each that it does not."""
     results = prepared.results
-    made = [] if results.identification is None else identification_sections(results.identification)
+    made = [] if results.identification is None else identification_sections(results.identification, results.surfaces)
     missing: list[str] = []
     motion, wrenches = results.kinematics.motion, results.dynamics.wrenches
     if made and motion is None and results.kinematics.markers is None and wrenches is None:

@@ -7,13 +7,16 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from myomorph.analysis.columns import Comparison, compared
+from myomorph.identify.validation import COMPONENTS, CrossValidation
+from myomorph.motion.calibration import Calibration, root_mean_square
 from myomorph.report.charts.axis import number
 from myomorph.report.charts.curves import Line, time_plot
 from myomorph.report.charts.rows import dot_plot
 from myomorph.report.page.parts import Figure, Grid, Section
-from myomorph.report.trial.identification_tables import WrenchError, wrench_errors
-from myomorph.report.trial.identified import COMPONENTS, UNITS, CalibratedBody, IdentificationInput, WrenchCheck
 from myomorph.report.trial.prepared import Prepared
+
+UNITS = ("N·m",) * 3 + ("N",) * 3
+"""Of the components of a wrench."""
 
 STYLES = ("first", "second", "third", "fourth", "left", "middle")
 """Of the methods' lines, in their order."""
@@ -23,11 +26,12 @@ MAX_TIME = 10.0
 """Charts show so much of a motion that is twice as long, or longer [s]."""
 
 
-def validation_section(check: WrenchCheck, styles: Mapping[str, str], order: int = 0) -> Section | None:
+def validation_section(trial: str, check: CrossValidation, styles: Mapping[str, str], order: int = 0) -> Section | None:
     """Six components of the base wrench, measured and by every method, and their errors.
 
     Parameters
     ----------
+    trial : its name
     styles : of each method's line
     order : of the motion among those that were not used, 0 for the first
     """
@@ -37,14 +41,14 @@ def validation_section(check: WrenchCheck, styles: Mapping[str, str], order: int
     span = _busiest(check)
     seen = int(np.isfinite(check.measured).all(axis=1).sum())
     lead = (
-        f"The wrench on the base link, {check.trial or 'a motion that was not used'}: {number(seen, 1.0)} frames. "
+        f"The wrench on the base link, {trial or 'a motion that was not used'}: {number(seen, 1.0)} frames. "
         "Errors are predicted minus measured. Moments are about the base link's origin, in ground axes."
     )
     if span[1] - span[0] < float(check.time[-1] - check.time[0]) - 1e-9:
         lead += f" Charts show the {number(span[1] - span[0])} s with the largest changes; the tables cover all of it."
     return Section(
         f"cross-validation-{order + 1}" if order else "cross-validation",
-        f"Cross-validation: {check.trial or order + 1}" if order else "Cross-validation",
+        f"Cross-validation: {trial or order + 1}" if order else "Cross-validation",
         lead,
         (("measured", "measured"), *((style, name) for name, style in styles.items())),
         tuple(Figure(_chart(check, component, styles, span)) for component in FORCE_FIRST),
@@ -52,7 +56,7 @@ def validation_section(check: WrenchCheck, styles: Mapping[str, str], order: int
     )
 
 
-def _chart(check: WrenchCheck, component: int, styles: Mapping[str, str], span: tuple[float, float]) -> str:
+def _chart(check: CrossValidation, component: int, styles: Mapping[str, str], span: tuple[float, float]) -> str:
     lines = [Line(check.time, check.measured[:, component], "measured", "measured")]
     # The first method is drawn last, over the others.
     for name in reversed(list(check.predicted)):
@@ -60,30 +64,27 @@ def _chart(check: WrenchCheck, component: int, styles: Mapping[str, str], span: 
     return time_plot(COMPONENTS[component], UNITS[component], lines, span, height=200)
 
 
-def _grids(check: WrenchCheck) -> tuple[Grid, ...]:
-    methods = tuple(check.predicted)
-    errors = {(error.component, error.method): error for error in wrench_errors(check)}
+def _grids(check: CrossValidation) -> tuple[Grid, ...]:
+    methods, errors = tuple(check.predicted), check.table()
 
     def grid(title: str, of: str, folded: bool = False, percent: bool = False) -> Grid:
-        def told(wrench_error: WrenchError | None) -> str:
-            return "–" if wrench_error is None else number(float(getattr(wrench_error, of))) + (" %" if percent else "")
-
         rows = []
         for component in FORCE_FIRST:
             name = COMPONENTS[component] if percent else f"{COMPONENTS[component]} [{UNITS[component]}]"
-            rows.append((name, *(told(errors.get((COMPONENTS[component], method))) for method in methods)))
+            values = (number(float(errors[method][of][component])) if method in errors else "–" for method in methods)
+            rows.append((name, *(f"{value} %" if percent and value != "–" else value for value in values)))
         return Grid(("Component", *methods), tuple(rows), title, folded)
 
     return (
         grid("Error, root mean square", "rms"),
-        grid("Error, mean absolute", "mean_absolute"),
-        grid("Error, mean", "mean", folded=True),
+        grid("Error, mean absolute", "mean"),
+        grid("Error, mean", "bias", folded=True),
         grid("Error, maximum", "peak", folded=True),
-        grid("Error, root mean square, over body weight (moments: × 1 m)", "share", folded=True, percent=True),
+        grid("Error, root mean square, over body weight (moments: × 1 m)", "percent", folded=True, percent=True),
     )
 
 
-def _busiest(check: WrenchCheck) -> tuple[float, float]:
+def _busiest(check: CrossValidation) -> tuple[float, float]:
     """The whole time, or of a long motion the part in which the measured wrench changes most [s]."""
     time = check.time
     if time[-1] - time[0] <= 2.0 * MAX_TIME:
@@ -102,72 +103,75 @@ MAX_MARKERS = 40
 MAX_OPEN_ROWS = 30
 
 
-def calibration_section(identified: IdentificationInput) -> Section | None:
-    """Lengths, markers and marker errors before and after kinematic identification."""
-    calibration = identified.calibration
-    if calibration is None:
-        return None
+def calibration_section(calibration: Calibration, recordings: Sequence[str]) -> Section:
+    """Lengths, markers and marker errors before and after kinematic identification.
+
+    Parameters
+    ----------
+    recordings : names of those that were used, in their order, the static one last
+    """
+    lengths = [
+        (length.length.name, length.generic, length.value, length.generic * length.sd) for length in calibration.lengths
+    ]
     lead = "Segment lengths and marker positions that fit the recordings"
-    lead += f", from {number(calibration.frames, 1.0)} frames." if calibration.frames else "."
-    lead += f" {calibration.ended}" if calibration.ended else ""
-    lead += " Bars are ± one standard deviation." if any(length.sd for length in calibration.lengths) else ""
+    frames = sum(len(chosen) for chosen in calibration.frames)
+    lead += f", from {number(frames, 1.0)} frames." if frames else "."
+    lead += f" {'Converged' if calibration.converged else 'NOT converged'} after {calibration.steps} steps, "
+    lead += f"last change {calibration.last_change:.1g} of a length or a meter."
+    lead += " Bars are ± one standard deviation." if any(sd for *_, sd in lengths) else ""
+    figures = []
+    if lengths:
+        names = [name for name, *_ in lengths]
+        change = np.array([1000.0 * (after - before) for _, before, after, _ in lengths])
+        sd = np.array([1000.0 * sd for *_, sd in lengths])
+        figures.append(dot_plot("Change of lengths", "mm", names, [change], ("first",), ("change",), 520, sd))
+    if calibration.markers:
+        shifts = ((marker.name, float(np.linalg.norm(marker.shift))) for marker in calibration.markers)
+        moved = dict(sorted(shifts, key=lambda shift: -shift[1])[:MAX_MARKERS])
+        far = [1000.0 * np.array(list(moved.values()))]
+        figures.append(dot_plot("Marker displacements", "mm", list(moved), far, ("third",), ("moved",), 520))
+    errors = tuple(
+        (name, *(_millimetres(root_mean_square((distances,))) for distances in pair))
+        for name, *pair in zip(recordings, calibration.before, calibration.after, strict=True)
+    )
+    length_rows = tuple((name, *map(_millimetres, values)) for name, *values in lengths)
+    zeros = tuple(
+        (
+            zero.coordinate,
+            f"{number(np.degrees(zero.offset))}°",
+            " to ".join(f"{number(np.degrees(limit))}°" for limit in zero.interval),
+            zero.source,
+        )
+        for zero in calibration.zero_angles
+    )
+    grids = (
+        Grid(("Trial", "RMS before", "RMS after"), errors, "Marker errors before and after"),
+        Grid(
+            ("Length", "Before", "After", "Standard deviation"),
+            length_rows,
+            "Lengths",
+            len(lengths) > MAX_OPEN_ROWS,
+        ),
+        Grid(
+            ("Coordinate", "Zero against the generic model's", "90 % interval", "Fixed by"),
+            zeros,
+            "Zero angles",
+            len(zeros) > MAX_OPEN_ROWS,
+        ),
+        Grid(("Note",), tuple((text,) for text in calibration.notes), "Notes of the calibration"),
+    )
     return Section(
         "calibration",
         "Lengths and markers",
         lead,
         (),
-        _calibration_figures(calibration),
-        _calibration_grids(calibration),
+        tuple(Figure(figure, "medium") for figure in figures),
+        tuple(grid for grid in grids if grid.rows),
     )
 
 
-def _calibration_figures(calibrated: CalibratedBody) -> tuple[Figure, ...]:
-    figures = []
-    if calibrated.lengths:
-        names = [length.name for length in calibrated.lengths]
-        change = 1000.0 * np.array([length.after - length.before for length in calibrated.lengths])
-        sd = 1000.0 * np.array([np.nan if length.sd is None else length.sd for length in calibrated.lengths])
-        figures.append(dot_plot("Change of lengths", "mm", names, [change], ("first",), ("change",), 520, sd))
-    if calibrated.markers:
-        moved = dict(sorted(calibrated.markers.items(), key=lambda item: -item[1])[:MAX_MARKERS])
-        far = [1000.0 * np.array(list(moved.values()))]
-        figures.append(dot_plot("Marker displacements", "mm", list(moved), far, ("third",), ("moved",), 520))
-    return tuple(Figure(figure, "medium") for figure in figures)
-
-
-def _calibration_grids(calibrated: CalibratedBody) -> tuple[Grid, ...]:
-    grids = []
-    if calibrated.errors:
-        errors = tuple(
-            (error.trial, _millimetres(error.before), _millimetres(error.after)) for error in calibrated.errors
-        )
-        grids.append(Grid(("Trial", "RMS before", "RMS after"), errors, "Marker errors before and after"))
-    if calibrated.lengths:
-        head = ("Length", "Before", "After", "Standard deviation")
-        rows = tuple(
-            (length.name, *(_millimetres(value) for value in (length.before, length.after, length.sd)))
-            for length in calibrated.lengths
-        )
-        grids.append(Grid(head, rows, "Lengths", len(rows) > MAX_OPEN_ROWS))
-    if calibrated.zeros:
-        head = ("Coordinate", "Zero against the generic model's", "90 % interval", "Fixed by")
-        rows = tuple(
-            (
-                zero.coordinate,
-                f"{number(np.degrees(zero.offset))}°",
-                f"{number(np.degrees(zero.lowest))}° to {number(np.degrees(zero.highest))}°",
-                zero.source,
-            )
-            for zero in calibrated.zeros
-        )
-        grids.append(Grid(head, rows, "Zero angles", len(rows) > MAX_OPEN_ROWS))
-    if calibrated.notes:
-        grids.append(Grid(("Note",), tuple((text,) for text in calibrated.notes), "Notes of the calibration"))
-    return tuple(grids)
-
-
-def _millimetres(value: float | None) -> str:
-    return "–" if value is None else f"{number(1000.0 * value)} mm"
+def _millimetres(value: float) -> str:
+    return f"{number(1000.0 * value)} mm"
 
 
 def truth_section(prepared: Prepared) -> Section | None:

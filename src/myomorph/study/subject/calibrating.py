@@ -27,7 +27,6 @@ from myomorph.motion.lengths import length_unit
 from myomorph.motion.marker_sides import side_findings
 from myomorph.motion.sync import cut
 from myomorph.muscles.scaling import default_path_lengths
-from myomorph.report.trial.identified import IdentificationInput, calibrated_body
 from myomorph.report.trial.summary_lines import calibration_line
 from myomorph.rigid.tree import compile_tree
 from myomorph.store.progress import progress
@@ -320,7 +319,7 @@ def calibration_page(calibrated: Calibrated) -> str:
     """Lengths and markers before and after as HTML text, see `report_page`."""
     # Workers calibrate many subjects and write their pages last: until then, nothing of the report is loaded.
     from myomorph.report.page.parts import Note, PageHead, SourceFile
-    from myomorph.report.trial.report_input import ReportInput
+    from myomorph.report.trial.report_input import IdentificationInput, ReportInput
 
     # Brings jinja2: loaded only where it is needed.
     from myomorph.report.trial.trial_page import report_page
@@ -343,7 +342,7 @@ def calibration_page(calibrated: Calibrated) -> str:
             model=calibration.model,
             surfaces=surfaces,
             identification=IdentificationInput(
-                calibration.model, calibration=calibrated_body(calibration, calibrated.recordings), surfaces=surfaces
+                calibration.model, calibration=calibration, recordings=calibrated.recordings
             ),
         )
     )

@@ -22,8 +22,7 @@ from myomorph.model.series import Motion, Wrenches
 from myomorph.model.surface import Surface
 from myomorph.report.page.parts import Note, PageHead, SourceFile
 from myomorph.report.trial.identification_tables import identification_tables
-from myomorph.report.trial.identified import identification_input
-from myomorph.report.trial.report_input import Recorded, ReportInput
+from myomorph.report.trial.report_input import IdentificationInput, Recorded, ReportInput
 from myomorph.store.progress import progress
 from myomorph.store.results import file_source, provenance_of
 from myomorph.store.settings import ForceOptions, SettingGroup
@@ -260,11 +259,9 @@ def _write_tables(identified: Identified, folder: Path, subject: str) -> None:
 
     identification = identified.found
     surfaces = _surfaces(identification.model)
-    shown = identification_input(identification, identified.validation, surfaces)
-    for name, sheet in identification_tables(shown).items():
+    for name, sheet in identification_tables(identification, identified.validation).items():
         (folder / name).write_text(sheet.csv(), encoding="utf-8")
-    if len(shown.sd):
-        write_error_sizes(folder, STEP.name, identified_errors(identification.model, shown.sd))
+    write_error_sizes(folder, STEP.name, identified_errors(identification.model, identification.sd))
     made = identified.provenance
     sources = tuple(SourceFile(source.role, Path(source.name).name, source.sha256) for source in made.sources)
     page = report_page(
@@ -285,7 +282,7 @@ def _write_tables(identified: Identified, folder: Path, subject: str) -> None:
             ),
             model=identification.model,
             surfaces=surfaces,
-            identification=shown,
+            identification=IdentificationInput(identification.model, identification, identified.validation),
         )
     )
     (folder / REPORT).write_text(page, encoding="utf-8")

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import csv
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -202,8 +201,8 @@ def write_morphed(
     def fill(folder: Path) -> None:
         for body, surface in bones.items():
             write_obj(surface, folder / files[body])
-        for name, (header, rows) in morphing_tables(morphed.morph, morphed.checks).items():
-            _write_table(header, rows, folder / name)
+        for name, sheet in morphing_tables(morphed.morph, morphed.checks).items():
+            (folder / name).write_text(sheet.csv(digits=6), encoding="utf-8", newline="")
         write_error_sizes(folder, STEP.name, morphed_errors(morphed.morph))
         text = page or morph_page(morphed.morph, morphed.checks, morphed.provenance, morphed.warnings)
         (folder / REPORT).write_text(text, encoding="utf-8")
@@ -235,13 +234,6 @@ def _bone_files(bodies: Iterable[str]) -> dict[str, str]:
             name = f"{stem}_{count}"
         result[body] = f"{name}.obj"
     return result
-
-
-def _write_table(header: Sequence[str], rows: Iterable[Sequence[object]], path: Path) -> None:
-    with path.open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.writer(stream)
-        writer.writerow(header)
-        writer.writerows([f"{cell:.6g}" if isinstance(cell, float) else cell for cell in row] for row in rows)
 
 
 def summary(morphed: Morphed) -> Iterable[str]:

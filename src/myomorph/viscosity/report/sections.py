@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from myomorph.identify.validation import COMPONENTS
 from myomorph.model.provenance import Estimate
 from myomorph.model.series import Event
 from myomorph.report.charts.axis import number
@@ -14,7 +15,7 @@ from myomorph.report.charts.marks import Level
 from myomorph.report.charts.points import Cloud, xy_plot
 from myomorph.report.charts.rows import Beside, interval_bars, interval_rows
 from myomorph.report.page.parts import Figure, Grid, Section
-from myomorph.report.trial.identified import COMPONENTS, UNITS
+from myomorph.report.trial.validation import UNITS
 from myomorph.viscosity.identification.instruments import SHOWN_IN
 from myomorph.viscosity.report.given import (
     ArmSpread,

@@ -8,11 +8,12 @@ from scipy import sparse
 from myomorph.identify.body.points import MassPoints, links_of
 from myomorph.identify.recordings import RecordingOptions, usable
 from myomorph.identify.subject import Identification, IdentificationOptions, identify
-from myomorph.identify.validation import CrossValidation, cross_validate
+from myomorph.identify.validation import COMPONENTS, CrossValidation, cross_validate
 from myomorph.model.model import Model
 from myomorph.model.series import Motion
-from myomorph.report.trial.identification_tables import identification_tables, wrench_errors
-from myomorph.report.trial.identified import identification_input
+from myomorph.report.trial.identification import identification_sections
+from myomorph.report.trial.identification_tables import identification_tables
+from myomorph.report.trial.report_input import IdentificationInput
 from myomorph.study.inputs.external_forces import read_loads
 from myomorph.study.inputs.reading import open_model, read_motion
 
@@ -48,31 +49,34 @@ def found(data: Callable[[str], Path]) -> tuple[Identification, CrossValidation]
     return identified, cross_validate(models, recording.motion, recording.wrenches, recording.use)
 
 
-def test_the_report_shows_what_was_found(found: tuple[Identification, CrossValidation]) -> None:
+def test_the_report_shows_what_was_identified(found: tuple[Identification, CrossValidation]) -> None:
     identification, validation = found
-    given = identification_input(identification, {"second half": validation}, {})
-    tables = identification_tables(given)
+    tables = identification_tables(identification, {"second half": validation})
     sheet = tables["masses.csv"]
     masses = {row[0]: row[sheet.head.index(f"{identification.chosen} [kg]")] for row in sheet.rows}
     assert masses["Total"] == pytest.approx(identification.model.mass)
     for body in identification.model.bodies:
         assert masses[body.name] == pytest.approx(body.mass)
-    assert given.base is not None
     assert len(tables["base_parameters.csv"].rows) == len(identification.base.base)
     assert {row[0] for row in tables["misfit.csv"].rows} >= set(identification.parameters)
-    faulty = {one.name for one in identification.consistency[identification.chosen].faulty}
-    assert {check.name for check in given.checks if not check.ok} == faulty
-    assert given.source == "eight points a body"
+    faulty = {link.name for link in identification.consistency[identification.chosen].faulty}
+    assert {row[0] for row in tables["links.csv"].rows if row[6] == "no"} == faulty
+
+
+def test_frames_left_out_are_listed(found: tuple[Identification, CrossValidation]) -> None:
+    identification, validation = found
+    shown = IdentificationInput(identification.model, identification, {"second half": validation})
+    body, *_ = identification_sections(shown, {})
+    assert "eight points a body" in body.lead
+    rows = {grid.title: grid.rows for grid in body.grids}.get("Frames excluded", ())
+    assert [row[0] for row in rows] == list(identification.left_out)
 
 
 def test_errors_are_those_of_the_cross_validation(found: tuple[Identification, CrossValidation]) -> None:
     identification, validation = found
-    given = identification_input(identification, {"second half": validation}, {})
-    theirs = validation.table()
-    for one in wrench_errors(given.validation[0]):
-        k = ("Nx", "Ny", "Nz", "Fx", "Fy", "Fz").index(one.component)
-        row = theirs[one.method]
-        assert one.mean_absolute == pytest.approx(row["mean"][k])
-        assert one.rms == pytest.approx(row["rms"][k])
-        assert one.peak == pytest.approx(row["peak"][k])
-        assert one.share == pytest.approx(row["percent"][k])
+    errors = validation.table()
+    sheet = identification_tables(identification, {"second half": validation})["cross_validation.csv"]
+    assert len(sheet.rows) == 6 * len(errors)
+    for _, component, method, *values in sheet.rows:
+        place = COMPONENTS.index(str(component))
+        assert values == [errors[str(method)][name][place] for name in ("bias", "mean", "rms", "peak", "percent")]
