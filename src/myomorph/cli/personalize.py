@@ -18,7 +18,7 @@ from myomorph.cli.options import (
     use_threads,
 )
 from myomorph.cli.output import said, warn
-from myomorph.report.trial.personal_summary import personal_lines
+from myomorph.report.trial.personalized import personal_lines
 from myomorph.store.settings import Differentiation, ForceOptions
 from myomorph.study.subject import personalizing
 

@@ -132,7 +132,7 @@ def walker_check() -> CrossValidation:
 def calibration() -> Calibration:
     """A thigh of 0.40 m that is 5 % longer, and a marker that moved by 12 mm."""
     model = walker()
-    thigh = LengthEstimate(Length("thigh", "femur_r", (("femur_r", 1),), 0.40, True), 1.05, 0.0025, 0.05)
+    thigh = LengthEstimate(Length("thigh", "femur_r", (("femur_r", 1),), 0.40, True, True), 1.05, 0.0025, 0.05)
     shift = np.array([0.012, 0.0, 0.0])
     marker = MarkerEstimate("RASI", "pelvis", shift, shift, np.ones(3), 0.02, 0.01)
     before, after = np.full((50, 1), 0.02), np.full((50, 1), 0.01)
@@ -265,5 +265,5 @@ def test_lengths_are_printed_in_millimeters() -> None:
     section = identification_sections(everything(), {})[-1]
     assert "from 50 frames" in section.lead
     tables = {grid.title: grid.rows for grid in section.grids}
-    assert tables["Lengths"] == (("thigh", "400 mm", "420 mm", "1 mm"),)
+    assert tables["Lengths"] == (("thigh", "400 mm", "420 mm", "1.00 mm"),)
     assert tables["Marker errors before and after"] == (("walk 2", "20 mm", "10 mm"),)

@@ -9,7 +9,7 @@ from tests.walker import having, shown
 
 from myomorph.analysis.center_of_mass import centroid
 from myomorph.analysis.phases import Phase
-from myomorph.analysis.presets import CUTS, MUSCLES, PANELS, PRESETS, Preset, fitting_preset, named_muscles, preset_of
+from myomorph.analysis.presets import CUTS, MUSCLES, PRESETS, fitting_preset, named_muscles, preset_of
 from myomorph.analysis.selection import centroids, subjects
 from myomorph.model.contacts import Cone, ContactForces, Contacts, Site, Touch
 from myomorph.model.errors import BadData, UnknownName
@@ -68,16 +68,12 @@ def test_presets_name_only_what_exists() -> None:
     for name, one in PRESETS.items():
         assert one.name == name
         assert one.title
-        assert set(one.panels) <= set(PANELS)
-        assert one.panels
         assert set(one.muscles) <= set(MUSCLES)
         assert one.muscles
         assert set(one.cuts) <= set(CUTS)
         assert one.pictures > 0
         assert len(set(one.muscles)) == len(one.muscles)
     assert len(PRESETS["taichi"].muscles) == 8
-    with pytest.raises(UnknownName, match="muscle"):
-        Preset("x", "X", (), (), panels=("muscle",))  # type: ignore[arg-type]
     with pytest.raises(UnknownName, match="gait"):
         preset_of("walking")
 

@@ -1,64 +1,32 @@
-"""The page of a person's muscles: normalized fiber lengths before and after, and every parameter with its interval."""
+"""The page of a person's muscles: fiber lengths before and after, every parameter with its interval, and a summary."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.model.arrays import Array, read_only
+from myomorph.model.arrays import Array
+from myomorph.model.errors import few
 from myomorph.report.charts.axis import number
 from myomorph.report.charts.marks import dot, drawing, frame, grid_along, mark, rect, text
 from myomorph.report.page.page import rendered
 from myomorph.report.page.parts import Figure, Grid, PageHead, Section
+from myomorph.report.trial.muscle_summary import FIBER_RANGE
+from myomorph.report.trial.summary_lines import reserve_unit
+from myomorph.tension.personal.personalize import Estimate, Personalized
 
 ROW, LEFT, WIDTH = 11.0, 96.0, 430.0
 PHYSIOLOGICAL = (0.5, 1.4)
 PLACES = {"optimal_fiber_length": 4, "tendon_slack_length": 4}
 
 
-@dataclass(frozen=True)
-class ParameterRow:
-    """One estimated parameter as the page shows it, see `tension.personal.personalize.Estimate`."""
-
-    of: str
-    parameter: str
-    generic: float
-    person: float
-    low: float
-    high: float
-    identifiable: str
-    bound: str
-    kept: bool
-
-
-@read_only
-@dataclass(frozen=True, eq=False)
-class PersonalizedInput:
-    """What the page shows.
-
-    Attributes
-    ----------
-    muscles : names
-    before, after : (muscles, 2) least and greatest normalized fiber lengths, without recordings empty
-    rows : every parameter
-    lines : what the command printed
-    """
-
-    muscles: tuple[str, ...]
-    before: Array
-    after: Array
-    rows: tuple[ParameterRow, ...]
-    lines: tuple[str, ...]
-
-
-def personalized_page(head: PageHead, person: PersonalizedInput) -> str:
+def personalized_page(head: PageHead, person: Personalized) -> str:
     """The page as HTML text."""
     sections = []
     if person.before.any():
         figure = Figure(
-            fiber_ranges(person.muscles, person.before, person.after),
+            fiber_ranges(person.model.muscle_names, person.before, person.after),
             "full",
             "Normalized fiber lengths over the recordings, tendons at slack length: above of the generic muscle, "
             "below of the person's. The shaded range is that expected of a recording.",
@@ -67,7 +35,9 @@ def personalized_page(head: PageHead, person: PersonalizedInput) -> str:
             Section("fibers", "Fiber lengths", "", (("second", "generic"), ("first", "person")), figures=(figure,))
         )
     sections.append(
-        Section("parameters", "Parameters", ". ".join(person.lines) + ".", grids=tuple(_grids(person.rows)))
+        Section(
+            "parameters", "Parameters", ". ".join(personal_lines(person)) + ".", grids=tuple(_grids(person.estimates))
+        )
     )
     return rendered(head, sections, ())
 
@@ -94,13 +64,13 @@ def fiber_ranges(names: Sequence[str], before: Array, after: Array) -> str:
     return drawing("ranges", "Normalized fiber length", size, *marks, unit="optimal fiber lengths")
 
 
-def _grids(rows: Sequence[ParameterRow]) -> list[Grid]:
+def _grids(estimates: Sequence[Estimate]) -> list[Grid]:
     """A table of each kind of parameter."""
     head = ("of", "generic", "person", "90 % interval", "identifiable", "")
     grids = []
-    for parameter in dict.fromkeys(row.parameter for row in rows):
+    for parameter in dict.fromkeys(row.parameter for row in estimates):
         shown = []
-        for row in rows:
+        for row in estimates:
             if row.parameter != parameter:
                 continue
             places = PLACES.get(parameter, 3)
@@ -114,3 +84,84 @@ def _grids(rows: Sequence[ParameterRow]) -> list[Grid]:
             Grid(head, tuple(shown), f"{parameter.replace('_', ' ').capitalize()}{unit}", folded=len(shown) > 12)
         )
     return grids
+
+
+def personal_lines(personalized: Personalized) -> list[str]:
+    """What was fitted to, whether it explains what was held out, and what the recordings show."""
+    lines = []
+    if personalized.mapped is not None:
+        before, after = (float(np.nanmax(values)) for values in (personalized.mapped.before, personalized.mapped.after))
+        lines.append(
+            f"{len(personalized.mapped.muscles)} muscles mapped from the generic model: normalized fiber "
+            f"lengths differ by at "
+            f"most {after:.3f} (root mean square over poses; {before:.3f} before)"
+        )
+    if personalized.recordings:
+        lines.append(
+            f"{', '.join(personalized.recordings)}: {personalized.frames[1]} frames that count "
+            f"as {personalized.frames[0]:.0f} independent ones, torques of {len(personalized.coordinates)} coordinates"
+        )
+    if personalized.held_out is not None:
+        held_out = personalized.held_out
+        generic, fitted = (float(np.sqrt(np.nanmean(left**2))) for left in (held_out.left_generic, held_out.left))
+        better = "better" if held_out.score < held_out.score_generic else "NO better"
+        if better == "better" and fitted > generic:
+            better = "better by the score, which includes EMG and the prior, but with larger torque residuals"
+        lines.append(
+            f"{', '.join(held_out.recordings)}, held out: {better} than generic muscles (score {held_out.score:.2f}, "
+            f"generic {held_out.score_generic:.2f}; torque left {fitted:.2f}, generic {generic:.2f} N m)"
+        )
+    elif personalized.recordings:
+        lines.append("nothing was held out: whether these muscles are better than generic ones is not known")
+    lines += [
+        line for line in (_torque_line(personalized), _parameter_line(personalized), _fiber_line(personalized)) if line
+    ]
+    return lines
+
+
+def _torque_line(personalized: Personalized) -> str:
+    """The coordinate whose torques are known worst."""
+    errors = np.asarray(personalized.torque_errors, float)
+    if not len(errors) or not np.isfinite(errors).any():
+        return ""
+    worst = int(np.nanargmax(errors))
+    unit = reserve_unit(personalized.model, personalized.coordinates[worst])
+    middle = f"{float(np.nanmedian(errors)):.2g}"
+    where = f"{personalized.coordinates[worst]} {errors[worst]:.2g} {unit}"
+    return f"torques fitted to {middle} N m (median SD), worst {where}"
+
+
+def _parameter_line(personalized: Personalized) -> str:
+    """How many parameters the recordings show, and which end at what is physiological."""
+    if not personalized.recordings:
+        return ""
+    counts = {
+        kind: sum(estimate.identifiable == kind for estimate in personalized.estimates)
+        for kind in ("yes", "partly", "no")
+    }
+    bound = [
+        f"{estimate.of} {estimate.parameter.replace('_', ' ')}" for estimate in personalized.estimates if estimate.bound
+    ]
+    ends = "none at a physiological limit"
+    if bound:
+        ends = f"{len(bound)} at a physiological limit ({few(bound, 2)})"
+    return (
+        f"of {len(personalized.estimates)} parameters {counts['yes']} identifiable, {counts['partly']} partly, "
+        f"{counts['no']} as assumed before; {ends}"
+    )
+
+
+def _fiber_line(personalized: Personalized) -> str:
+    """Where fibers work in the recordings, against the range in which they pull."""
+    after = np.asarray(personalized.after, float)
+    if not after.size or not np.isfinite(after).any():
+        return ""
+    names, (low, high) = personalized.model.muscle_names, FIBER_RANGE
+    shortest, longest = int(np.nanargmin(after[:, 0])), int(np.nanargmax(after[:, 1]))
+    with np.errstate(invalid="ignore"):
+        outside = int(((after[:, 0] < low) | (after[:, 1] > high)).sum())
+    verdict = f"within {low:g} to {high:g}" if not outside else f"{outside} muscles outside {low:g} to {high:g}"
+    return (
+        f"fibers work from {after[shortest, 0]:.2f} ({names[shortest]}) to {after[longest, 1]:.2f} optimal lengths "
+        f"({names[longest]}): {verdict} (Zajac 1989)"
+    )

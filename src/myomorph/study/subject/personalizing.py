@@ -19,8 +19,7 @@ from myomorph.model.provenance import Provenance, Source
 from myomorph.model.series import Motion, Series
 from myomorph.motion.emg_delay import USUAL
 from myomorph.report.page.parts import Note, PageHead, SourceFile
-from myomorph.report.trial.personal_summary import personal_lines
-from myomorph.report.trial.personalized import ParameterRow, PersonalizedInput, personalized_page
+from myomorph.report.trial.personalized import personalized_page
 from myomorph.store.progress import progress
 from myomorph.store.results import file_source, provenance_of
 from myomorph.store.settings import Differentiation, ForceOptions, plain_settings, with_settings
@@ -245,27 +244,6 @@ def _write(made: PersonalizedFiles, folder: Path) -> None:
 
 def _page(made: PersonalizedFiles) -> str:
     personalized = made.found
-    rows = tuple(
-        ParameterRow(
-            estimate.of,
-            estimate.parameter,
-            estimate.generic,
-            estimate.person,
-            estimate.low,
-            estimate.high,
-            estimate.identifiable,
-            estimate.bound,
-            estimate.kept,
-        )
-        for estimate in personalized.estimates
-    )
-    personalized_input = PersonalizedInput(
-        personalized.model.muscle_names,
-        personalized.before,
-        personalized.after,
-        rows,
-        tuple(personal_lines(personalized)),
-    )
     head = PageHead(
         title=f"{personalized.model.name}: muscles of the person",
         date=made.provenance.date,
@@ -276,7 +254,7 @@ def _page(made: PersonalizedFiles) -> str:
         ),
         warnings=(*personalized.notes, *made.warnings),
     )
-    return personalized_page(head, personalized_input)
+    return personalized_page(head, personalized)
 
 
 def estimate_rows(personalized: Personalized) -> list[dict[str, object]]:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.report.trial.personal_summary import personal_lines
+from myomorph.report.trial.personalized import personal_lines
 from myomorph.study.trial.ahead import two_links
 from myomorph.tension.personal.held_out import HeldOut
 from myomorph.tension.personal.personalize import Estimate, Personalized
