@@ -266,4 +266,4 @@ def test_lengths_are_printed_in_millimeters() -> None:
     assert "from 50 frames" in section.lead
     tables = {grid.title: grid.rows for grid in section.grids}
     assert tables["Lengths"] == (("thigh", "400 mm", "420 mm", "1.00 mm"),)
-    assert tables["Marker errors before and after"] == (("walk 2", "20 mm", "10 mm"),)
+    assert tables["Marker errors before and after"] == (("walk 2", "20.0 mm", "10.0 mm"),)
