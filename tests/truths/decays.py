@@ -12,7 +12,7 @@ from scipy.signal import periodogram
 
 import myomorph as mm
 from myomorph.model.arrays import Array
-from myomorph.viscosity.swings.samples import effective_samples
+from myomorph.viscosity.swings.sums import effective_samples
 
 DAMPINGS = ("viscous", "coulomb", "quadratic")
 LAWS: tuple[tuple[str, ...], ...] = (

@@ -8,7 +8,7 @@ from swung_limb import LAWS, LIMB, law, released, swung
 
 from myomorph.model.errors import UnknownName
 from myomorph.motion.filters import lowpass
-from myomorph.viscosity.swings.samples import effective_samples
+from myomorph.viscosity.swings.sums import effective_samples
 from myomorph.viscosity.trust.forward import angles_apart, measured_motion, swing_forward
 from myomorph.viscosity.trust.law import PassiveLaw, bounded_least_squares, law_columns
 from myomorph.viscosity.trust.models import PassiveOptions, compare_passive_laws

@@ -11,8 +11,8 @@ import pytest
 from myomorph.io.sto import read_sto
 from myomorph.model.errors import BadFile
 from myomorph.viscosity.cohort import MEAN, SPECIMENS, specimen_row
-from myomorph.viscosity.report.given import SpecimenReport, ViscosityInput, specimen_report
 from myomorph.viscosity.report.page import viscosity_page
+from myomorph.viscosity.report.specimen_report import SpecimenReport, ViscosityInput, specimen_report
 from myomorph.viscosity.study import results as files
 from myomorph.viscosity.study.results import STORE, read_store, write_store
 from swing_cohort import MUSCLES, specimens

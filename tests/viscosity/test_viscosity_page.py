@@ -14,7 +14,8 @@ from myomorph.report.charts.points import Cloud, xy_plot
 from myomorph.report.charts.rows import Beside, interval_bars, interval_rows
 from myomorph.report.page.parts import Note
 from myomorph.viscosity.cohort import MEAN, SD, SPECIMENS
-from myomorph.viscosity.report.given import (
+from myomorph.viscosity.report.page import viscosity_page
+from myomorph.viscosity.report.specimen_report import (
     ArmError,
     ArmSpread,
     CutoffScan,
@@ -25,7 +26,6 @@ from myomorph.viscosity.report.given import (
     ViscosityInput,
     specimen_report,
 )
-from myomorph.viscosity.report.page import viscosity_page
 from myomorph.viscosity.report.tables import scientific, table_section, truth_grid, with_interval
 from swing_cohort import AXES, specimens
 

@@ -12,7 +12,7 @@ from myomorph.cli.program import main
 from myomorph.model.errors import BadData, BadFile
 from myomorph.study.run.dry_run import dry_run
 from myomorph.viscosity.cohort import SPECIMENS
-from myomorph.viscosity.report.given import specimen_report
+from myomorph.viscosity.report.specimen_report import specimen_report
 from myomorph.viscosity.study import specimen_step
 from myomorph.viscosity.study.plan import StudyOptions, read_viscosity_plan
 from myomorph.viscosity.study.results import read_store

@@ -16,8 +16,7 @@ from myomorph.morph.morphed import Morph
 from myomorph.report.charts.axis import number
 from myomorph.report.morph.sections import morphing_sections
 from myomorph.report.page.page import Tile, rendered
-from myomorph.report.page.parts import Note, PageHead, Section, SourceFile, Step
-from myomorph.report.page.references import cited
+from myomorph.report.page.parts import Note, PageHead, Section, SourceFile, Step, cited
 
 __all__ = ["morph_page"]
 

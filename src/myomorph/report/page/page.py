@@ -10,8 +10,7 @@ from importlib.resources import files
 from jinja2 import Environment, StrictUndefined
 
 from myomorph.report.charts.axis import number
-from myomorph.report.page.parts import PageHead, Section, Verdict
-from myomorph.report.page.references import Reference
+from myomorph.report.page.parts import PageHead, Reference, Section, Verdict
 
 _KINDS = {"real": "Measured", "assumed": "Assumed", "simulated": "Simulated", "warning": "Note"}
 

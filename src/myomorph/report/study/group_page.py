@@ -16,8 +16,7 @@ from myomorph.report.charts.axis import number
 from myomorph.report.charts.curves import CycleCurve, cycle_chart
 from myomorph.report.charts.rows import interval_rows
 from myomorph.report.page.page import Tile, rendered
-from myomorph.report.page.parts import Figure, Grid, Note, PageHead, Section
-from myomorph.report.page.references import cited
+from myomorph.report.page.parts import Figure, Grid, Note, PageHead, Section, cited
 
 TESTS = ("nichols2002", "tusher2001", "holm1979", "benjamini1995", "hedges1981", "zeni2008")
 """References of the statistics."""

@@ -11,8 +11,7 @@ from myomorph.analysis.groups import Comparison
 from myomorph.report.charts.axis import number
 from myomorph.report.charts.points import rank_plot
 from myomorph.report.page.page import Tile, rendered
-from myomorph.report.page.parts import Figure, Grid, Link, Note, PageHead, Quantity, Section
-from myomorph.report.page.references import cited
+from myomorph.report.page.parts import Figure, Grid, Link, Note, PageHead, Quantity, Section, cited
 from myomorph.report.study.group_page import (
     TESTS,
     condition_chart,

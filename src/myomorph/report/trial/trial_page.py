@@ -10,8 +10,7 @@ from myomorph.model.series import Motion
 from myomorph.report.charts.axis import number
 from myomorph.report.charts.pictures import nearest_frames
 from myomorph.report.page.page import Instant, Tile, rendered
-from myomorph.report.page.parts import Note, Quantity, Section, SourceFile, Step
-from myomorph.report.page.references import Reference, references
+from myomorph.report.page.parts import Note, Quantity, Reference, Section, SourceFile, Step, references
 from myomorph.report.scene.image import data_uri
 from myomorph.report.scene.pictures import frames_to_play, pictures, player, proportion
 from myomorph.report.scene.scene import make_scene

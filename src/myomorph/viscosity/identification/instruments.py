@@ -15,8 +15,7 @@ import numpy as np
 from myomorph.model.arrays import Array, read_only
 from myomorph.viscosity.identification.budget import AXES, ErrorOptions, disturbed, thinned
 from myomorph.viscosity.swings.recording import SwingRecording
-from myomorph.viscosity.swings.samples import effective_samples
-from myomorph.viscosity.swings.sums import free_directions, predicted_rows
+from myomorph.viscosity.swings.sums import effective_samples, free_directions, predicted_rows
 
 ROUNDS = 3
 """How often the errors are found again from recordings that are rid of the last ones."""

@@ -6,11 +6,10 @@ from collections.abc import Mapping
 
 from myomorph.report.charts.marks import Level
 from myomorph.report.page.page import Tile, rendered
-from myomorph.report.page.parts import Note, PageHead, Section
-from myomorph.report.page.references import cited
+from myomorph.report.page.parts import Note, PageHead, Section, cited
 from myomorph.viscosity.cohort import STROEVE_TOTAL_VISCOSITY, CohortLine, cohort
-from myomorph.viscosity.report.given import ViscosityInput
 from myomorph.viscosity.report.sections import cohort_section, specimen_sections
+from myomorph.viscosity.report.specimen_report import ViscosityInput
 from myomorph.viscosity.report.tables import scientific, table_section, truth_grid
 
 

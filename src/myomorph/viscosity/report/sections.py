@@ -17,7 +17,7 @@ from myomorph.report.charts.rows import Beside, interval_bars, interval_rows
 from myomorph.report.page.parts import Figure, Grid, Section
 from myomorph.report.trial.validation import UNITS
 from myomorph.viscosity.identification.instruments import SHOWN_IN
-from myomorph.viscosity.report.given import (
+from myomorph.viscosity.report.specimen_report import (
     ArmSpread,
     CutoffScan,
     HeldOutSwing,

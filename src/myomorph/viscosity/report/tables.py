@@ -19,7 +19,7 @@ from myomorph.viscosity.cohort import (
     Quantity,
     cohort,
 )
-from myomorph.viscosity.report.given import SpecimenReport, ViscosityInput
+from myomorph.viscosity.report.specimen_report import SpecimenReport, ViscosityInput
 
 TITLES = {
     1: "Table I: joint parameters of specimens without muscles",

@@ -28,7 +28,7 @@ from myomorph.morph.registration.place_clusters import (
 from myomorph.muscles.scaling import default_path_lengths
 from myomorph.store.study_file import Strict
 from myomorph.study.inputs.reading import about, read_recording
-from myomorph.viscosity.report.given import Residual
+from myomorph.viscosity.report.specimen_report import Residual
 
 UNITS = {"m": 1.0, "mm": 0.001}
 HUGE = 1.5

@@ -16,7 +16,7 @@ from myomorph.store.outcome import Outcome
 from myomorph.store.results import file_source, provenance_of, value_source
 from myomorph.study.step.folder_steps import FolderOutput, stored_provenance
 from myomorph.study.step.step import Step
-from myomorph.viscosity.report.given import SpecimenReport, ViscosityInput
+from myomorph.viscosity.report.specimen_report import SpecimenReport, ViscosityInput
 from myomorph.viscosity.study import specimen_step
 from myomorph.viscosity.study.plan import StudyOptions, ViscosityPlan
 from myomorph.viscosity.study.results import REPORT, STORE, remake_report, write_store, write_tables

@@ -22,9 +22,9 @@ from myomorph.report.trial.identified import COMPONENTS
 from myomorph.store.results import file_name
 from myomorph.viscosity.cohort import QUANTITIES, Row, cohort
 from myomorph.viscosity.identification.identify import Condition, SpecimenViscosity
-from myomorph.viscosity.report import given as shown
-from myomorph.viscosity.report.given import SpecimenReport, ViscosityInput
+from myomorph.viscosity.report import specimen_report as shown
 from myomorph.viscosity.report.page import viscosity_page
+from myomorph.viscosity.report.specimen_report import SpecimenReport, ViscosityInput
 from myomorph.viscosity.swings.recording import SwingRecording
 
 Kind = TypeVar("Kind")

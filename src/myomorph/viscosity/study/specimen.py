@@ -25,7 +25,7 @@ from myomorph.viscosity.identification.identify import (
     ViscosityOptions,
 )
 from myomorph.viscosity.identified_model import identified_model
-from myomorph.viscosity.report.given import (
+from myomorph.viscosity.report.specimen_report import (
     ArmError,
     ArmSpread,
     CutoffScan,

@@ -14,7 +14,7 @@ from myomorph.store.progress import progress
 from myomorph.store.results import file_source, provenance_of
 from myomorph.study.step.folder_steps import FolderOutput
 from myomorph.study.step.step import Step
-from myomorph.viscosity.report.given import SpecimenReport
+from myomorph.viscosity.report.specimen_report import SpecimenReport
 from myomorph.viscosity.study.plan import SpecimenFiles, StudyOptions
 from myomorph.viscosity.study.results import read_value, write_swings, write_value
 from myomorph.viscosity.study.specimen import input_sources, study_specimen

@@ -24,7 +24,7 @@ from myomorph.report.charts.axis import number
 from myomorph.report.charts.pictures import residual_map
 from myomorph.report.page.parts import Figure
 from myomorph.study.inputs.reading import about, fitted_to, open_model, read_recording
-from myomorph.viscosity.report.given import Residual
+from myomorph.viscosity.report.specimen_report import Residual
 from myomorph.viscosity.specimen.model import Specimen, SpecimenNames, SwingTrial, build_specimen
 from myomorph.viscosity.specimen.muscles import fig1_muscles
 from myomorph.viscosity.study.calibration import ScannedModel, model_from_scans

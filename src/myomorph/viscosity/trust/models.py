@@ -15,7 +15,7 @@ from myomorph.viscosity.identification.condition import Influences
 from myomorph.viscosity.identification.inertia import InertiaOptions, Tare
 from myomorph.viscosity.identification.torque import counted_from, neutral_position, spring_misfit
 from myomorph.viscosity.swings.recording import SwingRecording
-from myomorph.viscosity.swings.samples import effective_samples
+from myomorph.viscosity.swings.sums import effective_samples
 from myomorph.viscosity.trust.forward import SwingMotion, Window, hinge_axis, windows
 from myomorph.viscosity.trust.law import LAST, WIDTH, PassiveLaw, PassiveProblem, law_columns
 
