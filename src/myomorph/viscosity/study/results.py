@@ -12,13 +12,13 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from myomorph.identify.validation import COMPONENTS
 from myomorph.io.parsing.text import written
 from myomorph.io.sto import write_sto
 from myomorph.model.errors import BadFile
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.provenance import Estimate
 from myomorph.model.series import Table
-from myomorph.report.trial.identified import COMPONENTS
 from myomorph.store.results import file_name
 from myomorph.viscosity.cohort import QUANTITIES, Row, cohort
 from myomorph.viscosity.identification.identify import Condition, SpecimenViscosity
