@@ -185,5 +185,5 @@ def _row(item: WorkItem, result: object) -> dict[str, object]:
         "file": f"{spec.module_path}:{spec.start_pos[0]}",
         "kind": spec.operator_name.removeprefix("core/"),
         "change": "  ->  ".join(line[1:].strip() for line in lines),
-        "noticed by": (failed or ["it does not run"])[0].split(" - ")[0] if killed else "",
+        "noticed by": (failed or ["it does not run"])[0].split(" - ")[0].removeprefix("FAILED ") if killed else "",
     }
