@@ -206,7 +206,7 @@ def fit_base(
     estimate, sd = chosen.solution[:n], chosen.sd[:n]
     R, z = chosen.without(n)
     rank, condition = rank_and_condition(R, options.rank_tolerance)
-    own = levels(R, mean, sizes)
+    basis = levels(R, mean, sizes)
     square = float(model.gravity @ model.gravity)
     return BaseFit(
         base=base,
@@ -218,8 +218,8 @@ def fit_base(
         rank=rank,
         condition=condition,
         identifiable=sd <= options.identifiable * np.maximum(np.abs(estimate), sizes),
-        levels=own,
-        link_levels=link_levels(model, base, own),
+        levels=basis,
+        link_levels=link_levels(model, base, basis),
         sigma=sigma,
         samples=samples,
         frames=rows.frames,
@@ -236,15 +236,15 @@ def _noise(rows: Rows, mean: Array, spread: Array, options: BaseOptions) -> Arra
     """(6,) noise of the rows: as given, or from the residuals of a fit weighed by it."""
     measured = rows.wrench_rms
     floor = 1e-9 * np.maximum(measured, measured.max() * 1e-3) + 1e-12
-    given = np.array([options.moment_noise] * 3 + [options.force_noise] * 3, dtype=np.float64)
-    known = np.isfinite(given)
-    sigma: Array = np.where(known, given, np.maximum(0.05 * measured, floor))
+    noise = np.array([options.moment_noise] * 3 + [options.force_noise] * 3, dtype=np.float64)
+    known = np.isfinite(noise)
+    sigma: Array = np.where(known, noise, np.maximum(0.05 * measured, floor))
     if known.all():
         return sigma
     freedom = max(1.0 - len(mean) / (6.0 * rows.frames), 0.1)
     for _ in range(8):
         left = rows.rms(solve(rows.plain, sigma, mean, spread).solution) / np.sqrt(freedom)
-        before, sigma = sigma, np.where(known, given, np.maximum(left, floor))
+        before, sigma = sigma, np.where(known, noise, np.maximum(left, floor))
         if np.all(np.abs(sigma - before) < 0.01 * before):
             break
     return sigma

@@ -76,10 +76,10 @@ class BaseParameters:
 
     def describe(self, i: int, most: int | None = None) -> str:
         """Base parameter i as a sum of standard ones, the largest terms first; `most` cuts it short."""
-        own = int(self.columns[i])
+        column = int(self.columns[i])
         row = self.combination[i] * SCALE[np.arange(self.combination.shape[1]) % 10]
-        others = [int(j) for j in np.argsort(-np.abs(row), kind="stable") if row[j] != 0.0 and j != own]
-        text = self._term(own)
+        others = [int(j) for j in np.argsort(-np.abs(row), kind="stable") if row[j] != 0.0 and j != column]
+        text = self._term(column)
         for j in others[:most]:
             factor = self.combination[i, j]
             size = f"{abs(factor):.3g} "
@@ -192,8 +192,8 @@ def link_levels(model: Model, base: BaseParameters, levels: Array) -> dict[str, 
     parents = {joint.child: joint.parent for joint in model.joints}
     result: dict[str, float] = {}
     for b, name in enumerate(model.body_names):
-        own = base.owners == b
-        result[name] = float(levels[own].mean()) if own.any() else result.get(parents[name], 0.0)
+        on_link = base.owners == b
+        result[name] = float(levels[on_link].mean()) if on_link.any() else result.get(parents[name], 0.0)
     return result
 
 

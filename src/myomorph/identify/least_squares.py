@@ -52,24 +52,26 @@ def fold(R, rows):
         r = R[j, j + 1 :]
         b0, b1, b2 = rows[0, j + 1 :], rows[1, j + 1 :], rows[2, j + 1 :]
         b3, b4, b5 = rows[3, j + 1 :], rows[4, j + 1 :], rows[5, j + 1 :]
-        for k in range(r.shape[0]):
-            w = factor * (r[k] + x0 * b0[k] + x1 * b1[k] + x2 * b2[k] + x3 * b3[k] + x4 * b4[k] + x5 * b5[k])
-            r[k] -= w
-            b0[k] -= w * x0
-            b1[k] -= w * x1
-            b2[k] -= w * x2
-            b3[k] -= w * x3
-            b4[k] -= w * x4
-            b5[k] -= w * x5
+        for row in range(r.shape[0]):
+            w = factor * (
+                r[row] + x0 * b0[row] + x1 * b1[row] + x2 * b2[row] + x3 * b3[row] + x4 * b4[row] + x5 * b5[row]
+            )
+            r[row] -= w
+            b0[row] -= w * x0
+            b1[row] -= w * x1
+            b2[row] -= w * x2
+            b3[row] -= w * x3
+            b4[row] -= w * x4
+            b5[row] -= w * x5
 
 
 @kernel
-def fold_rows(R, given, rows):
+def fold_rows(R, new, rows):
     """Turn any number of rows (m, k) into a factor (k or k - 1, k), in place; `rows` (6, k) is used up."""
-    for first in range(0, given.shape[0], 6):
+    for first in range(0, new.shape[0], 6):
         rows[:] = 0.0
-        for index in range(min(6, given.shape[0] - first)):
-            rows[index] = given[first + index]
+        for index in range(min(6, new.shape[0] - first)):
+            rows[index] = new[first + index]
         fold(R, rows)
 
 
@@ -87,13 +89,13 @@ def fold_frames(R, i, Y, columns, constants, wrench, used, rows):
     n = columns.shape[0]
     for first in range(0, used.shape[0], 6):
         rows[:] = 0.0
-        for k in range(min(6, used.shape[0] - first)):
-            f = used[first + k]
+        for row in range(min(6, used.shape[0] - first)):
+            f = used[first + row]
             for j in range(n):
-                rows[k, j] = Y[f, i, columns[j]]
+                rows[row, j] = Y[f, i, columns[j]]
             for j in range(6):
-                rows[k, n + j] = constants[f, i, j]
-            rows[k, n + 6] = wrench[f, i]
+                rows[row, n + j] = constants[f, i, j]
+            rows[row, n + 6] = wrench[f, i]
         fold(R, rows)
 
 
@@ -155,13 +157,13 @@ class Solution:
 
     def without(self, n: int) -> tuple[Array, Array]:
         """R and z of the first n unknowns, whatever the others are."""
-        k = len(self.z)
-        if n == k:
+        size = len(self.z)
+        if n == size:
             return self.R, self.z
         # With the others first, their rows can be left out: they can be met for any value of the rest.
-        order = np.concatenate([np.arange(n, k), np.arange(n)])
-        turned = absorb(np.zeros((k + 1, k + 1)), np.column_stack([self.R[:, order], self.z]))
-        return turned[k - n : k, k - n : k], turned[k - n : k, k]
+        order = np.concatenate([np.arange(n, size), np.arange(n)])
+        turned = absorb(np.zeros((size + 1, size + 1)), np.column_stack([self.R[:, order], self.z]))
+        return turned[size - n : size, size - n : size], turned[size - n : size, size]
 
 
 def solve(factors: Array, sigma: Array, mean: Array, sd: Array) -> Solution:
@@ -171,12 +173,12 @@ def solve(factors: Array, sigma: Array, mean: Array, sd: Array) -> Solution:
     ----------
     mean, sd : (n,) of the prior
     """
-    k = factors.shape[2] - 1
-    data = np.zeros((k + 1, k + 1))
+    size = factors.shape[2] - 1
+    data = np.zeros((size + 1, size + 1))
     for factor, noise in zip(factors, sigma, strict=True):
         data = absorb(data, factor / noise)
-    R, z = with_prior(data[:k], mean, sd)
-    return Solution(data[:k, :k], data[:k, k], solve_triangular(R, z), row_lengths_of_inverse(R))
+    R, z = with_prior(data[:size], mean, sd)
+    return Solution(data[:size, :size], data[:size, size], solve_triangular(R, z), row_lengths_of_inverse(R))
 
 
 def row_lengths_of_inverse(R: Array) -> Array:
@@ -329,10 +331,10 @@ def correlation_times(left: Sequence[Array]) -> Array:
     Pairs of successive lags are summed as long as they are positive (Geyer 1992, Statistical Science
     7(4):473). Frames that are left out count as zeros, which takes nothing from the lags' mean.
     """
-    longest = max(len(one) for one in left)
+    longest = max(len(lags) for lags in left)
     covariance = np.zeros((longest, 6))
-    for one in left:
-        values = np.where(np.isfinite(one), one, 0.0)
+    for lags in left:
+        values = np.where(np.isfinite(lags), lags, 0.0)
         spectrum = np.fft.rfft(values, 2 * len(values), axis=0)
         covariance[: len(values)] += np.fft.irfft(np.abs(spectrum) ** 2, 2 * len(values), axis=0)[: len(values)]
     pairs = longest // 2

@@ -76,7 +76,7 @@ def tree_null_space(model: Model, held: Mapping[str, float] | None = None) -> Nu
     tree = compile_tree(model)
     fixed = held_values(model, held)
     together = clusters(tree, fixed)
-    moving = random_states(model, fixed, frames=24 + 4 * max(len(one.bodies) for one in together))
+    moving = random_states(model, fixed, frames=24 + 4 * max(len(cluster.bodies) for cluster in together))
     c, cdot = np.array(moving.values), np.array(moving.velocities)
     poses = forward_kinematics(tree, c)
     twists = _twists(poses, cdot)
@@ -85,15 +85,15 @@ def tree_null_space(model: Model, held: Mapping[str, float] | None = None) -> Nu
     for cluster in together:
         if cluster.ancestor == 0:
             continue
-        own, given = _cluster_null_space(poses, twists, cluster)
-        if not own.shape[1]:
+        moving_part, fixed_part = _cluster_null_space(poses, twists, cluster)
+        if not moving_part.shape[1]:
             continue
         columns = np.concatenate([10 * (b - 1) + np.arange(10) for b in cluster.bodies])
-        chosen = _nicest(own)
-        whole = np.zeros((10 * len(model.bodies), own.shape[1]))
-        whole[columns] = own
-        whole[10 * (cluster.ancestor - 1) : 10 * cluster.ancestor] -= given
-        whole = whole @ np.linalg.inv(own[chosen])
+        chosen = _nicest(moving_part)
+        whole = np.zeros((10 * len(model.bodies), moving_part.shape[1]))
+        whole[columns] = moving_part
+        whole[10 * (cluster.ancestor - 1) : 10 * cluster.ancestor] -= fixed_part
+        whole = whole @ np.linalg.inv(moving_part[chosen])
         whole[np.abs(whole) < 1e-11 * np.abs(whole).max()] = 0.0
         vectors.append(whole)
         dependent += list(columns[chosen])
@@ -207,11 +207,11 @@ def _moving_coordinates(tree: Tree, held: Mapping[str, float]) -> list[set[int]]
     """For every body, the independent coordinates that move its joint."""
     arrays, names = tree.arrays, tree.model.coordinate_names
     sources: dict[int, set[int]] = {j: {j} for j in range(len(names))}
-    for k, dependent in enumerate(arrays.coupler_coordinate):
-        sources[int(dependent)] = set().union(*(sources[int(j)] for j in arrays.coupler_source[k] if j >= 0))
+    for coupler, dependent in enumerate(arrays.coupler_coordinate):
+        sources[int(dependent)] = set().union(*(sources[int(j)] for j in arrays.coupler_source[coupler] if j >= 0))
     moved: list[set[int]] = [set() for _ in arrays.parent]
-    for k, b in enumerate(arrays.axis_body):
-        for j in arrays.axis_coordinate[k]:
+    for coupler, b in enumerate(arrays.axis_body):
+        for j in arrays.axis_coordinate[coupler]:
             if j >= 0:
                 moved[b] |= {i for i in sources[int(j)] if names[i] not in held}
     return moved
@@ -290,10 +290,10 @@ def momentum_rows(twist: Array) -> Array:
     """
     w, v = twist[..., :3], twist[..., 3:]
     rows = np.zeros((*twist.shape[:-1], 6, 10))
-    for k, e in enumerate(np.eye(3)):
-        rows[..., :3, 1 + k] = np.cross(e, v)
-        rows[..., 3:, 1 + k] = np.cross(w, e)
-        rows[..., k, 4 + k] = w[..., k]
+    for axis, e in enumerate(np.eye(3)):
+        rows[..., :3, 1 + axis] = np.cross(e, v)
+        rows[..., 3:, 1 + axis] = np.cross(w, e)
+        rows[..., axis, 4 + axis] = w[..., axis]
     rows[..., 3:, 0] = v
     for i, a, b in ((7, 1, 2), (8, 2, 0), (9, 0, 1)):
         rows[..., a, i], rows[..., b, i] = w[..., b], w[..., a]

@@ -225,7 +225,7 @@ def total_wrench(forces: Array, points: Array, torques: Array) -> Array:
     ------
     BadData : shapes that do not fit
     """
-    forces, points, torques = (np.asarray(one, dtype=np.float64) for one in (forces, points, torques))
+    forces, points, torques = (np.asarray(values, dtype=np.float64) for values in (forces, points, torques))
     if not forces.shape == points.shape == torques.shape or forces.shape[-1] != 3:
         raise BadData(f"expected wrenches (..., 3), but got {forces.shape}, {points.shape} and {torques.shape}")
     idle = np.linalg.norm(forces, axis=-1, keepdims=True) < UNLOADED

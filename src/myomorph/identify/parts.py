@@ -156,10 +156,10 @@ def parts_of(model: Model, recordings: Sequence[Recording], base: BaseParameters
         measured = base_wrench(model, recording.motion, recording.wrenches)
         use = use & np.isfinite(measured).all(axis=1)
         piece = _pieces(recording.motion.time, use, least)
-        own = np.zeros((least + 1, 2, n + 1, n + 1))
+        sums = np.zeros((least + 1, 2, n + 1, n + 1))
         for block in regressor_blocks(model, recording.motion):
-            for k in range(BORDER, least):
-                wanted = use[block.frames] & (piece[block.frames] == k)
+            for lag in range(BORDER, least):
+                wanted = use[block.frames] & (piece[block.frames] == lag)
                 if not wanted.any():
                     continue
                 wrench = measured[block.frames][wanted]
@@ -167,13 +167,13 @@ def parts_of(model: Model, recordings: Sequence[Recording], base: BaseParameters
                     table = np.empty((3 * int(wanted.sum()), n + 1), order="F")
                     table[:, :-1] = block.rows[wanted][:, rows][:, :, base.columns].reshape(-1, n)
                     table[:, -1] = wrench[:, rows].ravel()
-                    own[k, kind] = absorb(own[k, kind], table)
-        for k in (*range(least), BORDER):
-            count = int((use & (piece == k)).sum())
+                    sums[lag, kind] = absorb(sums[lag, kind], table)
+        for lag in (*range(least), BORDER):
+            count = int((use & (piece == lag)).sum())
             if count:
-                factors.append(own[k])
+                factors.append(sums[lag])
                 frames.append(count)
-                pieces.append(BORDER if k == BORDER else number * least + k)
+                pieces.append(BORDER if lag == BORDER else number * least + lag)
                 folds.append(number if len(recordings) > 1 else pieces[-1])
     if not frames:
         raise BadData("no frame can be used to identify")
@@ -211,12 +211,12 @@ def _pieces(time: Array, use: np.ndarray, pieces: int) -> np.ndarray:
     """(frames,) piece of time of each frame that is used, as many frames in each, `BORDER` beside a cut."""
     total = max(int(use.sum()), 1)
     place = (np.cumsum(use) - 0.5) * pieces / total
-    found = np.clip(place.astype(int), 0, pieces - 1)
+    number = np.clip(place.astype(int), 0, pieces - 1)
     step = float(np.median(np.diff(time))) if len(time) > 1 else 1.0
     gap = min(GAP / step * pieces / total, MAX_GAP_SHARE)
     cut = np.round(place)
     beside = (np.abs(place - cut) < gap) & (cut > 0.5) & (cut < pieces - 0.5)
-    return np.where(beside, BORDER, found)
+    return np.where(beside, BORDER, number)
 
 
 def held_out(parts: Parts, fit: Callable[[int], Array]) -> Array:

@@ -109,10 +109,10 @@ def solve_pseudo_inertia(
     if (1.0 + np.linalg.eigvalsh(_symmetric(free.reshape(-1, 10)))[:, 0] >= problem.options.margin).all():
         return problem.fit(free)
     for residuals in (False, True):
-        found = _solve(problem, mass, residuals)
-        if str(found.status) == "Solved":
+        solution = _solve(problem, mass, residuals)
+        if str(solution.status) == "Solved":
             break
-    return problem.fit(np.array(found.x)[: problem.A.shape[1]], found)
+    return problem.fit(np.array(solution.x)[: problem.A.shape[1]], solution)
 
 
 def solve_ridge(
@@ -270,8 +270,8 @@ def _least_squares(problem: _Changes, mass: float | None) -> Array:
 def _symmetric(entries: Array) -> Array:
     """(..., 4, 4) symmetric matrices of scaled triangles (..., 10), whose norm is the matrices'."""
     matrices = np.zeros((*entries.shape[:-1], 4, 4))
-    for q, (i, k) in enumerate(TRIANGLE):
-        matrices[..., i, k] = matrices[..., k, i] = entries[..., q] * (1.0 if i == k else np.sqrt(0.5))
+    for q, (i, j) in enumerate(TRIANGLE):
+        matrices[..., i, j] = matrices[..., j, i] = entries[..., q] * (1.0 if i == j else np.sqrt(0.5))
     return matrices
 
 

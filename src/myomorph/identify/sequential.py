@@ -170,19 +170,19 @@ class SequentialFit:
         rows : (6, 10 bodies) of `base_regressor`
         wrench : (6,) of `base_wrench`
         """
-        own = rows[:, self.base.columns]
-        if not (np.isfinite(wrench).all() and np.isfinite(own).all()):
+        columns = rows[:, self.base.columns]
+        if not (np.isfinite(wrench).all() and np.isfinite(columns).all()):
             self.left_out += 1
             return np.full(6, np.nan)
         # Not by BLAS, whose threads would cost more than so few numbers.
-        error: Array = wrench - np.einsum("ij,j->i", own, self._estimate)
-        self._rows[:, :-1] = own / self.sigma[:, None]
+        error: Array = wrench - np.einsum("ij,j->i", columns, self._estimate)
+        self._rows[:, :-1] = columns / self.sigma[:, None]
         self._rows[:, -1] = wrench / self.sigma
         if self.forgetting < 1.0:
             self._factor *= math.sqrt(self.forgetting)
         fold(self._factor, self._rows)
         self.frames += 1
-        self._last = own
+        self._last = columns
         keep = min(1.0 - 1.0 / MEMORY, self.frames / (self.frames + 1.0))
         self._weight = keep * self._weight + 1.0
         self._errors = keep * self._errors + error**2
@@ -207,7 +207,7 @@ class SequentialFit:
         R = self._solve()
         inverse = solve_triangular(R, np.eye(len(R)))
         sd = np.linalg.norm(inverse, axis=1)
-        own = levels(self._factor[:, :-1], self._mean, self.sizes)
+        basis = levels(self._factor[:, :-1], self._mean, self.sizes)
         rank, condition = rank_and_condition(self._factor[:, :-1])
         weight = max(self._weight, 1.0)
         return SequentialState(
@@ -216,10 +216,10 @@ class SequentialFit:
             estimate=frozen_array(self._estimate),
             sd=frozen_array(sd),
             relative_sd=frozen_array(sd / np.maximum(np.abs(self._estimate), 1e-300)),
-            levels=frozen_array(own),
+            levels=frozen_array(basis),
             rank=rank,
             condition=condition,
-            link_levels=FrozenMap(link_levels(self.model, self.base, own)),
+            link_levels=FrozenMap(link_levels(self.model, self.base, basis)),
             innovation_rms=frozen_array(np.sqrt(self._errors / weight)),
             expected_rms=frozen_array(np.hypot(self.sigma, np.linalg.norm(self._last @ inverse, axis=1))),
             wrench_rms=frozen_array(np.sqrt(self._measured / weight)),

@@ -218,9 +218,9 @@ def identify(
     if not points:
         raise BadData("identification needs mass points: give those of at least one weight map")
     check_excited(model, tuple(recordings), recording)
-    used = [one.recording for one in recordings]
+    used = [values.recording for values in recordings]
     generic = with_inertial_parameters(model, inertial_parameters(model) * (mass / model.mass))
-    base = base_parameters(model, held=held_in(model, [one.motion for one in used]))
+    base = base_parameters(model, held=held_in(model, [values.motion for values in used]))
     parts = parts_of(generic, used, base)
     first = next(iter(points))
     few = thinned(points[first])
@@ -240,38 +240,38 @@ def identify(
         solved[f"identified, {first}"] = solve_as_paper(paper, points[first], parts, noise, mass)
     shape = points[first].parameters(points[first].reference)
     identified = f"identified, {first}" if options.method == "points" else CONIC
-    found = {name: solved[name].parameters for name in dict.fromkeys((identified, *solved))}
-    found |= {SHAPE: shape, GENERIC: inertial_parameters(generic)}
+    parameters = {name: solved[name].parameters for name in dict.fromkeys((identified, *solved))}
+    parameters |= {SHAPE: shape, GENERIC: inertial_parameters(generic)}
     if unseen:
-        judged = _on_other_recordings(generic, unseen, base, found[identified], found[GENERIC])
+        judged = _on_other_recordings(generic, unseen, base, parameters[identified], parameters[GENERIC])
     else:
-        judged = unseen_parts(parts, strength, tuple(one.name for one in recordings))
+        judged = unseen_parts(parts, strength, tuple(values.name for values in recordings))
     chosen = GENERIC if judged.worse and options.if_worse == "generic" else identified
     floor, names = tried[best], model.body_names
     noises = BaseOptions(moment_noise=floor[0] / np.sqrt(3.0), force_noise=floor[1] / np.sqrt(3.0))
     fit = fit_base(generic, used, base, noises)
     samples = float(np.mean(fit.frames / fit.samples))
     return Identification(
-        model=with_inertial_parameters(model, found[chosen]),
+        model=with_inertial_parameters(model, parameters[chosen]),
         chosen=chosen,
         identified=identified,
-        parameters=FrozenMap({name: frozen_array(one) for name, one in found.items()}),
-        residuals=FrozenMap({name: parts.rms(one) for name, one in found.items()}),
+        parameters=FrozenMap({name: frozen_array(values) for name, values in parameters.items()}),
+        residuals=FrozenMap({name: parts.rms(one) for name, one in parameters.items()}),
         unseen=judged,
         tried=FrozenMap(tried),
         mass_sd=best,
         noise=noise,
         base=fit,
         points=points[first],
-        known=_known(few, parts, moved, found[identified], (noise, mass, best), samples),
+        known=_known(few, parts, moved, parameters[identified], (noise, mass, best), samples),
         consistency=FrozenMap(
-            {name: consistency(names, one, inside=inside, points=points[first]) for name, one in found.items()}
+            {name: consistency(names, one, inside=inside, points=points[first]) for name, one in parameters.items()}
         ),
         recordings=tuple(recordings),
         notes=(
             *_verdict(judged, chosen == identified),
             *(f"{name}: not proven to be the optimum" for name, one in solved.items() if not one.converged),
-            *_far_from_shape(model, found[chosen][:, 0], shape[:, 0], best),
+            *_far_from_shape(model, parameters[chosen][:, 0], shape[:, 0], best),
             *(note for one in recordings for note in one.notes),
         ),
     )
@@ -281,7 +281,7 @@ def _known(
     points: MassPoints,
     parts: Parts,
     moved: MotionNoise | None,
-    found: Array,
+    parameters: Array,
     fitted: tuple[Array, float, float],
     samples: float,
 ) -> Determined:
@@ -296,9 +296,9 @@ def _known(
     rows, _ = parts.rows(noise)
     if moved is None:
         return determined(points, rows, mass, mass_sd, samples)
-    left = np.sqrt(np.clip(1.0 - np.square(moved.misfit(found) / noise), 0.0, 1.0))
+    left = np.sqrt(np.clip(1.0 - np.square(moved.misfit(parameters) / noise), 0.0, 1.0))
     forces, _ = moved.parts.rows(noise / np.maximum(left, 1e-9))
-    return determined(points, rows, mass, mass_sd, samples, forces, moved.scores(noise, found))
+    return determined(points, rows, mass, mass_sd, samples, forces, moved.scores(noise, parameters))
 
 
 def _on_other_recordings(
@@ -306,13 +306,13 @@ def _on_other_recordings(
 ) -> Unseen:
     """Misfit of both on recordings that took no part."""
     used = [recording for recording in recordings if recording.use.any()]
-    parts = [parts_of(model, [one.recording], base, least=1) for one in used]
+    parts = [parts_of(model, [recording_.recording], base, least=1) for recording_ in used]
     return Unseen(
         np.reshape([part.rms(identified) for part in parts], (-1, 2)),
         np.reshape([part.rms(generic) for part in parts], (-1, 2)),
         np.array([part.frames.sum() for part in parts], int),
         "recordings that were not used",
-        tuple(one.name for one in used),
+        tuple(recording_.name for recording_ in used),
     )
 
 

@@ -214,12 +214,12 @@ def _shared_centers(
 
 
 def _scaled(
-    given: Model, shifted: Model, factors: Mapping[str, Array], path_lengths: Callable[[Model], Array] | None
+    unscaled: Model, shifted: Model, factors: Mapping[str, Array], path_lengths: Callable[[Model], Array] | None
 ) -> Model:
     """The model with its joints shifted, scaled; muscles keep the ratios they have in the model as given."""
-    if path_lengths is None or not given.muscles:
+    if path_lengths is None or not unscaled.muscles:
         return scale(shifted, factors)
-    before = path_lengths(given)
+    before = path_lengths(unscaled)
     return scale(shifted, factors, path_lengths=lambda model: before if model is shifted else path_lengths(model))
 
 
@@ -234,23 +234,23 @@ def _with_masses(
     """The higher model with each region's mass, mass center and inertia of the lower, and how well."""
     turn = np.eye(4)
     turn[:3, :3] = rotation
-    given = turn @ ground_pseudo_inertias(lower, lower_pose) @ turn.T
-    own = ground_pseudo_inertias(higher, higher_pose)
+    wanted = turn @ ground_pseudo_inertias(lower, lower_pose) @ turn.T
+    masses = ground_pseudo_inertias(higher, higher_pose)
     both = tuple(zip((lower, higher), regions, strict=True))
     heavy = [{region for body, region in table.items() if model.body(body).mass > 0.0} for model, table in both]
     members = [[_counted(table[name], heavy[0] & heavy[1]) for name in model.body_names] for model, table in both]
-    found = own.copy()
+    spread_ = masses.copy()
     matches = []
     for region in dict.fromkeys(members[1]):
-        theirs, ours = (np.flatnonzero([one == region for one in some]) for some in members)
-        target = given[theirs].sum(axis=0)
+        theirs, ours = (np.flatnonzero([region_ == region for region_ in some]) for some in members)
+        target = wanted[theirs].sum(axis=0)
         try:
-            found[ours], note = spread(own[ours], target), ""
+            spread_[ours], note = spread(masses[ours], target), ""
         except BadData as error:
-            found[ours], note = spread_mass(own[ours], target), f"only mass and mass center: {error}"
-        total = found[ours].sum(axis=0)
-        heavy_ours = ours[own[ours, 3, 3] > 0.0]
-        before, after = (table[heavy_ours, :3, 3] / table[heavy_ours, 3, 3, None] for table in (own, found))
+            spread_[ours], note = spread_mass(masses[ours], target), f"only mass and mass center: {error}"
+        total = spread_[ours].sum(axis=0)
+        heavy_ours = ours[masses[ours, 3, 3] > 0.0]
+        before, after = (table[heavy_ours, :3, 3] / table[heavy_ours, 3, 3, None] for table in (masses, spread_))
         matches.append(
             MassMatch(
                 region,
@@ -265,7 +265,7 @@ def _with_masses(
             )
         )
     back = np.linalg.inv(frames_in_ground(higher, higher_pose))
-    parameters = parameters_of(back @ found @ np.swapaxes(back, 1, 2))
+    parameters = parameters_of(back @ spread_ @ np.swapaxes(back, 1, 2))
     massless = inertial_parameters(higher)[:, 0] == 0.0
     parameters[massless] = inertial_parameters(higher)[massless]
     return with_inertial_parameters(higher, parameters), tuple(matches)
@@ -273,12 +273,12 @@ def _with_masses(
 
 def _counted(region: Region, common: set[Region]) -> Region:
     """The region itself or the nearest it hangs on that both models have."""
-    one: Region | None = region
-    while one is not None and one not in common:
-        one = one.parent
-    if one is None:
+    above: Region | None = region
+    while above is not None and above not in common:
+        above = above.parent
+    if above is None:
         raise BadData(f"the {region} has no mass in one of the models, and nothing it hangs on has")
-    return one
+    return above
 
 
 def _markers(
@@ -295,7 +295,7 @@ def _markers(
     frames, theirs = frames_in_ground(higher, higher_pose), frames_in_ground(lower, lower_pose)
     common = set(regions[0].values()) & set(regions[1].values())
     counted = {name: _counted(region, common) for name, region in regions[1].items()}
-    own = {marker.name: marker.body for marker in higher.markers}
+    body_of = {marker.name: marker.body for marker in higher.markers}
     placed, notes = [], []
     for marker in lower.markers:
         if marker.body not in regions[0]:
@@ -305,7 +305,7 @@ def _markers(
         place = rotation @ (frame[:3, :3] @ marker.location + frame[:3, 3])
         region = _counted(regions[0][marker.body], common)
         inside = [name for name in higher.body_names if counted[name] == region]
-        body = own.get(marker.name, marker.body)
+        body = body_of.get(marker.name, marker.body)
         if body not in inside:
             body = _nearest(place, links, inside)
         at = frames[higher.body_names.index(body)]

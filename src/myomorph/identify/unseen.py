@@ -79,8 +79,8 @@ class Unseen:
     @property
     def words(self) -> str:
         """Both misfits, for a line of output."""
-        own, generic = self.rms(self.identified), self.rms(self.generic)
-        return f"{own[1]:.1f} N, {own[0]:.1f} N m (generic {generic[1]:.1f} N, {generic[0]:.1f} N m)"
+        identified, generic = self.rms(self.identified), self.rms(self.generic)
+        return f"{identified[1]:.1f} N, {identified[0]:.1f} N m (generic {generic[1]:.1f} N, {generic[0]:.1f} N m)"
 
     @property
     def losses(self) -> tuple[str, ...]:
@@ -150,7 +150,7 @@ class Strength:
     def _tried(self, parts: Parts, noise: Array) -> tuple[dict[float, Array], float]:
         """Held-out misfit by strength of the prior, and the strength with the least."""
         before = held_out(parts, lambda _: self.generic)
-        found: dict[float, Array] = {}
+        errors: dict[float, Array] = {}
         # Rows are the same for every strength.
         rows = {fold: parts.rows(noise, parts.without(fold)) for fold in (() if self.paper else parts.names)}
 
@@ -160,11 +160,11 @@ class Strength:
             return lambda fold: self._solved(rows[fold], sd)
 
         def scores(sd: float) -> Array:
-            if sd not in found:
-                found[sd] = held_out(parts, fitting(sd))
+            if sd not in errors:
+                errors[sd] = held_out(parts, fitting(sd))
             # Every part counts alike, as its misfit relative to the scaled model's.
-            own: Array = (found[sd] / before).mean(axis=1)
-            return own
+            ratios: Array = (errors[sd] / before).mean(axis=1)
+            return ratios
 
         if self.mass_sd is not None or self.paper is not None:
             best = self.mass_sd or PAPER_SD
@@ -173,7 +173,7 @@ class Strength:
             best = _walk(scores, parts.several)
         frames = np.array([parts.frames[parts.fold(fold)].sum() for fold in parts.names])
         weights = frames / frames.sum()
-        return {sd: np.sqrt(weights @ found[sd]) for sd in sorted(found)}, best
+        return {sd: np.sqrt(weights @ errors[sd]) for sd in sorted(errors)}, best
 
 
 def solve_as_paper(
@@ -226,13 +226,13 @@ def unseen_parts(parts: Parts, strength: Strength, names: tuple[str, ...]) -> Un
     """
     identified, generic, frames = [], [], []
     for fold in parts.names:
-        rest, own = parts.only(parts.without(fold)), parts.fold(fold)
+        rest, left_out = parts.only(parts.without(fold)), parts.fold(fold)
         if len(rest.names) < 2:
             continue
         noise, _, sd = strength.choose(rest)
-        identified.append(parts.rms(strength.fit(rest, noise, sd), own))
-        generic.append(parts.rms(strength.generic, own))
-        frames.append(int(parts.frames[own].sum()))
+        identified.append(parts.rms(strength.fit(rest, noise, sd), left_out))
+        generic.append(parts.rms(strength.generic, left_out))
+        frames.append(int(parts.frames[left_out].sum()))
     several = len(names) > 1
     what = "recordings held out in turn" if several else "parts of the recording held out in turn"
     return Unseen(
@@ -250,9 +250,9 @@ def thinned(points: MassPoints, most: int = POINTS_PER_LINK) -> MassPoints:
     owner = np.asarray(points.weights.argmax(axis=1)).ravel()
     kept = []
     for link in range(links):
-        own = np.flatnonzero(owner == link)
-        if len(own):
-            kept.append(own[np.linspace(0, len(own) - 1, min(len(own), most)).astype(int)])
+        rows = np.flatnonzero(owner == link)
+        if len(rows):
+            kept.append(rows[np.linspace(0, len(rows) - 1, min(len(rows), most)).astype(int)])
     index = np.sort(np.concatenate(kept))
     mass = np.bincount(owner, points.reference, links)
     left = np.bincount(owner[index], points.reference[index], links)

@@ -100,20 +100,20 @@ def cross_validate(
     """
     if not models:
         raise BadData("cross-validation needs at least one model")
-    one = next(iter(models.values()))
+    first_model = next(iter(models.values()))
     for name, other in models.items():
-        if other.body_names != one.body_names:
+        if other.body_names != first_model.body_names:
             raise BadData(f"model '{name}' has other bodies than the rest: cross-validate models of one skeleton")
-    measured = base_wrench(one, motion, wrenches)
+    measured = base_wrench(first_model, motion, wrenches)
     if use is not None:
         measured[~np.asarray(use)] = np.nan
     parameters = np.stack([inertial_parameters(other).ravel() for other in models.values()], axis=1)
-    predicted = np.concatenate([np.array(block.rows @ parameters) for block in regressor_blocks(one, motion)])
+    predicted = np.concatenate([np.array(block.rows @ parameters) for block in regressor_blocks(first_model, motion)])
     return CrossValidation(
         motion.time,
         frozen_array(measured),
         FrozenMap({name: frozen_array(predicted[:, :, i]) for i, name in enumerate(models)}),
-        one.mass * float(np.linalg.norm(one.gravity)),
+        first_model.mass * float(np.linalg.norm(first_model.gravity)),
     )
 
 
@@ -227,9 +227,9 @@ def consistency(
     if links is not None and test is not None and len(weighty):
         centers = table[weighty, 1:4] / table[weighty, :1]
         ground = links.origins[weighty] + np.einsum("lij,lj->li", links.rotations[weighty], centers)
-        for i, found in zip(weighty, test(ground), strict=True):
-            within[i] = bool(found)
-    return Consistency(tuple(_link(*one) for one in zip(names, table, pseudo_inertias(table), within, strict=True)))
+        for i, result in zip(weighty, test(ground), strict=True):
+            within[i] = bool(result)
+    return Consistency(tuple(_link(*link) for link in zip(names, table, pseudo_inertias(table), within, strict=True)))
 
 
 def _near(points: MassPoints) -> Inside:

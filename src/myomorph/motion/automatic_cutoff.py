@@ -50,7 +50,7 @@ def automatic_cutoff(motion: Motion) -> float | None:
 
 def _cutoff(motion: Motion) -> float | None:
     seen = np.all(np.isfinite(motion.values), axis=1)
-    part = max((slice(*ends) for ends in runs(seen)), key=lambda one: one.stop - one.start, default=slice(0, 0))
+    part = max((slice(*ends) for ends in runs(seen)), key=lambda share: share.stop - share.start, default=slice(0, 0))
     if part.stop - part.start < SHORTEST:
         return None
     start = max((part.start + part.stop - LONGEST) // 2, part.start)
@@ -59,8 +59,8 @@ def _cutoff(motion: Motion) -> float | None:
     if not spectra.size:
         return None
     passed = np.cumsum(spectra, axis=0)
-    found = [float(np.interp(SHARE, one, frequency)) for one in passed.T]
-    cutoff = max(float(np.median(found)), float(frequency[1]))
+    cutoffs = [float(np.interp(SHARE, share, frequency)) for share in passed.T]
+    cutoff = max(float(np.median(cutoffs)), float(frequency[1]))
     return cutoff if _noise(motion, part, cutoff) > NOISE else None
 
 

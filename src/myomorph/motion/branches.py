@@ -69,10 +69,10 @@ def _triples(tree: Tree) -> Iterator[list[int]]:
             yield [tree.model.coordinate_names.index(name) for name in names]
 
 
-def _turns_alike(tree: Tree, pose: Array, own: list[int]) -> bool:
+def _turns_alike(tree: Tree, pose: Array, triple: list[int]) -> bool:
     """Whether the other branch of three angles, and whole turns of each, give every body the same pose."""
     poses = np.tile(pose, (5, 1))
-    poses[1, own] = other_branch(pose[own])
-    poses[[2, 3, 4], own] += 2.0 * np.pi
-    found = forward_kinematics(tree, poses)
-    return all(np.ptp(one, axis=0).max() < SAME_POSE for one in (found.rotations, found.origins))
+    poses[1, triple] = other_branch(pose[triple])
+    poses[[2, 3, 4], triple] += 2.0 * np.pi
+    turned = forward_kinematics(tree, poses)
+    return all(np.ptp(entries, axis=0).max() < SAME_POSE for entries in (turned.rotations, turned.origins))

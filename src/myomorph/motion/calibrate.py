@@ -124,8 +124,8 @@ def calibrate(
         search = search_minimum(problem, names, size, [angles for _, angles in chosen], options, distances, progress)
     if progress:
         progress(max(0, options.iterations - search.steps))
-    found = _calibration(model, search.problem, search, names, chosen, options, distances, path_lengths)
-    return replace(found, notes=(*found.notes, *_thin_notes(model, names, recordings)))
+    calibration = _calibration(model, search.problem, search, names, chosen, options, distances, path_lengths)
+    return replace(calibration, notes=(*calibration.notes, *_thin_notes(model, names, recordings)))
 
 
 def _check(options: CalibrationOptions) -> None:
@@ -140,13 +140,13 @@ def _check(options: CalibrationOptions) -> None:
         "static_sd",
         "iterations",
     ):
-        given = getattr(options, name)
-        if given is not None and not given > 0:
-            raise BadData(f"calibration: {name} is {given}; expected a number above 0")
+        value = getattr(options, name)
+        if value is not None and not value > 0:
+            raise BadData(f"calibration: {name} is {value}; expected a number above 0")
     for name in ("slide_sd", "slide_turn_sd"):
-        given = getattr(options, name)
-        if given is not None and not given >= 0.0:
-            raise BadData(f"calibration: {name} is {given}; expected 0 or more")
+        value = getattr(options, name)
+        if value is not None and not value >= 0.0:
+            raise BadData(f"calibration: {name} is {value}; expected 0 or more")
     if options.mass is not None and not options.mass > 0.0:
         raise BadData(f"calibration: a mass of {options.mass:g} kg; expected the subject's")
     if options.noise is not None and not options.noise >= 0.0:
@@ -165,7 +165,7 @@ def _columns(markers: Markers, names: Sequence[str]) -> Array:
 
 def _tracked(model: Model, recordings: Sequence[Markers], options: CalibrationOptions) -> tuple[tuple[str, ...], Array]:
     """Markers that the model shares with any recording, and their weights."""
-    every = tuple(dict.fromkeys(name for one in recordings for name in one.names))
+    every = tuple(dict.fromkeys(name for recording_ in recordings for name in recording_.names))
     joined = Markers(np.zeros(0), every, np.zeros((0, len(every), 3)))
     names, weights = tracked_markers(model, joined, InverseKinematicsOptions(marker_weights=options.marker_weights))
     for name in options.fixed_markers:
@@ -252,18 +252,18 @@ def _calibration(
     )
     unstretched = np.zeros_like(x)
     unstretched[:n] = 1.0
-    given = settle(problem, unstretched, [angles for _, angles in chosen], search.noise**2)
-    before, after = reduce(problem, given).errors, search.found.reduced.errors
+    start = settle(problem, unstretched, [angles for _, angles in chosen], search.noise**2)
+    before, after = reduce(problem, start).errors, search.found.reduced.errors
     shifts = x[n:-1].reshape(-1, 3)
     sides = _side_estimates(problem, search)
     zeros = zero_angles(
-        problem, search.found.point, given, search.noise**2, search.free, options.static is not None, options.zero_sd,
+        problem, search.found.point, start, search.noise**2, search.free, options.static is not None, options.zero_sd,
         skin,
     )  # fmt: skip
     markers = tuple(
         MarkerEstimate(
             name, model.marker(name).body, locations[name], shifts[m], place_sd[m],
-            root_mean_square([one[:, m] for one in before]), root_mean_square([one[:, m] for one in after]),
+            root_mean_square([distances_[:, m] for distances_ in before]), root_mean_square([distances_[:, m] for distances_ in after]),
         )
         for m, name in enumerate(names)
     )  # fmt: skip

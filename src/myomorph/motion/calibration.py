@@ -105,8 +105,8 @@ class Distances:
     def of(cls, options: CalibrationOptions, unit: float) -> Distances:
         """As told, or those of a human body times the `length_unit` of this one."""
 
-        def told(given: float | None, usual: float) -> float:
-            return usual * unit if given is None else given
+        def told(value: float | None, usual: float) -> float:
+            return usual * unit if value is None else value
 
         noise = told(options.noise, SLIDE)
         slide = noise if options.slide_sd is None else options.slide_sd
@@ -190,7 +190,7 @@ class ZeroAngle:
     @property
     def source(self) -> str:
         """What fixes the zero most; of equal ones the first of `SOURCES`."""
-        return max(SOURCES, key=lambda one: self.shares[one])
+        return max(SOURCES, key=lambda source: self.shares[source])
 
     @property
     def interval(self) -> tuple[float, float]:

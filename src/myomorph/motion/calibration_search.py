@@ -107,12 +107,12 @@ def search_minimum(
         point = settle_anew(problem, point, root, noise**2)
         left = max(1, options.iterations - steps)
         if options.method == "joint":
-            found = minimise(problem, point, noise**2, free, left, 1e-3 if stages else 1e-5, one_more)
+            minimum = minimise(problem, point, noise**2, free, left, 1e-3 if stages else 1e-5, one_more)
         else:
-            found = _alternate(problem, point, noise**2, lengths, shifts, left, one_more)
-        point = found.point
+            minimum = _alternate(problem, point, noise**2, lengths, shifts, left, one_more)
+        point = minimum.point
         if noise < at_first:
-            sides = side_differences(problem.lengths, point.x, found.reduced.H / noise**2, problem.prior, options)
+            sides = side_differences(problem.lengths, point.x, minimum.reduced.H / noise**2, problem.prior, options)
             # What was set free stays so: a thigh and its shank freed in turn would never settle.
             now = differing | {(side.first, side.second) for side in sides if side.differs}
             # A side set free shows in the others' evidence: the last stage is done again.
@@ -128,10 +128,10 @@ def search_minimum(
             prior = calibration_prior(problem.lengths, released, options, size, tuple(differing))
             problem = replace(problem, prior=prior)
         if not stages and not distances.noise:
-            told_noise, told = _noise(problem, found, free, noise**2)
+            told_noise, told = _noise(problem, minimum, free, noise**2)
             if abs(told_noise - noise) > 0.05 * noise and steps < options.iterations:
                 stages = [told_noise]
-    return Search(problem, found, start, noise, told, found.costs, steps, free, sides, tuple(differing))
+    return Search(problem, minimum, start, noise, told, minimum.costs, steps, free, sides, tuple(differing))
 
 
 def _may_move(problem: SharedProblem, names: Sequence[str], options: CalibrationOptions) -> tuple[Bools, Bools]:
@@ -171,9 +171,9 @@ def _alternate(
     """[D] 3.2.1: (b) angles and lengths, (c) marker positions at fixed angles, in turn, until neither moves."""
     costs: list[float] = []
     for _ in range(most):
-        found = minimise(problem, point, variance, lengths, 3)
-        x = place_at_fixed_angles(problem, found, variance, shifts)
-        point = settle(problem, x, found.point.angles, variance)
+        minimum = minimise(problem, point, variance, lengths, 3)
+        x = place_at_fixed_angles(problem, minimum, variance, shifts)
+        point = settle(problem, x, minimum.point.angles, variance)
         costs.append(point.cost(variance))
         told()
         if len(costs) > 1 and costs[-2] - costs[-1] <= 1e-5 * costs[-1]:

@@ -65,23 +65,23 @@ class CausalFilter:
         What stands at time t is of t less `delay`; before `settling` it is NaN.
         """
         stream = CausalStream(self, len(motion.names))
-        found = np.empty((len(motion), 3, len(motion.names)))
+        filtered = np.empty((len(motion), 3, len(motion.names)))
         for frame, time in enumerate(motion.time):
             stream.push(motion.time[frame : frame + 1], motion.values[frame : frame + 1])
-            found[frame] = stream.at(float(time))
-        return Motion(motion.time, motion.names, found[:, 0], found[:, 1], found[:, 2])
+            filtered[frame] = stream.at(float(time))
+        return Motion(motion.time, motion.names, filtered[:, 0], filtered[:, 1], filtered[:, 2])
 
     def values(self, time: Array, samples: Array, at: Array) -> Array:
         """Samples (samples, ...) of one clock as the filter gives them at the times of another, as `motion`."""
         flat = samples.reshape(len(time), -1)
         stream = CausalStream(self, flat.shape[1])
-        found = np.full((len(at), flat.shape[1]), np.nan)
+        filtered = np.full((len(at), flat.shape[1]), np.nan)
         done = 0
         for frame, stop in enumerate(np.searchsorted(time, at, side="right")):
             stream.push(time[done:stop], flat[done:stop])
             done = int(stop)
-            found[frame] = stream.at(float(at[frame]))[0]
-        return found.reshape(len(at), *samples.shape[1:])
+            filtered[frame] = stream.at(float(at[frame]))[0]
+        return filtered.reshape(len(at), *samples.shape[1:])
 
 
 class CausalStream:
@@ -167,11 +167,11 @@ def _exponential(step, E, room):
     term[:] = 0.0
     for i in range(4):
         E[i, i] = term[i, i] = 1.0
-    for k in range(1, 19):
+    for order in range(1, 19):
         _multiply(term, A, product)
         for i in range(4):
             for j in range(4):
-                term[i, j] = product[i, j] / k
+                term[i, j] = product[i, j] / order
                 E[i, j] += term[i, j]
     for _ in range(halvings):
         _multiply(E, E, product)
@@ -183,8 +183,8 @@ def _multiply(A, B, C):
     for i in range(4):
         for j in range(4):
             total = 0.0
-            for k in range(4):
-                total += A[i, k] * B[k, j]
+            for m in range(4):
+                total += A[i, m] * B[m, j]
             C[i, j] = total
 
 

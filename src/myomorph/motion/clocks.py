@@ -136,9 +136,9 @@ def resample(series: SeriesKind, time: Array, cutoff: float | None = None) -> Se
     if cutoff is None and wanted < 0.9 * rate:
         cutoff = 0.4 * wanted
     values = series.values if cutoff is None else lowpass(series.values, rate, cutoff)
-    found = natural_spline(series.time, values, degree=3)(np.clip(time, series.time[0], series.time[-1]))
-    found[(time < series.time[0] - 0.5 / rate) | (time > series.time[-1] + 0.5 / rate)] = np.nan
-    changes: dict[str, Any] = {"time": time, "values": found}
+    resampled = natural_spline(series.time, values, degree=3)(np.clip(time, series.time[0], series.time[-1]))
+    resampled[(time < series.time[0] - 0.5 / rate) | (time > series.time[-1] + 0.5 / rate)] = np.nan
+    changes: dict[str, Any] = {"time": time, "values": resampled}
     return replace(series, **changes)
 
 
@@ -197,14 +197,14 @@ def fit_clock(
     compared = compare(time, rows, other_time, other, cutoff, used)
     # Candidates are looked for where the noise of differentiation is least.
     slowly = compared if slow >= cutoff else compare(time, rows, other_time, other, slow, used)
-    found = []
+    fits = []
     for lag in likely_lags(slowly, options.search):
         start = np.array([lag, 0.0])
         if options.drift:
             start = drift_of_pieces(slowly, start, options.window)
-        found.append(refine(compared, start, options.drift, options.block))
-    found.sort(key=lambda one: one.misfit)
-    best, doubt = found[0], _doubt(found)
+        fits.append(refine(compared, start, options.drift, options.block))
+    fits.sort(key=lambda fit: fit.misfit)
+    best, doubt = fits[0], _doubt(fits)
     # The way there is s = t + a + b (t - middle); a clock is the way back.
     a, b = best.lag
     turn = np.diag([-1.0 / (1.0 + b), -1.0 / (1.0 + b) ** 2])
@@ -269,9 +269,9 @@ def on_one_clock(parts: Mapping[str, SeriesKind]) -> tuple[dict[str, SeriesKind]
     times = parts[fastest].time
     slack = 0.01 * float(np.median(np.diff(times)))
     times = times[(times >= begin - slack) & (times <= stop + slack)]
-    found, notes = {}, []
+    shifted, notes = {}, []
     for name, part in parts.items():
-        found[name] = _at(part, times)
+        shifted[name] = _at(part, times)
         if name != fastest:
             notes.append(
                 f"'{name}' ({part.rate:.4g} Hz) is resampled to the times of '{fastest}' ({parts[fastest].rate:.4g} Hz)"
@@ -279,7 +279,7 @@ def on_one_clock(parts: Mapping[str, SeriesKind]) -> tuple[dict[str, SeriesKind]
         lost = len(part) - int(((part.time >= times[0] - slack) & (part.time <= times[-1] + slack)).sum())
         if lost:
             notes.append(f"'{name}' loses {lost} of {len(part)} frames, from before {begin:g} or after {stop:g} s")
-    return found, tuple(notes)
+    return shifted, tuple(notes)
 
 
 def _at(series: SeriesKind, time: Array) -> SeriesKind:

@@ -159,8 +159,8 @@ def marker_slopes(tree: Tree, names: list[str]) -> Array:
     values = tree.coordinates_of(motion)
     poses = forward_kinematics(tree, values)
     marked = [model.marker(name) for name in names]
-    bodies = np.array([tree.body_index[one.body] for one in marked], np.int64)
-    places = poses.points(bodies, np.array([one.location for one in marked]))
+    bodies = np.array([tree.body_index[marker.body] for marker in marked], np.int64)
+    places = poses.points(bodies, np.array([marker.location for marker in marked]))
     ahead, behind = places[: len(free)], places[len(free) :]
     return (ahead - behind).transpose(1, 2, 0) / (2.0 * STEP)
 

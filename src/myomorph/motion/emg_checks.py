@@ -69,43 +69,43 @@ class EmgFault:
 
 def raw_faults(raw: Series) -> tuple[EmgFault, ...]:
     """Faults of raw EMG (samples, channels): dead or clipped channels, unknown samples, a rate that is wrong."""
-    found: list[EmgFault] = []
+    faults: list[EmgFault] = []
     for name, column in zip(raw.names, raw.values.T, strict=True):
-        found += _unknown(raw, name, column)
+        faults += _unknown(raw, name, column)
         if not np.isfinite(column).any():
             continue
         dead = _dead(raw, name, column, DEAD)
-        found += dead
+        faults += dead
         if not dead:
-            found += [*_clipped(raw, name, column), *_off_rate(raw, name, column)]
-    return tuple(found)
+            faults += [*_clipped(raw, name, column), *_off_rate(raw, name, column)]
+    return tuple(faults)
 
 
 def envelope_faults(emg: Emg) -> tuple[EmgFault, ...]:
     """Faults of envelopes (samples, channels): unknown, negative or far over 1, dead or cut stretches, copies."""
-    found: list[EmgFault] = []
+    faults: list[EmgFault] = []
     for name, column in zip(emg.names, emg.values.T, strict=True):
-        found += _unknown(emg, name, column)
+        faults += _unknown(emg, name, column)
         known = np.isfinite(column)
         if not known.any():
             continue
         negative = known & (column < -NEGATIVE * np.abs(column[known]).max())
         if negative.any():
             told = f"is negative in {_share(negative)}, down to {column[negative].min():.3g}; taken as 0"
-            found.append(_fault(emg, name, "negative", negative, told))
+            faults.append(_fault(emg, name, "negative", negative, told))
         large = known & (column > BEYOND_ONE)
         if large.any():
             told = f"reaches {column[large].max():.3g}: an envelope is a share of a maximum; normalise it"
-            found.append(_fault(emg, name, "large", large, told))
+            faults.append(_fault(emg, name, "large", large, told))
         dead = _dead(emg, name, column, DEAD_ENVELOPE)
-        found += dead or [*_cut(emg, name, column), *_fast(emg, name, column)]
+        faults += dead or [*_cut(emg, name, column), *_fast(emg, name, column)]
         before = emg.values[:, : emg.names.index(name)].T
         twin = next(
             (index for index, other in enumerate(before) if np.array_equal(other, column, equal_nan=True)), None
         )
         if twin is not None:
-            found.append(_fault(emg, name, "copy", known, f"is a copy of '{emg.names[twin]}'"))
-    return tuple(found)
+            faults.append(_fault(emg, name, "copy", known, f"is a copy of '{emg.names[twin]}'"))
+    return tuple(faults)
 
 
 def without_faults(emg: Emg, faults: Iterable[EmgFault]) -> Emg:

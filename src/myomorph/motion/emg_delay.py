@@ -61,8 +61,8 @@ def independent_samples(first: Array, second: Array) -> float:
     """
     frames = len(first)
     both = []
-    for one in (first, second):
-        centered = one - one.mean()
+    for signal in (first, second):
+        centered = signal - signal.mean()
         spectrum = np.abs(np.fft.rfft(centered, 2 * frames)) ** 2
         auto = np.fft.irfft(spectrum)[: max(frames // 4, 2)]
         both.append(auto / auto[0] if auto[0] > 0.0 else np.zeros_like(auto))
@@ -210,4 +210,6 @@ def channel_means(channels: ChannelMap, muscles: Sequence[str], activations: Arr
         [index_of(f"muscle of EMG channel '{channel}'", name, tuple(muscles)) for name in names]
         for channel, names in channels.items()
     ]
-    return np.array([activations[:, one].mean(axis=1) for one in chosen]).T.reshape(len(activations), len(chosen))
+    return np.array([activations[:, muscles].mean(axis=1) for muscles in chosen]).T.reshape(
+        len(activations), len(chosen)
+    )

@@ -77,15 +77,15 @@ def envelopes(raw: Series, options: EnvelopeOptions | None = None, maxima: Mappi
     >>> len(found), float(found["flexor"].max())
     (2000, 1.0)
     """
-    found = linear_envelope(raw, options)
-    peak = found.values.max(axis=0)
+    smoothed = linear_envelope(raw, options)
+    peak = smoothed.values.max(axis=0)
     if maxima is not None:
         for name in raw.names:
             check_name("EMG channel", name, maxima, "the reference of maxima")
             if not maxima[name] > 0.0:
                 raise BadData(f"EMG channel '{name}': its largest value in the reference is {maxima[name]:g}")
         peak = np.array([maxima[name] for name in raw.names])
-    return Emg(raw.time, raw.names, found.values / np.where(peak > 0.0, peak, 1.0))
+    return Emg(raw.time, raw.names, smoothed.values / np.where(peak > 0.0, peak, 1.0))
 
 
 def linear_envelope(raw: Series, options: EnvelopeOptions | None = None) -> Series:
@@ -120,8 +120,8 @@ def linear_envelope(raw: Series, options: EnvelopeOptions | None = None) -> Seri
         signal = sosfiltfilt(notch, signal, axis=0)
     band = butter(options.order, (low, high), "bandpass", fs=rate, output="sos")
     smooth = butter(options.order, options.cutoff, "lowpass", fs=rate, output="sos")
-    found = sosfiltfilt(smooth, np.abs(sosfiltfilt(band, signal, axis=0)), axis=0)
-    return Series(raw.time, raw.names, np.clip(found, 0.0, None))
+    smoothed = sosfiltfilt(smooth, np.abs(sosfiltfilt(band, signal, axis=0)), axis=0)
+    return Series(raw.time, raw.names, np.clip(smoothed, 0.0, None))
 
 
 def largest(trials: Sequence[Series], options: EnvelopeOptions | None = None) -> dict[str, float]:

@@ -115,11 +115,11 @@ def _third_order(b, a, x, state):
     for i in range(3, len(x)):
         for j in range(x.shape[1]):
             value = x[i, j]
-            found = state[0, j] + b[0] * value
-            state[0, j] = state[1, j] + b[1] * value - a[1] * found
-            state[1, j] = state[2, j] + b[2] * value - a[2] * found
-            state[2, j] = b[3] * value - a[3] * found
-            x[i, j] = found
+            output = state[0, j] + b[0] * value
+            state[0, j] = state[1, j] + b[1] * value - a[1] * output
+            state[1, j] = state[2, j] + b[2] * value - a[2] * output
+            state[2, j] = b[3] * value - a[3] * output
+            x[i, j] = output
 
 
 def differentiate(motion: Motion, cutoff: float | None = None) -> Motion:

@@ -87,15 +87,15 @@ def _hidden(model: Model, markers: Markers, fit: KinematicsFit, problem: PosePro
     usual = None
     for chunk in np.array_split(np.r_[most, np.flatnonzero(some)], 1 + some.sum() // CHUNK):
         frames = first[chunk]
-        one = marker_frames(tree, problem, markers.values[frames][:, columns], fit.motion.values[frames])
+        influence = marker_frames(tree, problem, markers.values[frames][:, columns], fit.motion.values[frames])
         for index, mask in enumerate(chunk):
-            sizes, parts = _sizes(one, index, masks[mask])
+            sizes, parts = _sizes(influence, index, masks[mask])
             usual = float(np.median(sizes[sizes > 1e-12 * sizes[-1]])) if usual is None else usual
             faint = parts[:, sizes < FAINT**2 * usual]
-            hidden[mask] = (np.abs(faint).max(axis=1, initial=0.0) > PART) & ~one.held[index]
-    found: np.ndarray = (hidden & ~hidden[most])[np.ravel(group)]
-    found[:, problem.coordinates.weight[problem.free] > 0.0] = False
-    return found & fit.seen[:, None]
+            hidden[mask] = (np.abs(faint).max(axis=1, initial=0.0) > PART) & ~influence.held[index]
+    result: np.ndarray = (hidden & ~hidden[most])[np.ravel(group)]
+    result[:, problem.coordinates.weight[problem.free] > 0.0] = False
+    return result & fit.seen[:, None]
 
 
 def _sizes(marker_frames: MarkerFrames, frame: int, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -124,12 +124,12 @@ def _partly(fit: KinematicsFit, names: list[str], hidden: np.ndarray, frames: in
     """Coordinates that no marker shows in more than a tenth of the frames, those of nearly the same frames together."""
     together: list[list[int]] = []
     for i in map(int, np.flatnonzero(hidden.sum(axis=0) > LEAST * frames)):
-        alike = (one for one in together if _overlap(hidden[:, one[0]], hidden[:, i]) > ALIKE)
-        own = next(alike, None)
-        if own is None:
+        alike = (members_ for members_ in together if _overlap(hidden[:, members_[0]], hidden[:, i]) > ALIKE)
+        group = next(alike, None)
+        if group is None:
             together.append([i])
         else:
-            own.append(i)
+            group.append(i)
     for members in together:
         when = np.asarray(hidden[:, members].any(axis=1))
         spans = [(float(fit.motion.time[a]), float(fit.motion.time[b - 1])) for a, b in runs(when)]
@@ -141,6 +141,6 @@ def _partly(fit: KinematicsFit, names: list[str], hidden: np.ndarray, frames: in
         yield Finding("hidden in part", ", ".join(which), text, tuple(spans))
 
 
-def _overlap(one: np.ndarray, other: np.ndarray) -> float:
+def _overlap(first: np.ndarray, other: np.ndarray) -> float:
     """Share of the frames of either that both have."""
-    return float((one & other).sum() / max(int((one | other).sum()), 1))
+    return float((first & other).sum() / max(int((first | other).sum()), 1))

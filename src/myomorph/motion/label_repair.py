@@ -70,12 +70,12 @@ def mended_labels(
     sized = scale(bare, dict.fromkeys(bare.body_names, np.full(3, size)))
     sample = Markers(markers.time[chosen], markers.names, markers.values[chosen])
     fit = inverse_kinematics(sized, sample, options)
-    found = without_swaps(sized, sample, fit, options, True, length_unit(compile_tree(sized)), OF_ANY_LENGTHS)
+    repaired = without_swaps(sized, sample, fit, options, True, length_unit(compile_tree(sized)), OF_ANY_LENGTHS)
     values = np.array(markers.values)
-    for swap in found.throughout:
+    for swap in repaired.throughout:
         values[:, columns] = swap.applied(values[:, columns], swap.columns(names))
-    told = tuple(finding for finding in found.findings if not finding.times)
-    return (replace(markers, values=values) if found.throughout else markers), told
+    told = tuple(finding for finding in repaired.findings if not finding.times)
+    return (replace(markers, values=values) if repaired.throughout else markers), told
 
 
 def without_swaps(
@@ -134,7 +134,7 @@ def _swap_finding(
     swap: Swap, markers: Markers, wrong: np.ndarray, fit: KinematicsFit, other: KinematicsFit, mended: bool
 ) -> Finding:
     spans = [] if wrong.mean() > THROUGHOUT else [span_of(markers.time, start, stop) for start, stop in runs(wrong)]
-    before, after = (100 * float(np.nanmedian(one.rms[wrong])) for one in (fit, other))
+    before, after = (100 * float(np.nanmedian(fit_.rms[wrong])) for fit_ in (fit, other))
     when = times_text(spans) if spans else "throughout"
     fits = f"root mean square error {before:.1f} cm, {after:.1f} cm exchanged"
     if swap.name in (SIDES, MIRRORED) and not (swap.certain and swap.name == SIDES):
@@ -155,8 +155,8 @@ def _placed(model: Model, fit: KinematicsFit) -> Array:
     tree = compile_tree(model)
     marked = [model.marker(name) for name in fit.marker_names]
     poses = forward_kinematics(tree, np.nan_to_num(fit.motion.values))
-    bodies = np.array([tree.body_index[one.body] for one in marked])
-    return poses.points(bodies, np.array([one.location for one in marked]))
+    bodies = np.array([tree.body_index[marker.body] for marker in marked])
+    return poses.points(bodies, np.array([marker.location for marker in marked]))
 
 
 def _solver(model: Model, markers: Markers, names: Sequence[str], options: InverseKinematicsOptions) -> Solve:
@@ -164,9 +164,9 @@ def _solver(model: Model, markers: Markers, names: Sequence[str], options: Inver
 
     def solve(observed: Array) -> Array:
         errors = np.full(observed.shape[:2], np.nan)
-        for index, one in enumerate(observed):
-            if np.isfinite(one).all(axis=1).any():
-                single = Markers(markers.time[:1], tuple(names), one[None])
+        for index, positions in enumerate(observed):
+            if np.isfinite(positions).all(axis=1).any():
+                single = Markers(markers.time[:1], tuple(names), positions[None])
                 errors[index] = inverse_kinematics(model, single, options).errors[0]
         return errors
 

@@ -133,9 +133,9 @@ def mirrored_lengths(lengths: Sequence[Length]) -> tuple[tuple[int, int], ...]:
     index = {length.name: i for i, length in enumerate(lengths)}
     mirror = mirror_names(length.segment for length in lengths)
     pairs = (
-        (i, index[mirror[one.segment] + one.name[len(one.segment) :]])
-        for i, one in enumerate(lengths)
-        if one.segment in mirror and mirror[one.segment] + one.name[len(one.segment) :] in index
+        (i, index[mirror[length.segment] + length.name[len(length.segment) :]])
+        for i, length in enumerate(lengths)
+        if length.segment in mirror and mirror[length.segment] + length.name[len(length.segment) :] in index
     )
     return tuple((i, j) for i, j in pairs if i < j)
 
@@ -170,20 +170,20 @@ def _nearest_axes(first: Array, other: Array) -> list[int]:
 def _one_for_both_sides(lengths: Sequence[Length]) -> tuple[Length, ...]:
     partner = dict(mirrored_lengths(lengths))
     merged = []
-    for i, one in enumerate(lengths):
+    for i, length in enumerate(lengths):
         if i in partner.values():
             continue
         if i in partner:
             other = lengths[partner[i]]
-            segment = split_side(one.segment)[0]
-            one = replace(
-                one,
-                name=segment + one.name[len(one.segment) :],
+            segment = split_side(length.segment)[0]
+            length = replace(
+                length,
+                name=segment + length.name[len(length.segment) :],
                 segment=segment,
-                stretched=one.stretched + other.stretched,
-                extent=0.5 * (one.extent + other.extent),
+                stretched=length.stretched + other.stretched,
+                extent=0.5 * (length.extent + other.extent),
             )
-        merged.append(one)
+        merged.append(length)
     return tuple(merged)
 
 

@@ -87,10 +87,10 @@ def checked_kinematics(
     shared = set(model.marker_names)
     unknown = tuple(name for name in fit.unused_markers if name not in shared)
     findings = [*name_findings(fit.missing_markers, unknown, matched), *swapped]
-    findings += [one if checks.mend else _only_told(one) for one in in_time]
+    findings += [finding if checks.mend else _only_told(finding) for finding in in_time]
     findings += hidden
     # What a body under wrong labels does says nothing more.
-    if all(one.mended for one in swapped):
+    if all(finding.mended for finding in swapped):
         findings += place_findings(model, used, fit, problem, unit)
         findings += pose_findings(model, used, fit, problem, options)
     return CheckedFit(fit, used, tuple(findings))
@@ -109,20 +109,20 @@ def mended_in_time(model: Model, markers: Markers, unit: float) -> tuple[Markers
     unit : see `length_unit`
     """
     columns = [i for i, name in enumerate(markers.names) if name in set(model.marker_names)]
-    values, found = np.array(markers.values), list[Finding]()
+    values, findings = np.array(markers.values), list[Finding]()
     names = [markers.names[i] for i in columns]
     edges = edges_of(markers.time, values[:, columns], unit)
     parts: dict[tuple[int, int], list[tuple[str, str]]] = {}
-    for one in _short_side(exchanges(values[:, columns], edges), len(values)):
-        i, j = columns[one.first], columns[one.second]
-        span = slice(one.start, one.stop)
+    for exchange in _short_side(exchanges(values[:, columns], edges), len(values)):
+        i, j = columns[exchange.first], columns[exchange.second]
+        span = slice(exchange.start, exchange.stop)
         values[span, i], values[span, j] = values[span, j].copy(), values[span, i].copy()
-        parts.setdefault((one.start, one.stop), []).append((names[one.first], names[one.second]))
-    found += [_exchanged(markers, pairs, *part) for part, pairs in parts.items()]
-    if found:
+        parts.setdefault((exchange.start, exchange.stop), []).append((names[exchange.first], names[exchange.second]))
+    findings += [_exchanged(markers, pairs, *part) for part, pairs in parts.items()]
+    if findings:
         edges = edges_of(markers.time, values[:, columns], unit)
-    found += _bridged(markers, values, columns, edges)
-    return (replace(markers, values=values) if found else markers), tuple(found)
+    findings += _bridged(markers, values, columns, edges)
+    return (replace(markers, values=values) if findings else markers), tuple(findings)
 
 
 def _short_side(exchanges: Sequence[Exchange], frames: int) -> Iterator[Exchange]:

@@ -99,5 +99,5 @@ def undetermined(marker_frames: MarkerFrames, problem: PoseProblem, weight: Arra
     blind = directions[:, sizes < BLIND**2 * usual]
     part = np.abs(blind).max(axis=1, initial=0.0)
     # A variable at its bound in all frames is determined by the bound.
-    own = [i for i in range(len(problem.free)) if part[i] > 0.3 and not marker_frames.held[:, i].all()]
-    return tuple(int(problem.free[i]) for i in own if problem.coordinates.weight[problem.free[i]] == 0.0)
+    blind_variables = [i for i in range(len(problem.free)) if part[i] > 0.3 and not marker_frames.held[:, i].all()]
+    return tuple(int(problem.free[i]) for i in blind_variables if problem.coordinates.weight[problem.free[i]] == 0.0)

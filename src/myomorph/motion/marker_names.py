@@ -26,17 +26,17 @@ def near_names(wanted: Sequence[str], offered: Sequence[str]) -> dict[str, str]:
     result: dict[str, str] = {}
     by_spelling = {spelling(name): name for name in reversed(offered)}
     for name in wanted:
-        own = spelling(name)
-        if own in by_spelling:
-            result[name] = by_spelling[own]
+        spelled = spelling(name)
+        if spelled in by_spelling:
+            result[name] = by_spelling[spelled]
     left = {spelling(name): name for name in offered if name not in result.values()}
     for name in wanted:
         if name in result or len(spelling(name)) < 4:
             continue
-        own = spelling(name)
-        for other in difflib.get_close_matches(own, list(left), n=3, cutoff=NEAR):
+        spelled = spelling(name)
+        for other in difflib.get_close_matches(spelled, list(left), n=3, cutoff=NEAR):
             # Another letter may be the side, another digit the number in a cluster: letters may only be missing.
-            if _only_adds(own, other) or _only_adds(other, own):
+            if _only_adds(spelled, other) or _only_adds(other, spelled):
                 result[name] = left.pop(other)
                 break
     return result

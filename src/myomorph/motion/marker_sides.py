@@ -74,7 +74,7 @@ def _links(markers: Markers, names: Sequence[str]) -> list[_Link]:
     partner = {name: other for name, other in mirror_names(bony).items() if bony[other].key == bony[name].key}
     rows = np.unique(np.linspace(0, max(len(markers) - 1, 0), min(SAMPLES, len(markers))).astype(int))
     places = dict(zip(markers.names, np.moveaxis(markers.values[rows], 1, 0), strict=True))
-    found: dict[frozenset[tuple[str, str]], _Link] = {}
+    links: dict[frozenset[tuple[str, str]], _Link] = {}
     for one in (name for name in partner if bony[name].side == "right"):
         for other, site in bony.items():
             sided = other in partner
@@ -85,8 +85,8 @@ def _links(markers: Markers, names: Sequence[str]) -> list[_Link]:
             if not all(spread < STEADY for _, spread in lengths):
                 continue
             link = _Link((one, other), mirrored, lengths[0][0], lengths[0][0] - lengths[1][0])
-            found.setdefault(frozenset((_ordered(link.markers), _ordered(mirrored))), link)
-    return list(found.values())
+            links.setdefault(frozenset((_ordered(link.markers), _ordered(mirrored))), link)
+    return list(links.values())
 
 
 def _rigid(site: Site, other: Site) -> bool:
@@ -96,9 +96,9 @@ def _rigid(site: Site, other: Site) -> bool:
     return site.side == other.side and frozenset((site.segment, other.segment)) in BESIDE
 
 
-def _distance(one: Array, other: Array) -> tuple[float, float]:
+def _distance(first: Array, other: Array) -> tuple[float, float]:
     """Median and standard deviation of the distance of two points (frames, 3), infinite where it is hardly seen [m]."""
-    apart = np.linalg.norm(one - other, axis=1)
+    apart = np.linalg.norm(first - other, axis=1)
     known = apart[np.isfinite(apart)]
     return (float(np.median(known)), float(np.std(known))) if len(known) > 0.1 * len(apart) else (np.nan, np.inf)
 
@@ -112,8 +112,8 @@ def _suspects(worst: _Link, links: Sequence[_Link]) -> list[tuple[str, ...]]:
     pairs = [tuple(dict.fromkeys(ends)) for ends in zip(worst.markers, worst.others, strict=True)]
     differing = []
     for pair, away in zip(pairs, reversed(pairs), strict=True):
-        own = [abs(link.difference) for link in links if _has(link, pair) and not _has(link, away)]
-        differing.append(float(np.median(own)) if own else np.nan)
+        differences = [abs(link.difference) for link in links if _has(link, pair) and not _has(link, away)]
+        differing.append(float(np.median(differences)) if differences else np.nan)
     if np.isnan(differing).all():
         return pairs
     # One without other distances is where it belongs if those of the other differ more than half as much.
@@ -127,12 +127,12 @@ def _has(link: _Link, names: tuple[str, ...]) -> bool:
 
 def _text(worst: _Link, suspects: Sequence[tuple[str, ...]], usual: float) -> str:
     named = " or ".join(f"'{name}'" for pair in suspects for name in pair)
-    (one, other), (a, b) = worst.markers, worst.others
+    (first, other), (a, b) = worst.markers, worst.others
     lies = f"marker {named} lies elsewhere than on the other side"
     if len(suspects) == 1 and len(suspects[0]) == 1:
         lies = f"marker {named} lies off the middle"
     return (
-        f"{lies}: '{one}' and '{other}' are {100 * worst.length:.1f} cm apart, '{a}' and '{b}' "
+        f"{lies}: '{first}' and '{other}' are {100 * worst.length:.1f} cm apart, '{a}' and '{b}' "
         f"{100 * (worst.length - worst.difference):.1f} cm (the median of such differences is {100 * usual:.1f} cm): "
         "was it misplaced? A calibration moves the model's marker after it, and angles with it; leave it out "
         "(an empty name in --labels) where it was"

@@ -102,7 +102,7 @@ def _edges(time: Array, path: Array, unit: float) -> Steps:
         return NONE
     # The median of the steps around, the step itself left out.
     count = len(speed)
-    index = np.arange(count)[:, None] + np.array([k for k in range(-AROUND, AROUND + 1) if k])
+    index = np.arange(count)[:, None] + np.array([shift for shift in range(-AROUND, AROUND + 1) if shift])
     predicted = path[start] + np.median(speed[np.clip(index, 0, count - 1)], axis=1) * spans
     excess = path[stop] - predicted
     size = np.linalg.norm(excess, axis=1)
@@ -119,18 +119,18 @@ def excursions(time: Array, edges: Sequence[Steps]) -> tuple[Excursion, ...]:
     time : (frames,) [s]
     edges : of every marker, by `edges_of`
     """
-    found = []
+    spans = []
     for marker, steps in enumerate(edges):
-        k = 0
-        while k + 1 < len(steps.start):
-            out, back = steps.excess[k], steps.excess[k + 1]
+        place = 0
+        while place + 1 < len(steps.start):
+            out, back = steps.excess[place], steps.excess[place + 1]
             size = float(np.linalg.norm(out))
-            soon = time[steps.start[k + 1]] - time[steps.stop[k]] <= RETURNS
+            soon = time[steps.start[place + 1]] - time[steps.stop[place]] <= RETURNS
             if soon and np.linalg.norm(out + back) < CLOSES * max(size, float(np.linalg.norm(back))):
-                found.append(Excursion(marker, int(steps.stop[k]), int(steps.start[k + 1]) + 1, size))
-                k += 1
-            k += 1
-    return tuple(found)
+                spans.append(Excursion(marker, int(steps.stop[place]), int(steps.start[place + 1]) + 1, size))
+                place += 1
+            place += 1
+    return tuple(spans)
 
 
 def exchanges(values: Array, edges: Sequence[Steps]) -> tuple[Exchange, ...]:
@@ -143,20 +143,20 @@ def exchanges(values: Array, edges: Sequence[Steps]) -> tuple[Exchange, ...]:
     """
     at: dict[int, list[tuple[int, int]]] = {}
     for marker, steps in enumerate(edges):
-        for k, frame in enumerate(steps.stop):
-            at.setdefault(int(frame), []).append((marker, k))
+        for place, frame in enumerate(steps.stop):
+            at.setdefault(int(frame), []).append((marker, place))
     changes: dict[tuple[int, int], list[int]] = {}
     for frame, group in sorted(at.items()):
         here = np.array([values[frame, marker] for marker, _ in group])
-        ahead = np.array([edges[marker].predicted[k] for marker, k in group])
+        ahead = np.array([edges[marker].predicted[place_] for marker, place_ in group])
         apart = np.linalg.norm(here[:, None] - ahead, axis=2)
         taken = linear_sum_assignment(apart)[1]
         for i, j in enumerate(taken):
-            own = apart[i, i] + apart[j, j]
-            if i < j and taken[j] == i and apart[i, j] + apart[j, i] < CLOSES * own:
+            stayed = apart[i, i] + apart[j, j]
+            if i < j and taken[j] == i and apart[i, j] + apart[j, i] < CLOSES * stayed:
                 changes.setdefault((group[i][0], group[j][0]), []).append(frame)
-    found = []
+    swaps = []
     for (first, second), frames in changes.items():
         ends = [*frames, len(values)] if len(frames) % 2 else frames
-        found += [Exchange(first, second, a, b) for a, b in zip(ends[::2], ends[1::2], strict=True)]
-    return tuple(found)
+        swaps += [Exchange(first, second, a, b) for a, b in zip(ends[::2], ends[1::2], strict=True)]
+    return tuple(swaps)

@@ -85,8 +85,8 @@ class Swap:
     def columns(self, names: Sequence[str]) -> list[int]:
         """Where to take each marker from (markers,)."""
         order = list(range(len(names)))
-        for one, other in self.pairs:
-            i, j = names.index(one), names.index(other)
+        for first, other in self.pairs:
+            i, j = names.index(first), names.index(other)
             order[i], order[j] = order[j], order[i]
         return order
 
@@ -121,36 +121,36 @@ def find_swap(
     if not len(seen):
         return None
     pairs = crossed_pairs(names, observed, errors, placed, unit)
-    found: list[tuple[float, Swap]] = []
-    given: dict[int, float] = {}
+    swaps: list[tuple[float, Swap]] = []
+    before: dict[int, float] = {}
     for swap, frames in _hypotheses(model, names, pairs, bool(np.median(rms[seen]) > SUSPECT * unit), seen):
         columns, ratios, gains = swap.columns(names), list[float](), list[float]()
-        for k in _spread(frames):
-            if k not in given:
-                given[k] = float(_rms(solve(observed[k : k + 1]))[0])
-            after = float(_rms(solve(swap.applied(observed[k : k + 1], columns)))[0])
-            ratios.append(after / given[k])
-            gains.append(given[k] - after)
+        for frame_ in _spread(frames):
+            if frame_ not in before:
+                before[frame_] = float(_rms(solve(observed[frame_ : frame_ + 1]))[0])
+            after = float(_rms(solve(swap.applied(observed[frame_ : frame_ + 1], columns)))[0])
+            ratios.append(after / before[frame_])
+            gains.append(before[frame_] - after)
             # Most exchanges are wrong, which two frames show.
             if len(ratios) == 2 and min(ratios) > margin.share:
                 break
         if np.mean(np.array(ratios) < margin.share) > 0.6 and np.median(gains) > margin.gain * unit:
-            found.append((float(np.median(ratios)), swap))
+            swaps.append((float(np.median(ratios)), swap))
     # Of exchanges that explain about as much, the one of fewest labels.
-    found.sort(key=lambda one: (round(4.0 * one[0]), len(one[1].pairs), one[0]))
-    whole = {swap.name: ratio for ratio, swap in found if swap.name in (SIDES, MIRRORED)}
-    if not found or len(whole) < 2 or found[0][1].name not in whole:
-        return found[0][1] if found else None
+    swaps.sort(key=lambda swap: (round(4.0 * swap[0]), len(swap[1].pairs), swap[0]))
+    whole = {swap.name: ratio for ratio, swap in swaps if swap.name in (SIDES, MIRRORED)}
+    if not swaps or len(whole) < 2 or swaps[0][1].name not in whole:
+        return swaps[0][1] if swaps else None
     best = min(whole, key=lambda name: whole[name])
     certain = whole[best] < CLEARLY * max(whole.values())
-    return next(replace(swap, certain=certain) for _, swap in found if swap.name == best)
+    return next(replace(swap, certain=certain) for _, swap in swaps if swap.name == best)
 
 
 def _spread(frames: NDArray[np.int64]) -> list[int]:
     """A few of the frames, the first two far from each other."""
     order = np.unique(np.linspace(0, len(frames) - 1, SAMPLES).astype(int))
     order = np.concatenate([order[1::3], order[2::3], order[::3]])
-    return [int(frames[k]) for k in order]
+    return [int(frames[place]) for place in order]
 
 
 def crossed_pairs(
@@ -162,10 +162,10 @@ def crossed_pairs(
     for i, j in combinations(np.flatnonzero(far.sum(axis=0) > 0).tolist(), 2):
         both = np.flatnonzero(far[:, i] & far[:, j])
         if len(both):
-            own = errors[both, i] ** 2 + errors[both, j] ** 2
+            straight = errors[both, i] ** 2 + errors[both, j] ** 2
             other = ((observed[both, i] - placed[both, j]) ** 2).sum(axis=1)
             other += ((observed[both, j] - placed[both, i]) ** 2).sum(axis=1)
-            frames = both[other < CROSSED * own]
+            frames = both[other < CROSSED * straight]
             if len(frames) > 1:
                 result[names[i], names[j]] = frames.astype(np.int64)
     return result
@@ -204,37 +204,37 @@ def side_pairs(names: Sequence[str]) -> tuple[tuple[str, str], ...]:
     """Markers of the two sides, each pair once."""
     partner = mirror_names(names)
     place = {name: i for i, name in enumerate(names)}
-    return tuple((one, partner[one]) for one in names if one in partner and place[one] < place[partner[one]])
+    return tuple((name, partner[name]) for name in names if name in partner and place[name] < place[partner[name]])
 
 
 def limb_pairs(model: Model, sided: Sequence[tuple[str, str]]) -> dict[str, tuple[tuple[str, str], ...]]:
     """Pairs of markers by the pair of limbs that they are on, named after the limb's first body; else by their body."""
     parent = {joint.child: joint.parent for joint in model.joints}
     bodies = mirror_names(model.body_names)
-    found: dict[str, list[tuple[str, str]]] = {}
+    limbs: dict[str, list[tuple[str, str]]] = {}
     for pair in sided:
         body = model.marker(pair[0]).body
         while body in bodies and parent.get(body, GROUND) in bodies:
             body = parent[body]
-        found.setdefault(body, []).append(pair)
-    return {body: tuple(pairs) for body, pairs in found.items()}
+        limbs.setdefault(body, []).append(pair)
+    return {body: tuple(pairs) for body, pairs in limbs.items()}
 
 
 def front_pairs(model: Model, sided: Sequence[tuple[str, str]]) -> tuple[tuple[str, str], ...]:
     """The front and the back markers of the first body on each side that has both."""
-    first, own = "", list[tuple[str, str]]()
+    first, pairs = "", list[tuple[str, str]]()
     for first in model.body_names:
-        own = [pair for pair in sided if model.marker(pair[0]).body == model.marker(pair[1]).body == first]
-        if len(own) > 1:
+        pairs = [pair for pair in sided if model.marker(pair[0]).body == model.marker(pair[1]).body == first]
+        if len(pairs) > 1:
             break
-    if len(own) < 2:
+    if len(pairs) < 2:
         return ()
-    middle = [0.5 * (model.marker(a).location + model.marker(b).location) for a, b in own]
-    i, j = max(combinations(range(len(own)), 2), key=lambda ij: float(np.linalg.norm(middle[ij[0]] - middle[ij[1]])))
-    first_side = [model.marker(name).location for name in own[i]]
-    across = np.linalg.norm([model.marker(own[j][0]).location - one for one in first_side], axis=1)
-    other = own[j] if across[0] < across[1] else own[j][::-1]
-    return ((own[i][0], other[0]), (own[i][1], other[1]))
+    middle = [0.5 * (model.marker(a).location + model.marker(b).location) for a, b in pairs]
+    i, j = max(combinations(range(len(pairs)), 2), key=lambda ij: float(np.linalg.norm(middle[ij[0]] - middle[ij[1]])))
+    first_side = [model.marker(name).location for name in pairs[i]]
+    across = np.linalg.norm([model.marker(pairs[j][0]).location - place for place in first_side], axis=1)
+    other = pairs[j] if across[0] < across[1] else pairs[j][::-1]
+    return ((pairs[i][0], other[0]), (pairs[i][1], other[1]))
 
 
 def _rms(errors: Array) -> Array:

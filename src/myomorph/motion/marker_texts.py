@@ -10,7 +10,7 @@ from myomorph.model.arrays import Array
 def pairs_text(pairs: Sequence[tuple[str, str]], most: int = 3) -> str:
     """The first pairs of labels."""
     more = f" and {len(pairs) - most} other pairs" if len(pairs) > most else ""
-    return ", ".join(f"'{one}' and '{other}'" for one, other in pairs[:most]) + more
+    return ", ".join(f"'{first}' and '{other}'" for first, other in pairs[:most]) + more
 
 
 def span_of(time: Array, start: int, stop: int) -> tuple[float, float]:

@@ -59,12 +59,12 @@ def measured_factors(
 def with_measured(measured: Iterable[Measured], factors: Mapping[str, Array] | None = None) -> dict[str, Array]:
     """Factors with those that measurements found put in; a measurement that cannot be used changes none."""
     result = {body: np.array(factor, dtype=np.float64) for body, factor in (factors or {}).items()}
-    for one in measured:
-        if not np.isfinite(one.factor):
+    for length in measured:
+        if not np.isfinite(length.factor):
             continue
-        for body, axes in one.measurement.bodies.items():
+        for body, axes in length.measurement.bodies.items():
             along = result.setdefault(body, np.ones(3))
-            along[["xyz".index(axis) for axis in axes]] = one.factor
+            along[["xyz".index(axis) for axis in axes]] = length.factor
     return result
 
 
@@ -81,7 +81,7 @@ def measure(model: Model, markers: Markers, measurement: Measurement) -> Measure
     if notes:
         return Measured(measurement, float("nan"), notes=tuple(notes))
     ends = default_markers(model, [name for pair in measurement.pairs for name in pair])
-    own = np.linalg.norm(ends[0::2] - ends[1::2], axis=1)
+    modelled = np.linalg.norm(ends[0::2] - ends[1::2], axis=1)
     recorded = []
     for first, second in measurement.pairs:
         lengths = np.linalg.norm(markers[first] - markers[second], axis=1)
@@ -91,11 +91,11 @@ def measure(model: Model, markers: Markers, measurement: Measurement) -> Measure
             hidden = f"{int((~seen).sum())} of {len(seen)} frames do not show both '{first}' and '{second}'"
             notes.append(f"measurement '{measurement.name}': {hidden}")
     with np.errstate(divide="ignore", invalid="ignore"):
-        factor = float(np.mean(np.array(recorded) / own))
+        factor = float(np.mean(np.array(recorded) / modelled))
     if not np.isfinite(factor) or factor <= 0.0:
         notes.append(f"measurement '{measurement.name}' is not used: its factor would be {factor:g}")
         factor = float("nan")
-    return Measured(measurement, factor, tuple(recorded), tuple(own.tolist()), tuple(notes))
+    return Measured(measurement, factor, tuple(recorded), tuple(modelled.tolist()), tuple(notes))
 
 
 def _missing(model: Model, markers: Markers, measurement: Measurement) -> list[str]:
@@ -103,8 +103,8 @@ def _missing(model: Model, markers: Markers, measurement: Measurement) -> list[s
     if not measurement.pairs:
         return [f"{unused}: it has no marker pairs"]
     named = dict.fromkeys(name for pair in measurement.pairs for name in pair)
-    found = [f"{unused}: the model has no marker '{name}'" for name in named if name not in model.marker_names]
-    return found + [f"{unused}: marker '{name}' was not recorded" for name in named if name not in markers.names]
+    problems = [f"{unused}: the model has no marker '{name}'" for name in named if name not in model.marker_names]
+    return problems + [f"{unused}: marker '{name}' was not recorded" for name in named if name not in markers.names]
 
 
 def default_markers(model: Model, names: Sequence[str]) -> Array:

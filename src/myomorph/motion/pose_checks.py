@@ -67,16 +67,19 @@ def _bound_findings(
         return
     names = [model.coordinate_names[j] for j in problem.free]
     loose = {names[i] for i in held}
-    coordinates = tuple(replace(one, clamped=one.clamped and one.name not in loose) for one in model.coordinates)
+    coordinates = tuple(
+        replace(coordinate_, clamped=coordinate_.clamped and coordinate_.name not in loose)
+        for coordinate_ in model.coordinates
+    )
     without = replace(model, coordinates=coordinates)
     some = np.flatnonzero(at[:, held].any(axis=1))
     some = some[np.unique(np.linspace(0, len(some) - 1, SAMPLES).astype(int))]
     freed = inverse_kinematics(without, replace(markers, time=markers.time[some], values=markers.values[some]), options)
     for i in held:
         coordinate = model.coordinate(names[i])
-        own = at[some, i]
+        at_bound = at[some, i]
         lower, upper = float(problem.lower[i]), float(problem.upper[i])
-        reached = freed.motion[names[i]][own]
+        reached = freed.motion[names[i]][at_bound]
         low = 2 * int((values[:, i] <= lower + AT).sum()) > int(at[:, i].sum())
         bound = lower if low else upper
         turns = coordinate.motion != "translational"
@@ -148,7 +151,9 @@ def _counted(names: list[str]) -> str:
 def _upright_findings(model: Model, fit: KinematicsFit) -> Iterator[Finding]:
     """A floating body that lies or stands on its head in nearly all frames: its vertical may be another axis."""
     floating = set(floating_coordinates(model))
-    joint = next((one for one in model.joints if one.parent == GROUND and floating & set(one.coordinates)), None)
+    joint = next(
+        (joint_ for joint_ in model.joints if joint_.parent == GROUND and floating & set(joint_.coordinates)), None
+    )
     gravity = float(np.linalg.norm(model.gravity))
     if joint is None or gravity == 0.0:
         return

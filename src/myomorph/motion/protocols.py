@@ -176,7 +176,9 @@ def recognize(names: Iterable[str], table: ProtocolTable | None = None) -> Recog
             if own is table.common:
                 common.append(label)
     ordered = {label: sites[label] for label in labels if label in sites}
-    return Recognized(protocol, FrozenMap(ordered), tuple(common), tuple(one for one in labels if one not in sites))
+    return Recognized(
+        protocol, FrozenMap(ordered), tuple(common), tuple(label for label in labels if label not in sites)
+    )
 
 
 def labels_between(recorded: Iterable[str], known: Iterable[str], table: ProtocolTable | None = None) -> dict[str, str]:
@@ -235,16 +237,16 @@ def protocol_table(text: str, source: str, base: ProtocolTable | None = None) ->
             raise BadData(f"{source}: unknown table '{name}': there are {listing(name, tables)}")
     landmarks = dict(base.landmarks) if base else {}
     for name, kind in _TABLES.items():
-        for segment, own in raw.get(name, {}).items():
-            landmarks |= {f"{segment}.{key}": (str(words), kind) for key, words in own.items()}
-    found = dict(base.protocols) if base else {}
-    for name, own in raw.get("protocols", {}).items():
-        found[name] = _protocol(name, own, landmarks, found, source)
+        for segment, markers in raw.get(name, {}).items():
+            landmarks |= {f"{segment}.{key}": (str(words), kind) for key, words in markers.items()}
+    protocols = dict(base.protocols) if base else {}
+    for name, markers in raw.get("protocols", {}).items():
+        protocols[name] = _protocol(name, markers, landmarks, protocols, source)
     common = base.common if base else Protocol(COMMON, "common names", "", FrozenMap({}))
     if COMMON in raw:
         labels = dict(common.labels) | _labels(raw[COMMON].get("labels", {}), landmarks, f"{source}: {COMMON}")
         common = Protocol(COMMON, "common names", "", FrozenMap(labels))
-    return ProtocolTable(FrozenMap(landmarks), FrozenMap(found), common)
+    return ProtocolTable(FrozenMap(landmarks), FrozenMap(protocols), common)
 
 
 def _protocol(
@@ -265,7 +267,7 @@ def _protocol(
     dropped = {label for label, key in raw.get("labels", {}).items() if not key}
     labels = {label: site for label, site in labels.items() if label not in dropped}
     labels |= _labels(raw.get("labels", {}), landmarks, where)
-    title, origin = (str(raw.get(one, "")) for one in ("title", "source"))
+    title, origin = (str(raw.get(key, "")) for key in ("title", "source"))
     return Protocol(name, title or name, origin, FrozenMap(labels), tuple(raw.get("endings", ())))
 
 

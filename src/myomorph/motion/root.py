@@ -21,15 +21,15 @@ def floating_coordinates(model: Model) -> tuple[str, ...]:
     A joint to the ground that only turns (an arm fixed at the shoulder) or only slides (a sled) is part of the
     body or of a rig, and its bounds count. Massless links between ground and body belong to the root joint.
     """
-    found: list[str] = []
+    names_: list[str] = []
     for chain in _root_chains(model):
         axes = [(axis.kind, name) for joint in chain for axis in joint.axes for name in axis.coordinates]
         turns = {name for kind, name in axes if kind == "rotation"}
         # Old files call the translations of a custom joint coupled; a rotation may bring a translation along.
         slides = {name for kind, name in axes if kind == "translation"} - turns
         if len(slides) >= 2 and turns:
-            found += dict.fromkeys(name for _, name in axes)
-    return tuple(found)
+            names_ += dict.fromkeys(name for _, name in axes)
+    return tuple(names_)
 
 
 def of_one_turn(model: Model, values: Array) -> Array:
@@ -45,11 +45,11 @@ def of_one_turn(model: Model, values: Array) -> Array:
     """
     values = values.copy()
     for name in _whole_turns(model):
-        k, last = model.coordinate_names.index(name), model.coordinate(name).default
-        for start, stop in runs(np.isfinite(values[:, k])):
-            values[start:stop, k] = np.unwrap(values[start:stop, k])
-            values[start:stop, k] -= 2.0 * np.pi * np.round((values[start, k] - last) / (2.0 * np.pi))
-            last = values[stop - 1, k]
+        column, last = model.coordinate_names.index(name), model.coordinate(name).default
+        for start, stop in runs(np.isfinite(values[:, column])):
+            values[start:stop, column] = np.unwrap(values[start:stop, column])
+            values[start:stop, column] -= 2.0 * np.pi * np.round((values[start, column] - last) / (2.0 * np.pi))
+            last = values[stop - 1, column]
     return values
 
 
@@ -57,10 +57,10 @@ def _whole_turns(model: Model) -> Iterator[str]:
     """Floating angles that give the same pose a turn later: those that an axis turns by, one to one."""
     axes = [axis for joint in model.joints for axis in joint.axes]
     for name in floating_coordinates(model):
-        own = [axis for axis in axes if name in axis.coordinates]
-        if len(own) != 1 or own[0].kind != "rotation" or own[0].function.arity != 1:
+        turning = [axis for axis in axes if name in axis.coordinates]
+        if len(turning) != 1 or turning[0].kind != "rotation" or turning[0].function.arity != 1:
             continue
-        turned = float(own[0].function(np.array(2.0 * np.pi))) - float(own[0].function(np.array(0.0)))
+        turned = float(turning[0].function(np.array(2.0 * np.pi))) - float(turning[0].function(np.array(0.0)))
         if abs(abs(turned) - 2.0 * np.pi) < SLACK:
             yield name
 
@@ -73,7 +73,7 @@ def _root_chains(model: Model) -> Iterator[list[Joint]]:
             continue
         chain = [joint]
         while model.body(chain[-1].child).mass < light:
-            after = [one for one in model.joints if one.parent == chain[-1].child]
+            after = [following for following in model.joints if following.parent == chain[-1].child]
             if len(after) != 1:
                 break
             chain += after

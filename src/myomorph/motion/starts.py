@@ -95,14 +95,14 @@ def _at_bounds(tree: Tree, problem: PoseProblem, pose: Array) -> list[list[int]]
     place = {int(j): i for i, j in enumerate(problem.free)}
     result = []
     for joint in tree.model.joints:
-        own = [tree.model.coordinate_names.index(name) for name in joint.coordinates]
-        own = [j for j in own if j in place and tree.model.coordinates[j].motion == "rotational"]
-        if not 2 <= len(own) <= 3:
+        angles = [tree.model.coordinate_names.index(name) for name in joint.coordinates]
+        angles = [j for j in angles if j in place and tree.model.coordinates[j].motion == "rotational"]
+        if not 2 <= len(angles) <= 3:
             continue
-        low, high = (np.array([bound[place[j]] for j in own]) for bound in (problem.lower, problem.upper))
-        stuck = (pose[own] <= low + AT_BOUND) | (pose[own] >= high - AT_BOUND)
+        low, high = (np.array([bound[place[j]] for j in angles]) for bound in (problem.lower, problem.upper))
+        stuck = (pose[angles] <= low + AT_BOUND) | (pose[angles] >= high - AT_BOUND)
         if np.isfinite(high - low).all() and stuck.any():
-            result.append(own)
+            result.append(angles)
     return result
 
 
@@ -155,15 +155,15 @@ def nearest_turns(tree: Tree, turning: list[int], pose: Array, reference: Array)
     names = tree.model.coordinate_names
     for joint in tree.model.joints:
         used = [name for axis in joint.axes if axis.kind == "rotation" for name in axis.coordinates]
-        own = [names.index(name) for name in dict.fromkeys(used)]
-        if len(own) != 3 or not set(own) <= set(turning):
+        angles = [names.index(name) for name in dict.fromkeys(used)]
+        if len(angles) != 3 or not set(angles) <= set(turning):
             continue
         other = result.copy()
-        other[own] = other_branch(result[own])
-        other = _without_turns(other, own, reference)
+        other[angles] = other_branch(result[angles])
+        other = _without_turns(other, angles, reference)
         poses = forward_kinematics(tree, np.array([result, other]))
         same = np.allclose(poses.rotations[0], poses.rotations[1], atol=SAME_ROTATION)
-        if same and np.sum((other - reference)[own] ** 2) < np.sum((result - reference)[own] ** 2):
+        if same and np.sum((other - reference)[angles] ** 2) < np.sum((result - reference)[angles] ** 2):
             result = other
     return result
 

@@ -150,19 +150,19 @@ def marker_slopes(T, K, S, c, R, p, w, o, dphi, grown, places, by_length, by_coo
         for i in range(3):
             for j in range(lengths):
                 grown[b, i, j] = grown[h, i, j]
-        for k in range(T.axis_start[b], T.axis_start[b + 1]):
-            add_offset(S.column, S.pre[k], h, b, r, grown[b])
-            r = product(r, matrix(T.pre_R, k))
-            i, j = T.axis_coordinate[k, 0], T.axis_coordinate[k, 1]
-            q = evaluate(T.functions, T.axis_function[k], c[i] if i >= 0 else 0.0, c[j] if j >= 0 else 0.0)[0]
-            if T.axis_kind[k] == ROTATION:
-                r = product(r, about(vector(T.axis_vector, k), q))
+        for axis in range(T.axis_start[b], T.axis_start[b + 1]):
+            add_offset(S.column, S.pre[axis], h, b, r, grown[b])
+            r = product(r, matrix(T.pre_R, axis))
+            i, j = T.axis_coordinate[axis, 0], T.axis_coordinate[axis, 1]
+            q = evaluate(T.functions, T.axis_function[axis], c[i] if i >= 0 else 0.0, c[j] if j >= 0 else 0.0)[0]
+            if T.axis_kind[axis] == ROTATION:
+                r = product(r, about(vector(T.axis_vector, axis), q))
             else:
                 for t in range(3):
                     column = S.column[h, t]
                     if column >= 0:
                         for i in range(3):
-                            grown[b, i, column] += w[k, i] * q * S.travel[k, t]
+                            grown[b, i, column] += w[axis, i] * q * S.travel[axis, t]
         add_offset(S.column, S.post[b], h, b, r, grown[b])
     by_coordinate[:] = 0.0
     for m in range(K.body.shape[0]):
@@ -177,14 +177,14 @@ def marker_slopes(T, K, S, c, R, p, w, o, dphi, grown, places, by_length, by_coo
                     by_length[3 * m + i, S.column[b, t]] += R[b, i, t] * S.location[m, t]
         h = b
         while h > 0:
-            for k in range(T.axis_start[h], T.axis_start[h + 1]):
-                u = vector(w, k)
-                moved = cross(u, minus(x, vector(o, k))) if T.axis_kind[k] == ROTATION else u
+            for axis in range(T.axis_start[h], T.axis_start[h + 1]):
+                u = vector(w, axis)
+                moved = cross(u, minus(x, vector(o, axis))) if T.axis_kind[axis] == ROTATION else u
                 for t in range(2):
-                    j = T.axis_coordinate[k, t]
+                    j = T.axis_coordinate[axis, t]
                     if j >= 0:
                         for i in range(3):
-                            by_coordinate[3 * m + i, j] += dphi[k, t] * moved[i]
+                            by_coordinate[3 * m + i, j] += dphi[axis, t] * moved[i]
             h = T.parent[h]
     gather_dependents(T, c, by_coordinate)
 
@@ -293,8 +293,8 @@ def add_markers(K, F, frame, R, places, by_length, by_coordinate, misfit, Jq, A,
             for a in range(lengths):
                 slope = by_length[row, a]
                 g[a] += slope * misfit[row]
-                for k in range(a + 1):
-                    H[a, k] += slope * by_length[row, k]
+                for column in range(a + 1):
+                    H[a, column] += slope * by_length[row, column]
                 for t in range(3):
                     H[d + t, a] += slope * root * R[b, i, t]
             for t in range(3):
@@ -304,10 +304,10 @@ def add_markers(K, F, frame, R, places, by_length, by_coordinate, misfit, Jq, A,
                 slope = Jq[row, a]
                 if slope == 0.0:
                     continue
-                for k in range(a + 1):
-                    A[a, k] += slope * Jq[row, k]
-                for k in range(lengths):
-                    E[a, k] += slope * by_length[row, k]
+                for column in range(a + 1):
+                    A[a, column] += slope * Jq[row, column]
+                for column in range(lengths):
+                    E[a, column] += slope * by_length[row, column]
                 for t in range(3):
                     E[a, d + t] += slope * root * R[b, i, t]
                 E[a, shared] += slope * misfit[row]
@@ -317,15 +317,15 @@ def add_markers(K, F, frame, R, places, by_length, by_coordinate, misfit, Jq, A,
 def eliminate(A, E):
     """Replace A by its factor L (lower triangle) and E by L^-1 E."""
     for a in range(A.shape[0]):
-        for k in range(a + 1):
-            for j in range(k):
-                A[a, k] -= A[a, j] * A[k, j]
-            A[a, k] = A[a, k] / A[k, k] if k < a else np.sqrt(max(A[a, a], 1e-300))
-        for k in range(a):
-            factor = A[a, k]
+        for column in range(a + 1):
+            for j in range(column):
+                A[a, column] -= A[a, j] * A[column, j]
+            A[a, column] = A[a, column] / A[column, column] if column < a else np.sqrt(max(A[a, a], 1e-300))
+        for column in range(a):
+            factor = A[a, column]
             if factor != 0.0:
                 for j in range(E.shape[1]):
-                    E[a, j] -= factor * E[k, j]
+                    E[a, j] -= factor * E[column, j]
         for j in range(E.shape[1]):
             E[a, j] /= A[a, a]
 

@@ -136,7 +136,7 @@ def resample_wrenches(wrenches: Wrenches, time: Array, cutoff: float | None = No
     return replace(wrenches, time=time, forces=forces, points=points, torques=torques)
 
 
-def refuse_other_times(what: str, given: Array, time: Array) -> None:
+def refuse_other_times(what: str, times: Array, time: Array) -> None:
     """Refuse values whose times (samples,) are not those of the motion (frames,) [s], but for a microsecond.
 
     Raises
@@ -144,9 +144,9 @@ def refuse_other_times(what: str, given: Array, time: Array) -> None:
     BadData
         where their number or their times differ; `what` names the values, in the plural
     """
-    if len(given) != len(time) or np.max(np.abs(given - time), initial=0.0) > 1e-6:
+    if len(times) != len(time) or np.max(np.abs(times - time), initial=0.0) > 1e-6:
         raise BadData(
-            f"{what} have {len(given)} frames from {given[:1]} s, the motion {len(time)} from {time[:1]} s: both must "
+            f"{what} have {len(times)} frames from {times[:1]} s, the motion {len(time)} from {time[:1]} s: both must "
             "have the same times, so resample them to its times first"
         )
 
@@ -162,7 +162,7 @@ def clock_shift(time: Array, other: Array) -> float | None:
     0 where they share time; the shift where both last equally long and share less than half of it; None where they
     share no time and nothing says by how much they are apart
     """
-    step = max((float(np.median(np.diff(one))) for one in (time, other) if len(one) > 1), default=0.0)
+    step = max((float(np.median(np.diff(times))) for times in (time, other) if len(times) > 1), default=0.0)
     apart = float(time[0] - other[0])
     lasts = float(time[-1] - time[0]), float(other[-1] - other[0])
     common = min(time[-1], other[-1]) - max(time[0], other[0])
@@ -225,18 +225,18 @@ def torques_at(torques: Series, motion: Motion) -> Series:
     BadData
         where the motion reaches beyond the torques
     """
-    time, own = motion.time, torques.time
-    if len(own) == len(time) and np.max(np.abs(own - time), initial=0.0) <= 1e-6:
+    time, torque_time = motion.time, torques.time
+    if len(torque_time) == len(time) and np.max(np.abs(torque_time - time), initial=0.0) <= 1e-6:
         return Series(time, torques.names, torques.values)
-    slack = 1e-6 if len(own) < 2 else 0.5 * float(np.median(np.diff(own)))
-    if not len(own) or time[0] < own[0] - slack or time[-1] > own[-1] + slack:
-        span = f"from {own[0]:g} to {own[-1]:g} s" if len(own) else "over no time"
+    slack = 1e-6 if len(torque_time) < 2 else 0.5 * float(np.median(np.diff(torque_time)))
+    if not len(torque_time) or time[0] < torque_time[0] - slack or time[-1] > torque_time[-1] + slack:
+        span = f"from {torque_time[0]:g} to {torque_time[-1]:g} s" if len(torque_time) else "over no time"
         raise BadData(
             f"torques run {span}, the motion from {time[0]:g} to {time[-1]:g} s: cut the motion with --time START END"
         )
-    at = np.clip(time, own[0], own[-1])
-    if len(own) < 4:
-        values = np.column_stack([np.interp(at, own, column) for column in torques.values.T])
+    at = np.clip(time, torque_time[0], torque_time[-1])
+    if len(torque_time) < 4:
+        values = np.column_stack([np.interp(at, torque_time, column) for column in torques.values.T])
     else:
-        values = natural_spline(own, torques.values, degree=3)(at)
+        values = natural_spline(torque_time, torques.values, degree=3)(at)
     return Series(time, torques.names, values)

@@ -49,9 +49,9 @@ class Synergies:
         scaled = envelopes / self.scale
         known = np.isfinite(scaled)
         result = np.full((len(scaled), len(self)), np.nan)
-        for k in np.flatnonzero(known.any(axis=1)):
-            use = known[k]
-            result[k] = nnls(self.vectors[:, use].T, np.maximum(scaled[k, use], 0.0))[0]
+        for frame in np.flatnonzero(known.any(axis=1)):
+            use = known[frame]
+            result[frame] = nnls(self.vectors[:, use].T, np.maximum(scaled[frame, use], 0.0))[0]
         return result
 
 

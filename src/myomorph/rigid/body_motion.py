@@ -62,13 +62,13 @@ def body_motion(tree: Tree, c: Array, cdot: Array, cddot: Array) -> BodyMotion:
     c, cdot, cddot : (frames, coordinates) consistent, as of `rigid.dynamics.motion_arrays`
     """
     frames, bodies = len(c), len(tree.arrays.parent)
-    given = [np.array(one, dtype=np.float64, order="C") for one in (c, cdot, cddot)]
+    arrays = [np.array(values, dtype=np.float64, order="C") for values in (c, cdot, cddot)]
     R = np.empty((frames, bodies, 3, 3))
     p, omega, v, alpha, a = (np.empty((frames, bodies, 3)) for _ in range(5))
 
     def part(start: int, stop: int) -> None:
         s = slice(start, stop)
-        _body_motion(tree.arrays, *(one[s] for one in given), R[s], p[s], omega[s], v[s], alpha[s], a[s])
+        _body_motion(tree.arrays, *(values[s] for values in arrays), R[s], p[s], omega[s], v[s], alpha[s], a[s])
 
     over_frames(part, frames)
     return BodyMotion(R, p, omega, alpha, v, a)

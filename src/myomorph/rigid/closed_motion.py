@@ -70,10 +70,10 @@ def closed_motion(model: Model, motion: Motion) -> tuple[Motion, tuple[str, ...]
     if not model.loops:
         return motion, ()
     tree = compile_tree(model)
-    given = tree.coordinates_of(motion)
-    worst = refuse_open(tree, given)
-    coordinates = close_loops(tree, given)
-    moved = float(np.nanmax(np.abs(coordinates - given), initial=0.0))
+    values = tree.coordinates_of(motion)
+    worst = refuse_open(tree, values)
+    coordinates = close_loops(tree, values)
+    moved = float(np.nanmax(np.abs(coordinates - values), initial=0.0))
     velocities, accelerations = _rates(tree, motion)
     couple_rates_frames(tree.arrays, coordinates, velocities, accelerations)
     velocities, accelerations = project_rates(tree, coordinates, velocities, accelerations)
@@ -93,15 +93,15 @@ def closed_motion(model: Model, motion: Motion) -> tuple[Motion, tuple[str, ...]
 
 def _rates(tree: Tree, motion: Motion) -> tuple[Array, Array]:
     """Velocities and accelerations (frames, coordinates) in the model's order, 0 where the motion has none."""
-    found = []
+    result = []
     columns = {name: i for i, name in enumerate(motion.names)}
     for given in (motion.velocities, motion.accelerations):
         rates = np.zeros((len(motion), len(tree.model.coordinates)))
         for j, name in enumerate(tree.model.coordinate_names):
             if given is not None and name in columns:
                 rates[:, j] = given[:, columns[name]]
-        found.append(rates)
-    return found[0], found[1]
+        result.append(rates)
+    return result[0], result[1]
 
 
 @read_only

@@ -179,15 +179,15 @@ def project(T, w, o, dphi, f, m, tau):
     for j in range(tau.shape[0]):
         tau[j] = 0.0
     for b in range(T.parent.shape[0] - 1, 0, -1):
-        for k in range(T.axis_start[b], T.axis_start[b + 1]):
-            if T.axis_kind[k] == ROTATION:
-                t = dot(vector(w, k), minus(vector(m, b), cross(vector(o, k), vector(f, b))))
+        for axis in range(T.axis_start[b], T.axis_start[b + 1]):
+            if T.axis_kind[axis] == ROTATION:
+                t = dot(vector(w, axis), minus(vector(m, b), cross(vector(o, axis), vector(f, b))))
             else:
-                t = dot(vector(w, k), vector(f, b))
+                t = dot(vector(w, axis), vector(f, b))
             for s in range(2):
-                j = T.axis_coordinate[k, s]
+                j = T.axis_coordinate[axis, s]
                 if j >= 0:
-                    tau[j] += dphi[k, s] * t
+                    tau[j] += dphi[axis, s] * t
         h = T.parent[b]
         put_vector(f, h, plus(vector(f, h), vector(f, b)))
         put_vector(m, h, plus(vector(m, h), vector(m, b)))

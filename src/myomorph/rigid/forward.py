@@ -68,9 +68,9 @@ def forward_accelerations(
         inverse = _pseudo_inverse(G @ softness)
         multipliers = np.einsum("frs,fs->fr", inverse, wanted)
         x += np.einsum("fjr,fr->fj", softness, multipliers)
-    found = base.copy()
-    found[:, free] = x
-    return _consistent(tree, c, cdot, found), multipliers
+    accelerations = base.copy()
+    accelerations[:, free] = x
+    return _consistent(tree, c, cdot, accelerations), multipliers
 
 
 def _mass_matrix(tree: Tree, c: Array, free: Ints) -> Array:
@@ -78,10 +78,10 @@ def _mass_matrix(tree: Tree, c: Array, free: Ints) -> Array:
     still, nothing = np.zeros_like(c), np.zeros((len(c), len(tree.arrays.parent), 6))
     weight = _needed(tree, c, still, still, nothing)[:, free]
     M = np.empty((len(c), len(free), len(free)))
-    for k, j in enumerate(free):
+    for column, j in enumerate(free):
         unit = still.copy()
         unit[:, j] = 1.0
-        M[:, :, k] = _needed(tree, c, still, _consistent(tree, c, still, unit), nothing)[:, free] - weight
+        M[:, :, column] = _needed(tree, c, still, _consistent(tree, c, still, unit), nothing)[:, free] - weight
     return M
 
 
@@ -132,7 +132,7 @@ def loop_wrenches(tree: Tree, c: Array, multipliers: Array) -> Array:
 
 def _consistent(tree: Tree, c: Array, cdot: Array, cddot: Array) -> Array:
     """Accelerations with those of coordinates that follow set."""
-    values, rates, result = (np.array(one, dtype=np.float64, order="C") for one in (c, cdot, cddot))
+    values, rates, result = (np.array(values_, dtype=np.float64, order="C") for values_ in (c, cdot, cddot))
     couple_rates_frames(tree.arrays, values, rates, result)
     return result
 

@@ -67,7 +67,7 @@ def _joint_wrenches(T, c, cdot, cddot, applied, f, m, tau, R, p):
         body_rates(T, c[frame], cdot[frame], cddot[frame], p[frame], w, o, omega, v, alpha, a)
         body_wrenches(T, R[frame], p[frame], omega, alpha, a, f[frame], m[frame])
         for b in range(n):
-            given = applied[frame, b]
-            put_vector(f[frame], b, minus(vector(f[frame], b), (given[0], given[1], given[2])))
-            put_vector(m[frame], b, minus(vector(m[frame], b), (given[3], given[4], given[5])))
+            wrench = applied[frame, b]
+            put_vector(f[frame], b, minus(vector(f[frame], b), (wrench[0], wrench[1], wrench[2])))
+            put_vector(m[frame], b, minus(vector(m[frame], b), (wrench[3], wrench[4], wrench[5])))
         project(T, w, o, dphi, f[frame], m[frame], tau[frame])

@@ -75,11 +75,11 @@ def between_grounds(
     rest = first_frame(None, higher)
     ups = [_upright(model.gravity) for model in (lower, higher)]
     places = [
-        center_positions(model, {key: own[key] for key in shared}, pose)
-        for model, own, pose in ((lower, centers[0], lower_pose), (higher, centers[1], rest))
+        center_positions(model, {key: frames[key] for key in shared}, pose)
+        for model, frames, pose in ((lower, centers[0], lower_pose), (higher, centers[1], rest))
     ]
     flat = [np.array([place[key] for key in shared]) @ up for place, up in zip(places, ups, strict=True)]
-    first, second = (one[:, [0, 2]] - one[:, [0, 2]].mean(axis=0) for one in flat)
+    first, second = (points[:, [0, 2]] - points[:, [0, 2]].mean(axis=0) for points in flat)
     # Angle about the vertical that turns (x, z) of the lower model nearest to the higher's.
     turn = np.arctan2((second[:, 0] * first[:, 1] - second[:, 1] * first[:, 0]).sum(), (first * second).sum())
     quarter = 0.5 * np.pi * np.round(turn / (0.5 * np.pi))
@@ -128,12 +128,12 @@ def hinge_cues(
         axes = hinge_axis(lower, centers[0][key], lower_pose), hinge_axis(higher, centers[1][key], rest)
         if axes[0] is None or axes[1] is None:
             continue
-        wanted, own = rotation @ axes[0], axes[1]
-        if abs(wanted @ own) < 0.5:
+        wanted, current = rotation @ axes[0], axes[1]
+        if abs(wanted @ current) < 0.5:
             continue
         joint = centers[1][key].joint
-        local = frames_in_ground(higher, rest)[higher.body_names.index(joint.parent), :3, :3].T @ own
-        location = joint.parent_frame.translation + AXIS_LENGTH * np.sign(wanted @ own) * local
+        local = frames_in_ground(higher, rest)[higher.body_names.index(joint.parent), :3, :3].T @ current
+        location = joint.parent_frame.translation + AXIS_LENGTH * np.sign(wanted @ current) * local
         result.append(Cue(f"{key} axis", joint.parent, location, rotation @ places[key] + AXIS_LENGTH * wanted))
     return result
 
@@ -176,9 +176,9 @@ class CenterFit:
     ):
         self._model, self._regions, self._centers = model, regions, centers
         self._targets, self._cues = targets, cues
-        own = {name: joint for joint in model.joints for name in joint.coordinates}
+        joint_of = {name: joint for joint in model.joints for name in joint.coordinates}
         self._started = tuple(
-            _started(coordinate, own.get(coordinate.name), regions) for coordinate in model.coordinates
+            _started(coordinate, joint_of.get(coordinate.name), regions) for coordinate in model.coordinates
         )
         bounds: dict[Region, list[str]] = {}
         for key, center in centers.items():
@@ -206,13 +206,13 @@ class CenterFit:
 
     def factors(self, logs: Array) -> dict[str, Array]:
         """(3,) factors of every body from the logarithms (unknowns,) of the free regions' factors."""
-        own: dict[Region, Array] = {}
+        of_region: dict[Region, Array] = {}
         start = 0
         for region, count in self.free.items():
-            own[region] = np.exp(np.broadcast_to(logs[start : start + count], (3,)))
+            of_region[region] = np.exp(np.broadcast_to(logs[start : start + count], (3,)))
             start += count
         mean = float(np.exp(np.mean(logs)))
-        return {body: self._of(region, own, mean) for body, region in self._regions.items()}
+        return {body: self._of(region, of_region, mean) for body, region in self._regions.items()}
 
     def _of(self, region: Region, own: Mapping[Region, Array], mean: float) -> Array:
         if region in own:
@@ -262,22 +262,25 @@ class CenterFit:
 
     def _starts(self, defaults: Mapping[str, float]) -> tuple[Coordinate, ...]:
         """The coordinates that the search starts with, some of them from other values."""
-        return tuple(replace(one, default=defaults.get(one.name, one.default)) for one in self._started)
+        return tuple(
+            replace(coordinate, default=defaults.get(coordinate.name, coordinate.default))
+            for coordinate in self._started
+        )
 
     def _ball(self, model: Model, region: Region) -> dict[str, tuple[float, float]]:
         """The two or three rotations by which a thigh or an upper arm turns, if they are as few, and their ranges."""
         if region.name not in ("thigh", "upper_arm"):
             return {}
-        own = {name for joint in model.joints if self._regions[joint.child] == region for name in joint.coordinates}
-        found = {
+        names = {name for joint in model.joints if self._regions[joint.child] == region for name in joint.coordinates}
+        moved = {
             coordinate.name: coordinate.range
             for coordinate in model.coordinates
-            if coordinate.name in own
+            if coordinate.name in names
             and coordinate.name not in model.dependent_coordinates
             and np.isfinite(np.ptp(coordinate.range))
             and coordinate.motion == "rotational"
         }
-        return found if 2 <= len(found) <= 3 else {}
+        return moved if 2 <= len(moved) <= 3 else {}
 
     def _off(self, model: Model, pose: Motion, keys: Sequence[str]) -> float:
         """Largest distance of some centers from the lower model's [m]."""
@@ -307,7 +310,7 @@ class CenterFit:
     def shifts(self, higher: Model, factors: Mapping[str, Array], pose: Motion) -> tuple[dict[str, float], Model]:
         """How far each joint is moved in its inner body so that its center coincides, and the model before scaling."""
         model, distances = higher, {}
-        order = sorted(self._centers.values(), key=lambda one: higher.body_names.index(one.joint.child))
+        order = sorted(self._centers.values(), key=lambda center: higher.body_names.index(center.joint.child))
         for center in order:
             bare = replace(self._model, joints=model.joints)
             larger = scale(bare, factors)

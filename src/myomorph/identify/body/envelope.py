@@ -128,15 +128,15 @@ def own_points(
     """Points of `envelope_points`, each of the link whose envelope it fills, of a whole mass [kg]."""
     links = links_of(model, pose)
     points, owners, masses, words = envelope_points(model, pose, spacing, surfaces)
-    own = (np.ones(len(owners)), (np.arange(len(owners)), owners))
-    weights = sparse.csr_array(own, (len(owners), len(links.names)))
+    entries = (np.ones(len(owners)), (np.arange(len(owners)), owners))
+    weights = sparse.csr_array(entries, (len(owners), len(links.names)))
     return MassPoints(points, masses * (mass / masses.sum()), weights, links, spacing, words)
 
 
 def _solid(body: Body, i: int, moments: Array, links: Links, surfaces: Mapping[str, Surface]) -> Solid:
-    own = _of_inertia(body.mass, moments)
-    if own is not None:
-        return own
+    semi_axes = _of_inertia(body.mass, moments)
+    if semi_axes is not None:
+        return semi_axes
     corners = _mesh_corners(body, surfaces)
     hull = _of_hull(body.mass, corners) if len(corners) > 3 else None
     return hull if hull is not None else _along_bones(body, i, links)
@@ -155,12 +155,12 @@ def _of_inertia(mass: float, moments: Array) -> Solid | None:
 
 
 def _mesh_corners(body: Body, surfaces: Mapping[str, Surface]) -> Array:
-    found = [
+    corners = [
         mesh.pose.apply(surfaces[mesh.file].vertices * mesh.scale)
         for mesh in body.meshes
         if mesh.shape == "mesh" and mesh.file in surfaces
     ]
-    return np.concatenate(found) if found else np.zeros((0, 3))
+    return np.concatenate(corners) if corners else np.zeros((0, 3))
 
 
 def _of_hull(mass: float, corners: Array) -> Solid | None:

@@ -156,11 +156,11 @@ def _centers(model: Model) -> dict[str, Center]:
     Where nothing moves in the spine, the frame of the joint may be anywhere.
     """
     try:
-        found = centers_of(model, regions_of(model))
+        centers = centers_of(model, regions_of(model))
     except BadData:
         return {}
-    moving = {name for name, one in found.items() if any(axis.function.arity for axis in one.joint.axes)}
-    return {name: one for name, one in found.items() if name not in SPINE or name in moving}
+    moving = {name for name, center in centers.items() if any(axis.function.arity for axis in center.joint.axes)}
+    return {name: center for name, center in centers.items() if name not in SPINE or name in moving}
 
 
 def _paired(
@@ -232,7 +232,7 @@ def _default_pose(model: Model, skin: Skin) -> PoseFit:
     links = links_of(model, pose)
     heavy = [i for i, body in enumerate(model.bodies) if body.mass > 0.0]
     within = inside(skin, links.centers[heavy])
-    outside = [links.names[i] for i, one in zip(heavy, within, strict=True) if not one]
+    outside = [links.names[i] for i, inside in zip(heavy, within, strict=True) if not inside]
     if within.mean() < SHARE_INSIDE:
         axes = f"; it stands along {skin.up}" if skin.up else ""
         raise BadData(
@@ -253,11 +253,11 @@ def landmark_of_marker(marker: str) -> str:
         if re.fullmatch(pattern, name):
             return landmark
     for form in (r"(?P<side>r|l|right|left)[._ -]?(?P<base>.+)", r"(?P<base>.+?)[._ -](?P<side>r|l|right|left)"):
-        found = re.fullmatch(form, name)
-        if found is None:
+        match = re.fullmatch(form, name)
+        if match is None:
             continue
-        base = re.sub(r"[. -]", "_", found["base"])
+        base = re.sub(r"[. -]", "_", match["base"])
         for landmark, pattern in _SIDED:
             if re.fullmatch(pattern, base):
-                return f"{'right' if found['side'][0] == 'r' else 'left'} {landmark}"
+                return f"{'right' if match['side'][0] == 'r' else 'left'} {landmark}"
     return ""

@@ -51,9 +51,9 @@ def pull(x, first, links, weights, c, start, stop, out):
     for j in range(start, stop):
         m = _monomials(x, j)
         total = 0.0
-        for k in range(first[j], first[j + 1]):
-            i = links[k]
-            total += weights[k] * (
+        for entry in range(first[j], first[j + 1]):
+            i = links[entry]
+            total += weights[entry] * (
                 c[i, 0] + c[i, 1] * m[1] + c[i, 2] * m[2] + c[i, 3] * m[3] + c[i, 4] * m[4]
                 + c[i, 5] * m[5] + c[i, 6] * m[6] + c[i, 7] * m[7] + c[i, 8] * m[8] + c[i, 9] * m[9]
             )  # fmt: skip
@@ -67,8 +67,8 @@ def push(x, first, links, weights, masses, start, stop, out):
         if masses[j] == 0.0:
             continue
         m = _monomials(x, j)
-        for k in range(first[j], first[j + 1]):
-            i, f = links[k], weights[k] * masses[j]
+        for entry in range(first[j], first[j + 1]):
+            i, f = links[entry], weights[entry] * masses[j]
             out[i, 0] += f
             out[i, 1] += f * m[1]
             out[i, 2] += f * m[2]
@@ -89,8 +89,8 @@ def push_pairs(x, first, links, weights, factors, start, stop, out):
     as fast as one. The last of the 36 columns is there for the processor.
     """
     most = 0
-    for k in range(first[start], first[stop]):
-        most = max(most, links[k] + 1)
+    for entry in range(first[start], first[stop]):
+        most = max(most, links[entry] + 1)
     powers, products = np.empty((3, 5)), np.zeros((8, PRODUCTS + 1))
     shares, seen = np.zeros((most, 8)), np.zeros(most, np.bool_)
     used, taken = np.empty(most, np.int64), np.empty(8, np.int64)
@@ -106,38 +106,38 @@ def push_pairs(x, first, links, weights, factors, start, stop, out):
             return
         count = 0
         for p in range(points):
-            one = taken[p]
+            first_link = taken[p]
             for axis in range(3):
                 powers[axis, 0] = 1.0
                 for e in range(1, 5):
-                    powers[axis, e] = powers[axis, e - 1] * x[one, axis]
+                    powers[axis, e] = powers[axis, e - 1] * x[first_link, axis]
             for q in range(PRODUCTS):
                 products[p, q] = (
-                    factors[one] * powers[0, _POWERS[q, 0]] * powers[1, _POWERS[q, 1]] * powers[2, _POWERS[q, 2]]
+                    factors[first_link] * powers[0, _POWERS[q, 0]] * powers[1, _POWERS[q, 1]] * powers[2, _POWERS[q, 2]]
                 )
-            for k in range(first[one], first[one + 1]):
-                i = links[k]
+            for entry in range(first[first_link], first[first_link + 1]):
+                i = links[entry]
                 if not seen[i]:
                     seen[i] = True
                     shares[i] = 0.0
                     used[count] = i
                     count += 1
-                shares[i, p] = weights[k]
+                shares[i, p] = weights[entry]
         for a in range(count):
             for b in range(a + 1):
-                i, k = max(used[a], used[b]), min(used[a], used[b])
-                row = out[i * (i + 1) // 2 + k]
+                i, entry = max(used[a], used[b]), min(used[a], used[b])
+                row = out[i * (i + 1) // 2 + entry]
                 f0, f1, f2, f3 = (
-                    shares[i, 0] * shares[k, 0],
-                    shares[i, 1] * shares[k, 1],
-                    shares[i, 2] * shares[k, 2],
-                    shares[i, 3] * shares[k, 3],
+                    shares[i, 0] * shares[entry, 0],
+                    shares[i, 1] * shares[entry, 1],
+                    shares[i, 2] * shares[entry, 2],
+                    shares[i, 3] * shares[entry, 3],
                 )
                 f4, f5, f6, f7 = (
-                    shares[i, 4] * shares[k, 4],
-                    shares[i, 5] * shares[k, 5],
-                    shares[i, 6] * shares[k, 6],
-                    shares[i, 7] * shares[k, 7],
+                    shares[i, 4] * shares[entry, 4],
+                    shares[i, 5] * shares[entry, 5],
+                    shares[i, 6] * shares[entry, 6],
+                    shares[i, 7] * shares[entry, 7],
                 )
                 for q in range(PRODUCTS + 1):
                     row[q] += (

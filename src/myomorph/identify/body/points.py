@@ -183,10 +183,10 @@ def fill(skin: Skin, spacing: float = SPACING) -> Array:
     for part in np.array_split(cut, max(1, len(cut) // 4096)):
         index = part[:, None] * BLOCK + offsets
         within[tuple(part.T)] = inside(skin, (index.reshape(-1, 3) + low + 0.5) * spacing).reshape(-1, *(BLOCK,) * 3)
-    found = np.argwhere(within.transpose(0, 3, 1, 4, 2, 5).reshape(blocks * BLOCK))
-    if not len(found):
+    cells = np.argwhere(within.transpose(0, 3, 1, 4, 2, 5).reshape(blocks * BLOCK))
+    if not len(cells):
         raise BadData(f"no point of a grid of {1000 * spacing:g} mm is inside the skin: give a finer spacing")
-    return (found + low + 0.5) * spacing
+    return (cells + low + 0.5) * spacing
 
 
 def _passed(corners: Array, faces: np.ndarray, blocks: np.ndarray) -> np.ndarray:

@@ -100,7 +100,7 @@ def regions_of(model: Model, given: Mapping[str, Segment] | None = None) -> dict
     for name, segment in segments.items():
         if name in pelvis:
             region = "pelvis"
-        elif segment.name == "head" and all(segments[one].name == "head" for one in below[name]):
+        elif segment.name == "head" and all(segments[child].name == "head" for child in below[name]):
             region = "head"
         elif segment.name in ("head", "upper_trunk", "lower_trunk"):
             region = "torso"
@@ -169,15 +169,15 @@ def centers_of(model: Model, regions: Mapping[str, Region]) -> dict[str, Center]
 def center_positions(model: Model, centers: Mapping[str, Center], pose: Motion) -> dict[str, Array]:
     """(3,) each center in ground in the first frame of a motion [m]."""
     frames = dict(zip(model.body_names, frames_in_ground(model, pose), strict=True))
-    found = {key: (frames[center.joint.child], center.location) for key, center in centers.items()}
-    return {key: frame[:3, :3] @ location + frame[:3, 3] for key, (frame, location) in found.items()}
+    positions = {key: (frames[center.joint.child], center.location) for key, center in centers.items()}
+    return {key: frame[:3, :3] @ location + frame[:3, 3] for key, (frame, location) in positions.items()}
 
 
 def hinge_axis(model: Model, center: Center, pose: Motion) -> Array | None:
     """(3,) first moving axis of a knee or an elbow in ground, in the first frame of a motion; else None."""
     if center.name not in HINGES:
         return None
-    axis = next((one for one in center.joint.axes if one.kind == "rotation" and one.function.arity), None)
+    axis = next((axis_ for axis_ in center.joint.axes if axis_.kind == "rotation" and axis_.function.arity), None)
     if axis is None:
         return None
     inner = frames_in_ground(model, pose)[model.body_names.index(center.joint.parent), :3, :3]
@@ -190,7 +190,7 @@ def ground_pseudo_inertias(model: Model, pose: Motion) -> Array:
     return frames @ pseudo_inertias(inertial_parameters(model)) @ np.swapaxes(frames, 1, 2)
 
 
-def spread(own: Array, target: Array) -> Array:
+def spread(inertia: Array, target: Array) -> Array:
     """(bodies, 4, 4) pseudo-inertias whose sum is `target`, by a change of those given that is as even as possible.
 
     All masses grow by the same factor and all mass centers move by the same vector, which gives the sum its
@@ -202,15 +202,15 @@ def spread(own: Array, target: Array) -> Array:
 
     Parameters
     ----------
-    own : (bodies, 4, 4) in ground, their sum of positive mass
+    inertia : (bodies, 4, 4) in ground, their sum of positive mass
     target : (4, 4) in ground
 
     Raises
     ------
     BadData : the target or the sum of the bodies is no body's with extent in all directions
     """
-    total = own.sum(axis=0)
-    P, Q = (_moments(one) for one in (total, target))
+    total = inertia.sum(axis=0)
+    P, Q = (_moments(matrix) for matrix in (total, target))
     half = _root(P)
     inverse = np.linalg.inv(half)
     values, vectors = np.linalg.eigh(inverse @ Q @ inverse)
@@ -218,22 +218,22 @@ def spread(own: Array, target: Array) -> Array:
     less = V * np.minimum(values, 1.0) @ V.T
     more = V * np.maximum(values - 1.0, 0.0) @ V.T
     G = inverse @ _root(half @ less @ half) @ inverse
-    result = _moved(own, total, target, G)
+    result = _moved(inertia, total, target, G)
     result[:, :3, :3] += result[:, 3, 3, None, None] * more
     return result
 
 
-def spread_mass(own: Array, target: Array) -> Array:
+def spread_mass(inertia: Array, target: Array) -> Array:
     """The same with only the mass and the mass center of the target, moments about them as they grow with mass."""
-    return _moved(own, own.sum(axis=0), target, np.eye(3))
+    return _moved(inertia, inertia.sum(axis=0), target, np.eye(3))
 
 
-def _moved(own: Array, total: Array, target: Array, linear: Array) -> Array:
+def _moved(inertia: Array, total: Array, target: Array, linear: Array) -> Array:
     growth = target[3, 3] / total[3, 3]
     A = np.eye(4)
     A[:3, :3] = linear
     A[:3, 3] = target[:3, 3] / target[3, 3] - linear @ (total[:3, 3] / total[3, 3])
-    return growth * (A @ own @ A.T)
+    return growth * (A @ inertia @ A.T)
 
 
 def _moments(pseudo: Array) -> Array:

@@ -158,10 +158,10 @@ def _likely_traits(
         return np.array([*errors, *((values - average) / spread)])
 
     # The measures have kinks where a trait passes an average, at which steps may shrink without end.
-    found = least_squares(
+    minimum = least_squares(
         misfit, average, bounds=(lowest, 1.0), diff_step=1e-4, x_scale=spread, xtol=1e-6, ftol=1e-6, max_nfev=MAX_STEPS
     )
-    return traits_of(found.x)
+    return traits_of(minimum.x)
 
 
 def _out_of_reach(measured: Mapping[str, float], reached: Mapping[str, float]) -> list[str]:
@@ -257,21 +257,21 @@ def _by_segment(body: StatisticalBody) -> tuple[tuple[Segment, ...], sparse.csr_
     """The segments, and the share of each in each vertex."""
     owner = [segment_of_bone(bone) for bone in body.bones]
     segments = tuple(dict.fromkeys(owner))
-    columns = [segments.index(one) for one in owner]
+    columns = [segments.index(segment) for segment in owner]
     merge = sparse.csr_array((np.ones(len(owner)), (np.arange(len(owner)), columns)))
     return segments, sparse.csr_array(body.skinning @ merge)
 
 
 def _centers(body: StatisticalBody, vertices: Array, heads: Array) -> dict[str, Array]:
     place = dict(zip(body.bones, heads, strict=True))
-    found = {"lumbar": place["spine03"], "neck": place["neck01"]}
+    centers = {"lumbar": place["spine03"], "neck": place["neck01"]}
     for side, letter in _SIDES.items():
-        found |= {f"{side} {name}": place[f"{bone}.{letter}"] for name, bone in _CENTERS.items()}
-        found[f"{side} toes"] = np.mean([place[f"toe{i}-1.{letter}"] for i in range(1, 6)], axis=0)
-    found["pelvis"] = 0.5 * (found["right hip"] + found["left hip"])
+        centers |= {f"{side} {name}": place[f"{bone}.{letter}"] for name, bone in _CENTERS.items()}
+        centers[f"{side} toes"] = np.mean([place[f"toe{i}-1.{letter}"] for i in range(1, 6)], axis=0)
+    centers["pelvis"] = 0.5 * (centers["right hip"] + centers["left hip"])
     used = np.unique(body.faces)
-    found["head top"] = vertices[used[np.argmax(vertices[used, 1])]]
-    return {name: frozen_array(point) for name, point in found.items()}
+    centers["head top"] = vertices[used[np.argmax(vertices[used, 1])]]
+    return {name: frozen_array(point) for name, point in centers.items()}
 
 
 def landmark_vertices(vertices: Array, faces: np.ndarray, places: Mapping[str, Array]) -> dict[str, int]:

@@ -176,8 +176,8 @@ def _shapes(
              for race, gender, age in itertools.product(_RACES, _KINDS["gender"], ages)}  # fmt: skip
     files |= {person: folder / f"universal-{'-'.join(person)}.target.gz" for person in persons}
     for trait in ("height", "proportions"):
-        for one in itertools.product(persons, _KINDS[trait]):
-            label = (*one[0], one[1])
+        for shape in itertools.product(persons, _KINDS[trait]):
+            label = (*shape[0], shape[1])
             files[label] = folder / trait / f"{'-'.join(label)}.target.gz"
     files |= {
         (f"{trait} {way}",): targets / f"{name}-{way}.target.gz"

@@ -154,8 +154,8 @@ def _inverse_distance(
 
     over_frames(part, len(x), chunk=CHUNK)
     first = np.concatenate([[0], np.cumsum(counts)])
-    columns = np.concatenate([one for one, _ in filled]) if filled else np.zeros(0, np.int32)
-    shares = np.concatenate([one for _, one in filled]) if filled else np.zeros(0)
+    columns = np.concatenate([part for part, _ in filled]) if filled else np.zeros(0, np.int32)
+    shares = np.concatenate([part for _, part in filled]) if filled else np.zeros(0)
     return sparse.csr_array((shares, columns, first.astype(np.int32)), shape=(len(x), n))
 
 
@@ -192,7 +192,7 @@ def _shares(x, starts, along, inverse, owner, n, exponent, smallest, columns, sh
                     columns[used], shares[used] = i, squared[i]
                     kept += squared[i]
                     used += 1
-            for k in range(first, used):
-                shares[k] /= kept
+            for place in range(first, used):
+                shares[place] /= kept
         counts[j] = used - first
     return used

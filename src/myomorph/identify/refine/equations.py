@@ -191,15 +191,15 @@ def _neighbors(problem: Problem, at: Unknowns) -> list[tuple[TreeArrays, Array]]
 @lru_cache(maxsize=4)
 def _length_slopes(problem: Problem) -> list[tuple[Array, Array, Array]]:
     """How each length changes the constants of the tree: all but linear, so that once is enough."""
-    given, result = compile_tree(problem.model).arrays, []
+    unstretched, result = compile_tree(problem.model).arrays, []
     for i in range(len(problem.lengths)):
         factors = np.ones(len(problem.lengths))
         factors[i] += LENGTH_STEP
         longer = compile_tree(problem.stretched(factors)).arrays
         pairs = (
-            (longer.pre_p, given.pre_p),
-            (longer.post_p, given.post_p),
-            (longer.functions.coefficients, given.functions.coefficients),
+            (longer.pre_p, unstretched.pre_p),
+            (longer.post_p, unstretched.post_p),
+            (longer.functions.coefficients, unstretched.functions.coefficients),
         )
         pre, post, coefficients = ((a - b) / LENGTH_STEP for a, b in pairs)
         result.append((pre, post, coefficients))
@@ -307,7 +307,7 @@ def _trial_equations(
     cross = np.zeros((basis.count * n, p))
     row, column = np.tril_indices(window)
     # Markers do not feel masses, which come last.
-    k = problem.columns()[2].start
+    shared = problem.columns()[2].start
     for first in np.unique(basis.first):
         f = np.flatnonzero(basis.first == first)
         w0, w1, w2 = (basis.weights[nu, f] for nu in range(3))
@@ -331,12 +331,12 @@ def _trial_equations(
         right[span] += gradient.ravel() + A.T @ b
         if p:
             joined = np.einsum("fir,frp->fip", M, shared_markers, optimize=True)
-            cross[span, :k] += np.einsum("fa,fip->aip", w0, joined, optimize=True).reshape(window, k)
+            cross[span, :shared] += np.einsum("fa,fip->aip", w0, joined, optimize=True).reshape(window, shared)
             cross[span] += A.T @ shared_residual
-            flat = shared_markers.reshape(len(f) * errors[0].size, k)
-            H[:k, :k] += flat.T @ flat
+            flat = shared_markers.reshape(len(f) * errors[0].size, shared)
+            H[:shared, :shared] += flat.T @ flat
             H += shared_residual.T @ shared_residual
-            g[:k] += flat.T @ misses[f].ravel()
+            g[:shared] += flat.T @ misses[f].ravel()
             g += shared_residual.T @ b
     return TrialEquations(band, right, cross)
 
@@ -351,9 +351,9 @@ def _shared_rows(
     residual = np.zeros((len(frames), 6, problem.count))
     if problem.body:
         markers[:, :, lengths] = of.lengths_of_markers[frames]
-        own = markers[:, :, places].reshape(len(frames), m, 3, m, 3)
-        own[:, np.arange(m), :, np.arange(m)] = np.swapaxes(of.turned[frames], 0, 1)
-        markers[:, :, places] = own.reshape(len(frames), 3 * m, 3 * m)
+        blocks = markers[:, :, places].reshape(len(frames), m, 3, m, 3)
+        blocks[:, np.arange(m), :, np.arange(m)] = np.swapaxes(of.turned[frames], 0, 1)
+        markers[:, :, places] = blocks.reshape(len(frames), 3 * m, 3 * m)
         residual[:, :, lengths] = of.lengths_of_residual[frames]
     if problem.masses:
         residual[:, :, masses] = of.masses[frames]

@@ -26,7 +26,7 @@ def identified_masses(model: Model, recorded: Sequence[Usable], cutoff: float) -
     options = IdentificationOptions(compare=False)
     points = {"own": own_points(model, STANDING, model.mass, SPACING)}
     try:
-        found = identify(model, recorded, points, options=options, recording=RecordingOptions(cutoff=cutoff))
+        identification = identify(model, recorded, points, options=options, recording=RecordingOptions(cutoff=cutoff))
     except BadData:
         return inertial_parameters(model)
-    return found.parameters[found.chosen]
+    return identification.parameters[identification.chosen]

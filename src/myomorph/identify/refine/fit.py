@@ -102,13 +102,13 @@ def refine(
     if not trials:
         raise BadData("refine needs at least one recording with markers and forces")
     mass = model.mass if mass is None else mass
-    given = with_inertial_parameters(model, generic_parameters(model, mass))
+    weighed = with_inertial_parameters(model, generic_parameters(model, mass))
     with threadpool_limits(limits=1, user_api="blas"):
-        recorded = [opened(given, trial, options) for trial in trials]
-        choice = _choice(given, trials, recorded, options, progress)
-        problem = problem_of(given, trials, recorded, choice.options)
+        recorded = [opened(weighed, trial, options) for trial in trials]
+        choice = _choice(weighed, trials, recorded, options, progress)
+        problem = problem_of(weighed, trials, recorded, choice.options)
         solution = settle(thinned(problem), progress)
-    return _refinement(given, trials, recorded, problem, solution, choice, path_lengths)
+    return _refinement(weighed, trials, recorded, problem, solution, choice, path_lengths)
 
 
 def _check_model(model: Model) -> None:
@@ -189,7 +189,7 @@ def _refinement(
 
 def _refined_trials(model: Model, recorded: Sequence[Opened], problem: Problem, at: Unknowns) -> Iterator[RefinedTrial]:
     tree, places = problem.arrays(at), problem.placed(at.factors, at.shifts)
-    for index, (data, one) in enumerate(zip(problem.trials, recorded, strict=True)):
+    for index, (data, trial) in enumerate(zip(problem.trials, recorded, strict=True)):
         # Against what the plates say, whatever gain they were given.
         said = replace(data, gain=1.0)
         distances, residual = problem.predict(tree, places, said, problem.rates(data, at.motions[index]))
@@ -198,7 +198,7 @@ def _refined_trials(model: Model, recorded: Sequence[Opened], problem: Problem, 
         yield RefinedTrial(
             data.name,
             motion_of(problem, at, index),
-            errors_on(model, one, np.ones(len(one.usable.use), bool)),
+            errors_on(model, trial, np.ones(len(trial.usable.use), bool)),
             Errors(rms(distances[seen]), rms(used[:, 3:]), rms(used[:, :3])),
             int(data.use.sum()),
             len(data.time),
@@ -212,5 +212,5 @@ def _notes(problem: Problem, solution: Solution, choice: _Choice, recorded: Sequ
     yield from far_from_given(problem, solution.at)
     if not solution.converged:
         yield f"not converged after {problem.options.iterations} steps: allow more iterations"
-    for one in recorded:
-        yield from one.usable.notes
+    for trial in recorded:
+        yield from trial.usable.notes

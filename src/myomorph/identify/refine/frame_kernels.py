@@ -98,10 +98,10 @@ def restore(c, cdot, cddot, x, v, a):
 @bare
 def put_places(body, location, R, p, places):
     """Positions of markers in ground."""
-    for k in range(body.shape[0]):
-        at = plus(vector(p, body[k]), turned(matrix(R, body[k]), vector(location, k)))
+    for m in range(body.shape[0]):
+        at = plus(vector(p, body[m]), turned(matrix(R, body[m]), vector(location, m)))
         for i in range(3):
-            places[k, i] = at[i]
+            places[m, i] = at[i]
 
 
 @bare

@@ -38,6 +38,6 @@ def mass_sd(problem: Problem, at: Unknowns, spread: Array) -> Array:
         masses = problem.columns()[2]
         rows = tangents(at.parameters[problem.prior.moved])[:, 0]
         for index, link in enumerate(problem.prior.moved):
-            own = slice(masses.start + 10 * index, masses.start + 10 * index + 10)
-            result[link] = np.sqrt(rows[index] @ spread[own, own] @ rows[index])
+            columns = slice(masses.start + 10 * index, masses.start + 10 * index + 10)
+            result[link] = np.sqrt(rows[index] @ spread[columns, columns] @ rows[index])
     return result

@@ -42,7 +42,8 @@ def markers_left(trials: Sequence[RefinedTrial]) -> Iterator[str]:
     left = [trial for trial in trials if trial.after.markers > LEAVES_MARKERS * trial.before.markers]
     if left:
         listed = ", ".join(
-            f"{one.name} {1e3 * one.after.markers:.1f} mm (before {1e3 * one.before.markers:.1f})" for one in left[:4]
+            f"{trial.name} {1e3 * trial.after.markers:.1f} mm (before {1e3 * trial.before.markers:.1f})"
+            for trial in left[:4]
         )
         yield (
             f"forces pull {len(left)} of {len(trials)} refined motions away from their markers: {listed}; see whether "
@@ -69,13 +70,13 @@ def worse_note(predictions: Sequence[Prediction]) -> Iterator[str]:
         if max(prediction.ratios) > WORSE or (prediction.markers_ratio > WORSE and prediction not in left)
     ]
     if worse:
-        listed = "; ".join(_numbers(one) for one in worse[:4])
+        listed = "; ".join(_numbers(prediction) for prediction in worse[:4])
         yield (
             f"{len(worse)} of {len(predictions)} predictions of what was not used are more than "
             f"{100.0 * (WORSE - 1.0):.0f} % worse than the given model's: {listed}"
         )
     if left:
-        listed = "; ".join(_numbers(one) for one in left[:4])
+        listed = "; ".join(_numbers(prediction) for prediction in left[:4])
         yield (
             f"bodies that were refined without them lie farther from the markers of {len(left)} of {len(predictions)} "
             f"predictions than the given model, which may have been calibrated with them: {listed}; add recordings, or "
@@ -113,7 +114,7 @@ def far_from_given(problem: Problem, at: Unknowns) -> Iterator[str]:
 
 def _joint_above(model: Model, body: str) -> tuple[str, ...]:
     """Coordinates of the nearest joint above a body that moves it; none where only the floating base does."""
-    above = {one.child: one for one in model.joints}
+    above = {joint.child: joint for joint in model.joints}
     while body in above and not above[body].coordinates:
         body = above[body].parent
     joint = above.get(body)

@@ -47,6 +47,6 @@ class RefineOptions:
             if not getattr(self, name) > 0:
                 raise BadData(f"refine: {name} is {getattr(self, name):g}; expected a number above 0")
         for name in ("marker_noise", "marker_sd"):
-            given = getattr(self, name)
-            if given is not None and not given > 0.0:
-                raise BadData(f"refine: {name} is {given:g}; expected metres above 0")
+            value = getattr(self, name)
+            if value is not None and not value > 0.0:
+                raise BadData(f"refine: {name} is {value:g}; expected metres above 0")

@@ -95,8 +95,8 @@ def predictions_of(
     )
 
 
-def _without(every: Sequence[Kind], k: int) -> list[Kind]:
-    return [one for i, one in enumerate(every) if i != k]
+def _without(every: Sequence[Kind], left_out: int) -> list[Kind]:
+    return [kind for i, kind in enumerate(every) if i != left_out]
 
 
 def _prediction(
@@ -119,15 +119,15 @@ def _prediction(
     def errors(made: Model) -> Errors:
         return errors_on(made, opened(made, trial, problem.options), within, use)
 
-    given, few = errors_on(model, on_given, within, use), thinned(problem)
+    before, few = errors_on(model, on_given, within, use), thinned(problem)
     first = motions_alone(few, progress)
     refined = errors(model_of(model, problem, settle(few, progress, first).at))
-    alone = given.markers
+    alone = before.markers
     if problem.body:
         # The given model may have been calibrated from all markers, these included: as fair a body has seen the same.
-        blind = replace(few, masses=False, trials=tuple(replace(one, use=one.use & False) for one in few.trials))
+        blind = replace(few, masses=False, trials=tuple(replace(trial, use=trial.use & False) for trial in few.trials))
         alone = errors(model_of(model, problem, solve(blind, first, progress).at)).markers
-    return Prediction(name, given, refined, alone)
+    return Prediction(name, before, refined, alone)
 
 
 def worse(predictions: Sequence[Prediction]) -> bool:

@@ -108,14 +108,14 @@ class Problem:
     @property
     def marker_variance(self) -> float:
         """Of a marker along one axis [m^2]."""
-        given = self.options.marker_noise
-        return float((0.01 * self.unit if given is None else given) ** 2)
+        noise = self.options.marker_noise
+        return float((0.01 * self.unit if noise is None else noise) ** 2)
 
     @property
     def marker_sd(self) -> float:
         """Of a marker's position on the model along one axis [m]."""
-        given = self.options.marker_sd
-        return 0.015 * self.unit if given is None else given
+        sd = self.options.marker_sd
+        return 0.015 * self.unit if sd is None else sd
 
     @property
     def residual_sd(self) -> Array:
@@ -164,8 +164,8 @@ class Problem:
         """Values, rates and accelerations (frames, coordinates) of a trial's splines."""
         c = trial.start.copy()
         cdot, cddot = np.zeros_like(c), np.zeros_like(c)
-        for nu, one in enumerate((c, cdot, cddot)):
-            one[:, self.pose.free] = trial.basis.at(coefficients, nu)
+        for nu, values in enumerate((c, cdot, cddot)):
+            values[:, self.pose.free] = trial.basis.at(coefficients, nu)
         return c, cdot, cddot
 
     def predict(

@@ -80,7 +80,7 @@ def step(problem: Problem, equations: Equations, damping: float) -> tuple[tuple[
     reduced, right, solved = _reduce(equations, damping)
     shared = -cho_solve(cho_factor(reduced), right) if len(right) else np.zeros(0)
     n = len(problem.pose.free)
-    motions = tuple((-one[:, 0] - one[:, 1:] @ shared).reshape(-1, n) for one in solved)
+    motions = tuple((-block[:, 0] - block[:, 1:] @ shared).reshape(-1, n) for block in solved)
     return motions, shared
 
 
@@ -93,10 +93,10 @@ def _reduce(equations: Equations, damping: float) -> tuple[Array, Array, list[Ar
         band = trial.band.copy()
         band[0] = band[0] * (1.0 + damping) + 1e-12 * band[0].max()
         factor = cholesky_banded(band, lower=True, overwrite_ab=True)
-        found = cho_solve_banded((factor, True), np.column_stack([trial.right, trial.cross]))
-        H -= trial.cross.T @ found[:, 1:]
-        g -= trial.cross.T @ found[:, 0]
-        solved.append(found)
+        reduced = cho_solve_banded((factor, True), np.column_stack([trial.right, trial.cross]))
+        H -= trial.cross.T @ reduced[:, 1:]
+        g -= trial.cross.T @ reduced[:, 0]
+        solved.append(reduced)
     return H, g, solved
 
 

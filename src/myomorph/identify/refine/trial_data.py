@@ -49,11 +49,11 @@ class Opened:
 def opened(model: Model, trial: SubjectTrial, options: RefineOptions) -> Opened:
     """A trial on a model."""
     fit = inverse_kinematics(model, trial.markers, trial.tracking)
-    found = usable(
+    used = usable(
         model, fit.motion, trial.wrenches, time=trial.time, name=trial.name,
         options=RecordingOptions(cutoff=options.cutoff),
     )  # fmt: skip
-    return Opened(fit.motion, found, fit.errors)
+    return Opened(fit.motion, used, fit.errors)
 
 
 def problem_of(
@@ -73,20 +73,20 @@ def problem_of(
     names: tuple[str, ...] = ()
     weights: dict[str, float] = {}
     for trial in trials:
-        found, weight = tracked_markers(model, trial.markers, trial.tracking)
-        weights |= dict(zip(found, weight, strict=True))
+        tracked, weight = tracked_markers(model, trial.markers, trial.tracking)
+        weights |= dict(zip(tracked, weight, strict=True))
         names = tuple(name for name in model.marker_names if name in weights)
     bare = skeleton(model)
     tree = compile_tree(bare)
     masses = inertial_parameters(model)
     if options.masses:
         inside = within or {}
-        parts = [_weighed(_only(one.usable, inside.get(index)), model.mass) for index, one in enumerate(recorded)]
+        parts = [_weighed(_only(trial_.usable, inside.get(index)), model.mass) for index, trial_ in enumerate(recorded)]
         masses = identified_masses(model, parts, options.cutoff)
     pose = pose_problem(tree, names, np.array([weights[name] for name in names]), trials[0].tracking)
     data = [
-        _trial_data(model, names, trial, one, options, None if within is None else within.get(index))
-        for index, (trial, one) in enumerate(zip(trials, recorded, strict=True))
+        _trial_data(model, names, trial, trial_, options, None if within is None else within.get(index))
+        for index, (trial, trial_) in enumerate(zip(trials, recorded, strict=True))
     ]
     return Problem(
         bare,
@@ -181,4 +181,4 @@ def _without_gaps(values: Array) -> Array:
     """Frames that saw no marker, straight between those that did."""
     known = np.isfinite(values).all(axis=1)
     at = np.arange(len(values))
-    return np.column_stack([np.interp(at, at[known], one[known]) for one in values.T])
+    return np.column_stack([np.interp(at, at[known], column[known]) for column in values.T])

@@ -43,7 +43,7 @@ def symmetric_posture(tree: Tree, free: Ints, angles: Sequence[Array], sd: float
         return None
     root, mirror = set(root_coordinates(tree)), mirror_names(names)
     found: list[tuple[str, Array, float]] = []
-    for j in (int(one) for one in free):
+    for j in (int(coordinate) for coordinate in free):
         if j in root or j not in axes:
             continue
         row = np.zeros(len(names))
@@ -67,15 +67,15 @@ def symmetric_posture(tree: Tree, free: Ints, angles: Sequence[Array], sd: float
             found.append((text, row, float(np.hypot(sd, uneven))))
     if not found:
         return None
-    spread = np.array([one for _, _, one in found])
+    spread = np.array([coordinate for _, _, coordinate in found])
     rows = np.array([row for _, row, _ in found]) / spread[:, None]
     return MeanPosture(tuple(text for text, _, _ in found), rows, np.zeros(len(found)), spread)
 
 
-def _uneven(one: Array, other: Array) -> float:
+def _uneven(angle: Array, other: Array) -> float:
     """How much the means of two angles may differ because not the same postures were recorded [rad]."""
-    low = abs((one.mean() - one.min()) - (other.mean() - other.min()))
-    high = abs((one.max() - one.mean()) - (other.max() - other.mean()))
+    low = abs((angle.mean() - angle.min()) - (other.mean() - other.min()))
+    high = abs((angle.max() - angle.mean()) - (other.max() - other.mean()))
     return float(max(low, high))
 
 
@@ -83,11 +83,11 @@ def _axes(tree: Tree) -> Mapping[int, Array]:
     """Coordinate to the direction about which it turns its body in the default pose; those that turn about one only."""
     poses = forward_kinematics(tree, closed_defaults(tree)[None])
     found: dict[int, list[Array]] = {}
-    for k, kind in enumerate(tree.arrays.axis_kind):
-        for t, j in enumerate(tree.arrays.axis_coordinate[k]):
-            slope = float(poses.axis_slopes[0, k, t])
+    for axis, kind in enumerate(tree.arrays.axis_kind):
+        for t, j in enumerate(tree.arrays.axis_coordinate[axis]):
+            slope = float(poses.axis_slopes[0, axis, t])
             if kind == ROTATION and j >= 0 and abs(slope) > 1e-9:
-                found.setdefault(int(j), []).append(np.sign(slope) * poses.axis_directions[0, k])
+                found.setdefault(int(j), []).append(np.sign(slope) * poses.axis_directions[0, axis])
     return {j: directions[0] for j, directions in found.items()}
 
 
@@ -101,7 +101,7 @@ def _lateral(tree: Tree) -> Array | None:
         for name, other in mirror.items()
         if name < other
     ]
-    apart = [np.sign(one @ apart[0]) * one for one in apart if np.linalg.norm(one) > 1e-6]
+    apart = [np.sign(direction @ apart[0]) * direction for direction in apart if np.linalg.norm(direction) > 1e-6]
     total = np.sum(apart, axis=0) if apart else np.zeros(3)
     size = float(np.linalg.norm(total))
     return total / size if size > 1e-6 else None

@@ -44,21 +44,21 @@ def overall_size(model: Model, names: Sequence[str], recordings: Sequence[Array]
     ------
     BadData : the recorded body cannot have this size
     """
-    marked, own = [model.marker(name) for name in names], default_markers(model, names)
-    segment = {body: k for k, group in enumerate(segments_that_stretch(model)) for body in group}
+    marked, usual = [model.marker(name) for name in names], default_markers(model, names)
+    segment = {body: number for number, group in enumerate(segments_that_stretch(model)) for body in group}
     ratios, weights = [], []
     shortest = SHORTEST * length_unit(compile_tree(model))
-    for i, one in enumerate(marked):
+    for i, marker in enumerate(marked):
         for j in range(i):
-            distance = float(np.linalg.norm(own[i] - own[j]))
-            if segment[one.body] != segment[marked[j].body] or distance < shortest:
+            distance = float(np.linalg.norm(usual[i] - usual[j]))
+            if segment[marker.body] != segment[marked[j].body] or distance < shortest:
                 continue
             seen = np.concatenate([np.linalg.norm(part[:, i] - part[:, j], axis=1) for part in recordings])
             if np.isfinite(seen).any():
                 ratios.append(float(np.nanmedian(seen)) / distance)
                 weights.append(distance**2)
     if not ratios:
-        ratios, weights = [_spread(recordings, own, shortest)], [1.0]
+        ratios, weights = [_spread(recordings, usual, shortest)], [1.0]
     order = np.argsort(ratios)
     reached = np.cumsum(np.array(weights)[order])
     size = float(np.array(ratios)[order][np.searchsorted(reached, 0.5 * reached[-1])])
@@ -71,9 +71,9 @@ def overall_size(model: Model, names: Sequence[str], recordings: Sequence[Array]
     return size
 
 
-def _spread(recordings: Sequence[Array], own: Array, shortest: float) -> float:
+def _spread(recordings: Sequence[Array], usual: Array, shortest: float) -> float:
     """Extent of all markers relative to the model's, 1 where there is none."""
-    expected = float(np.linalg.norm(own - own.mean(axis=0)))
+    expected = float(np.linalg.norm(usual - usual.mean(axis=0)))
     full = [part[np.isfinite(part).all(axis=(1, 2))] for part in recordings]
     seen = np.concatenate(full)
     if not len(seen) or expected < shortest:
@@ -118,13 +118,13 @@ def spread_postures(
     table, error, count = np.concatenate(places), np.concatenate(misfit), np.concatenate(shown)
     good = (error <= 3.0 * np.median(error)) & (count >= 0.5 * count.max())
     usable = np.flatnonzero(good)
-    still = np.array([looked[k][0] == len(trials) - 1 for k in usable])
+    still = np.array([looked[place][0] == len(trials) - 1 for place in usable])
     first = still if static and still.any() else np.ones(len(usable), np.bool_)
     chosen = _farthest(table, usable, frames, first, SAME_POSTURE * length_unit(tree))
     q = np.concatenate(coordinates)
     taken = []
     for number in range(len(trials)):
-        rows = [k for k in sorted(chosen) if looked[k][0] == number]
+        rows = [place for place in sorted(chosen) if looked[place][0] == number]
         taken.append((np.array([looked[row][1] for row in rows], np.int64), q[rows].reshape(-1, len(tree.defaults))))
     return tuple(taken)
 
@@ -152,4 +152,4 @@ def _farthest(table: Array, usable: Ints, count: int, first: NDArray[np.bool_], 
     while len(chosen) < count and nearest.max() > least:
         chosen.append(int(np.argmax(nearest)))
         nearest = np.minimum(nearest, ((points - points[chosen[-1]]) ** 2).sum(axis=1))
-    return [int(usable[k]) for k in chosen]
+    return [int(usable[place]) for place in chosen]

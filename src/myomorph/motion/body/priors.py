@@ -60,7 +60,7 @@ def calibration_prior(
     differing : pairs of lengths whose sides were found to differ
     """
     n, shifts = len(lengths), 3 * len(shift_sd)
-    main = {one.segment: i for i, one in enumerate(lengths) if one.along}
+    main = {length.segment: i for i, length in enumerate(lengths) if length.along}
     rows, right = [], []
 
     def add(entries: Mapping[int, float], value: float, sd: float) -> None:
@@ -103,7 +103,7 @@ def side_differences(
     H : (unknowns, unknowns) information of the data alone [1/variance], 0 where nothing is searched for
     """
     pairs = mirrored_lengths(lengths)
-    along = [k for k, (i, j) in enumerate(pairs) if lengths[i].along and lengths[i].between_joints]
+    along = [pair for pair, (i, j) in enumerate(pairs) if lengths[i].along and lengths[i].between_joints]
     if not along:
         return ()
     sides = len(prior.rows) - len(pairs) + np.array(along)

@@ -145,12 +145,12 @@ def settle_anew(problem: SharedProblem, at: Point, root: Sequence[int], variance
     ends = np.cumsum([len(angle) for angle in at.angles])[:-1]
     order = np.argsort(np.concatenate(at.data))
     best = [angle.copy() for angle in at.angles]
-    cost = [one.copy() for one in at.data]
+    cost = [costs.copy() for costs in at.data]
     for index in range(min(RESTARTS, len(every))):
         start = np.repeat(every[order[index * len(order) // RESTARTS]][None], len(every), axis=0)
         start[:, list(root)] = every[:, list(root)]
-        found = settle(problem, at.x, np.split(start, ends), variance)
-        for mine, theirs, least, other in zip(best, found.angles, cost, found.data, strict=True):
+        settled = settle(problem, at.x, np.split(start, ends), variance)
+        for mine, theirs, least, other in zip(best, settled.angles, cost, settled.data, strict=True):
             better = other < 0.99 * least
             mine[better], least[better] = theirs[better], other[better]
     return settle(problem, at.x, best, variance)

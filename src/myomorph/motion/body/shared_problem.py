@@ -131,7 +131,7 @@ class Point:
 
     def cost(self, variance: float) -> float:
         """Sum of weighted squares of marker distances and of the prior at this noise [m^2]."""
-        return float(sum(one.sum() for one in self.data)) + variance * self.prior
+        return float(sum(costs.sum() for costs in self.data)) + variance * self.prior
 
 
 @dataclass(frozen=True, eq=False)

@@ -64,7 +64,7 @@ def zero_angles(
     """
     slopes = angle_slopes(problem, at)
     motion = slice(0, len(problem.sets) - 1) if static else slice(None)
-    means = [np.concatenate(one.angles).mean(axis=0) for one in (at, start)]
+    means = [np.concatenate(point.angles).mean(axis=0) for point in (at, start)]
     chosen = [
         j
         for j in map(int, problem.pose.free)
@@ -97,10 +97,10 @@ def zero_angles(
         ZeroAngle(
             problem.model.coordinates[j].name,
             float(means[0][j] - means[1][j]),
-            float(np.sqrt(1.0 / known[-1, k] + slid[k] + zero_sd**2)),
-            FrozenMap({name: float(shares[row, k]) for row, name in enumerate(order)}),
+            float(np.sqrt(1.0 / known[-1, row_] + slid[row_] + zero_sd**2)),
+            FrozenMap({name: float(shares[row, row_]) for row, name in enumerate(order)}),
         )
-        for k, j in enumerate(chosen)
+        for row_, j in enumerate(chosen)
     )
 
 
@@ -118,8 +118,8 @@ def zero_notes(zeros: tuple[ZeroAngle, ...], static: bool) -> tuple[str, ...]:
     wide = sorted((zero for zero in zeros if NORMAL_90 * zero.sd > WIDE), key=lambda zero: -zero.sd)
     if not wide:
         return ()
-    named = ", ".join(f"{one.coordinate} ±{np.degrees(NORMAL_90 * one.sd):.0f}°" for one in wide)
-    generic = sum(one.source == GENERIC for one in wide)
+    named = ", ".join(f"{zero.coordinate} ±{np.degrees(NORMAL_90 * zero.sd):.0f}°" for zero in wide)
+    generic = sum(zero.source == GENERIC for zero in wide)
     cause = f"{generic} of them fixed by the generic model's marker places" if generic else "90 % intervals"
     cure = "" if static else "; a static trial (--static) with known angles fixes them"
     return (f"zero angles known to no better than {np.degrees(WIDE):g}°: {named} ({cause}{cure})",)
