@@ -115,16 +115,16 @@ def absorb(factor: Array, rows: Array) -> Array:
 def with_prior(factor: Array, mean: Array, sd: Array) -> tuple[Array, Array]:
     """Triangular system (R, z) of data [R, z] (n, n + 1) and independent priors of n parameters.
 
-    A factor (k, k + 1) with more unknowns than the prior knows has those last; they stay without one.
+    A factor (unknowns, unknowns + 1) with more unknowns than the prior knows has those last; they stay without one.
     """
-    k, n = len(factor), len(mean)
-    whole = np.zeros((k + 1, k + 1))
-    whole[:k] = factor
-    rows = np.zeros((n, k + 1))
+    unknowns, n = len(factor), len(mean)
+    whole = np.zeros((unknowns + 1, unknowns + 1))
+    whole[:unknowns] = factor
+    rows = np.zeros((n, unknowns + 1))
     rows[:, :n] = np.diag(1.0 / sd)
     rows[:, -1] = mean / sd
     done = absorb(whole, rows)
-    return done[:k, :k], done[:k, k]
+    return done[:unknowns, :unknowns], done[:unknowns, unknowns]
 
 
 def rank_and_condition(R: Array, tolerance: float = 1e-6) -> tuple[int, float]:

@@ -74,8 +74,8 @@ class MotionNoise:
 
     def at_most(self, misfit: Array, parameters: Array) -> MotionNoise:
         """The same noise, or less where it alone would make a larger misfit (2,) than there is."""
-        own = self.misfit(parameters)
-        share = float(np.min(np.where(own > 0.0, misfit / np.maximum(own, 1e-300), np.inf)))
+        noise_alone = self.misfit(parameters)
+        share = float(np.min(np.where(noise_alone > 0.0, misfit / np.maximum(noise_alone, 1e-300), np.inf)))
         if share >= 1.0:
             return self
         whole = np.einsum("pkji,pkjl->kil", self.parts.factors, self.parts.factors)

@@ -23,7 +23,7 @@ from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import parameters_of, pseudo_inertias
 
-TRIANGLE = tuple((i, k) for k in range(4) for i in range(k + 1))
+TRIANGLE = tuple((i, j) for j in range(4) for i in range(j + 1))
 """Entries of a symmetric 4 x 4 matrix in the order of the solver: columns of the upper triangle."""
 
 SMALLEST_SHARE = 1e-6
@@ -227,7 +227,7 @@ def _solve(problem: _Changes, mass: float | None, residuals: bool) -> clarabel.D
     """
     n, links = problem.A.shape[1], len(problem.moved)
     rows, cones = -sparse.eye_array(n), [clarabel.PSDTriangleConeT(4)] * links
-    right = np.tile([1.0 - problem.options.margin if i == k else 0.0 for i, k in TRIANGLE], links)
+    right = np.tile([1.0 - problem.options.margin if i == j else 0.0 for i, j in TRIANGLE], links)
     if mass is not None:
         rows, cones = sparse.vstack([sparse.csr_array(problem.total[None]), rows]), [clarabel.ZeroConeT(1), *cones]
         right = np.append(problem.lacking, right)

@@ -163,8 +163,8 @@ def usable(
 
     margin = 0.0 if options.cutoff is None else REACH / options.cutoff
     wanted = _needed(model, common) * (mass / model.mass)
-    given = base_wrench(model, common, at)
-    needed, measured = _up(model, wanted), _up(model, given)
+    recorded = base_wrench(model, common, at)
+    needed, measured = _up(model, wanted), _up(model, recorded)
     weight = mass * float(np.linalg.norm(model.gravity))
     marks = {
         NO_MOTION: ~np.isfinite(needed),
@@ -179,7 +179,7 @@ def usable(
     known = ~(marks[NO_MOTION] | marks[NO_FORCE])
     marks[UNMEASURED] = _unmeasured(common.time, needed - measured, known, weight)
     use = ~np.any(list(marks.values()), axis=0)
-    _refuse_elsewhere(name, model, common, (wanted - given)[:, :3], weight, use)
+    _refuse_elsewhere(name, model, common, (wanted - recorded)[:, :3], weight, use)
     flight = use & (np.abs(measured) < FLIGHT * weight)
     # Where every frame seems to lack a contact, the best carried ones say what the mass may be.
     say = use if use.any() else _best_carried(common.time, needed, measured, known)

@@ -256,7 +256,7 @@ def identify(
         chosen=chosen,
         identified=identified,
         parameters=FrozenMap({name: frozen_array(values) for name, values in parameters.items()}),
-        residuals=FrozenMap({name: parts.rms(one) for name, one in parameters.items()}),
+        residuals=FrozenMap({name: parts.rms(masses) for name, masses in parameters.items()}),
         unseen=judged,
         tried=FrozenMap(tried),
         mass_sd=best,
@@ -265,14 +265,17 @@ def identify(
         points=points[first],
         known=_known(few, parts, moved, parameters[identified], (noise, mass, best), samples),
         consistency=FrozenMap(
-            {name: consistency(names, one, inside=inside, points=points[first]) for name, one in parameters.items()}
+            {
+                name: consistency(names, masses, inside=inside, points=points[first])
+                for name, masses in parameters.items()
+            }
         ),
         recordings=tuple(recordings),
         notes=(
             *_verdict(judged, chosen == identified),
-            *(f"{name}: not proven to be the optimum" for name, one in solved.items() if not one.converged),
+            *(f"{name}: not proven to be the optimum" for name, solution in solved.items() if not solution.converged),
             *_far_from_shape(model, parameters[chosen][:, 0], shape[:, 0], best),
-            *(note for one in recordings for note in one.notes),
+            *(note for recording in recordings for note in recording.notes),
         ),
     )
 

@@ -85,16 +85,16 @@ class Unseen:
     @property
     def losses(self) -> tuple[str, ...]:
         """Parts and kinds, moment or force, in which identified masses predict worse than `WORSE`."""
-        found = []
+        lost = []
         ratios = self.identified / np.maximum(self.generic, 1e-300)
         for i, row in enumerate(ratios):
             name = self.names[i] if self.names else f"part {i + 1} of {len(ratios)}"
             for kind, unit, j in (("force", "N", 1), ("moment", "N m", 0)):
                 if row[j] > WORSE:
-                    found.append(
+                    lost.append(
                         f"{kind} of {name} {self.identified[i, j]:.1f} {unit} (generic {self.generic[i, j]:.1f})"
                     )
-        return tuple(found)
+        return tuple(lost)
 
 
 @read_only

@@ -263,7 +263,7 @@ def _calibration(
     markers = tuple(
         MarkerEstimate(
             name, model.marker(name).body, locations[name], shifts[m], place_sd[m],
-            root_mean_square([distances_[:, m] for distances_ in before]), root_mean_square([distances_[:, m] for distances_ in after]),
+            root_mean_square([frames[:, m] for frames in before]), root_mean_square([frames[:, m] for frames in after]),
         )
         for m, name in enumerate(names)
     )  # fmt: skip

@@ -143,9 +143,9 @@ class CausalStream:
 
     def derivatives(self, time: float) -> Array:
         """(4, width) as `at`, with the third derivative besides; a copy."""
-        found = self.at(time)
+        lower = self.at(time)
         state = self._ahead if time > self._clock[1] else self._state
-        return np.concatenate([found, (state[3] / self._delay**3)[None]])
+        return np.concatenate([lower, (state[3] / self._delay**3)[None]])
 
     def forget(self) -> None:
         """Begin anew with the next row."""

@@ -244,10 +244,10 @@ def drift_of_pieces(compared: Compared, lag: Array, window: float) -> Array:
         if len(here) < frames // 2:
             continue
         wanted = (predicted[here] - predicted[here].mean(axis=0)) * weights
-        found = _lag_of_piece(compared, places[here], wanted, weights)
-        if found is not None:
+        further = _lag_of_piece(compared, places[here], wanted, weights)
+        if further is not None:
             middles.append(float(compared.time[here].mean()) - compared.middle)
-            lags.append(found)
+            lags.append(further)
     x, y = np.array(middles), np.array(lags)
     for _ in range(3):
         if len(x) < 3:

@@ -75,16 +75,16 @@ def _links(markers: Markers, names: Sequence[str]) -> list[_Link]:
     rows = np.unique(np.linspace(0, max(len(markers) - 1, 0), min(SAMPLES, len(markers))).astype(int))
     places = dict(zip(markers.names, np.moveaxis(markers.values[rows], 1, 0), strict=True))
     links: dict[frozenset[tuple[str, str]], _Link] = {}
-    for one in (name for name in partner if bony[name].side == "right"):
+    for marker in (name for name in partner if bony[name].side == "right"):
         for other, site in bony.items():
             sided = other in partner
-            if other in (one, partner[one]) or (site.side and not sided) or not _rigid(bony[one], site):
+            if other in (marker, partner[marker]) or (site.side and not sided) or not _rigid(bony[marker], site):
                 continue
-            mirrored = (partner[one], partner[other] if sided else other)
-            lengths = [_distance(places[a], places[b]) for a, b in ((one, other), mirrored)]
+            mirrored = (partner[marker], partner[other] if sided else other)
+            lengths = [_distance(places[a], places[b]) for a, b in ((marker, other), mirrored)]
             if not all(spread < STEADY for _, spread in lengths):
                 continue
-            link = _Link((one, other), mirrored, lengths[0][0], lengths[0][0] - lengths[1][0])
+            link = _Link((marker, other), mirrored, lengths[0][0], lengths[0][0] - lengths[1][0])
             links.setdefault(frozenset((_ordered(link.markers), _ordered(mirrored))), link)
     return list(links.values())
 

@@ -158,8 +158,8 @@ def recognize(names: Iterable[str], table: ProtocolTable | None = None) -> Recog
     Examples
     --------
     >>> from myomorph.motion.protocols import recognize
-    >>> found = recognize(["LASI", "RASI", "LPSI", "RPSI", "LKNE", "LANK", "LMT1", "ball"])
-    >>> str(found.sites["LKNE"]), found.common, found.unknown
+    >>> recognized = recognize(["LASI", "RASI", "LPSI", "RPSI", "LKNE", "LANK", "LMT1", "ball"])
+    >>> str(recognized.sites["LKNE"]), recognized.common, recognized.unknown
     ('left lateral epicondyle of the femur', ('LMT1',), ('ball',))
     """
     table = table or protocols()
@@ -167,13 +167,13 @@ def recognize(names: Iterable[str], table: ProtocolTable | None = None) -> Recog
     protocol = find_protocol(labels, table)
     sites: dict[str, Site] = {}
     common = []
-    for own in (protocol, table.common):
+    for source in (protocol, table.common):
         for label in labels:
-            site = None if own is None or label in sites else own.site(label)
+            site = None if source is None or label in sites else source.site(label)
             if site is None or (site.kind != "skin" and site in sites.values()):
                 continue
             sites[label] = site
-            if own is table.common:
+            if source is table.common:
                 common.append(label)
     ordered = {label: sites[label] for label in labels if label in sites}
     return Recognized(

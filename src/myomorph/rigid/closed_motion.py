@@ -95,11 +95,11 @@ def _rates(tree: Tree, motion: Motion) -> tuple[Array, Array]:
     """Velocities and accelerations (frames, coordinates) in the model's order, 0 where the motion has none."""
     result = []
     columns = {name: i for i, name in enumerate(motion.names)}
-    for given in (motion.velocities, motion.accelerations):
+    for recorded in (motion.velocities, motion.accelerations):
         rates = np.zeros((len(motion), len(tree.model.coordinates)))
         for j, name in enumerate(tree.model.coordinate_names):
-            if given is not None and name in columns:
-                rates[:, j] = given[:, columns[name]]
+            if recorded is not None and name in columns:
+                rates[:, j] = recorded[:, columns[name]]
         result.append(rates)
     return result[0], result[1]
 

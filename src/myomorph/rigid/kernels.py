@@ -129,7 +129,7 @@ class KernelFile(IndexDataCacheFile):  # type: ignore[misc]
             with FileLock(folder / LOCK, timeout=PATIENCE):
                 named = self._load_index()
                 free = (self._data_name(number) for number in range(1, len(named) + 2))
-                name = named.get(key) or next(one for one in free if one not in named.values())
+                name = named.get(key) or next(unused for unused in free if unused not in named.values())
                 self._save_data(name, data)
                 self._save_index(named | {key: name})
         except OSError:

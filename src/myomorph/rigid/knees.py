@@ -29,7 +29,9 @@ def _is(body: str, words: tuple[str, ...]) -> bool:
 def long_axis(model: Model, joint: Joint) -> Array | None:
     """Unit vector on the joint's child from its center to that of the next joint, None where none follows."""
     center = joint.child_frame.translation
-    ways = [one.parent_frame.translation - center for one in model.joints if one.parent == joint.child]
+    ways = [
+        next_joint.parent_frame.translation - center for next_joint in model.joints if next_joint.parent == joint.child
+    ]
     lengths = [float(np.linalg.norm(way)) for way in ways]
     if not lengths or max(lengths) < 1e-9:
         return None

@@ -63,7 +63,7 @@ def closure_rates(tree: Tree, coordinates: Array, velocities: Array, acceleratio
     ----------
     coordinates, velocities, accelerations : (frames, coordinates), dependent ones consistent
     """
-    c, cdot, cddot = (_copy(one) for one in (coordinates, velocities, accelerations))
+    c, cdot, cddot = (_copy(values) for values in (coordinates, velocities, accelerations))
     first, second = np.empty((2, len(c), tree.loops.row[-1]))
 
     def part(start: int, stop: int) -> None:
@@ -91,24 +91,24 @@ def close_loops(tree: Tree, coordinates: Array, weights: Array | None = None, he
     BadData
         where loops cannot be closed: the frame and the loop are named
     """
-    given = _copy(coordinates)
-    couple_frames(tree.arrays, given)
+    targets = _copy(coordinates)
+    couple_frames(tree.arrays, targets)
     if not tree.model.loops:
-        return given
+        return targets
     free = free_coordinates(tree, held)
     scale = 1.0 / np.sqrt(_weights(tree, weights)[free])
-    closed = given.copy()
-    good = np.flatnonzero(np.isfinite(given).all(axis=1))
+    closed = targets.copy()
+    good = np.flatnonzero(np.isfinite(targets).all(axis=1))
     for start in range(0, len(good), FRAMES_AT_ONCE):
         frames = good[start : start + FRAMES_AT_ONCE]
-        closed[frames] = _project(tree, given[frames], free, scale)
+        closed[frames] = _project(tree, targets[frames], free, scale)
     error = np.abs(closure(tree, closed[good]))
     if error.size and error.max() > CLOSED:
         worst, row = np.unravel_index(int(np.argmax(error)), error.shape)
         loop = tree.model.loops[int(np.searchsorted(tree.loops.row, row, side="right")) - 1]
         raise BadData(
             f"frame {good[worst]}: {loop.kind} '{loop.name}' cannot be closed, {error[worst, row]:.2g} are left of "
-            f"{_opening(tree, given[good[worst]]):.2g} m or rad; do the coordinates belong to this model, and is "
+            f"{_opening(tree, targets[good[worst]]):.2g} m or rad; do the coordinates belong to this model, and is "
             f"enough of {', '.join(_movers(tree))} free to move?"
         )
     return closed
@@ -142,7 +142,7 @@ def project_rates(
     BadData
         where coordinates that stay already move what a loop ties
     """
-    c, v, a = (_copy(one) for one in (coordinates, velocities, accelerations))
+    c, v, a = (_copy(values) for values in (coordinates, velocities, accelerations))
     couple_rates_frames(tree.arrays, c, v, a)
     good = np.isfinite(c + v + a).all(axis=1)
     if not tree.model.loops or not good.any():
@@ -256,24 +256,24 @@ def _pseudo_inverse(G: Array) -> Array:
     return np.asarray(np.linalg.pinv(G, rcond=RANK), np.float64)
 
 
-def _project(tree: Tree, given: Array, free: Ints, scale: Array) -> Array:
+def _project(tree: Tree, targets: Array, free: Ints, scale: Array) -> Array:
     """Nearest closed coordinates: steps towards those given along the constraint, closed again after each."""
-    c = _shut(tree, given, free, scale)
+    c = _shut(tree, targets, free, scale)
     for frame in np.flatnonzero(np.abs(closure(tree, c)).max(axis=1) > CLOSED):
-        c[frame] = _elsewhere(tree, given[frame], free, scale)
+        c[frame] = _elsewhere(tree, targets[frame], free, scale)
         if np.abs(closure(tree, c[frame : frame + 1])).max() > CLOSED:
             return c
     share = np.ones(len(c))
     moving = np.flatnonzero(np.abs(closure(tree, c)).max(axis=1) <= CLOSED)
     for _ in range(STEPS):
         now = c[moving]
-        back = (given[moving][:, free] - now[:, free]) / scale
+        back = (targets[moving][:, free] - now[:, free]) / scale
         G = closure_jacobian(tree, now)[:, :, free] * scale
         along = back - np.einsum("fjr,frk,fk->fj", _pseudo_inverse(G), G, back)
         trial = now.copy()
         trial[:, free] += share[moving, None] * along * scale
         trial = _shut(tree, trial, free, scale)
-        left = ((given[moving][:, free] - trial[:, free]) / scale) ** 2
+        left = ((targets[moving][:, free] - trial[:, free]) / scale) ** 2
         nearer = (left.sum(axis=1) < (back**2).sum(axis=1)) & (np.abs(closure(tree, trial)).max(axis=1) <= CLOSED)
         c[moving[nearer]] = trial[nearer]
         share[moving] = np.where(nearer, np.minimum(1.0, 2.0 * share[moving]), 0.25 * share[moving])
@@ -283,24 +283,27 @@ def _project(tree: Tree, given: Array, free: Ints, scale: Array) -> Array:
     return c
 
 
-def _elsewhere(tree: Tree, given: Array, free: Ints, scale: Array) -> Array:
+def _elsewhere(tree: Tree, target: Array, free: Ints, scale: Array) -> Array:
     """The nearest of the closed poses that the default and random poses lead to, where the given one leads to none."""
-    starts = np.tile(given, (ELSEWHERE + 1, 1))
+    starts = np.tile(target, (ELSEWHERE + 1, 1))
     starts[:, free] = tree.defaults[free]
     shares = np.random.default_rng(0).random((ELSEWHERE, len(free)))
     for i, j in enumerate(free):
-        one = tree.model.coordinates[j]
-        reach = np.pi if one.motion == "rotational" else 0.5
-        low, high = (max(one.range[0], one.default - reach), min(one.range[1], one.default + reach))
+        coordinate = tree.model.coordinates[j]
+        reach = np.pi if coordinate.motion == "rotational" else 0.5
+        low, high = (
+            max(coordinate.range[0], coordinate.default - reach),
+            min(coordinate.range[1], coordinate.default + reach),
+        )
         starts[1:, j] = low + (high - low) * shares[:, i]
     shut = _shut(tree, starts, free, scale)
-    far = (((shut - given)[:, free] / scale) ** 2).sum(axis=1)
+    far = (((shut - target)[:, free] / scale) ** 2).sum(axis=1)
     return shut[int(np.argmin(np.where(np.abs(closure(tree, shut)).max(axis=1) <= CLOSED, far, np.inf)))]
 
 
-def _shut(tree: Tree, given: Array, free: Ints, scale: Array) -> Array:
+def _shut(tree: Tree, start: Array, free: Ints, scale: Array) -> Array:
     """Newton steps of least norm on the closure, each as long as it lowers it, until loops close or none does."""
-    c = given.copy()
+    c = start.copy()
     moving = np.arange(len(c))
     for _ in range(STEPS):
         couple_frames(tree.arrays, c)
@@ -339,12 +342,12 @@ def _pivots(tree: Tree, G: Array, free: Ints) -> Ints:
         usual = np.median(norms, axis=0)
         if not usual.max(initial=0.0) > RANK * size:
             break
-        k = int(np.argmax(favour * (norms.min(axis=0) + 1e-3 * usual)))
-        unit = left[:, :, k] / np.maximum(norms[:, k], 1e-300)[:, None]
+        column = int(np.argmax(favour * (norms.min(axis=0) + 1e-3 * usual)))
+        unit = left[:, :, column] / np.maximum(norms[:, column], 1e-300)[:, None]
         for _ in range(2):
             left -= unit[:, :, None] * np.einsum("fr,frj->fj", unit, left)[:, None]
-        left[:, :, k] = 0.0
-        chosen.append(k)
+        left[:, :, column] = 0.0
+        chosen.append(column)
     return np.array(sorted(chosen), np.int64)
 
 

@@ -188,35 +188,35 @@ def body_columns(r, arm, lift, W, E, rows, first):
     `arm` leads from the point to the origin, in ground; r turns the body's frame into ground.
     """
     zero = (0.0, 0.0, 0.0)
-    for k in range(10):
+    for parameter in range(10):
         force, moment = zero, zero
-        if k == 0:
+        if parameter == 0:
             force = lift
-        elif k < 4:
-            e = (1.0 if k == 1 else 0.0, 1.0 if k == 2 else 0.0, 1.0 if k == 3 else 0.0)
+        elif parameter < 4:
+            e = (1.0 if parameter == 1 else 0.0, 1.0 if parameter == 2 else 0.0, 1.0 if parameter == 3 else 0.0)
             force = plus(cross(E, e), cross(W, cross(W, e)))
             moment = cross(e, lift)
         else:
-            moment = plus(_inertia_column(k, E), cross(W, _inertia_column(k, W)))
+            moment = plus(_inertia_column(parameter, E), cross(W, _inertia_column(parameter, W)))
         force, moment = turned(r, force), turned(r, moment)
-        if k < 4:
+        if parameter < 4:
             moment = plus(moment, cross(arm, force))
         for i in range(3):
-            rows[i, first + k] = moment[i]
-            rows[3 + i, first + k] = force[i]
+            rows[i, first + parameter] = moment[i]
+            rows[3 + i, first + parameter] = force[i]
 
 
 @kernel(inline="always")
-def _inertia_column(k, x):
+def _inertia_column(parameter, x):
     """I x where parameter k of the inertia is 1 and all others are 0."""
-    if k == 4:
+    if parameter == 4:
         return x[0], 0.0, 0.0
-    if k == 5:
+    if parameter == 5:
         return 0.0, x[1], 0.0
-    if k == 6:
+    if parameter == 6:
         return 0.0, 0.0, x[2]
-    if k == 7:
+    if parameter == 7:
         return 0.0, x[2], x[1]
-    if k == 8:
+    if parameter == 8:
         return x[2], 0.0, x[0]
     return x[1], x[0], 0.0

@@ -185,18 +185,20 @@ def compile_tree_as(model: Model, like: Model) -> Tree:
     """
     tree = compile_tree(like)
     T = tree.arrays
-    pre_R, pre_p, shift, post_R, post_p = (one.copy() for one in (T.pre_R, T.pre_p, T.pre_is_shift, T.post_R, T.post_p))
+    pre_R, pre_p, shift, post_R, post_p = (
+        array.copy() for array in (T.pre_R, T.pre_p, T.pre_is_shift, T.post_R, T.post_p)
+    )
     before = {joint.child: joint for joint in like.joints}
     for joint in model.joints:
         was, b = before[joint.child], tree.body_index[joint.child]
         if joint.parent_frame is was.parent_frame and joint.child_frame is was.child_frame:
             continue
-        k = T.axis_start[b]
+        first = T.axis_start[b]
         moved = joint.parent_frame @ was.parent_frame.inverse()
         end = was.child_frame @ joint.child_frame.inverse()
-        if k < T.axis_start[b + 1]:
-            pre_R[k], pre_p[k] = moved.rotation @ pre_R[k], moved.apply(pre_p[k])
-            shift[k] = False
+        if first < T.axis_start[b + 1]:
+            pre_R[first], pre_p[first] = moved.rotation @ pre_R[first], moved.apply(pre_p[first])
+            shift[first] = False
         else:
             end = Transform(post_R[b], post_p[b]) @ end
             post_R[b], post_p[b] = moved.rotation @ end.rotation, moved.apply(end.translation)
@@ -246,15 +248,17 @@ def _compile(model: Model) -> Tree:
         pre_R=_stack([pre.rotation for pre, _, _ in axes], (3, 3)),
         pre_p=_stack([pre.translation for pre, _, _ in axes], (3,)),
         pre_is_shift=np.array([bool(np.all(pre.rotation == np.eye(3))) for pre, _, _ in axes], np.bool_),
-        post_R=_stack([one.rotation for one in post], (3, 3)),
-        post_p=_stack([one.translation for one in post], (3,)),
+        post_R=_stack([frame.rotation for frame in post], (3, 3)),
+        post_p=_stack([frame.translation for frame in post], (3,)),
         axis_kind=np.array([ROTATION if axis.kind == "rotation" else TRANSLATION for _, axis, _ in axes], np.int64),
         axis_vector=_stack([axis.vector / np.linalg.norm(axis.vector) for _, axis, _ in axes], (3,)),
         axis_body=np.array([body for _, _, body in axes], np.int64),
         axis_function=np.arange(len(axes), dtype=np.int64),
         axis_coordinate=_sources([axis.coordinates for _, axis, _ in axes], names),
         functions=compile_functions(functions + [coupler.function for coupler in ordered]),
-        coupler_coordinate=np.array([index_of("coordinate", one.dependent, names) for one in ordered], np.int64),
+        coupler_coordinate=np.array(
+            [index_of("coordinate", coupler.dependent, names) for coupler in ordered], np.int64
+        ),
         coupler_function=np.arange(len(axes), len(axes) + len(ordered), dtype=np.int64),
         coupler_source=_sources([coupler.independents for coupler in ordered], names),
         mass=np.array([0.0] + [body.mass for body in model.bodies]),
@@ -282,10 +286,10 @@ def _fixed_motion(axis: Axis) -> Transform:
 
 def _sources(names_of_each: list[tuple[str, ...]], names: tuple[str, ...]) -> Ints:
     table = np.full((len(names_of_each), 2), -1, dtype=np.int64)
-    for row, given in zip(table, names_of_each, strict=True):
-        if len(given) > 2:
-            raise BadModel(f"a function of {len(given)} coordinates ({', '.join(given)}): at most two are built")
-        row[: len(given)] = [index_of("coordinate", name, names) for name in given]
+    for row, used in zip(table, names_of_each, strict=True):
+        if len(used) > 2:
+            raise BadModel(f"a function of {len(used)} coordinates ({', '.join(used)}): at most two are built")
+        row[: len(used)] = [index_of("coordinate", name, names) for name in used]
     return table
 
 

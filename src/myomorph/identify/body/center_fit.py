@@ -214,13 +214,13 @@ class CenterFit:
         mean = float(np.exp(np.mean(logs)))
         return {body: self._of(region, of_region, mean) for body, region in self._regions.items()}
 
-    def _of(self, region: Region, own: Mapping[Region, Array], mean: float) -> Array:
-        if region in own:
-            return np.array(own[region])
+    def _of(self, region: Region, of_region: Mapping[Region, Array], mean: float) -> Array:
+        if region in of_region:
+            return np.array(of_region[region])
         above = region.parent
-        while above is not None and above not in own:
+        while above is not None and above not in of_region:
             above = above.parent
-        return np.full(3, mean if above is None else float(np.prod(own[above])) ** (1.0 / 3.0))
+        return np.full(3, mean if above is None else float(np.prod(of_region[above])) ** (1.0 / 3.0))
 
     def _scale_segments(self, logs: Array, pose: Motion) -> Array:
         """Factors with which the distances within regions become the lower model's, in a pose."""

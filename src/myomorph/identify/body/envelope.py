@@ -112,10 +112,10 @@ def envelope_points(
     kinds = Counter(solid.kind for solid in solids)
     points, owners, masses = [], [], []
     for i, solid in zip(heavy, solids, strict=True):
-        found = _grid(solid, links.rotations[i], links.origins[i], spacing)
-        points.append(found)
-        owners.append(np.full(len(found), i))
-        masses.append(np.full(len(found), model.bodies[i].mass / len(found)))
+        inside = _grid(solid, links.rotations[i], links.origins[i], spacing)
+        points.append(inside)
+        owners.append(np.full(len(inside), i))
+        masses.append(np.full(len(inside), model.bodies[i].mass / len(inside)))
     words = "no skin: " + "; ".join(f"{kind} ({count} bodies)" for kind, count in kinds.most_common())
     return EnvelopePoints(
         frozen_array(np.concatenate(points)), np.concatenate(owners), frozen_array(np.concatenate(masses)), words

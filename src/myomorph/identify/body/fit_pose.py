@@ -167,17 +167,17 @@ def _paired(
     model: Model, centers: Mapping[str, Center], body: Shape | Skin, landmarks: Mapping[str, Array] | None
 ) -> tuple[dict[str, Array], list[Marker], list[str]]:
     """Points of the body by name, virtual markers for each, and names of joint centers that the model lacks."""
-    own = {marker.name: marker for marker in model.markers}
+    virtual = {marker.name: marker for marker in model.markers}
     targets: dict[str, Array] = {}
     markers: list[Marker] = []
     if landmarks is not None:
         for name, point in landmarks.items():
-            if name not in own and name not in centers:
-                raise UnknownName("landmark", name, (*own, *centers), f"model '{model.name}'")
+            if name not in virtual and name not in centers:
+                raise UnknownName("landmark", name, (*virtual, *centers), f"model '{model.name}'")
             if np.shape(point) != (3,) or not np.isfinite(point).all():
                 raise BadData(f"landmark '{name}': expected three finite coordinates, but got {point}")
             targets[name] = np.asarray(point, dtype=np.float64)
-            markers.append(own[name] if name in own else _at_center(name, centers[name]))
+            markers.append(virtual[name] if name in virtual else _at_center(name, centers[name]))
         return targets, markers, []
     assert isinstance(body, Shape)
     missed = []
@@ -187,7 +187,7 @@ def _paired(
             markers.append(_at_center(name, centers[name]))
         elif name not in ("pelvis", "head top"):
             missed.append(name)
-    for name, marker in own.items():
+    for name, marker in virtual.items():
         landmark = landmark_of_marker(name)
         if landmark in body.landmarks and name not in targets:
             targets[name] = body.landmarks[landmark]

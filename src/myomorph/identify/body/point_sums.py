@@ -239,9 +239,9 @@ class PointSums:
 
     def matrix(self, pairs: Array) -> Array:
         """(10 links, 10 links) G F G^T from the sums of `pairs`."""
-        i, k = np.tril_indices(self.links)
+        i, j = np.tril_indices(self.links)
         blocks = np.empty((self.links, self.links, 10, 10))
-        blocks[i, k] = blocks[k, i] = pairs[:, PRODUCT_OF]
+        blocks[i, j] = blocks[j, i] = pairs[:, PRODUCT_OF]
         return blocks.transpose(0, 2, 1, 3).reshape(10 * self.links, 10 * self.links)
 
     def respond(

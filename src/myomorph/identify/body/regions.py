@@ -75,7 +75,7 @@ class Center:
         return f"{self.side} {self.name}".strip()
 
 
-def regions_of(model: Model, given: Mapping[str, Segment] | None = None) -> dict[str, Region]:
+def regions_of(model: Model, stated: Mapping[str, Segment] | None = None) -> dict[str, Region]:
     """The region of every body, from the segments that the bodies' names tell.
 
     The pelvis is what cannot move against the body that carries the thighs; the rest of the trunk, spine,
@@ -83,13 +83,13 @@ def regions_of(model: Model, given: Mapping[str, Segment] | None = None) -> dict
 
     Parameters
     ----------
-    given : segments that go before the names
+    stated : segments that go before the names
 
     Raises
     ------
     BadData : no body's name tells a segment, or there is no thigh
     """
-    segments = segments_of(model, given)
+    segments = segments_of(model, stated)
     parents = {joint.child: joint.parent for joint in model.joints}
     pelvis = _pelvis(model, segments, parents)
     below = {name: {name} for name in model.body_names}

@@ -162,9 +162,9 @@ def _check_units(vertices: Array, faces: np.ndarray, height: float | None) -> No
 
 def _one_body(vertices: Array, faces: np.ndarray, notes: list[str]) -> np.ndarray:
     """Faces of the body alone, every piece of it oriented outward."""
-    given = pieces_of(len(vertices), faces)
-    pieces = [turned_outward(vertices, piece) for piece in given]
-    turned = sum(not np.array_equal(*both) for both in zip(given, pieces, strict=True))
+    all_pieces = pieces_of(len(vertices), faces)
+    pieces = [turned_outward(vertices, piece) for piece in all_pieces]
+    turned = sum(not np.array_equal(*both) for both in zip(all_pieces, pieces, strict=True))
     body, *others = sorted(pieces, key=lambda piece: -area_of(vertices, piece))
     main = Skin(Surface(vertices, body), watertight=True)
     whole = signed_volume(vertices, body)

@@ -57,19 +57,19 @@ def difference_frames(T, body, location, free, c, cdot, cddot, measured, by_valu
         body_poses(T, c[frame], R, p, w, o, dphi)
         put_places(body, location, R, p, base_at)
         root_residual(T, c[frame], cdot[frame], cddot[frame], R, p, w, o, measured[frame], rates, base)
-        for k in range(2 * free.shape[0]):
-            i = k % free.shape[0]
+        for change in range(2 * free.shape[0]):
+            i = change % free.shape[0]
             restore(c[frame], cdot[frame], cddot[frame], x, v, a)
             # The residual is linear in accelerations: a step of 1 has no error.
-            step = STEP if k < free.shape[0] else 1.0
-            if k < free.shape[0]:
+            step = STEP if change < free.shape[0] else 1.0
+            if change < free.shape[0]:
                 v[free[i]] += step
             else:
                 a[free[i]] += step
             couple_rates(T, x, v, a)
             root_residual(T, x, v, a, R, p, w, o, measured[frame], rates, r)
             for q in range(6):
-                if k < free.shape[0]:
+                if change < free.shape[0]:
                     by_rate[frame, q, i] = (r[q] - base[q]) / step
                 else:
                     by_acceleration[frame, q, i] = (r[q] - base[q]) / step
@@ -83,9 +83,9 @@ def difference_frames(T, body, location, free, c, cdot, cddot, measured, by_valu
             root_residual(T, x, v, a, R, p, w, o, measured[frame], rates, r)
             for q in range(6):
                 by_value[frame, q, i] = (r[q] - base[q]) / STEP
-            for k in range(m):
+            for change in range(m):
                 for q in range(3):
-                    moved[frame, i, 3 * k + q] = (at[k, q] - base_at[k, q]) / STEP
+                    moved[frame, i, 3 * change + q] = (at[change, q] - base_at[change, q]) / STEP
 
 
 @bare

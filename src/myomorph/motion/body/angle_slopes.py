@@ -129,5 +129,5 @@ def _between(slopes: Array) -> Array:
 def _ties(problem: SharedProblem, tree, stretch: Stretch) -> Sequence:
     if not problem.model.loops:
         return ()
-    given = tied_markers(ties_of(compile_tree(problem.model), lever=0.0))
-    return ((tied_markers(ties_of(tree)), stretch._replace(location=given.location)),)
+    model_ties = tied_markers(ties_of(compile_tree(problem.model), lever=0.0))
+    return ((tied_markers(ties_of(tree)), stretch._replace(location=model_ties.location)),)

@@ -42,7 +42,7 @@ def symmetric_posture(tree: Tree, free: Ints, angles: Sequence[Array], sd: float
     if lateral is None or len(every) == 0:
         return None
     root, mirror = set(root_coordinates(tree)), mirror_names(names)
-    found: list[tuple[str, Array, float]] = []
+    conditions: list[tuple[str, Array, float]] = []
     for j in (int(coordinate) for coordinate in free):
         if j in root or j not in axes:
             continue
@@ -64,12 +64,12 @@ def symmetric_posture(tree: Tree, free: Ints, angles: Sequence[Array], sd: float
             text = f"{names[j]} {'-' if alike > 0 else '+'} {names[other]}"
             uneven = _uneven(every[:, j], np.sign(alike) * every[:, other])
         if uneven <= MAX_UNEVEN:
-            found.append((text, row, float(np.hypot(sd, uneven))))
-    if not found:
+            conditions.append((text, row, float(np.hypot(sd, uneven))))
+    if not conditions:
         return None
-    spread = np.array([coordinate for _, _, coordinate in found])
-    rows = np.array([row for _, row, _ in found]) / spread[:, None]
-    return MeanPosture(tuple(text for text, _, _ in found), rows, np.zeros(len(found)), spread)
+    spread = np.array([coordinate for _, _, coordinate in conditions])
+    rows = np.array([row for _, row, _ in conditions]) / spread[:, None]
+    return MeanPosture(tuple(text for text, _, _ in conditions), rows, np.zeros(len(conditions)), spread)
 
 
 def _uneven(angle: Array, other: Array) -> float:
@@ -82,13 +82,13 @@ def _uneven(angle: Array, other: Array) -> float:
 def _axes(tree: Tree) -> Mapping[int, Array]:
     """Coordinate to the direction about which it turns its body in the default pose; those that turn about one only."""
     poses = forward_kinematics(tree, closed_defaults(tree)[None])
-    found: dict[int, list[Array]] = {}
+    directions_of: dict[int, list[Array]] = {}
     for axis, kind in enumerate(tree.arrays.axis_kind):
         for t, j in enumerate(tree.arrays.axis_coordinate[axis]):
             slope = float(poses.axis_slopes[0, axis, t])
             if kind == ROTATION and j >= 0 and abs(slope) > 1e-9:
-                found.setdefault(int(j), []).append(np.sign(slope) * poses.axis_directions[0, axis])
-    return {j: directions[0] for j, directions in found.items()}
+                directions_of.setdefault(int(j), []).append(np.sign(slope) * poses.axis_directions[0, axis])
+    return {j: directions[0] for j, directions in directions_of.items()}
 
 
 def _lateral(tree: Tree) -> Array | None:

@@ -127,10 +127,10 @@ def side_differences(
         share = 0.5 if (sd >= wide_sd).any() else ASYMMETRIC_SHARE
         odds = float(np.log(share / (1.0 - share)))
         now = _log_evidence(seen, spread, sd)
-        for k in map(int, np.flatnonzero(sd < wide_sd)):
+        for difference in map(int, np.flatnonzero(sd < wide_sd)):
             wide = sd.copy()
-            wide[k] = wide_sd
-            gains[k] = _log_evidence(seen, spread, wide) - now + odds
+            wide[difference] = wide_sd
+            gains[difference] = _log_evidence(seen, spread, wide) - now + odds
         best = int(np.argmax(np.where(sd < wide_sd, gains, -np.inf)))
         if sd[best] >= wide_sd or gains[best] <= 0.0:
             break

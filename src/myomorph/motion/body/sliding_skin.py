@@ -54,12 +54,12 @@ def sliding(problem: SharedProblem, at: Point, slides: Slides) -> Array:
         moved = []
         for of, mode in modes:
             # (markers of the body, 3, modes) in their body; a marker's own shift has the body's rotation, too.
-            own = frame.weight[of][:, None, None] * mode
-            ground = (R[of] @ own).reshape(-1, mode.shape[2])
+            moves = frame.weight[of][:, None, None] * mode
+            ground = (R[of] @ moves).reshape(-1, mode.shape[2])
             rows = np.repeat(3 * of, 3) + np.tile(np.arange(3), len(of))
             both = np.zeros((size, mode.shape[2]))
             both[:n] = frame.by_length[rows].T @ ground
-            both[n + rows] = own.reshape(-1, mode.shape[2])
+            both[n + rows] = moves.reshape(-1, mode.shape[2])
             both[: unknowns - 1] += frame.angles.T @ (frame.by_angle[rows].T @ ground)
             # A seen marker moved one way is its place moved the other way.
             both[unknowns + frame.free] = -frame.angles[:, n + rows] @ mode.reshape(-1, mode.shape[2]) / frames
