@@ -309,13 +309,13 @@ def _on_other_recordings(
 ) -> Unseen:
     """Misfit of both on recordings that took no part."""
     used = [recording for recording in recordings if recording.use.any()]
-    parts = [parts_of(model, [recording_.recording], base, least=1) for recording_ in used]
+    parts = [parts_of(model, [taken.recording], base, least=1) for taken in used]
     return Unseen(
         np.reshape([part.rms(identified) for part in parts], (-1, 2)),
         np.reshape([part.rms(generic) for part in parts], (-1, 2)),
         np.array([part.frames.sum() for part in parts], int),
         "recordings that were not used",
-        tuple(recording_.name for recording_ in used),
+        tuple(taken.name for taken in used),
     )
 
 

@@ -242,7 +242,7 @@ def _with_masses(
     spread_ = masses.copy()
     matches = []
     for region in dict.fromkeys(members[1]):
-        theirs, ours = (np.flatnonzero([region_ == region for region_ in some]) for some in members)
+        theirs, ours = (np.flatnonzero([other == region for other in some]) for some in members)
         target = wanted[theirs].sum(axis=0)
         try:
             spread_[ours], note = spread(masses[ours], target), ""

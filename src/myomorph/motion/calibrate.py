@@ -165,7 +165,7 @@ def _columns(markers: Markers, names: Sequence[str]) -> Array:
 
 def _tracked(model: Model, recordings: Sequence[Markers], options: CalibrationOptions) -> tuple[tuple[str, ...], Array]:
     """Markers that the model shares with any recording, and their weights."""
-    every = tuple(dict.fromkeys(name for recording_ in recordings for name in recording_.names))
+    every = tuple(dict.fromkeys(name for markers in recordings for name in markers.names))
     joined = Markers(np.zeros(0), every, np.zeros((0, len(every), 3)))
     names, weights = tracked_markers(model, joined, InverseKinematicsOptions(marker_weights=options.marker_weights))
     for name in options.fixed_markers:

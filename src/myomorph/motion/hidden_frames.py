@@ -124,7 +124,7 @@ def _partly(fit: KinematicsFit, names: list[str], hidden: np.ndarray, frames: in
     """Coordinates that no marker shows in more than a tenth of the frames, those of nearly the same frames together."""
     together: list[list[int]] = []
     for i in map(int, np.flatnonzero(hidden.sum(axis=0) > LEAST * frames)):
-        alike = (members_ for members_ in together if _overlap(hidden[:, members_[0]], hidden[:, i]) > ALIKE)
+        alike = (group for group in together if _overlap(hidden[:, group[0]], hidden[:, i]) > ALIKE)
         group = next(alike, None)
         if group is None:
             together.append([i])

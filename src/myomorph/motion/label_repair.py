@@ -134,7 +134,7 @@ def _swap_finding(
     swap: Swap, markers: Markers, wrong: np.ndarray, fit: KinematicsFit, other: KinematicsFit, mended: bool
 ) -> Finding:
     spans = [] if wrong.mean() > THROUGHOUT else [span_of(markers.time, start, stop) for start, stop in runs(wrong)]
-    before, after = (100 * float(np.nanmedian(fit_.rms[wrong])) for fit_ in (fit, other))
+    before, after = (100 * float(np.nanmedian(tried.rms[wrong])) for tried in (fit, other))
     when = times_text(spans) if spans else "throughout"
     fits = f"root mean square error {before:.1f} cm, {after:.1f} cm exchanged"
     if swap.name in (SIDES, MIRRORED) and not (swap.certain and swap.name == SIDES):

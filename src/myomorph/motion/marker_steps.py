@@ -148,7 +148,7 @@ def exchanges(values: Array, edges: Sequence[Steps]) -> tuple[Exchange, ...]:
     changes: dict[tuple[int, int], list[int]] = {}
     for frame, group in sorted(at.items()):
         here = np.array([values[frame, marker] for marker, _ in group])
-        ahead = np.array([edges[marker].predicted[place_] for marker, place_ in group])
+        ahead = np.array([edges[marker].predicted[before] for marker, before in group])
         apart = np.linalg.norm(here[:, None] - ahead, axis=2)
         taken = linear_sum_assignment(apart)[1]
         for i, j in enumerate(taken):

@@ -125,12 +125,12 @@ def find_swap(
     before: dict[int, float] = {}
     for swap, frames in _hypotheses(model, names, pairs, bool(np.median(rms[seen]) > SUSPECT * unit), seen):
         columns, ratios, gains = swap.columns(names), list[float](), list[float]()
-        for frame_ in _spread(frames):
-            if frame_ not in before:
-                before[frame_] = float(_rms(solve(observed[frame_ : frame_ + 1]))[0])
-            after = float(_rms(solve(swap.applied(observed[frame_ : frame_ + 1], columns)))[0])
-            ratios.append(after / before[frame_])
-            gains.append(before[frame_] - after)
+        for sample in _spread(frames):
+            if sample not in before:
+                before[sample] = float(_rms(solve(observed[sample : sample + 1]))[0])
+            after = float(_rms(solve(swap.applied(observed[sample : sample + 1], columns)))[0])
+            ratios.append(after / before[sample])
+            gains.append(before[sample] - after)
             # Most exchanges are wrong, which two frames show.
             if len(ratios) == 2 and min(ratios) > margin.share:
                 break

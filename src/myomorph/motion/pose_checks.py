@@ -67,10 +67,7 @@ def _bound_findings(
         return
     names = [model.coordinate_names[j] for j in problem.free]
     loose = {names[i] for i in held}
-    coordinates = tuple(
-        replace(coordinate_, clamped=coordinate_.clamped and coordinate_.name not in loose)
-        for coordinate_ in model.coordinates
-    )
+    coordinates = tuple(replace(each, clamped=each.clamped and each.name not in loose) for each in model.coordinates)
     without = replace(model, coordinates=coordinates)
     some = np.flatnonzero(at[:, held].any(axis=1))
     some = some[np.unique(np.linspace(0, len(some) - 1, SAMPLES).astype(int))]
@@ -152,7 +149,8 @@ def _upright_findings(model: Model, fit: KinematicsFit) -> Iterator[Finding]:
     """A floating body that lies or stands on its head in nearly all frames: its vertical may be another axis."""
     floating = set(floating_coordinates(model))
     joint = next(
-        (joint_ for joint_ in model.joints if joint_.parent == GROUND and floating & set(joint_.coordinates)), None
+        (each for each in model.joints if each.parent == GROUND and floating & set(each.coordinates)),
+        None,
     )
     gravity = float(np.linalg.norm(model.gravity))
     if joint is None or gravity == 0.0:

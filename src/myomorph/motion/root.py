@@ -21,15 +21,15 @@ def floating_coordinates(model: Model) -> tuple[str, ...]:
     A joint to the ground that only turns (an arm fixed at the shoulder) or only slides (a sled) is part of the
     body or of a rig, and its bounds count. Massless links between ground and body belong to the root joint.
     """
-    names_: list[str] = []
+    result: list[str] = []
     for chain in _root_chains(model):
         axes = [(axis.kind, name) for joint in chain for axis in joint.axes for name in axis.coordinates]
         turns = {name for kind, name in axes if kind == "rotation"}
         # Old files call the translations of a custom joint coupled; a rotation may bring a translation along.
         slides = {name for kind, name in axes if kind == "translation"} - turns
         if len(slides) >= 2 and turns:
-            names_ += dict.fromkeys(name for _, name in axes)
-    return tuple(names_)
+            result += dict.fromkeys(name for _, name in axes)
+    return tuple(result)
 
 
 def of_one_turn(model: Model, values: Array) -> Array:

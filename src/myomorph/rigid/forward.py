@@ -132,7 +132,7 @@ def loop_wrenches(tree: Tree, c: Array, multipliers: Array) -> Array:
 
 def _consistent(tree: Tree, c: Array, cdot: Array, cddot: Array) -> Array:
     """Accelerations with those of coordinates that follow set."""
-    values, rates, result = (np.array(values_, dtype=np.float64, order="C") for values_ in (c, cdot, cddot))
+    values, rates, result = (np.array(array, dtype=np.float64, order="C") for array in (c, cdot, cddot))
     couple_rates_frames(tree.arrays, values, rates, result)
     return result
 

@@ -177,7 +177,7 @@ def hinge_axis(model: Model, center: Center, pose: Motion) -> Array | None:
     """(3,) first moving axis of a knee or an elbow in ground, in the first frame of a motion; else None."""
     if center.name not in HINGES:
         return None
-    axis = next((axis_ for axis_ in center.joint.axes if axis_.kind == "rotation" and axis_.function.arity), None)
+    axis = next((each for each in center.joint.axes if each.kind == "rotation" and each.function.arity), None)
     if axis is None:
         return None
     inner = frames_in_ground(model, pose)[model.body_names.index(center.joint.parent), :3, :3]

@@ -81,12 +81,12 @@ def problem_of(
     masses = inertial_parameters(model)
     if options.masses:
         inside = within or {}
-        parts = [_weighed(_only(trial_.usable, inside.get(index)), model.mass) for index, trial_ in enumerate(recorded)]
+        parts = [_weighed(_only(taken.usable, inside.get(index)), model.mass) for index, taken in enumerate(recorded)]
         masses = identified_masses(model, parts, options.cutoff)
     pose = pose_problem(tree, names, np.array([weights[name] for name in names]), trials[0].tracking)
     data = [
-        _trial_data(model, names, trial, trial_, options, None if within is None else within.get(index))
-        for index, (trial, trial_) in enumerate(zip(trials, recorded, strict=True))
+        _trial_data(model, names, trial, taken, options, None if within is None else within.get(index))
+        for index, (trial, taken) in enumerate(zip(trials, recorded, strict=True))
     ]
     return Problem(
         bare,

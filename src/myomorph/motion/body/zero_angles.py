@@ -97,10 +97,10 @@ def zero_angles(
         ZeroAngle(
             problem.model.coordinates[j].name,
             float(means[0][j] - means[1][j]),
-            float(np.sqrt(1.0 / known[-1, row_] + slid[row_] + zero_sd**2)),
-            FrozenMap({name: float(shares[row, row_]) for row, name in enumerate(order)}),
+            float(np.sqrt(1.0 / known[-1, column] + slid[column] + zero_sd**2)),
+            FrozenMap({name: float(shares[row, column]) for row, name in enumerate(order)}),
         )
-        for row_, j in enumerate(chosen)
+        for column, j in enumerate(chosen)
     )
 
 
