@@ -160,7 +160,7 @@ def test_sparse_step_is_that_of_the_full_matrix(problem):
     np.testing.assert_allclose(shared, expected[n:], rtol=1e-5, atol=1e-7)
     np.testing.assert_allclose(motions[0].ravel(), expected[:n], rtol=1e-4, atol=1e-6)
     # The band does not widen with frames: memory and time grow in proportion to them.
-    assert one.band.shape[0] == WIDTH * len(problem.markers.free)
+    assert one.band.shape[0] == WIDTH * len(problem.pose.free)
 
 
 def test_a_mass_hard_to_believe_is_named_with_the_motion_that_would_show_it(problem):

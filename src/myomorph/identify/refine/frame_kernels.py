@@ -83,9 +83,9 @@ def difference_frames(T, body, location, free, c, cdot, cddot, measured, by_valu
             root_residual(T, x, v, a, R, p, w, o, measured[frame], rates, r)
             for q in range(6):
                 by_value[frame, q, i] = (r[q] - base[q]) / STEP
-            for change in range(m):
+            for marker in range(m):
                 for q in range(3):
-                    moved[frame, i, 3 * change + q] = (at[change, q] - base_at[change, q]) / STEP
+                    moved[frame, i, 3 * marker + q] = (at[marker, q] - base_at[marker, q]) / STEP
 
 
 @bare
