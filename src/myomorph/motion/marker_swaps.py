@@ -186,9 +186,9 @@ def _hypotheses(
     sided = side_pairs(names)
     if len(sided) > 1:
         yield Swap(SIDES, sided), seen
-        for limb, limb_pairs_ in limb_pairs(model, sided).items():
-            if 1 < len(limb_pairs_) < len(sided):
-                yield Swap(f"{SIDES} of {limb}", limb_pairs_), seen
+        for limb, of_limb in limb_pairs(model, sided).items():
+            if 1 < len(of_limb) < len(sided):
+                yield Swap(f"{SIDES} of {limb}", of_limb), seen
     if len(names) > 3:
         yield Swap(MIRRORED, ()), seen
     for pair in sided:
