@@ -113,7 +113,7 @@ def run_page(
 def run_python(text: str, names: dict[str, object], where: str) -> str:
     """Run a block of Python with the names of those before it, and return what it prints."""
     with contextlib.redirect_stdout(io.StringIO()) as caught:
-        exec(compile(text, where, "exec"), names)
+        exec(compile(text, where, "exec", dont_inherit=True), names)
     return caught.getvalue()
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import os
+import re
 
 import pytest
 from docs_build.examples import DOCS, commands, parts_of
@@ -32,6 +33,14 @@ def test_a_notebook_holds_all_of_its_page(page):
     assert text.startswith("# ")
     assert "<!--" not in text
     assert ".md)" not in text
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_a_notebook_imports_the_public_package_alone(page):
+    code = "\n".join(part.text for part in parts_of(page) if part.language == "python")
+    imports = [line for line in code.splitlines() if re.match(r"\s*(from|import) myomorph", line)]
+    assert set(imports) <= {"import myomorph as mm"}
+    assert not re.search(r"\bmm\.[\w.]*\._", code)
 
 
 def test_long_ones_are_named_with_a_reason():

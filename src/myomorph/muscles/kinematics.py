@@ -36,7 +36,8 @@ class MuscleKinematics(Labelled):
     muscles, coordinates : names
     lengths : (frames, muscles) of the muscle-tendon units [m]
     velocities : (frames, muscles) or None where not asked for [m/s]
-    arms : (frames, moment arms) as `Paths.evaluate` gives them, or None where not asked for
+    arms : (frames, pairs) packed, of the pairs that `paths` lists, or None where not asked for; `moment_arms` has
+        (frames, muscles, coordinates)
     coupler_slopes : (frames, couplers, 2) of the dependent coordinates in those they follow
     paths : the compiled paths, which hold the pattern of `arms`
     loops : of each group of coordinates that closed loops tie together, `loop_couplings`

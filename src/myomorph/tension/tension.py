@@ -13,6 +13,7 @@ from myomorph.model.contacts import ContactForces
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.join import own_name
 from myomorph.model.labelled import Labelled, Variable
+from myomorph.model.model import index_of
 from myomorph.muscles.hill_arrays import Convention
 from myomorph.tension.dual import OPTIMAL, STATUS_NAMES
 from myomorph.tension.fibers import Fibers
@@ -182,6 +183,18 @@ class Tension(Labelled):
         """Times [s], muscles, reserves, coordinates."""
         names = {"muscle": self.muscles, "reserve_name": self.reserve_names, "coordinate": self.coordinates}
         return {"time": self.time, **names}
+
+    def activation(self, muscle: str) -> Array:
+        """Activation of one muscle, (frames,) from 0 to 1; raises `UnknownName`."""
+        return self.activations[:, index_of("muscle", muscle, self.muscles)]
+
+    def force(self, muscle: str) -> Array:
+        """Force of one muscle along its tendon, (frames,) [N]; raises `UnknownName`."""
+        return self.forces[:, index_of("muscle", muscle, self.muscles)]
+
+    def reserve(self, name: str) -> Array:
+        """Torque or force of one reserve, (frames,) [N m or N]; raises `UnknownName`."""
+        return self.reserves[:, index_of("reserve", name, self.reserve_names)]
 
     @property
     def optimal(self) -> np.ndarray:
