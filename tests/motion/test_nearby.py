@@ -12,8 +12,7 @@ from myomorph.io.formats import read_model
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion
-from myomorph.motion.ik import inverse_kinematics
-from myomorph.motion.nearby import poses_near
+from myomorph.motion.ik import inverse_kinematics, poses_near
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.study.inputs.reading import read_motion

@@ -11,8 +11,7 @@ from myomorph.io.formats import read_model
 from myomorph.model.errors import BadData
 from myomorph.model.paths import PathPoint
 from myomorph.model.series import Markers, Motion
-from myomorph.motion.ik import InverseKinematicsOptions
-from myomorph.motion.nearby import poses_near
+from myomorph.motion.ik import InverseKinematicsOptions, poses_near
 from myomorph.muscles.hill_arrays import compile_hill, compile_hill_as
 from myomorph.muscles.path import compile_paths, compile_paths_as
 from myomorph.muscles.scaling import default_path_lengths

@@ -10,8 +10,7 @@ import pytest
 
 from myomorph.demo.arm import example_files
 from myomorph.io.formats import read_model, read_trial
-from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics, tracked_markers
-from myomorph.motion.nearby import poses_near
+from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics, poses_near, tracked_markers
 from myomorph.uncertainty.pose_slopes import SlopeFinder
 
 

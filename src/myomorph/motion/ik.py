@@ -18,6 +18,7 @@ from myomorph.motion.newton import SCOUT, Settings, frames_shown, solve_poses, t
 from myomorph.motion.pose_problem import PoseProblem
 from myomorph.motion.root import floating_coordinates, of_one_turn
 from myomorph.motion.starts import scout_poses
+from myomorph.motion.sync import refuse_other_times
 from myomorph.motion.tasks.coordinates import CoordinateTask
 from myomorph.motion.tasks.loops import ties_of
 from myomorph.motion.tasks.markers import MarkerTask
@@ -201,6 +202,38 @@ def inverse_kinematics(
         missing_markers=tuple(name for name in model.marker_names if name not in markers.names),
         task_errors={TASKS[type(part)].__name__: part.errors for part in problem.tasks[1:] if hasattr(part, "errors")},
     )
+
+
+def poses_near(
+    model: Model, markers: Markers, motion: Motion, options: InverseKinematicsOptions | None = None
+) -> Motion:
+    """The coordinates of `inverse_kinematics` for markers and a model that differ little from those of a motion.
+
+    Where two axes of a joint are nearly parallel, other angles give nearly the same pose, and a search that begins
+    elsewhere may end in these: here it begins at the motion in every frame.
+
+    Parameters
+    ----------
+    markers : NaN where hidden (frames, markers, 3) [m]
+    motion : all coordinates of the model at the markers' times; unknown frames stay unknown
+
+    Raises
+    ------
+    BadData
+        model and recording share no marker, or the motion is of other times
+    """
+    options = options or InverseKinematicsOptions()
+    refuse_other_times("markers", markers.time, motion.time)
+    tree = compile_tree(model)
+    names, weights = tracked_markers(model, markers, options)
+    problem = pose_problem(tree, names, weights, options, markers)
+    # Every frame by itself, from where the motion is.
+    starts = np.array(motion.values)
+    blank = ~(np.isfinite(starts).all(axis=1) & frames_shown(problem))
+    starts[blank] = tree.defaults
+    values = solve_poses(tree, problem, starts, options.settings, chained=False).values
+    values[blank] = np.nan
+    return Motion(markers.time, model.coordinate_names, values)
 
 
 def tracked_markers(model: Model, markers: Markers, options: InverseKinematicsOptions) -> tuple[tuple[str, ...], Array]:

@@ -7,14 +7,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from myomorph.identify.body.envelope import own_points
 from myomorph.identify.recordings import MASS_TOLERANCE, RecordingOptions, Usable, usable
-from myomorph.identify.refine.first_masses import identified_masses
 from myomorph.identify.refine.masses import MassPrior
 from myomorph.identify.refine.options import RefineOptions
 from myomorph.identify.refine.problem import Problem, TrialData
 from myomorph.identify.refine.refinement import SubjectTrial
 from myomorph.identify.refine.spline import Basis
+from myomorph.identify.subject import IdentificationOptions, identify
 from myomorph.model.arrays import Array, read_only
+from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertial_parameters
 from myomorph.model.model import Model
 from myomorph.model.series import Motion
@@ -29,6 +31,12 @@ KNOTS = 4.0
 
 FRAMES_A_KNOT = 2.0
 """Frames between knots that are enough."""
+
+SPACING = 0.02
+"""Of the mass points in each link's envelope [m]."""
+
+STANDING = Motion(np.zeros(1), (), np.zeros((1, 0)))
+"""The default pose, in which masses to begin with are found."""
 
 
 @read_only
@@ -182,3 +190,14 @@ def _without_gaps(values: Array) -> Array:
     known = np.isfinite(values).all(axis=1)
     at = np.arange(len(values))
     return np.column_stack([np.interp(at, at[known], column[known]) for column in values.T])
+
+
+def identified_masses(model: Model, recorded: Sequence[Usable], cutoff: float) -> Array:
+    """(bodies, 10) of `identify`; the model's where it keeps these, or the recordings are too short for it."""
+    options = IdentificationOptions(compare=False)
+    points = {"own": own_points(model, STANDING, model.mass, SPACING)}
+    try:
+        identification = identify(model, recorded, points, options=options, recording=RecordingOptions(cutoff=cutoff))
+    except BadData:
+        return inertial_parameters(model)
+    return identification.parameters[identification.chosen]

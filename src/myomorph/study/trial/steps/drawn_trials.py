@@ -16,8 +16,7 @@ from myomorph.model.arrays import Array
 from myomorph.model.errors import MyomorphError
 from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion, Table, Wrenches
-from myomorph.motion.ik import InverseKinematicsOptions
-from myomorph.motion.nearby import poses_near
+from myomorph.motion.ik import InverseKinematicsOptions, poses_near
 from myomorph.motion.sync import cut
 from myomorph.rigid.marker_positions import marker_positions
 from myomorph.rigid.tree import compile_tree
