@@ -84,8 +84,9 @@ def _call(node: ast.Call) -> Iterator[tuple[int, str]]:
             return
         if name == "open" and isinstance(node.func, ast.Attribute):
             mode = given.get("mode") or (node.args[0] if node.args else None)
-            if not node.args and not given and not owner.endswith(("path", "file", "name")):
-                # Other things than files are opened, too: a model that waits to be made, ...
+            no_mode = isinstance(mode, ast.expr) and not isinstance(mode, ast.Constant)
+            if (no_mode or not (node.args or given)) and not owner.endswith(("path", "file", "name")):
+                # Other things than files are opened, too: a model that waits to be made, an input of a trial, ...
                 return
         binary = isinstance(mode, ast.Constant) and "b" in str(mode.value)
         # The first positional argument of read_text, and the second of write_text, is the encoding.
