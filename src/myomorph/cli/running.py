@@ -81,7 +81,12 @@ def workers_of(
 
 
 def print_dry_run(
-    graph_of: Callable[[Path], Graph], out: Path, fresh: bool, count: int, excluded: Sequence[Excluded] = ()
+    graph_of: Callable[[Path], Graph],
+    out: Path,
+    fresh: bool,
+    count: int,
+    excluded: Sequence[Excluded] = (),
+    conditions: Sequence[str] = (),
 ) -> int:
     """Print what a run by so many workers would do; the exit status."""
     # Imported by the command that needs it: --help and the others start without.
@@ -89,7 +94,7 @@ def print_dry_run(
     from myomorph.study.run.dry_run_text import dry_run_lines
 
     looked = dry_run(graph_of(out), out, fresh, count)
-    for line in dry_run_lines(looked, excluded):
+    for line in dry_run_lines(looked, excluded, conditions):
         said(line)
     return BAD_INPUT if looked.problems else 0
 

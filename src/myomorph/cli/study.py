@@ -110,7 +110,7 @@ def dry_run_plan(
 
     _say_remarks(plan)
     count = 1 if scheduler else workers_here(_jobs(plan), workers, memory, threads).count
-    return print_dry_run(partial(graph_of, plan), out, fresh, count, plan.excluded)
+    return print_dry_run(partial(graph_of, plan), out, fresh, count, plan.excluded, plan.conditions.names)
 
 
 def _jobs(plan: Plan) -> int:

@@ -56,7 +56,8 @@ def looked_at(study, out, **told):
 
 
 def lines(study, out):
-    return "\n".join(dry_run_lines(looked_at(study, out), read_plan(study).excluded))
+    plan = read_plan(study)
+    return "\n".join(dry_run_lines(looked_at(study, out), plan.excluded, plan.conditions.names))
 
 
 def looked(study, out, **told):

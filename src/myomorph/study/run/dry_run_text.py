@@ -14,15 +14,15 @@ HEADING = ("subject", "trial", "condition", "frames", "reused", "computed", "tim
 MAX_NAMES = 4
 
 
-def dry_run_lines(dry_run: DryRun, excluded: Sequence[Excluded] = ()) -> Iterator[str]:
+def dry_run_lines(dry_run: DryRun, excluded: Sequence[Excluded] = (), conditions: Sequence[str] = ()) -> Iterator[str]:
     """The lines that `--dry-run` prints.
 
     Parameters
     ----------
     excluded : what the study file leaves out
+    conditions : of the trials, in the order of the study file
     """
     outcomes = [row.work.outcome for row in dry_run.rows]
-    conditions = list(dict.fromkeys(outcome.condition for outcome in outcomes if outcome.condition))
     subjects = dict.fromkeys(outcome.subject for outcome in outcomes)
     counts = [_many(len(subjects), "subject"), _many(sum(1 for outcome in outcomes if outcome.trial), "trial")]
     counts += [f"conditions {', '.join(conditions)}"] if conditions else []
