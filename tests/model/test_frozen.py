@@ -37,6 +37,7 @@ EXCEPTIONS: dict[str, str] = {
     "myomorph.muscles.fiber_states.FiberStates": KERNELS,
     "myomorph.muscles.hill.HillForces": KERNELS,
     "myomorph.muscles.kinematics.MuscleKinematics": KERNELS,
+    "myomorph.motion.newton.SolvedFrames": "kernels write its arrays, a frame at a time",
     "myomorph.motion.steady_pose.SteadyFrame": KERNELS,
     "myomorph.rigid.joint_wrenches.JointWrenches": KERNELS,
     "myomorph.rigid.kinematics.Poses": KERNELS,

@@ -8,7 +8,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.motion.tasks.task import Task, TaskKernels, per_frame
 from myomorph.rigid.coordinates import Ints
 from myomorph.rigid.kernels import bare
@@ -121,6 +121,7 @@ def _keep(markers, c, frame, work):
         markers.errors[frame, m] = np.sqrt(total)
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class MarkerTask(Task):
     """A marker near where it was seen: weight |x - position|^2, divided by the weights of all markers seen.
