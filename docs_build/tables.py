@@ -106,7 +106,9 @@ def chosen(rows: Table, choice: str) -> Table:
 
 def as_markdown(rows: Table) -> str:
     """Rows as a Markdown table."""
-    lines = [list(rows[0]), ["---"] * len(rows[0]), *(list(row.values()) for row in rows)]
+    # Two brackets of code in a row would be a reference.
+    cells = [[cell.replace("][", "]&#91;") for cell in row.values()] for row in rows]
+    lines = [list(rows[0]), ["---"] * len(rows[0]), *cells]
     return "".join(f"| {' | '.join(cells)} |\n" for cells in lines)
 
 
