@@ -141,13 +141,13 @@ def _draw(canvas: Canvas, scene: Scene, frame: int, shading: list[Array], paint:
         canvas.surface(vertices, normal @ turn.T, solid.surface.faces, color)
     plain = plain_color(scene)
     starts, ends, radii, colors = [], [], [], []
-    for muscle in scene.muscles:
+    active = np.array([muscle.activation[frame] for muscle in scene.muscles])
+    painted = np.where(np.isnan(active)[:, None], plain, activation_color(active))
+    for muscle, color in zip(scene.muscles, painted, strict=True):
         points = muscle.points[frame]
         points = points[np.isfinite(points).all(axis=1)]
         if len(points) < 2:
             continue
-        active = muscle.activation[frame]
-        color = np.array(plain) if np.isnan(active) else activation_color(np.array([active]))[0]
         starts.append(points[:-1])
         ends.append(points[1:])
         radii.append(np.full((len(points) - 1, 2), muscle.radius))

@@ -24,6 +24,7 @@ from myomorph.model.provenance import Provenance, Source
 from myomorph.model.surface import Surface
 from myomorph.report.page.parts import Note, PageHead, SourceFile
 from myomorph.report.page.parts import Step as PageStep
+from myomorph.report.scene.shapes import reduced
 from myomorph.report.trial.prepared import Prepared, prepare
 from myomorph.report.trial.report_input import AnalysisChoice, Recorded, ReportInput, Truth
 from myomorph.report.trial.trial_page import prepared_page
@@ -248,7 +249,7 @@ class _Meshes(Mapping[str, Surface]):
 
     @cached_property
     def _surfaces(self) -> Mapping[str, Surface]:
-        return surfaces_of(self._model)
+        return reduced_for_pictures(surfaces_of(self._model))
 
     def __getitem__(self, name: str) -> Surface:
         return self._surfaces[name]
@@ -258,6 +259,9 @@ class _Meshes(Mapping[str, Surface]):
 
     def __len__(self) -> int:
         return len(self._surfaces)
+
+
+MAX_TRIANGLES = 40000
 
 
 def surfaces_of(model: Model) -> Mapping[str, Surface]:
@@ -270,6 +274,15 @@ def surfaces_of(model: Model) -> Mapping[str, Surface]:
         return {}
     folders = [source.parent, source.parent / "Geometry", source.parent / "geometry"]
     return read_surfaces(model, [folder for folder in folders if folder.is_dir()])[0]
+
+
+def reduced_for_pictures(surfaces: Mapping[str, Surface]) -> Mapping[str, Surface]:
+    """Copies with no more triangles than pictures a few hundred pixels tall can show."""
+    sizes = [float(np.ptp(surface.vertices, axis=0).max()) for surface in surfaces.values()]
+    # A body is about four times as tall as its longest bone.
+    return dict(
+        zip(surfaces, reduced(list(surfaces.values()), 4.0 * max(sizes, default=0.0), MAX_TRIANGLES), strict=True)
+    )
 
 
 def _sources(made: Mapping[str, Provenance]) -> tuple[SourceFile, ...]:
