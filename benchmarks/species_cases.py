@@ -76,13 +76,13 @@ class Bodies:
 def man(data: Path) -> Bodies:
     """The leg model of the data collection, with OpenSim's bones scaled as it says."""
     model = mm.read_model(data / MAN)
-    return Bodies(model, source_bones(model, data / BONES, []))
+    return Bodies(model, source_bones(model, data / BONES))
 
 
 def mouse(data: Path) -> Bodies:
     """The skeleton of stac-mjx."""
     model = mm.read_model(data / MOUSE)
-    return Bodies(model, source_bones(model, None, []))
+    return Bodies(model, source_bones(model))
 
 
 def scaling_table(table: SpeciesTable) -> SpeciesTable:
@@ -143,7 +143,7 @@ def from_arm(data: Path, method: str) -> Morph:
     table, target, source = read_species("human-mouse-arm"), mouse(data), arm_model()
     return species_morph(
         source,
-        source_bones(source, None, []),
+        source_bones(source),
         target.model,
         target.surfaces,
         scaling_table(table) if features == "box" else table,

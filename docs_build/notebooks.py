@@ -22,8 +22,6 @@ TUTORIALS = DOCS / "tutorials"
 
 LONG = {
     "whole-study": "runs several subjects in processes of their own, over a minute",
-    "shoulder": "identifies a swinging limb many times over for its intervals, over a minute",
-    "other-bones": "carries a leg into other bones in four ways; tests/demo runs the same command",
 }
 """Tutorials that `run` leaves out unless they are named, and why."""
 

@@ -82,6 +82,33 @@ def one_body() -> Figure:
     return figure
 
 
+def own_criterion() -> Figure:
+    """Compression of the knee over time, by weight of the criterion."""
+    time, *compressions = np.loadtxt("knee.csv").T
+    figure, axis = plt.subplots(figsize=(7.0, 3.2))
+    labels = ("least effort", "weight 0.1", "weight 1", "weight 10")
+    for compression, label, color in zip(compressions, labels, (INK, "#92c5de", BLUE, RED), strict=True):
+        axis.plot(time, compression, color=color, label=label)
+    axis.set_xlabel("time [s]")
+    axis.set_ylabel("compression of the knee\n[body weights]")
+    axis.set_ylim(bottom=0.0)
+    axis.legend(frameon=False)
+    return figure
+
+
+def own_contact_law() -> Figure:
+    """Vertical force of both feet, with the pyramid and with the ellipse."""
+    time, *feet = np.loadtxt("feet.csv").T
+    figure, axes = plt.subplots(2, 1, figsize=(7.0, 4.4), sharex=True, sharey=True)
+    for axis, label, (right, left) in zip(axes, ("pyramid", "ellipse"), (feet[:2], feet[4:]), strict=True):
+        axis.plot(time, right, color=RIGHT, label="right foot")
+        axis.plot(time, left, color=LEFT, label="left foot")
+        axis.set_ylabel(f"{label} [N]")
+    axes[0].legend(frameon=False, ncols=2)
+    axes[1].set_xlabel("time [s]")
+    return figure
+
+
 def without_plates() -> Figure:
     """Vertical force of each foot, estimated and measured."""
     found = xarray.open_dataset("no_plates/tension.nc")
@@ -232,6 +259,8 @@ DRAWN: dict[str, Callable[[], Figure]] = {
     "walking": walking,
     "one-body": one_body,
     "how-sure": how_sure,
+    "own-contact-law": own_contact_law,
+    "own-criterion": own_criterion,
     "without-plates": without_plates,
     "other-bones": other_bones,
     "mouse": mouse,

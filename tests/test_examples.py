@@ -91,14 +91,18 @@ def python_blocks():
         for block in re.finditer(r"^( *)```python\n(.*?)^\1```", text, re.MULTILINE | re.DOTALL):
             own = textwrap.dedent(block[2])
             yield pytest.param(own, above, id=f"{page.name}:{text.count(chr(10), 0, block.start()) + 1}")
-            above |= {node.name for node in ast.parse(own).body if isinstance(node, ast.FunctionDef)}
+            for node in ast.parse(own).body:
+                if isinstance(node, ast.FunctionDef | ast.ClassDef):
+                    above |= {node.name}
+                elif isinstance(node, ast.ImportFrom):
+                    above |= {alias.asname or alias.name for alias in node.names}
 
 
 @pytest.mark.parametrize(("text", "above"), list(python_blocks()))
 def test_python_calls_what_exists(text, above):
     """Also blocks that are parts of a program: what they import is there, what they call takes those arguments.
 
-    Functions of blocks above on the same page (`above`) are there, too.
+    Functions, classes and imports of blocks above on the same page (`above`) are there, too.
     """
     known, tree, wrong = package_names(), ast.parse(text), []
     bound = {name.id for name in ast.walk(tree) if isinstance(name, ast.Name) and isinstance(name.ctx, ast.Store)}

@@ -28,7 +28,13 @@ FACE = public()
 FUNCTIONS = [name for name, value in FACE.items() if inspect.isfunction(value)]
 CLASSES = [name for name, value in FACE.items() if inspect.isclass(value)]
 DEFINITIONS = {(value.__module__, value.__qualname__) for value in FACE.values()}
-LONG = {"mm.write_shoulder_study", "mm.viscosity.run_viscosity", "mm.viscosity.read_estimates"}
+LONG = {
+    "mm.write_shoulder_study",
+    "mm.viscosity.identify_specimen",
+    "mm.viscosity.read_estimates",
+    "mm.viscosity.read_swings",
+    "mm.viscosity.run_viscosity",
+}
 """Their examples swing a virtual limb in MuJoCo."""
 MAX_NAMES = {"mm": 135, "mm.model": 30}
 MAX_NAMES_INSIDE = 20

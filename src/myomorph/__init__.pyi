@@ -18,6 +18,8 @@ from .analysis.strides import find_strides as find_strides
 from .contact.states import find_contacts as find_contacts
 from .demo.arm import ExampleFiles as ExampleFiles
 from .demo.arm import example_files as example_files
+from .demo.demos import DemoRecording as DemoRecording
+from .demo.demos import demo_recording as demo_recording
 from .demo.shoulder import write_shoulder_study as write_shoulder_study
 from .identify.base import BaseFit as BaseFit
 from .identify.body.center_fit import LengthMatch as LengthMatch
@@ -98,6 +100,7 @@ from .motion.tasks.coordinates import CoordinateTask as CoordinateTask
 from .motion.tasks.task import Task as Task
 from .muscles.kinematics import MuscleKinematics as MuscleKinematics
 from .muscles.kinematics import muscle_kinematics as muscle_kinematics
+from .muscles.scaling import default_path_lengths as default_path_lengths
 from .rigid.dynamics import inverse_dynamics as inverse_dynamics
 from .rigid.marker_positions import marker_positions as marker_positions
 from .store.outcome import Conditions as Conditions
@@ -115,6 +118,8 @@ from .study.plan.plan import read_plan as read_plan
 from .study.run.jobs import Workers as Workers
 from .study.run.run import run_study as run_study
 from .study.subject.body_points import body_points as body_points
+from .study.subject.calibrating import with_marker_set as with_marker_set
+from .study.subject.morph_files import source_bones as source_bones
 from .study.subject.subject_files import BodyOptions as BodyOptions
 from .study.subject.subject_files import BodyShape as BodyShape
 from .study.subject.subject_files import SubjectFiles as SubjectFiles

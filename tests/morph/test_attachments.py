@@ -27,7 +27,7 @@ def femora(data):
     mouse = open_model(data("mouse-skeleton-keypoints/mouse_with_meshes.xml"))
     table = read_species("human-mouse")
     femur = next(one for one in table.bones if one.sources[0] == "femur_r")
-    surfaces = source_bones(man, Path(data("bones-opensim-rajagopal/Geometry")), []), source_bones(mouse, None, [])
+    surfaces = source_bones(man, Path(data("bones-opensim-rajagopal/Geometry"))), source_bones(mouse)
     table = replace(table, bones=(femur,), relatives=())
 
     def bones(*relatives: RelativeBone, straight: tuple[str, ...] = ()):

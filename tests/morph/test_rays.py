@@ -51,7 +51,7 @@ def test_tendons_of_a_mouse_stay_on_their_ray(data):
     table = read_species("human-mouse")
     bone = next(one for one in table.bones if one.rays)
     posed = Posed(man, table.posture), Posed(mouse, table.target_posture)
-    rays = put_on_rays(man, bone, table, posed, (source_bones(man, geometry, []), source_bones(mouse, None, [])))
+    rays = put_on_rays(man, bone, table, posed, (source_bones(man, geometry), source_bones(mouse)))
     across = table.target_frame.axes[2]
     for ray in bone.rays:
         for names, sign in ((ray.extensors, 1.0), (ray.flexors, -1.0)):

@@ -9,7 +9,8 @@ import pytest
 from tests.tension.ellipse_law import FrictionEllipse
 from walking import full, soles, walk
 
-from myomorph.model.contacts import CONTACT_LAWS, Cone, Site, contact_law
+from myomorph.model import contacts as model_contacts
+from myomorph.model.contacts import Cone, Site, contact_law, register_law
 from myomorph.model.errors import BadData, BadFile, UnknownName
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.store.contact_store import _plain_site, _site
@@ -31,8 +32,9 @@ law_options = {{ {option} = 0.1 }}
 
 @pytest.fixture
 def ellipse(monkeypatch):
-    """The one line."""
-    monkeypatch.setitem(CONTACT_LAWS, "ellipse", "tests.tension.ellipse_law:FrictionEllipse")
+    """The one line, forgotten after the test."""
+    monkeypatch.setattr(model_contacts, "CONTACT_LAWS", dict(model_contacts.CONTACT_LAWS))
+    register_law("ellipse", FrictionEllipse)
 
 
 def test_forces_of_a_walk_stay_inside_the_ellipse_and_do_not_inside_another(data, ellipse):
@@ -90,3 +92,10 @@ def test_an_unknown_law_is_answered_with_those_that_exist():
         contact_law("ellipse")
     with pytest.raises(BadData, match=r"FrictionEllipse.*pyramid"):
         FrictionEllipse().plain()
+
+
+def test_a_name_is_given_once(ellipse):
+    register_law("ellipse", FrictionEllipse)
+    with pytest.raises(BadData, match=r"pyramid.*FrictionEllipse"):
+        register_law("pyramid", FrictionEllipse)
+    assert contact_law("pyramid") is Cone

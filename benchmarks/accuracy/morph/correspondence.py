@@ -88,7 +88,7 @@ def bone(body: str) -> tuple[mm.Surface, np.ndarray, np.ndarray]:
     beside it. Of the talus, which has no muscle points, points of its surface.
     """
     model = mm.read_model(data_folder() / MODEL)
-    surface = repaired_bone(source_bones(model, data_folder() / GEOMETRY, [])[body], body, [])
+    surface = repaired_bone(source_bones(model, data_folder() / GEOMETRY)[body], body, [])
     coordinates = {one.name: one for one in model.coordinates}
     paths = [muscle.path.points for muscle in model.muscles]
     owned = [(point, point in (path[0], path[-1])) for path in paths for point in path if point.body == body]

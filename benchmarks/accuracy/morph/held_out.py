@@ -61,7 +61,7 @@ def leg() -> Leg:
     """Rajagopal's left leg, without landmarks, in the mean bones of persons with an odd number."""
     model = mm.read_model(data_folder() / MODEL)
     model = replace(model, muscles=tuple(one for one in model.muscles if one.name.endswith("_l")))
-    ours = source_bones(model, data_folder() / GEOMETRY, [])
+    ours = source_bones(model, data_folder() / GEOMETRY)
     nodes = {BODIES[name]: mean_shape(shapes.nodes[1::2]) for name, shapes in leg_shapes().items()}
     faces = {BODIES[name]: shapes.faces for name, shapes in leg_shapes().items()}
     bones = {body: mm.map_bone(body, ours[body], mm.Surface(nodes[body], faces[body])) for body in nodes}

@@ -31,7 +31,7 @@ def measure(folder: Path) -> Iterator[Row]:
     """Two rows a model: flesh as the source's masses ask for, and flesh in one proportion on every bone."""
     rajagopal = read_osim(folder / "rajagopal-walk-emg/subject_walk_scaled.osim")
     for model, geometry in ((leg_model(), None), (rajagopal, folder / GEOMETRY)):
-        bones = source_bones(model, geometry, [])
+        bones = source_bones(model, geometry)
         morph = smaller(model, bones)
         mass = morph.model.mass
         for name, found in (

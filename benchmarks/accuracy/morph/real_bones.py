@@ -86,7 +86,7 @@ def persons(folder: Path) -> tuple[Person, ...]:
     settings = MorphSettings()
     found = []
     for name, files in BONES.items():
-        ours = source_bones(model, folder / GEOMETRY, [])
+        ours = source_bones(model, folder / GEOMETRY)
         if len(files["pelvis"]) == 1:
             pelvis = next(body for body in model.bodies if body.name == "pelvis")
             parts = [mesh for mesh in pelvis.meshes if "sacrum" not in mesh.file]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, get_args
 
@@ -10,7 +12,7 @@ import numpy as np
 from myomorph.model.errors import UnknownName
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
-from myomorph.model.series import Trial
+from myomorph.model.series import Markers, Motion, Series, Trial, Wrenches
 from myomorph.motion.envelope import envelopes
 from myomorph.motion.ik import InverseKinematicsOptions
 from myomorph.store.outcome import Outcome
@@ -25,7 +27,7 @@ from myomorph.study.inputs.time_span import TimeSpan
 from myomorph.study.step.step_table import usual_steps
 from myomorph.study.trial.ahead import TENDONS, compile_ahead, compile_curves, compile_motion, compiling
 from myomorph.study.trial.run_trial import run_trial
-from myomorph.study.trial.trial_inputs import TrialInputs, TrialNotes
+from myomorph.study.trial.trial_inputs import KnownTruth, TrialInputs, TrialNotes
 
 DemoName = Literal["jump", "simulated", "judo"]
 DEMO_STEPS = usual_steps()
@@ -83,6 +85,75 @@ def demo_trial(name: str) -> TrialInputs:
 
         return judo_trial(virtual_pair(BOUT, CUTOFF))
     raise UnknownName("study", name, get_args(DemoName), "the demo")
+
+
+@dataclass(frozen=True, eq=False)
+class DemoRecording:
+    """The recording of a demo, as values.
+
+    Attributes
+    ----------
+    model : of the body
+    markers : recorded, or simulated
+    kinematics : options of its inverse kinematics
+    wrenches : forces on the feet
+    window : (start, end) of what is worth using [s]
+    cutoff : low-pass of motion and forces [Hz]
+    truth : motion, torques and activations where they are known, by these names
+    notes : what is real, assumed and simulated, a sentence each
+    """
+
+    model: Model
+    markers: Markers
+    kinematics: InverseKinematicsOptions
+    wrenches: Wrenches
+    window: tuple[float, float]
+    cutoff: float
+    truth: Mapping[str, Series]
+    notes: tuple[str, ...]
+
+
+def demo_recording(name: Literal["jump", "simulated"] = "simulated") -> DemoRecording:
+    """The recording of `myomorph demo`, which comes with the installation.
+
+    Parameters
+    ----------
+    name : "jump", a countermovement jump that was recorded; "simulated", a squat that the project simulates
+
+    Returns
+    -------
+    model, markers, forces on the feet [N], and the truth where it is known
+
+    Raises
+    ------
+    BadData
+        where the packages that bring model or recording are not installed
+    UnknownName
+        where there is no such recording
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> jump = mm.demo_recording("jump")
+    >>> jump.wrenches.bodies, round(jump.model.mass, 1), jump.window
+    (('calcn_r', 'calcn_l'), 76.7, (3.0, 5.6))
+    """
+    if name not in ("jump", "simulated"):
+        raise UnknownName("recording", name, ("jump", "simulated"), "the demos")
+    trial = demo_trial(name)
+    markers = trial.recording.markers
+    assert markers is not None
+    span, truth = trial.inputs.get(TimeSpan), trial.get(KnownTruth)
+    return DemoRecording(
+        trial.model,
+        markers,
+        trial.options[InverseKinematicsOptions],
+        trial.inputs[ExternalLoads].of(Motion(markers.time, (), np.zeros((len(markers), 0)))),
+        (float(markers.time[0]), float(markers.time[-1])) if span is None or span.time is None else span.time,
+        trial.options[Differentiation].cutoff or 0.0,
+        FrozenMap({}) if truth is None else truth.series,
+        (*trial.notes.real, *trial.notes.assumed, *trial.notes.simulated),
+    )
 
 
 def demo_model(name: str) -> Model:

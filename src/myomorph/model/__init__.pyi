@@ -1,5 +1,6 @@
 # The public names of `mm.model`: parts of models and of recordings, and what results say of themselves.
 from .contacts import Generators as Generators
+from .contacts import register_law as register_law
 from .findings import Finding as Finding
 from .model import Actuator as Actuator
 from .model import Axis as Axis

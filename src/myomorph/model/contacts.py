@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
-from functools import lru_cache
 from importlib import import_module
 from typing import Any, ClassVar, Literal, NamedTuple
 
@@ -15,8 +14,8 @@ from myomorph.model.errors import BadData, check_name
 from myomorph.model.model import GROUND, index_of
 from myomorph.model.series import Series, Wrenches
 
-CONTACT_LAWS: dict[str, str] = {"pyramid": "myomorph.model.contacts:Cone"}
-"""Contact laws by the name that contact files and results give them: module and class, a subclass of `Cone`."""
+CONTACT_LAWS: dict[str, str | type[Cone]] = {"pyramid": "myomorph.model.contacts:Cone"}
+"""Contact laws by the name that contact files and results give them: a subclass of `Cone`, or its module and name."""
 
 
 class Generators(NamedTuple):
@@ -40,8 +39,8 @@ class Generators(NamedTuple):
 class Cone:
     """Which forces may act on a body at a site: a contact law.
 
-    Another law is a subclass that replaces `generators`, in a file of its own; contact files and results know it by its
-    name in `CONTACT_LAWS`.
+    Another law is a subclass that replaces `generators`; contact files and results know it by the name that
+    `register_law` gives it.
 
     Attributes
     ----------
@@ -115,14 +114,48 @@ class Cone:
         BadData
             where the class has no line in `CONTACT_LAWS`
         """
-        place = f"{type(self).__module__}:{type(self).__qualname__}"
-        name = next((name for name, law in CONTACT_LAWS.items() if law == place), None)
+        place = _place(type(self))
+        name = next((name for name, law in CONTACT_LAWS.items() if _place(law) == place), None)
         if name is None:
-            raise BadData(f"contact law {place} has no name in CONTACT_LAWS: there are {', '.join(CONTACT_LAWS)}")
+            raise BadData(
+                f"contact law {place} has no name: `register_law` gives it one beside {', '.join(CONTACT_LAWS)}"
+            )
         values = {part.name: getattr(self, part.name) for part in fields(self)}
         return {"law": name} | {
             key: value.tolist() if isinstance(value, np.ndarray) else value for key, value in values.items()
         }
+
+
+def register_law(name: str, law: type[Cone]) -> None:
+    """Let contact files and results of this process know a contact law by a name.
+
+    Parameters
+    ----------
+    name : as `law = "..."` in a contact file
+    law : a subclass of `Cone`
+
+    Raises
+    ------
+    BadData
+        where another law has the name
+
+    Examples
+    --------
+    >>> from dataclasses import dataclass
+    >>> import myomorph as mm
+    >>> @dataclass(frozen=True, eq=False)
+    ... class Rope(mm.Cone):
+    ...     "A pull along one direction."
+    ...     def generators(self):
+    ...         return mm.model.Generators([self.direction], [[0.0, 0.0, 0.0]], [0.0], [1.0])
+    >>> mm.model.register_law("rope", Rope)
+    >>> Rope(direction=[0.0, -1.0, 0.0]).plain()["law"]
+    'rope'
+    """
+    known = CONTACT_LAWS.get(name)
+    if known is not None and _place(known) != _place(law):
+        raise BadData(f"contact law '{name}' is {_place(known)} already: give {_place(law)} another name")
+    CONTACT_LAWS[name] = law
 
 
 def contact_law(name: str) -> type[Cone]:
@@ -134,14 +167,15 @@ def contact_law(name: str) -> type[Cone]:
         where there is none
     """
     check_name("contact law", name, tuple(CONTACT_LAWS), "Myomorph")
-    return _loaded_law(CONTACT_LAWS[name])
-
-
-@lru_cache(maxsize=64)
-def _loaded_law(place: str) -> type[Cone]:
-    module, name = place.split(":")
-    law: type[Cone] = getattr(import_module(module), name)
+    law = CONTACT_LAWS[name]
+    if isinstance(law, str):
+        module, _, kind = law.partition(":")
+        law = getattr(import_module(module), kind)
     return law
+
+
+def _place(law: str | type[Cone]) -> str:
+    return law if isinstance(law, str) else f"{law.__module__}:{law.__qualname__}"
 
 
 def tangents(direction: Array) -> tuple[Array, Array]:

@@ -53,7 +53,9 @@ def run_scale(setup: ScaleSetup, source: Path) -> ToolResult:
         targets.remove(setup.scaler.output_model)
     check_outputs(targets, read)
 
-    model = with_marker_set(reading.open_model(setup.model), setup.marker_set)
+    model = reading.open_model(setup.model)
+    if setup.marker_set is not None:
+        model = with_marker_set(model, setup.marker_set)
     model = replace(model, name=setup.name or model.name)
     warnings += [f"{setup.model.name}: {text}" for text in model.warnings]
     if setup.scaler is None:

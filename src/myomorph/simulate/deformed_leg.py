@@ -103,7 +103,7 @@ def demo_case() -> tuple[Model, dict[str, Surface], dict[str, Surface], dict[str
     """
     whole = leg_model()
     model = right_leg(whole)
-    surfaces = source_bones(whole, None, [])
+    surfaces = source_bones(whole)
     names = {body: body if body == "pelvis" else f"{body}_r" for body in BODIES}
     left = {names[body]: surfaces[body if body == "pelvis" else f"{body}_l"] for body in BODIES}
     truth = truths(model)

@@ -82,7 +82,7 @@ def test_the_forearms_lie_alike_in_man_and_mouse(data):
             table.target_frame.axes[0],
         ),
     ):
-        bones, posed = source_bones(model, None, []), Posed(model, posture)
+        bones, posed = source_bones(model), Posed(model, posture)
         ends = []
         for name in (radius, ulna):
             vertices = bones[name].vertices

@@ -348,10 +348,37 @@ def calibration_page(calibrated: Calibrated) -> str:
     )
 
 
-def with_marker_set(model: Model, path: Path | None) -> Model:
-    """The model with the markers of a file; they replace those of the same names, and come last."""
-    if path is None:
-        return model
+def with_marker_set(model: Model, path: str | Path) -> Model:
+    """The model with the markers of a file; they replace those of the same names, and come last.
+
+    Parameters
+    ----------
+    model : with the bodies that the markers are on
+    path : of an OpenSim MarkerSet (.xml)
+
+    Returns
+    -------
+    the same model with other markers [m]
+
+    Raises
+    ------
+    BadFile
+        where the file holds no MarkerSet
+    UnknownName
+        where a marker is on a body that the model does not have
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import myomorph as mm
+    >>> _ = Path("set.xml").write_text(
+    ...     "<OpenSimDocument Version='40000'><MarkerSet name='set'><objects><Marker name='wrist'>"
+    ...     "<socket_parent_frame>/bodyset/fore</socket_parent_frame><location>0 -0.3 0</location></Marker></objects>"
+    ...     "</MarkerSet></OpenSimDocument>"
+    ... )
+    >>> mm.with_marker_set(mm.read_model("arm.osim"), "set.xml").markers[-1].name
+    'wrist'
+    """
     with reading.about(path):
         new = read_marker_set(path, model)
     names = {marker.name for marker in new}

@@ -152,32 +152,47 @@ def resized(surface: Surface, unit: Unit) -> Surface:
     return surface if unit == "m" else Surface(surface.vertices * METERS[unit], surface.faces)
 
 
-def source_bones(model: Model, geometry: Path | None, notes: list[str]) -> dict[str, Surface]:
-    """The source's own bones in their bodies' frames [m], as far as their meshes are found.
+def source_bones(model: Model, geometry: Path | None = None, notes: list[str] | None = None) -> dict[str, Surface]:
+    """The bones of a model in their bodies' frames, by body, as far as their meshes are found.
 
     Parameters
     ----------
-    geometry : folder that holds them; None to look beside the model's file
-    notes : takes up what was not found
+    model : read from a file, or composed by `myo-sim`
+    geometry : folder that holds the meshes; None to look beside the model's file, and in `Geometry` there
+    notes : takes up what was not found, one line each
+
+    Returns
+    -------
+    surfaces [m]
 
     Raises
     ------
-    BadFile : `geometry` is no folder
-    BadData : none was found
+    BadFile
+        where `geometry` is no folder
+    BadData
+        where no mesh is found
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> bones = mm.source_bones(mm.demo_recording("jump").model)
+    >>> "femur_r" in bones, bones["femur_r"].vertices.shape[1]
+    (True, 3)
     """
     if geometry is not None and not geometry.is_dir():
         raise BadFile(geometry, "is not a folder", "give the folder of the source model's meshes")
     beside = Path(model.source).parent
     folders = [geometry] if geometry is not None else [beside, beside / "Geometry", beside / "geometry"]
     surfaces, warnings = read_surfaces(model, [folder for folder in folders if folder.is_dir()])
-    notes += warnings
+    if notes is not None:
+        notes += warnings
     result = {}
     for body in model.bodies:
         if any(mesh.file in surfaces for mesh in body.meshes):
             result[body.name] = bone_surface(body, surfaces)
     if not result:
         looked = ", ".join(str(folder) for folder in folders)
-        raise BadData(f"none of the bones' meshes is in {looked}: give their folder with --geometry")
+        raise BadData(f"none of the bones' meshes is in {looked}: give the folder that holds them (geometry)")
     return result
 
 

@@ -67,7 +67,7 @@ class Unknowns:
     names : activations by the muscles' names, controls by the actuators', amplitudes as "<site> point 0 generator 3"
     muscles : the first of them, whose unknowns are activations
     time : (frames,) of the motion [s]
-    terms, places : the terms, and the places of the unknowns that each brings in
+    terms, places : the terms, that of the muscles first, and the places of the unknowns that each brings in
     """
 
     names: tuple[str, ...]
@@ -78,6 +78,11 @@ class Unknowns:
 
     def __len__(self) -> int:
         return len(self.names)
+
+    @property
+    def muscle_term(self) -> Term:
+        """The term of the muscles; its `columns` have their forces of full activation, and those that act anyway."""
+        return self.terms[0]
 
     def of(self, term: Term) -> slice:
         """Places of the unknowns that a term brings in."""

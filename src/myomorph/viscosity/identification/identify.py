@@ -186,16 +186,34 @@ def identify_specimen(
     The intervals hold what swings and trials scatter; what all trials share (the joint's center, the plate's
     place and gain, the held pose, moment arms) they cannot know.
 
+    Source: [S] section II.
+
     Parameters
     ----------
+    name : of the specimen
     without, intact : recordings of the limb, muscles removed and intact; either may be empty
     pcsa : physiological cross-section of each muscle, in any unit; even shares where None
     measured_muscle_mass : of the removed muscles on a scale [kg]
+    options : see `ViscosityOptions`
+
+    Returns
+    -------
+    mass [kg], mass center [m] and viscosity [N m s/rad] of each condition, viscosity of the muscles [N s/m]
 
     Raises
     ------
     BadData : neither condition can be identified
     UnknownName : `pcsa` lacks a muscle
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import myomorph as mm
+    >>> study = mm.write_shoulder_study(Path("shoulder"), (3,), seconds=6.0, trials=1, raw=())
+    >>> swings = mm.viscosity.read_swings(mm.viscosity.read_viscosity_plan(study).specimens[0], cutoff=6.0)
+    >>> found = mm.viscosity.identify_specimen("03", **swings, options=mm.viscosity.ViscosityOptions(draws=20))
+    >>> 0.04 < found.without.viscosity.value < 0.08 < found.intact.viscosity.value
+    True
     """
     options = options or ViscosityOptions()
     recordings = {"without": without, "with": intact}

@@ -39,13 +39,13 @@ from myomorph.viscosity.specimen.model import Specimen, SwingTrial
 from myomorph.viscosity.study.calibration import calibrate, placed, plate_residuals
 from myomorph.viscosity.study.conditions import Prepared, identify_conditions
 from myomorph.viscosity.study.plan import CONDITIONS, SpecimenFiles, StudyOptions, SwingFiles
-from myomorph.viscosity.study.swing_files import open_specimen, open_swing, recorded_markers
+from myomorph.viscosity.study.swing_files import OpenedSpecimen, open_specimen, open_swing, recorded_markers
 from myomorph.viscosity.swings.recording import SwingRecording
 from myomorph.viscosity.tracking.rows import swing_recordings
 from myomorph.viscosity.tracking.track import track
 from myomorph.viscosity.tracking.tracked import TrackedSpecimen
 from myomorph.viscosity.trust.checks import condition_findings
-from myomorph.viscosity.trust.cutoff import SCANNED, scan_cutoffs
+from myomorph.viscosity.trust.cutoff import SCANNED, choose_cutoff, scan_cutoffs
 from myomorph.viscosity.trust.models import UNITS, PassiveComparison, PassiveOptions, compare_passive_laws
 from myomorph.viscosity.trust.moment_arms import MomentArmOptions, moment_arm_sensitivity
 
@@ -210,28 +210,8 @@ def study_specimen(files: SpecimenFiles, options: StudyOptions, advance: Advance
     BadData, BadFile, BadModel, UnknownName
         where neither condition can be used
     """
-    recordings = dict(zip(CONDITIONS, (files.without, files.intact), strict=True))
-    opened = open_specimen(files, recorded_markers(next(entry for entries in recordings.values() for entry in entries)))
-    specimen = opened.specimen
-    notes = [*specimen.notes, *opened.notes]
-    place, residuals = None, opened.residuals
-    if files.plate is not None:
-        calibration = calibrate(files.plate)
-        place = partial(placed, files=files.plate, calibration=calibration)
-        notes += calibration.notes
-        residuals = (*residuals, *plate_residuals(calibration))
-    conditions: dict[str, Prepared] = {}
-    lost = []
-    share = TRACKING / sum(1 for entries in recordings.values() if entries)
-    for name, entries in recordings.items():
-        if not entries:
-            continue
-        try:
-            conditions[name] = _tracked(specimen, files, name, place, options, lambda part: advance(share * part))
-        except MyomorphError as error:
-            lost.append(f"{STATES[name]}: {error}")
-    if not conditions:
-        raise BadData("; ".join(lost))
+    opened, conditions, lost = _opened(files, options, advance)
+    specimen, notes = opened.specimen, list(opened.notes)
     try:
         identified = identify_conditions(specimen, files, conditions, options)
     except BadData as error:
@@ -246,12 +226,87 @@ def study_specimen(files: SpecimenFiles, options: StudyOptions, advance: Advance
         report, tracked, identified.cutoff, identified.reason, identified.options.identification, hidden
     )
     report, model = _with_model(report, viscosity, tracked, identified.cutoff)
-    residuals = (*residuals, *_marker_residuals(identified.conditions))
+    residuals = (*opened.residuals, *_marker_residuals(identified.conditions))
     known = replace(report, truth=files.truth, paper=files.paper, calibration=residuals, scans=opened.scans)
     known = replace(
         known, errors=identified.shares, instruments=identified.instruments, shoulder=_is_shoulder(specimen)
     )
     return Studied(viscosity, known, model)
+
+
+def read_swings(files: SpecimenFiles, cutoff: float | None = None) -> Mapping[str, tuple[SwingRecording, ...]]:
+    """The recordings of a specimen as linear equations, from files to what `identify_specimen` takes.
+
+    Bones are tracked and the plate is calibrated as in a study; errors of instruments that the swings themselves show
+    stay in.
+
+    Parameters
+    ----------
+    files : one of `ViscosityPlan.specimens`
+    cutoff : of the low-pass of motion and forces [Hz]; chosen from the recordings by default
+
+    Returns
+    -------
+    recordings without and with muscles as "without" and "intact", arguments of `identify_specimen`
+
+    Raises
+    ------
+    BadData, BadFile, BadModel, UnknownName
+        where a condition has recordings that cannot be used
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import myomorph as mm
+    >>> study = mm.write_shoulder_study(Path("shoulder"), (3,), seconds=6.0, trials=1, raw=())
+    >>> specimen = mm.viscosity.read_viscosity_plan(study).specimens[0]
+    >>> swings = mm.viscosity.read_swings(specimen, cutoff=6.0)
+    >>> [(len(trials), len(trials[0].muscles)) for trials in swings.values()]
+    [(1, 0), (1, 11)]
+    """
+    _, conditions, lost = _opened(files, StudyOptions(), lambda part: None)
+    if lost:
+        raise BadData("; ".join(lost))
+    if cutoff is None:
+        cutoff = choose_cutoff([condition.tracked for condition in conditions.values()]).cutoff
+    return FrozenMap(
+        {
+            key: swing_recordings(conditions[name].tracked, cutoff, muscles=name == "with")
+            if name in conditions
+            else ()
+            for name, key in zip(CONDITIONS, ("without", "intact"), strict=True)
+        }
+    )
+
+
+def _opened(
+    files: SpecimenFiles, options: StudyOptions, advance: Advance
+) -> tuple[OpenedSpecimen, dict[str, Prepared], list[str]]:
+    """The specimen, its conditions tracked, and why the others cannot be used, a line each."""
+    recordings = dict(zip(CONDITIONS, (files.without, files.intact), strict=True))
+    opened = open_specimen(files, recorded_markers(next(entry for entries in recordings.values() for entry in entries)))
+    notes, residuals = (*opened.specimen.notes, *opened.notes), opened.residuals
+    place = None
+    if files.plate is not None:
+        calibration = calibrate(files.plate)
+        place = partial(placed, files=files.plate, calibration=calibration)
+        notes += calibration.notes
+        residuals += plate_residuals(calibration)
+    conditions: dict[str, Prepared] = {}
+    lost = []
+    share = TRACKING / sum(1 for entries in recordings.values() if entries)
+    for name, entries in recordings.items():
+        if not entries:
+            continue
+        try:
+            conditions[name] = _tracked(
+                opened.specimen, files, name, place, options, lambda part: advance(share * part)
+            )
+        except MyomorphError as error:
+            lost.append(f"{STATES[name]}: {error}")
+    if not conditions:
+        raise BadData("; ".join(lost))
+    return replace(opened, notes=notes, residuals=residuals), conditions, lost
 
 
 def _is_shoulder(specimen: Specimen) -> bool:
