@@ -227,7 +227,8 @@ def test_bad_tension_options(arm, command):
 
 def test_unknown_command_and_missing_options(arm, command):
     refused(command("ikk"), "ikk", "'ik'")
-    refused(command("ik", "--model", arm.model), "--markers", "myomorph ik --help")
+    refused(command("ik", "--model", arm.model), "--out", "myomorph ik --help")
+    refused(command("ik", "--model", arm.model, "--out", arm.folder / "out.mot"), "--markers", "--imu")
     refused(command("info", arm.folder / "nothing.trc"), "nothing.trc")
     refused(command("info", arm.folder), arm.folder.name)
 

@@ -67,7 +67,7 @@ COMMANDS = {
     ),
     "ik": Command(
         "motion",
-        "Inverse kinematics: the coordinates whose markers lie nearest to those recorded.",
+        "Inverse kinematics: coordinates of recorded markers, inertial sensors, or both.",
         "myomorph ik --model subject.osim --markers walk1.trc --out walk1.mot",
     ),
     "id": Command(

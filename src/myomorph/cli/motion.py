@@ -22,7 +22,9 @@ from myomorph.cli.options import (
     use_threads,
 )
 from myomorph.cli.output import said, table_beside, warn
+from myomorph.model.errors import BadData
 from myomorph.report.trial.summary_lines import dynamics_line, kinematics_line
+from myomorph.study.inputs.imu import ImuFiles
 from myomorph.study.inputs.markers import MarkersFile
 from myomorph.study.inputs.motion import MotionFile as Coordinates
 from myomorph.study.step.step import StepOutput, step_of
@@ -43,8 +45,8 @@ IdInputs = inputs_class(*dynamics.STEP.inputs)
 def ik_command(
     *,
     model: ModelFile,
-    markers: Annotated[Path, Parameter(help="Recording: .trc, .c3d, .mat or .h5.")],
     out: OutFile,
+    markers: Annotated[Path | None, Parameter(help="Recording: .trc, .c3d, .mat or .h5.")] = None,
     inputs: IkInputs | None = None,  # type: ignore[valid-type]
     draws: DrawCount = None,
     uncertainty: UncertaintyFile = None,
@@ -52,9 +54,12 @@ def ik_command(
     options: IkOptions | None = None,  # type: ignore[valid-type]
     threads: Threads = None,
 ) -> int:
-    """Inverse kinematics: the coordinates whose markers lie nearest to those recorded."""
+    """Inverse kinematics: the coordinates that explain recorded markers, inertial sensors, or both best."""
     use_threads(threads)
-    files = TrialFiles(model, inputs=inputs_of_flags(inputs).having(MarkersFile(markers)))
+    settings = inputs_of_flags(inputs)
+    if markers is None and not settings.or_default(ImuFiles).imu:
+        raise BadData("no recording: give markers (--markers FILE), inertial sensors (--imu FILE ...), or both")
+    files = TrialFiles(model, inputs=settings if markers is None else settings.having(MarkersFile(markers)))
     drawn = drawn_settings(draws, uncertainty, workers)
     trial = open_trial(files, {"ik": settings_dict(options), **drawn})
     with table_beside(out, "ik", "coordinates.mot") as (folder, writer):

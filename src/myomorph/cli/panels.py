@@ -39,6 +39,7 @@ PANELS = {
         "reactions", "intervals", "find-contact", "contact-threshold",
     ),
     "EMG": ("emg",),
+    "Inertial sensors": ("imu",),
     "Errors and intervals": (
         "draws", "uncertainty", "contributions", "all-frames", "draw-seed", "widened", "level", "seed",
         "hold-out", "check",
@@ -48,13 +49,18 @@ PANELS = {
     ),
 }  # fmt: skip
 """Panels in their order and the options that stand in each; any other option is a setting of the command's method."""
+FAMILIES = {"EMG": "emg", "Inertial sensors": "imu"}
+"""Panels that have all options whose first word is this."""
 
 FIRST = {
     "tension": (
         "loads", "emg", "contacts", "time", "cutoff", "recruitment", "passive", "tendons", "reactions", "draws",
     ),
     "id": ("loads", "bodies", "plates", "time", "cutoff", "force-checks", "net", "draws"),
-    "ik": ("tasks", "labels", "time", "draws", "mend", "root-bounds"),
+    "ik": (
+        "markers", "imu", "imu-pose", "imu-bodies", "imu-heading", "imu-mounting", "tasks", "labels", "time", "draws",
+        "mend", "root-bounds",
+    ),
     "analyze": (
         "mass", "static", "model", "loads", "protocol", "time", "emg-muscles", "emg-side", "draws", "dry-run",
     ),
@@ -84,7 +90,7 @@ def option_panel(option: str) -> str:
     option : as `joint-load`
     """
     for title, options in PANELS.items():
-        if option in options or (title == "EMG" and option.startswith("emg-")):
+        if option in options or option.split("-")[0] == FAMILIES.get(title):
             return title
     return METHOD
 

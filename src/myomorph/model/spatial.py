@@ -34,16 +34,52 @@ def euler_xyz_from_rotation(rotation: ArrayLike) -> Array:
 
 
 def rotation_from_quaternion(quaternion: ArrayLike) -> Array:
-    """Rotation matrix of a quaternion (w, x, y, z), normalised here."""
+    """Rotation matrices (..., 3, 3) of quaternions (..., 4) in the order w, x, y, z, normalised here."""
     q = np.asarray(quaternion, dtype=np.float64)
-    w, x, y, z = q / np.linalg.norm(q)
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
+    w, x, y, z = np.moveaxis(q / np.linalg.norm(q, axis=-1, keepdims=True), -1, 0)
+    rows = (
+        (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
+        (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
+        (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
     )
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def rotation_from_vector(vector: ArrayLike) -> Array:
+    """Rotation matrices (..., 3, 3) of rotation vectors (..., 3) [rad]."""
+    v = np.asarray(vector, dtype=np.float64)
+    angle = np.linalg.norm(v, axis=-1, keepdims=True)
+    half = 0.5 * np.sinc(0.5 * angle / np.pi) * v
+    return rotation_from_quaternion(np.concatenate([np.cos(0.5 * angle), half], axis=-1))
+
+
+def vector_from_rotation(rotation: ArrayLike) -> Array:
+    """Rotation vectors (..., 3) [rad] of rotation matrices (..., 3, 3)."""
+    q = quaternion_from_rotation(rotation)
+    sine = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
+    stretch = np.where(sine > 1e-12, 2.0 * np.arctan2(sine, q[..., :1]) / np.where(sine > 1e-12, sine, 1.0), 2.0)
+    return np.asarray(stretch * q[..., 1:])
+
+
+def quaternion_from_rotation(rotation: ArrayLike) -> Array:
+    """Quaternions (..., 4) in the order w, x, y, z, w not negative, of rotation matrices (..., 3, 3).
+
+    Of the four ways to compute one, that with the largest divisor.
+    """
+    r = np.asarray(rotation, dtype=np.float64)
+    trace = r[..., 0, 0] + r[..., 1, 1] + r[..., 2, 2]
+    # Four times the outer product of the quaternion with itself.
+    outer = np.empty((*r.shape[:-2], 4, 4))
+    outer[..., 0, 0] = 1.0 + trace
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        outer[..., i + 1, i + 1] = 1.0 + 2.0 * r[..., i, i] - trace
+        outer[..., 0, i + 1] = outer[..., i + 1, 0] = r[..., k, j] - r[..., j, k]
+        outer[..., j + 1, k + 1] = outer[..., k + 1, j + 1] = r[..., j, k] + r[..., k, j]
+    largest = np.argmax(np.diagonal(outer, axis1=-2, axis2=-1), axis=-1)
+    row = np.take_along_axis(outer, largest[..., None, None], axis=-2)[..., 0, :]
+    row = row / np.linalg.norm(row, axis=-1, keepdims=True)
+    return np.asarray(np.where(row[..., :1] < 0.0, -row, row))
 
 
 @read_only

@@ -22,6 +22,7 @@ from myomorph.motion.sync import refuse_other_times
 from myomorph.motion.tasks.coordinates import CoordinateTask
 from myomorph.motion.tasks.loops import ties_of
 from myomorph.motion.tasks.markers import MarkerTask
+from myomorph.motion.tasks.orientations import OrientationTask
 from myomorph.motion.tasks.task import TASKS, Task
 from myomorph.rigid.coordinates import Ints
 from myomorph.rigid.couplers import couple_frames
@@ -80,6 +81,7 @@ class KinematicsFit(Labelled):
     unused_markers : recorded markers that the model does not have, or that have no weight
     missing_markers : model markers that the recording does not have
     task_errors : by name of a kind of task (frames, ...) the residuals that it stores
+    sensor_names : inertial sensors used
     """
 
     motion: Motion
@@ -92,9 +94,15 @@ class KinematicsFit(Labelled):
     missing_markers: tuple[str, ...]
     closure: Array | None = None
     task_errors: Mapping[str, Array] = field(default_factory=dict)
+    sensor_names: tuple[str, ...] = ()
+
+    @property
+    def sensor_errors(self) -> Array:
+        """(frames, sensors) angle between body and sensor [rad], NaN where unknown."""
+        return self.task_errors.get(OrientationTask.__name__, np.empty((len(self.motion), 0)))
 
     def variables(self) -> dict[str, Variable]:
-        """Coordinates [rad or m], marker errors, and what became of each frame."""
+        """Coordinates [rad or m], errors of markers and sensors, and what became of each frame."""
         counts = {"converged": self.converged, "iterations": self.iterations}
         frames = {name: Variable(("time",), count, "1") for name, count in counts.items()}
         if self.closure is not None:
@@ -102,17 +110,19 @@ class KinematicsFit(Labelled):
         return {
             "coordinates": Variable(("time", "coordinate"), self.motion.values, "rad or m"),
             "marker_error": Variable(("time", "marker"), self.errors, "m"),
+            **({"sensor_error": Variable(("time", "sensor"), self.sensor_errors, "rad")} if self.sensor_names else {}),
             **frames,
         }
 
     def labels(self) -> dict[str, Sequence[str] | Array]:
-        """Times [s], coordinates, markers."""
-        return {"time": self.motion.time, "coordinate": self.motion.names, "marker": self.marker_names}
+        """Times [s], coordinates, markers, sensors."""
+        names = {"coordinate": self.motion.names, "marker": self.marker_names, "sensor": self.sensor_names}
+        return {"time": self.motion.time, **names}
 
     @property
     def seen(self) -> np.ndarray:
-        """(frames,) whether any marker was seen."""
-        return np.asarray(np.isfinite(self.errors).any(axis=1))
+        """(frames,) whether any marker was seen, or any sensor reported."""
+        return np.asarray(np.isfinite(self.errors).any(axis=1) | np.isfinite(self.sensor_errors).any(axis=1))
 
     @property
     def rms(self) -> Array:
@@ -182,7 +192,7 @@ def inverse_kinematics(
     names, weights = tracked_markers(model, markers, options)
     problem = pose_problem(tree, names, weights, options, markers)
     if not frames_shown(problem).any():
-        raise BadData(f"none of the {len(markers)} frames shows a marker that the model has")
+        raise BadData(f"none of the {len(markers)} frames shows a marker that the model has, or a sensor")
 
     starts = np.repeat(scout_poses(tree, problem, options.settings), SCOUT, axis=0)[: len(markers)]
     solved = solve_poses(tree, problem, starts, options.settings, progress=progress)
@@ -201,6 +211,7 @@ def inverse_kinematics(
         unused_markers=tuple(name for name in markers.names if name not in names),
         missing_markers=tuple(name for name in model.marker_names if name not in markers.names),
         task_errors={TASKS[type(part)].__name__: part.errors for part in problem.tasks[1:] if hasattr(part, "errors")},
+        sensor_names=tuple(task.sensor for task in options.tasks if isinstance(task, OrientationTask)),
     )
 
 
@@ -279,7 +290,7 @@ def pose_problem(
     Parameters
     ----------
     names, weights : of the markers that take part
-    recording : that shows them; without one, the problem has no frames
+    recording : that shows them; without one, the problem has no frames, and no tasks but of markers and coordinates
 
     Raises
     ------
@@ -292,6 +303,7 @@ def pose_problem(
     positions = columns or [np.empty((frames, 3))] * len(names)
     tracked = [MarkerTask(*marker) for marker in zip(names, positions, weights, strict=True)]
     targets = coordinate_targets(tree, time, options)
+    others = [task for task in options.tasks if recording is not None or isinstance(task, CoordinateTask)]
     free = free_coordinates(tree)
     floating = () if options.root_bounds else floating_coordinates(model)
     bounded = [model.coordinates[j].clamped and model.coordinates[j].name not in floating for j in free]
@@ -304,7 +316,7 @@ def pose_problem(
         unit=coordinate_units(tree),
         fixed=targets,
         posture=tree.defaults,
-        tasks=task_arrays([*tracked, *options.tasks], tree, targets),
+        tasks=task_arrays([*tracked, *others], tree, targets),
         ties=ties_of(tree),
     )
 

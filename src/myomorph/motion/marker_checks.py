@@ -24,6 +24,7 @@ from myomorph.motion.marker_places import place_findings
 from myomorph.motion.marker_steps import Exchange, Steps, edges_of, exchanges, excursions
 from myomorph.motion.marker_texts import frames_text, pairs_text, span_of, times_text
 from myomorph.motion.pose_checks import pose_findings
+from myomorph.motion.sensors.sensor_kinematics import SensorFit
 from myomorph.rigid.tree import compile_tree
 
 
@@ -49,11 +50,13 @@ class CheckedFit:
     fit : of the mended recording
     markers : the recording as mended
     findings : what may not be believed, and what was mended
+    sensors : what inertial sensors add, None without any
     """
 
     fit: KinematicsFit
     markers: Markers
     findings: tuple[Finding, ...]
+    sensors: SensorFit | None = None
 
 
 def checked_kinematics(

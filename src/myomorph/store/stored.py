@@ -47,30 +47,36 @@ def put_fit(writer: ResultWriter, fit: KinematicsFit, model: Model) -> None:
     """Coordinates found, and how well they explain the markers."""
     put_motion(writer, fit.motion, model)
     writer.names("marker", fit.marker_names)
-    writer.put("marker_error", ("time", "marker"), fit.errors, "m", "distance between model and recorded marker")
-    writer.put("marker_weight", ("marker",), fit.weights, "1", "weight in inverse kinematics")
+    if fit.marker_names:
+        writer.put("marker_error", ("time", "marker"), fit.errors, "m", "distance between model and recorded marker")
+        writer.put("marker_weight", ("marker",), fit.weights, "1", "weight in inverse kinematics")
     writer.put("ik_converged", ("time",), fit.converged, "1", "1 where the last step was within the tolerance")
     writer.put("ik_iterations", ("time",), np.asarray(fit.iterations, np.int32), "1", "iterations taken")
     if fit.closure is not None:
         writer.put("loop_closure_error", ("time",), fit.closure, "m or rad", "largest loop-closure error")
+    if fit.sensor_names:
+        writer.names("sensor", fit.sensor_names)
+        writer.put("sensor_error", ("time", "sensor"), fit.sensor_errors, "rad", "angle between body and sensor")
     writer.names("unused_marker", fit.unused_markers)
     writer.names("missing_marker", fit.missing_markers)
 
 
 def get_fit(stored: Stored) -> KinematicsFit | None:
     """What `put_fit` wrote, or None."""
-    if "marker_error" not in stored.values:
+    if "ik_converged" not in stored.values:
         return None
     return KinematicsFit(
         motion=get_motion(stored),
-        marker_names=stored.names["marker"],
-        errors=stored.values["marker_error"],
-        weights=stored.values["marker_weight"],
+        marker_names=stored.names.get("marker", ()),
+        errors=stored.values.get("marker_error", np.empty((len(stored.time), 0))),
+        weights=stored.values.get("marker_weight", np.empty(0)),
         converged=stored.values["ik_converged"] != 0,
         iterations=stored.values["ik_iterations"].astype(np.int64),
         unused_markers=stored.names.get("unused_marker", ()),
         missing_markers=stored.names.get("missing_marker", ()),
         closure=stored.values.get("loop_closure_error"),
+        task_errors={"OrientationTask": stored.values["sensor_error"]} if "sensor_error" in stored.values else {},
+        sensor_names=stored.names.get("sensor", ()),
     )
 
 

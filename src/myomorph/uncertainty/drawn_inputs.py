@@ -13,6 +13,7 @@ from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.segments import segments_of
 from myomorph.model.series import Emg, Markers, Motion, Series, Wrenches
+from myomorph.model.spatial import rotation_from_vector
 from myomorph.motion.root import floating_coordinates
 from myomorph.uncertainty.bodies import Draw
 
@@ -90,6 +91,15 @@ def drawn_markers(model: Model, markers: Markers, draw: Draw, residuals: Mapping
         values[:, known] += together * shared[:, [hold.index(bodies[name]) for name in names]]
         values[:, known] += separate * draw.normals.processes(draw.number, "skin of marker", names, frames, width)
     return replace(markers, values=values)
+
+
+def drawn_rotations(rotations: Array, sensors: Sequence[str], time: Array, draw: Draw) -> Array:
+    """Rotations of bodies (frames, sensors, 3, 3) as sensors report them, with noise of filter and skin."""
+    if not draw.sources.sensor_noise:
+        return rotations
+    width = _width(time, draw.sources.skin_time)
+    noise = draw.normals.processes(draw.number, "sensor", sensors, len(time), width)
+    return np.asarray(rotations @ rotation_from_vector(draw.sources.sensor_noise * noise))
 
 
 def drawn_angles(model: Model, motion: Motion, draw: Draw) -> Motion:

@@ -10,6 +10,7 @@ from myomorph.model.errors import BadData
 GROUPS: dict[str, tuple[str, ...]] = {
     "markers": ("marker_noise", "skin_thigh", "skin_shank", "skin_foot", "skin_trunk", "skin_arm", "angle"),
     "placement": ("placement",),
+    "sensors": ("sensor_noise", "sensor_mounting"),
     "forces": ("plate_position", "plate_gain", "clock"),
     "contacts": ("contact_time", "contact_point"),
     "masses": ("body_mass", "segment_mass", "mass_center", "inertia"),
@@ -37,6 +38,8 @@ class Sources:
     skin_time : over which skin keeps its place: standard deviation of the Gaussian that correlates it [s]
     angle : of joint angles that were given without markers, correlated in the same way [rad]
     placement : of the model's markers on their bodies, each axis, the same in all frames [m] (Della Croce et al. 2005)
+    sensor_noise : of an inertial sensor's orientation against its bone about each axis, correlated as skin is [rad]
+    sensor_mounting : of mountings and headings of inertial sensors, relative to what their calibration leaves open
     plate_position : of a plate, along both horizontal axes [m] (Collins et al. 2009)
     plate_gain : of each axis of a plate's force, as a share of it (Collins et al. 2009)
     clock : of the forces against the motion [s]
@@ -73,6 +76,8 @@ class Sources:
     skin_time: float = 0.15
     angle: float = 0.035
     placement: float = 0.005
+    sensor_noise: float = 0.03
+    sensor_mounting: float = 1.0
     plate_position: float = 0.003
     plate_gain: float = 0.01
     clock: float = 0.002

@@ -40,9 +40,12 @@ def kinematics_line(fit: KinematicsFit, model: Model, markers: Markers | None) -
     if len(fit.marker_names) == len(model.markers):
         matched = f"all {len(model.markers)} markers of the model"
     unused = f" ({len(fit.unused_markers)} recorded ones unused)" if fit.unused_markers else ""
+    if fit.sensor_names and not fit.marker_names:
+        matched, unused = f"{len(fit.sensor_names)} inertial sensors", ""
     text = f"{len(fit.motion)} frames, {matched}{unused}"
+    sensed = _sensors_text(fit)
     if not np.isfinite(fit.errors).any():
-        return f"{text}: no frame shows a marker"
+        return f"{text}: {sensed or 'no frame shows a marker'}"
     scale = body_scale(markers)
     rms, time = fit.rms, fit.motion.time
     worst = int(np.nanargmax(rms))
@@ -55,7 +58,21 @@ def kinematics_line(fit: KinematicsFit, model: Model, markers: Markers | None) -
     return (
         f"{text}: root mean square {100 * float(np.nanmean(rms)):.2f} cm (worst frame {100 * rms[worst]:.2f} cm at "
         f"{time[worst]:.2f} s), largest {100 * largest:.2f} cm ({fit.marker_names[marker]} at {time[frame]:.2f} s): "
-        f"{'within' if within else 'over'} {limits}{f'; {lost} frames did not converge' if lost else ''}{closed}"
+        f"{'within' if within else 'over'} {limits}{f'; {sensed}' if sensed else ''}"
+        f"{f'; {lost} frames did not converge' if lost else ''}{closed}"
+    )
+
+
+def _sensors_text(fit: KinematicsFit) -> str:
+    """How well the sensors are explained; "" without any."""
+    errors = np.degrees(fit.sensor_errors)
+    if not np.isfinite(errors).any():
+        return ""
+    rms = np.sqrt(np.nanmean(errors**2, axis=0))
+    worst = int(np.nanargmax(rms))
+    return (
+        f"{len(rms)} sensors explained to {float(np.sqrt(np.nanmean(errors**2))):.1f}° RMS ({fit.sensor_names[worst]} "
+        f"worst, {rms[worst]:.1f}°)"
     )
 
 

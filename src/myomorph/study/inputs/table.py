@@ -13,6 +13,7 @@ from myomorph.study.inputs.keys import Key
 INPUTS: dict[str, str] = {
     "markers": "myomorph.study.inputs.markers",
     "motion": "myomorph.study.inputs.motion",
+    "imu": "myomorph.study.inputs.imu",
     "labels": "myomorph.study.inputs.labels",
     "laboratory": "myomorph.study.inputs.laboratory",
     "tasks": "myomorph.study.inputs.tasks",

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Self, TypeVar
 
 from myomorph.study.inputs.by_type import ByType
+from myomorph.study.inputs.imu import ImuFiles
 from myomorph.study.inputs.markers import MarkersFile
 from myomorph.study.inputs.motion import MotionFile
 from myomorph.study.inputs.table import input_of, inputs_of, settings_of_keys
@@ -52,8 +53,9 @@ class TrialFiles:
 
     @property
     def recording(self) -> Path | None:
-        """The recording of markers, or the coordinates that the trial begins with."""
-        return self.markers or self.get(MotionFile).motion
+        """The recording of markers, the coordinates or the sensors that the trial begins with."""
+        sensors = self.get(ImuFiles).imu
+        return self.markers or self.get(MotionFile).motion or (sensors[0] if sensors else None)
 
     @property
     def time(self) -> tuple[float, float] | None:

@@ -17,6 +17,8 @@ from myomorph.model.errors import MyomorphError
 from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion, Table, Wrenches
 from myomorph.motion.ik import InverseKinematicsOptions, poses_near
+from myomorph.motion.sensors.mounting import SensorOptions, orientation_tasks, weights_seen
+from myomorph.motion.sensors.sensor_kinematics import SensorFit
 from myomorph.motion.sync import cut
 from myomorph.rigid.marker_positions import marker_positions
 from myomorph.rigid.tree import compile_tree
@@ -40,6 +42,7 @@ from myomorph.uncertainty.drawn_inputs import (
     drawn_angles,
     drawn_emg,
     drawn_markers,
+    drawn_rotations,
     drawn_sites,
     drawn_strengths,
     drawn_wrenches,
@@ -49,7 +52,7 @@ from myomorph.uncertainty.sources import GROUPS, Sources
 Held = TypeVar("Held", Markers, Motion)
 FAILURES = (MyomorphError, ArithmeticError, ValueError, np.linalg.LinAlgError)
 """What a draw may end in that has no solution."""
-MOVED, LOADED = ("markers", "placement", "joints"), ("forces", "masses", "filter")
+MOVED, LOADED = ("markers", "placement", "sensors", "joints"), ("forces", "masses", "filter")
 """Groups of sources that change the motion, and those that change the torques of the same motion."""
 EXPONENTS = (2.0, 3.0)
 """Of the effort, as published: both are usual."""
@@ -79,6 +82,7 @@ class Chain:
     base : what inverse kinematics makes of these
     residuals : root mean square error of each marker in the recording [m]
     loads : external forces as recorded
+    sensors : inertial sensors as they were used, None without any
     pose_step, torque_step, tension_step : of so many frames one is drawn; errors change slowly, and frames do not
         depend on each other. The second divides the third
     """
@@ -91,6 +95,7 @@ class Chain:
     base: Motion | None
     residuals: Mapping[str, float]
     loads: Wrenches | None
+    sensors: SensorFit | None = None
     pose_step: int = 1
     torque_step: int = 1
     tension_step: int = 1
@@ -110,10 +115,12 @@ class Chain:
     @property
     def groups(self) -> tuple[str, ...]:
         """Groups of sources that can change a result."""
-        marked, forced = self.markers is not None, self.torques is not None and self.trial.get(RecordedTorques) is None
+        marked = self.markers is not None and bool(self.markers.names)
+        forced = self.torques is not None and self.trial.get(RecordedTorques) is None
         acting = {
             "placement": marked,
-            "joints": marked or forced,
+            "sensors": self.sensors is not None,
+            "joints": self.markers is not None or forced,
             "forces": forced and self.loads is not None,
             "masses": forced,
             "filter": forced,
@@ -176,12 +183,27 @@ class Chain:
         markers = thinned(self.markers, self.pose_step)
         moved = drawn_markers(trial.model, markers, draw, self.residuals)
         near = thinned(self.base, self.pose_step)
-        solved = poses_near(trial.model, moved, near, trial.options[InverseKinematicsOptions])
+        options = trial.options[InverseKinematicsOptions]
+        if self.sensors is not None:
+            options = self._sensed(options, moved, draw)
+        solved = poses_near(trial.model, moved, near, options)
         errors = solved.values - near.values
         if self.pose_step > 1:
             known = np.isfinite(errors).all(axis=1)
             errors = make_interp_spline(markers.time[known], errors[known])(self.recorded.time)
         return replace(self.recorded, values=self.recorded.values + errors)
+
+    def _sensed(self, options: InverseKinematicsOptions, markers: Markers, draw: Draw) -> InverseKinematicsOptions:
+        """Options of inverse kinematics with the sensors under the errors of a draw."""
+        assert self.sensors is not None
+        mounting, scale = self.sensors.mounting, draw.sources.sensor_mounting
+        numbers = draw.normals.of(draw.number, "sensor mounting", "", mounting.factor.shape[1])
+        mounting = mounting.moved(scale * numbers) if scale else mounting
+        reported = mounting.body_rotations(self.sensors.sensors, markers.time, self.trial.model)
+        reported = drawn_rotations(reported, mounting.sensors, markers.time, draw)
+        seen = weights_seen(self.trial.model, markers, options.marker_weights, options.only_weighted)
+        tasks = orientation_tasks(mounting, reported, seen, self.trial.options[SensorOptions])
+        return self.sensors.added(options, tasks)
 
     def _made(
         self, trial: TrialInputs, recorded: Motion, torques: Torques | None, step: int, draw: Draw | None = None
@@ -251,11 +273,12 @@ def chain_of(trial: TrialInputs, poses: Poses, torques: Torques | None, tense: b
     thin : draw poses and tensions `POSES` and `TENSIONS` times a second, where more frames are recorded
     """
     markers, base, residuals, recorded = None, None, dict[str, float](), poses.recorded
+    sensors = None
     if trial.time is not None:
         recorded = cut(recorded, trial.time[0] - BESIDE, trial.time[1] + BESIDE)
     if poses.fit is not None:
         checked = solve_kinematics(trial)
-        markers, base = checked.markers, checked.fit.motion
+        markers, base, sensors = checked.markers, checked.fit.motion, checked.sensors
         if trial.get(RefinedMotion) is not None:
             # Forces may be shorter than markers, and a refined motion is as long as both.
             span = float(recorded.time[0]), float(recorded.time[-1])
@@ -269,7 +292,7 @@ def chain_of(trial: TrialInputs, poses: Poses, torques: Torques | None, tense: b
         torques = solve_dynamics(trial, recorded)
     external = trial.get(ExternalLoads)
     loads = None if external is None else external.of(recorded)
-    chain = Chain(trial, recorded, torques, tense, markers, base, residuals, loads)
+    chain = Chain(trial, recorded, torques, tense, markers, base, residuals, loads, sensors)
     if thin:
         rate = 1.0 / float(np.median(np.diff(recorded.time))) if len(recorded) > 1 else 0.0
         # Contacts and elastic tendons tie frames to each other.

@@ -1,4 +1,4 @@
-"""Inverse kinematics of a trial: the coordinates whose markers lie nearest to those recorded."""
+"""Inverse kinematics of a trial: the coordinates that explain its markers and inertial sensors best."""
 
 from __future__ import annotations
 
@@ -16,6 +16,8 @@ from myomorph.model.series import Markers, Motion, Series, Table
 from myomorph.motion.crossings import CrossingOptions, crossings, within_crossings
 from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit
 from myomorph.motion.marker_checks import CheckedFit, MarkerCheckOptions, checked_kinematics
+from myomorph.motion.sensors.mounting import SensorOptions
+from myomorph.motion.sensors.sensor_kinematics import sensor_kinematics
 from myomorph.motion.sync import cut
 from myomorph.report.trial.report_input import Kinematics, ReportInput
 from myomorph.store import stored as store
@@ -23,6 +25,7 @@ from myomorph.store.outcome import Outcome
 from myomorph.store.progress import progress
 from myomorph.store.results import Stored, get_findings, put_findings
 from myomorph.study.inputs.by_type import OptionSet
+from myomorph.study.inputs.imu_files import RecordedSensors
 from myomorph.study.inputs.motion import RecordedMotion
 from myomorph.study.inputs.refined import RefinedMotion
 from myomorph.study.step.step import Step, StepOutput
@@ -53,14 +56,33 @@ class Poses:
 
 
 def solve_kinematics(trial: TrialInputs) -> CheckedFit:
-    """Inverse kinematics of the part of a recording that is used, its labels checked."""
-    if trial.recording.markers is None:
-        raise BadData(f"{trial.name}: holds no markers")
-    markers = used_markers(trial, trial.recording.markers)
-    with progress(f"{trial.name}: inverse kinematics", len(markers)) as advance:
-        options = trial.options
-        chosen = (options[InverseKinematicsOptions], options[MarkerCheckOptions])
-        return checked_kinematics(trial.model, markers, *chosen, advance)
+    """Inverse kinematics of the part of a recording that is used: markers, their labels checked, and sensors."""
+    recorded, sensors, options = trial.recording.markers, trial.get(RecordedSensors), trial.options
+    if recorded is None and sensors is None:
+        raise BadData(f"{trial.name}: holds no markers, and no inertial sensors")
+    checked = None
+    if recorded is not None:
+        markers = used_markers(trial, recorded)
+        with progress(f"{trial.name}: inverse kinematics", len(markers)) as advance:
+            chosen = (options[InverseKinematicsOptions], options[MarkerCheckOptions])
+            checked = checked_kinematics(trial.model, markers, *chosen, advance)
+    return checked if sensors is None and checked is not None else _with_sensors(trial, checked)
+
+
+def _with_sensors(trial: TrialInputs, checked: CheckedFit | None) -> CheckedFit:
+    """The fit of markers and sensors, or of sensors alone."""
+    options, recording = trial.options, trial.inputs[RecordedSensors].recording
+    if checked is None:
+        clock = recording.sensors.time
+        empty = Markers(clock, (), np.empty((len(clock), 0, 3)))
+        markers = empty if trial.time is None else cut(empty, *trial.time)
+    else:
+        markers = checked.markers
+    marked = None if checked is None else checked.fit
+    with progress(f"{trial.name}: inertial sensors", len(markers)) as advance:
+        chosen = (options[InverseKinematicsOptions], options[SensorOptions])
+        sensors = sensor_kinematics(trial.model, recording, markers, marked, *chosen, advance)
+    return CheckedFit(sensors.fit, markers, () if checked is None else checked.findings, sensors)
 
 
 def used_markers(trial: TrialInputs, markers: Markers) -> Markers:
@@ -90,12 +112,20 @@ def error_table(fit: KinematicsFit) -> Table:
     return Table(fit.motion.time, ("rms", "largest", *fit.marker_names), values)
 
 
+def sensor_table(fit: KinematicsFit) -> Table:
+    """Angles between sensors and their bodies [deg]."""
+    return Table(fit.motion.time, fit.sensor_names, np.degrees(fit.sensor_errors), in_degrees=True)
+
+
 def _run(trial: TrialInputs, output: StepOutput) -> Poses:
     given = trial.get(RecordedMotion)
     if given is not None:
         return _given(trial, given.motion, output)
     checked, writer = solve_kinematics(trial), output.writer
     notes = tuple(map(str, checked.findings))
+    if checked.sensors is not None:
+        notes = (*notes, *checked.sensors.mounting.notes)
+        write_sto(sensor_table(checked.fit), output.folder / "sensor_errors.sto")
     refined, recorded = trial.get(RefinedMotion), trial.recording.markers
     if refined is not None:
         # Most trials start without: loaded where a trial has such input.
@@ -141,7 +171,9 @@ def _read(stored: Stored, options: OptionSet) -> Poses | None:
 def _hashed(trial: TrialInputs) -> Sequence[object]:
     crossed = trial.options[CrossingOptions]
     options = trial.options
-    return options[InverseKinematicsOptions], options[MarkerCheckOptions], *((crossed,) if crossed.only else ())
+    sensed = (options[SensorOptions],) if trial.get(RecordedSensors) is not None else ()
+    crossing = (crossed,) if crossed.only else ()
+    return options[InverseKinematicsOptions], options[MarkerCheckOptions], *crossing, *sensed
 
 
 def _show(report_input: ReportInput, stored: Stored) -> ReportInput:
@@ -176,6 +208,9 @@ def _numbers(stored: Stored, model: Model, strides: TrialStrides | None) -> Iter
     if fit is not None and np.isfinite(fit.errors).any():
         yield Value("ik", "marker error, RMS", float(np.sqrt(np.nanmean(fit.errors**2))), "m")
         yield Value("ik", "marker error, largest", float(np.nanmax(fit.errors)), "m")
+    if fit is not None and np.isfinite(fit.sensor_errors).any():
+        yield Value("ik", "sensor error, RMS", float(np.degrees(np.sqrt(np.nanmean(fit.sensor_errors**2)))), "deg")
+    if fit is not None and fit.seen.any():
         yield Value("ik", "frames not converged", float((fit.seen & ~np.asarray(fit.converged, bool)).sum()), "1")
     if strides is not None:
         yield from strides.numbers("ik")
@@ -195,10 +230,10 @@ STEP = Step(
     name="ik",
     title="inverse kinematics",
     gives=Poses,
-    options=(InverseKinematicsOptions, MarkerCheckOptions, CrossingOptions),
+    options=(InverseKinematicsOptions, MarkerCheckOptions, CrossingOptions, SensorOptions),
     not_settings=("only_weighted",),
-    inputs=("tasks", "labels", "laboratory", "time"),
-    roles=("model", "markers", "tasks", "motion", "refined motion"),
+    inputs=("tasks", "labels", "laboratory", "imu", "time"),
+    roles=("model", "markers", "tasks", "motion", "imu", "refined motion"),
     hashed=_hashed,
     run=_run,
     read=_read,
@@ -208,6 +243,7 @@ STEP = Step(
     outcome=_outcome,
     outcome_variables=(
         *("time", "coordinate", "coordinate_value", "marker", "marker_error", "marker_weight"),
+        *("sensor", "sensor_error"),
         *("ik_converged", "ik_iterations", "unused_marker", "missing_marker"),
     ),
 )

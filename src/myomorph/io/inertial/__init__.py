@@ -1,0 +1,1 @@
+"""Files of inertial sensors, of several makers, as `InertialSensors`."""

@@ -1,0 +1,92 @@
+"""Files of inertial sensors, told apart by their names and heads: orientations, or raw signals."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from myomorph.io.c3d.read import read_c3d
+from myomorph.io.formats import Format
+from myomorph.io.inertial.channels import sensors_of_channels
+from myomorph.model.errors import BadData, BadFile
+from myomorph.model.inertial_sensors import InertialSensors, beside
+
+SENSORS: tuple[Format, ...] = (
+    Format("OpenSim orientations", (".sto",), "myomorph.io.inertial.tables:read_orientations"),
+    Format("Xsens MVN", (".mvnx",), "myomorph.io.inertial.xsens:read_mvnx"),
+    Format("Xsens MT Manager", (".txt",), "myomorph.io.inertial.xsens:read_xsens_text"),
+    Format("Movella DOT or Delsys", (".csv",), "myomorph.io.inertial.tables:read_sensor_csv"),
+    Format("APDM", (".h5", ".hdf5"), "myomorph.io.inertial.apdm:read_apdm"),
+    Format("C3D channels", (".c3d",), "myomorph.io.inertial.read:read_c3d_sensors"),
+)
+"""Each reader gives `InertialSensors`."""
+
+
+def read_inertial(paths: Sequence[str | os.PathLike[str]] | str | os.PathLike[str]) -> InertialSensors:
+    """Inertial sensors of a recording, of one file or of one file for each sensor.
+
+    Knows OpenSim's tables of orientations (.sto), Xsens (.mvnx, .txt), Movella DOT and Delsys (.csv), APDM (.h5) and
+    C3D files with channels of accelerometers and gyroscopes (.c3d).
+
+    Source: see docs/inertial-sensors.md for what each format means.
+
+    Parameters
+    ----------
+    paths : of files of the `SENSORS`
+
+    Returns
+    -------
+    orientations (frames, sensors, 4) to an earth whose z points up, or angular velocities [rad/s], accelerations
+    [m/s^2] and magnetic fields
+
+    Raises
+    ------
+    BadFile, BadData
+        where a file is none of these, or files do not belong together
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> sensors = mm.read_inertial("reach_orientations.sto")
+    >>> sensors.names, len(sensors)
+    (('upper_arm_imu', 'forearm_imu'), 61)
+    """
+    several = [paths] if isinstance(paths, (str, os.PathLike)) else list(paths)
+    if not several:
+        raise BadData("no file of inertial sensors")
+    parts = [_read(Path(path)) for path in several]
+    merged = beside(parts)
+    # Clocks of packets count from when the sensors were switched on.
+    counted = all(Path(path).suffix.lower() in (".txt", ".csv") for path in several)
+    return replace(merged, time=merged.time - merged.time[0]) if counted else merged
+
+
+def _read(path: Path) -> InertialSensors:
+    kind = next((kind for kind in SENSORS if path.suffix.lower() in kind.endings), None)
+    if kind is None:
+        expected = ", ".join(ending for kind in SENSORS for ending in kind.endings)
+        raise BadFile(path, f"holds no inertial sensors: its name ends in '{path.suffix}'", f"expected {expected}")
+    sensors: InertialSensors = kind.read(path)
+    if not len(sensors) or not sensors.names:
+        raise BadFile(path, "holds no frame of any inertial sensor")
+    return sensors
+
+
+def read_c3d_sensors(path: Path) -> InertialSensors:
+    """The inertial sensors among the analog channels of a C3D file.
+
+    Raises
+    ------
+    BadFile : there are none
+    """
+    analog = read_c3d(path).analog
+    sensors = None if analog is None else sensors_of_channels(analog.time, analog.names, analog.values, analog.units)
+    if sensors is None:
+        raise BadFile(
+            path,
+            "has no channels of accelerometers and gyroscopes",
+            "expected names such as 'shank.ACC.X', 'shank.GYRO.X'",
+        )
+    return replace(sensors, source=str(path))

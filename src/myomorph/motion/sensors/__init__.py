@@ -1,0 +1,1 @@
+"""Inertial sensors: their orientation, where they are mounted on bodies, and how their headings drift."""

@@ -1,0 +1,214 @@
+"""Where a search for the mounting of sensors begins: the calibration pose, or the motion of the markers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from myomorph.model.arrays import Array, read_only, unit_vector
+from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.inertial_sensors import InertialSensors
+from myomorph.model.model import Model
+from myomorph.model.spatial import axis_rotation, rotation_from_vector, vector_from_rotation
+from myomorph.motion.sensors.orientation import rotations_at
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.tree import Tree
+
+AXES = {
+    sign + name: (1.0 if sign == "" else -1.0) * row
+    for name, row in zip("xyz", np.eye(3), strict=True)
+    for sign in ("", "-")
+}
+TRIED = 24
+"""Headings that are tried round the circle."""
+FLOOR = 0.2
+"""Added to costs that are compared, in squares of the noise: both may be perfect."""
+REFINED = 5
+"""Times that the step between them is halved about the best."""
+RATE = 100.0
+"""At which speeds of rotation are compared [Hz]."""
+MIN_LIKENESS = 0.5
+"""Correlation of speeds of rotation below which two clocks are not compared."""
+
+
+@read_only
+@dataclass(frozen=True, eq=False)
+class CalibrationPose:
+    """Sensors while the body stands in a known pose.
+
+    Attributes
+    ----------
+    rotations : (sensors, 3, 3) from sensors to the model's ground, headings as recorded
+    coordinates : (coordinates,) of the pose [rad or m]
+    time : on the recording's clock, or that of its first frame where the pose was recorded apart [s]
+    """
+
+    rotations: Array
+    coordinates: Array
+    time: float
+
+
+class Guess(NamedTuple):
+    """Where the search begins.
+
+    Attributes
+    ----------
+    rotations : (sensors, 3, 3) from sensors to bodies
+    headings : (sensors,) by which each sensor's earth is turned [rad]
+    ambiguity : the second best heading's cost relative to the best's, where headings were tried; infinite elsewhere
+    """
+
+    rotations: Array
+    headings: Array
+    ambiguity: float = np.inf
+
+
+def mean_rotation(rotations: Array) -> Array:
+    """(..., 3, 3) mean of rotations (frames, ..., 3, 3) by the polar decomposition of their sum; NaN are left out."""
+    U, _, V = np.linalg.svd(np.nansum(rotations, axis=0))
+    U[..., :, 2] *= np.linalg.det(U @ V)[..., None]
+    return np.asarray(U @ V)
+
+
+def calibration_pose(model: Model, sensors: InertialSensors, coordinates: Array, start: float) -> CalibrationPose:
+    """The pose of a recording of which all frames count.
+
+    Raises
+    ------
+    BadData : a sensor recorded nothing there
+    """
+    rotations = rotations_at(sensors, sensors.time, model)
+    seen = np.asarray(np.isfinite(rotations).all((2, 3)))
+    silent = [name for index, name in enumerate(sensors.names) if not seen[:, index].any()]
+    if silent:
+        raise BadData(f"{sensors.source or 'calibration pose'}: sensors {', '.join(silent)} recorded nothing there")
+    return CalibrationPose(mean_rotation(rotations), coordinates, start)
+
+
+def from_pose(tree: Tree, bodies: tuple[str, ...], pose: CalibrationPose, headings: Array) -> Guess:
+    """Mountings with which the sensors report the pose, each earth turned by its heading (sensors,)."""
+    poses = forward_kinematics(tree, pose.coordinates[None])
+    turned = rotation_from_vector(headings[:, None] * tree.model.up) @ pose.rotations
+    own = poses.rotations[0, [tree.body_number(body) for body in bodies]]
+    return Guess(np.swapaxes(own, 1, 2) @ turned, headings)
+
+
+def named_headings(
+    model: Model, names: tuple[str, ...], pose: CalibrationPose, axes: Mapping[str, str]
+) -> Array | None:
+    """(sensors,) headings by which the named axis of a sensor points along the model's x in the pose [rad].
+
+    One axis gives the heading of all sensors, several each that of its own.
+
+    Raises
+    ------
+    UnknownName : a sensor or an axis that does not exist
+    BadData : an axis that stands upright, so that it has no heading
+    """
+    if not axes:
+        return None
+    up, found = np.asarray(model.up), dict[str, float]()
+    forward = unit_vector(np.eye(3)[0] - up[0] * up, "forward", model.name)
+    for name, axis in axes.items():
+        if name not in names:
+            raise UnknownName("sensor", name, names, "the recording")
+        if axis.casefold() not in AXES:
+            raise UnknownName("axis", axis, tuple(AXES), f"the heading of sensor '{name}'")
+        pointing = pose.rotations[names.index(name)] @ AXES[axis.casefold()]
+        level = pointing - (pointing @ up) * up
+        if np.linalg.norm(level) < 0.5:
+            raise BadData(f"axis {axis} of sensor '{name}' stands upright in the calibration pose: name a level one")
+        found[name] = float(np.arctan2(np.cross(level, forward) @ up, level @ forward))
+    if len(found) == 1:
+        return np.full(len(names), next(iter(found.values())))
+    if lost := [name for name in names if name not in found]:
+        raise BadData(f"sensors {', '.join(lost)}: name the axis that points forward of one sensor, or of every one")
+    return np.array([found[name] for name in names])
+
+
+def by_trying(tree: Tree, bodies: tuple[str, ...], pose: CalibrationPose, cost: Callable[[Guess], float]) -> Guess:
+    """The heading, the same of all sensors, with which the recording fits best; of a pose any heading is as good.
+
+    Parameters
+    ----------
+    cost : of the recording under a guess, in squares of the noise
+    """
+
+    def at(angle: float) -> tuple[float, float]:
+        return cost(from_pose(tree, bodies, pose, np.full(len(bodies), angle))), angle
+
+    def refined(tried: tuple[float, float]) -> tuple[float, float]:
+        step = 2.0 * np.pi / TRIED
+        for _ in range(REFINED):
+            step *= 0.5
+            tried = min(tried, at(tried[1] - step), at(tried[1] + step))
+        return tried
+
+    tried = [at(2.0 * np.pi * index / TRIED) for index in range(TRIED)]
+    best = int(np.argmin([value for value, _ in tried]))
+    least, angle = refined(tried[best])
+    away = [tried[(best + index) % TRIED] for index in range(3, TRIED - 2)]
+    guess = from_pose(tree, bodies, pose, np.full(len(bodies), angle))
+    return guess._replace(ambiguity=(refined(min(away))[0] + FLOOR) / (least + FLOOR))
+
+
+def from_motion(bodies: Array, earth: Array, up: Array) -> Guess:
+    """Mountings and headings with which sensors follow bodies whose motion is known.
+
+    Parameters
+    ----------
+    bodies, earth : (frames, sensors, 3, 3) from bodies, and from sensors, to ground; NaN where unknown
+    """
+    count = bodies.shape[1]
+    rotations, headings = np.tile(np.eye(3), (count, 1, 1)), np.zeros(count)
+    for index in range(count):
+        known = np.isfinite(bodies[:, index]).all((1, 2)) & np.isfinite(earth[:, index]).all((1, 2))
+        if not known.any():
+            continue
+        inverse, own = np.swapaxes(bodies[known, index], 1, 2), earth[known, index]
+
+        def mounted(angle: float, inverse: Array = inverse, own: Array = own) -> tuple[float, Array]:
+            seen = inverse @ axis_rotation(up, angle) @ own
+            mean = mean_rotation(seen)
+            return float((vector_from_rotation(seen @ mean.T) ** 2).sum()), mean
+
+        step = 2.0 * np.pi / TRIED
+        angle = min(step * np.arange(TRIED), key=lambda angle: mounted(angle)[0])
+        for _ in range(20):
+            step *= 0.5
+            angle = min((angle - step, angle, angle + step), key=lambda angle: mounted(angle)[0])
+        rotations[index], headings[index] = mounted(angle)[1], (angle + np.pi) % (2.0 * np.pi) - np.pi
+    return Guess(rotations, headings)
+
+
+def speeds_of(time: Array, rotations: Array, at: Array) -> Array:
+    """(times, items) speeds of rotation [rad/s] of (frames, items, 3, 3); mountings and headings do not change them."""
+    steps = vector_from_rotation(rotations[1:] @ np.swapaxes(rotations[:-1], 2, 3)) / np.diff(time)[:, None, None]
+    middle, speed = 0.5 * (time[1:] + time[:-1]), np.linalg.norm(steps, axis=2)
+    return np.column_stack([np.interp(at, middle, column, np.nan, np.nan) for column in speed.T])
+
+
+def clock_delay(bodies: Array, sensors: Callable[[Array], Array], at: Array, search: float) -> tuple[float, float]:
+    """Delay of the sensors' clock [s] at which speeds of rotation are most alike, and their correlation there.
+
+    Parameters
+    ----------
+    bodies : (times, sensors) speeds at even times `at`
+    sensors : gives those of the sensors at any times
+    """
+    lags = np.arange(-int(search * RATE), int(search * RATE) + 1) / RATE
+    likeness = np.array([alike(bodies, sensors(at + lag)) for lag in lags])
+    best = int(np.nanargmax(likeness)) if np.isfinite(likeness).any() else len(lags) // 2
+    return float(lags[best]), float(likeness[best])
+
+
+def alike(first: Array, second: Array) -> float:
+    """Correlation of two tables (times, columns), all columns together; NaN are left out."""
+    known = np.isfinite(first) & np.isfinite(second)
+    if known.sum() < 20:
+        return np.nan
+    x, y = (values[known] - values[known].mean() for values in (first, second))
+    return float(x @ y / max(np.sqrt((x @ x) * (y @ y)), 1e-300))

@@ -1,0 +1,322 @@
+"""Mountings, headings and clock of sensors that fit a whole recording best, poses eliminated.
+
+    minimise  sum_f w_f ( |r_s|^2 / sigma_o^2 + |e_m|^2 / sigma_m^2 )  + priors
+
+over the poses c of some frames and what is unknown of the sensors, by Gauss-Newton steps: r_s are rotation vectors from
+what a sensor reports to its body, e_m errors of markers. The calibration pose is one more frame, whose joint angles are
+known to `imu_pose_error`. Headings are a random walk from knot to knot, and mean joint angles hardly have a trend.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from myomorph.model.arrays import Array
+from myomorph.model.inertial_sensors import InertialSensors
+from myomorph.model.series import Markers
+from myomorph.model.spatial import rotation_from_vector, vector_from_rotation
+from myomorph.motion.ik import InverseKinematicsOptions, pose_problem
+from myomorph.motion.marker_influence import STEP, marker_frames
+from myomorph.motion.newton import solve_poses
+from myomorph.motion.pose_problem import PoseProblem
+from myomorph.motion.root import floating_coordinates
+from myomorph.motion.sensors.first_guess import CalibrationPose, Guess
+from myomorph.motion.sensors.mounting import SensorMounting, SensorOptions, orientation_tasks
+from myomorph.rigid.coordinates import Ints
+from myomorph.rigid.couplers import couple_frames
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.tree import Tree
+
+STEPS = 12
+SETTLED = 1e-4
+"""The steps end when no mounting or heading moves further [rad]."""
+CORRELATED = 0.5
+"""Frames nearer than this to each other err alike, so that they count as one [s]."""
+KNOTS = 20.0
+"""Time between knots of the headings [s]."""
+FRAMES, FRAMES_PER_KNOT = 240, 12
+"""Of a recording that take part."""
+FREE = 1.5
+"""Standard deviation of a mounting before anything is known of it [rad]."""
+POSE_NOISE = 0.02
+"""Of a sensor against its bone while the body stands still [rad]."""
+SLIP = 0.1
+"""A sensor that the recording turns further from the pose than this has slipped since: its pose counts less [rad]."""
+TREND = 0.07
+"""Standard deviation of the mean of a joint angle about a knot, against that over the recording [rad]."""
+CLOCK_ERROR = 0.05
+"""Standard deviation of the delay about the one that speeds of rotation show [s]."""
+
+
+class Chosen(NamedTuple):
+    """Frames that take part.
+
+    Attributes
+    ----------
+    time : (frames,) [s]
+    markers : at these times; without names where there are none
+    marker_names, marker_weights : that take part
+    share : of a whole frame that each counts
+    """
+
+    time: Array
+    markers: Markers
+    marker_names: tuple[str, ...]
+    marker_weights: Array
+    share: float
+
+
+@dataclass(frozen=True, eq=False)
+class MountingFit:
+    """What is known while mountings are looked for.
+
+    Attributes
+    ----------
+    bodies : of the sensors
+    options : of inverse kinematics, without tasks of sensors
+    pose : None where there is no calibration pose
+    """
+
+    tree: Tree
+    sensors: InertialSensors
+    bodies: tuple[str, ...]
+    chosen: Chosen
+    options: InverseKinematicsOptions
+    sizes: SensorOptions
+    pose: CalibrationPose | None
+
+    def at(self, guess: Guess, delay: float) -> SensorMounting:
+        """A guess as a mounting of which everything is open."""
+        time = self.chosen.time
+        knots = np.linspace(time[0], time[-1], 1 + round((time[-1] - time[0]) / KNOTS))
+        count = len(self.bodies) * (3 + len(knots))
+        return SensorMounting(
+            self.sensors.names,
+            self.bodies,
+            guess.rotations,
+            knots,
+            np.tile(guess.headings, (len(knots), 1)),
+            delay,
+            np.zeros((count, count)),
+            np.asarray(self.tree.model.up),
+        )
+
+    def poses(self, mounting: SensorMounting, starts: Array | None) -> tuple[Array, Array, Array]:
+        """Coordinates of the frames, what the sensors report of the bodies, and the cost of each frame."""
+        chosen, model = self.chosen, self.tree.model
+        reported = mounting.body_rotations(self.sensors, chosen.time, model)
+        seen = np.asarray(np.isfinite(chosen.markers.values).all(axis=2))
+        columns = [chosen.markers.names.index(name) for name in chosen.marker_names]
+        tasks = orientation_tasks(mounting, reported, seen[:, columns] @ chosen.marker_weights, self.sizes)
+        options = replace(self.options, tasks=(*self.options.tasks, *tasks))
+        problem = pose_problem(self.tree, chosen.marker_names, chosen.marker_weights, options, chosen.markers)
+        first = np.tile(self.tree.defaults, (len(chosen.time), 1)) if starts is None else starts
+        solved = solve_poses(self.tree, problem, first, options.settings, chained=starts is None)
+        return np.where(np.isfinite(solved.values), solved.values, first), reported, solved.cost
+
+    def fitted(self, start: SensorMounting, azimuth: bool, anywhere: bool) -> SensorMounting:
+        """The mounting after Gauss-Newton steps.
+
+        Parameters
+        ----------
+        azimuth : the heading of all mountings is open, as that of a pose is
+        anywhere : headings begin anywhere, as those of sensors without magnetometer do
+        """
+        mounting, values = start, None
+        pose = None if self.pose is None else np.array(self.pose.coordinates)
+        for _ in range(STEPS):
+            values, reported, _ = self.poses(mounting, values)
+            normal, right = self._priors(start, mounting, azimuth, anywhere)
+            self._add_frames(normal, right, mounting, values, reported)
+            if self.pose is not None and pose is not None:
+                slopes = self._add_pose(normal, right, mounting, pose)
+            step = np.asarray(np.linalg.solve(normal, right), dtype=np.float64)
+            mounting = self._stepped(mounting, step)
+            if self.pose is not None and pose is not None:
+                pose[slopes[0]] += slopes[1] + slopes[2] @ step
+                couple_frames(self.tree.arrays, pose[None])
+            if np.abs(step[:-1]).max() < SETTLED:
+                break
+        covariance = np.linalg.inv(normal)[:-1, :-1]
+        sizes, directions = np.linalg.eigh(covariance)
+        return replace(mounting, factor=directions * np.sqrt(np.maximum(sizes, 0.0)))
+
+    def _stepped(self, mounting: SensorMounting, step: Array) -> SensorMounting:
+        count = len(self.bodies)
+        turned = rotation_from_vector(step[: 3 * count].reshape(-1, 3)) @ mounting.rotations
+        headings = mounting.headings + step[3 * count : -1].reshape(mounting.headings.shape)
+        return replace(mounting, rotations=turned, headings=headings, delay=mounting.delay + float(step[-1]))
+
+    def _priors(self, start: SensorMounting, now: SensorMounting, azimuth: bool, anywhere: bool) -> tuple[Array, Array]:
+        """Normal matrix and right side of what is known before: mountings, headings, clock."""
+        count, knots = len(self.bodies), len(now.knots)
+        width = 3 * count + knots * count + 1
+        normal, right = np.zeros((width, width)), np.zeros(width)
+        away = vector_from_rotation(now.rotations @ np.swapaxes(start.rotations, 1, 2)).ravel()
+        normal[: 3 * count, : 3 * count] = np.eye(3 * count) / FREE**2
+        right[: 3 * count] = -away / FREE**2
+        moved = now.headings - start.headings
+        # What all headings have in common may be known less well than how they differ.
+        common = np.full((count, count), 1.0 / count)
+        error = max(self.sizes.imu_heading_error, 1e-4)
+        apart, together = (np.pi if anywhere else error), (np.pi if azimuth else error)
+        first = slice(3 * count, 4 * count)
+        normal[first, first] += (np.eye(count) - common) / apart**2 + common / together**2
+        right[first] -= normal[first, first] @ moved[0]
+        for index in range(count):
+            column = 3 * count + index
+            for knot in range(1, knots):
+                minutes = (now.knots[knot] - now.knots[knot - 1]) / 60.0
+                stiffness = 1.0 / max(self.sizes.imu_heading_drift * np.sqrt(minutes), 1e-5) ** 2
+                a, b = column + (knot - 1) * count, column + knot * count
+                gained = now.headings[knot, index] - now.headings[knot - 1, index]
+                normal[np.ix_((a, b), (a, b))] += stiffness * np.array([[1.0, -1.0], [-1.0, 1.0]])
+                right[a] += stiffness * gained
+                right[b] -= stiffness * gained
+        # Without markers there is no clock to compare with.
+        stiffness = 1.0 / (CLOCK_ERROR if self.chosen.marker_names else 1e-9) ** 2
+        normal[-1, -1] += stiffness
+        right[-1] -= stiffness * (now.delay - start.delay)
+        return normal, right
+
+    def _add_frames(
+        self, normal: Array, right: Array, mounting: SensorMounting, values: Array, reported: Array
+    ) -> None:
+        chosen, sizes = self.chosen, self.sizes
+        problem = pose_problem(self.tree, chosen.marker_names, chosen.marker_weights, self.options)
+        rotations, slopes = self._body_slopes(values, problem)
+        clock = (
+            vector_from_rotation(
+                mounting.body_rotations(self.sensors, chosen.time + 0.005, self.tree.model)
+                @ np.swapaxes(reported, 2, 3)
+            )
+            / 0.005
+        )
+        errors = vector_from_rotation(rotations @ np.swapaxes(reported, 2, 3))
+        marked = None
+        if chosen.marker_names:
+            columns = [chosen.markers.names.index(name) for name in chosen.marker_names]
+            marked = marker_frames(self.tree, problem, chosen.markers.values[:, columns], values)
+        shares = _knot_shares(mounting.knots, chosen.time)
+        width, followed = len(right), [list[tuple[Array, Array]]() for _ in mounting.knots]
+        for frame in range(len(values)):
+            known = np.flatnonzero(np.isfinite(errors[frame, :, 0]))
+            scale = np.sqrt(chosen.share) / sizes.imu_noise
+            J, X, r = [], [], []
+            for index in known:
+                J.append(scale * slopes[frame, index])
+                parts = (reported[frame, index], shares[frame], clock[frame, index])
+                X.append(scale * self._sensor_columns(int(index), *parts, width))
+                r.append(scale * errors[frame, index])
+            if marked is not None:
+                seen = np.isfinite(marked.errors[frame]).all(axis=1)
+                scales = np.sqrt(chosen.share * chosen.marker_weights[seen]) / sizes.imu_marker_noise
+                J.append((scales[:, None, None] * marked.slopes[frame, seen]).reshape(-1, len(problem.free)))
+                r.append((-scales[:, None] * marked.errors[frame, seen]).ravel())
+                X.append(np.zeros((len(r[-1]), width)))
+            if J:
+                moved = _eliminate(np.concatenate(J), np.concatenate(X), np.concatenate(r), normal, right)
+                followed[shares[frame].argmax()].append((values[frame, problem.free] + moved[0], moved[1]))
+        self._add_trends(normal, right, problem.free, [part for part in followed if part])
+
+    def _add_trends(self, normal: Array, right: Array, free: Ints, followed: list[list[tuple[Array, Array]]]) -> None:
+        """Means of joint angles about each knot, which are much alike: headings that drift would part them.
+
+        Parameters
+        ----------
+        followed : by knot, of each frame its coordinates and how they follow what is unknown
+        """
+        if len(followed) < 2:
+            return
+        joints = self._joints(free)
+        means = [tuple(np.mean([part[i] for part in parts], axis=0)[joints] for i in range(2)) for parts in followed]
+        angle, slope = (np.mean([mean[i] for mean in means], axis=0) for i in range(2))
+        for own, follows in means:
+            X = (follows - slope) / TREND
+            normal += X.T @ X
+            right -= X.T @ ((own - angle) / TREND)
+
+    def _add_pose(
+        self, normal: Array, right: Array, mounting: SensorMounting, pose: Array
+    ) -> tuple[Ints, Array, Array]:
+        """The calibration pose as one more frame; returns which coordinates move with what is unknown, and how."""
+        assert self.pose is not None
+        problem = pose_problem(self.tree, (), np.empty(0), self.options)
+        rotations, slopes = self._body_slopes(pose[None], problem)
+        heading = mounting.heading_at(np.array([self.pose.time]))[0]
+        turned = rotation_from_vector(heading[:, None] * mounting.up) @ self.pose.rotations
+        reported = turned @ np.swapaxes(mounting.rotations, 1, 2)
+        errors = vector_from_rotation(rotations[0] @ np.swapaxes(reported, 1, 2))
+        share = _knot_shares(mounting.knots, np.array([self.pose.time]))[0]
+        columns = [
+            self._sensor_columns(index, reported[index], share, np.zeros(3), len(right)) for index in range(len(errors))
+        ]
+        joints = self._joints(problem.free)
+        # The root: its inclination is as uncertain as a joint, its heading is that of the model by convention.
+        stiffness = np.where(joints, 1.0 / self.sizes.imu_pose_error, 1.0 / POSE_NOISE)
+        # Cauchy's weights.
+        scale = 1.0 / POSE_NOISE / np.sqrt(1.0 + (errors**2).sum(axis=1, keepdims=True) / SLIP**2)
+        J = np.concatenate([*(scale[:, :, None] * slopes[0]), np.diag(stiffness)])
+        X = np.concatenate(
+            [
+                *(weight * column for weight, column in zip(scale, columns, strict=True)),
+                np.zeros((len(problem.free), len(right))),
+            ]
+        )
+        r = np.concatenate([(scale * errors).ravel(), stiffness * (pose - self.pose.coordinates)[problem.free]])
+        return problem.free, *_eliminate(J, X, r, normal, right)
+
+    def _sensor_columns(self, index: int, reported: Array, share: Array, clock: Array, width: int) -> Array:
+        """(3, unknowns) how the rotation vector of a sensor grows with what is unknown."""
+        count = len(self.bodies)
+        columns = np.zeros((3, width))
+        columns[:, 3 * index : 3 * index + 3] = reported
+        for knot in np.flatnonzero(share):
+            columns[:, 3 * count + knot * count + index] = -share[knot] * np.asarray(self.tree.model.up)
+        columns[:, -1] = -np.nan_to_num(clock)
+        return columns
+
+    def _joints(self, free: Ints) -> np.ndarray:
+        """(variables,) which are angles of joints, not of the root."""
+        floating, coordinates = floating_coordinates(self.tree.model), self.tree.model.coordinates
+        return np.array([coordinates[j].motion == "rotational" and coordinates[j].name not in floating for j in free])
+
+    def _body_slopes(self, values: Array, problem: PoseProblem) -> tuple[Array, Array]:
+        """Rotations of the sensors' bodies (frames, sensors, 3, 3), and slopes (frames, sensors, 3, variables)."""
+        free, frames, count = problem.free, len(values), len(problem.free)
+        stacked = np.repeat(values[:, None], count + 1, axis=1)
+        for i, j in enumerate(free):
+            stacked[:, i + 1, j] += STEP * problem.unit[j]
+        flat = np.ascontiguousarray(stacked.reshape(-1, values.shape[1]))
+        couple_frames(self.tree.arrays, flat)
+        bodies = [self.tree.body_number(body) for body in self.bodies]
+        rotations = forward_kinematics(self.tree, flat).rotations[:, bodies].reshape(frames, count + 1, -1, 3, 3)
+        steps = vector_from_rotation(rotations[:, 1:] @ np.swapaxes(rotations[:, :1], 3, 4)) / STEP
+        held = (values[:, free] <= problem.lower + 1e-9) | (values[:, free] >= problem.upper - 1e-9)
+        steps[held] = 0.0
+        return rotations[:, 0], np.moveaxis(steps, 1, 3)
+
+
+def _eliminate(J: Array, X: Array, r: Array, normal: Array, right: Array) -> tuple[Array, Array]:
+    """Add X^T P X and -X^T P r, with P the projection off the columns of J: the pose follows whatever is unknown.
+
+    Returns
+    -------
+    what the pose moves by, -J^+ r, and how it follows, -J^+ X
+    """
+    basis, sizes, directions = np.linalg.svd(J, full_matrices=False)
+    kept = sizes > 1e-6 * sizes.max(initial=0.0)
+    basis = basis[:, kept]
+    rest = X - basis @ (basis.T @ X)
+    normal += X.T @ rest
+    right -= rest.T @ r
+    inverse = -(directions[kept].T / sizes[kept]) @ basis.T
+    return inverse @ r, inverse @ X
+
+
+def _knot_shares(knots: Array, time: Array) -> Array:
+    """(times, knots) weights of a linear interpolation, held at the ends."""
+    return np.column_stack([np.interp(time, knots, column) for column in np.eye(len(knots))]).reshape(len(time), -1)

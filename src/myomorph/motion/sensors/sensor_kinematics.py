@@ -1,0 +1,338 @@
+"""Inverse kinematics of sensors and markers together: what one of them misses the other shows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from myomorph.model.arrays import Array
+from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.frozen_map import FrozenMap
+from myomorph.model.inertial_sensors import InertialSensors
+from myomorph.model.model import Model
+from myomorph.model.series import Markers, Motion
+from myomorph.model.spatial import vector_from_rotation
+from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit, inverse_kinematics, tracked_markers
+from myomorph.motion.root import floating_coordinates
+from myomorph.motion.sensors.first_guess import (
+    MIN_LIKENESS,
+    RATE,
+    CalibrationPose,
+    Guess,
+    by_trying,
+    calibration_pose,
+    clock_delay,
+    from_motion,
+    from_pose,
+    named_headings,
+    speeds_of,
+)
+from myomorph.motion.sensors.fit_mounting import CORRELATED, FRAMES, FRAMES_PER_KNOT, KNOTS, Chosen, MountingFit
+from myomorph.motion.sensors.mounting import (
+    SensorMounting,
+    SensorOptions,
+    bodies_of_sensors,
+    orientation_tasks,
+    weights_seen,
+)
+from myomorph.motion.sensors.orientation import rotations_at, with_orientations
+from myomorph.motion.sync import take_frames
+from myomorph.motion.tasks.coordinates import CoordinateTask
+from myomorph.motion.tasks.orientations import OrientationTask
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.tree import compile_tree
+
+STILL, STILL_TIME = 0.25, 0.5
+"""A body that turns slower [rad/s] for so long [s] at the start stands in its calibration pose."""
+AMBIGUOUS = 1.3
+"""Ratio of the second best heading's cost to the best's below which the heading is doubted."""
+SLIPPED = 0.2
+"""A mounting that the recording turns further from the calibration pose's is reported [rad]."""
+DRIFTED = 0.09
+"""A heading that turns further in a recording is reported [rad]."""
+SEARCH = 2.0
+"""The sensors' clock may differ from that of the markers by so much [s]."""
+BRIDGE = 1e-6
+"""Weight of the root's place in frames in which no marker shows it [1/m^2]."""
+
+
+@dataclass(frozen=True, eq=False)
+class SensorRecording:
+    """Sensors of a trial, and what is known of them.
+
+    Attributes
+    ----------
+    sensors : of the trial
+    bodies : of sensors that are not named like theirs; "" leaves one out
+    pose : sensors in the calibration pose, None where it was not recorded apart
+    pose_time : start and end of the calibration pose, in its own recording or in the trial [s]; None where not known
+    headings : sensors, and their axis that points forward in the calibration pose
+    same_clock : the clock is that of the markers
+    """
+
+    sensors: InertialSensors
+    bodies: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
+    pose: InertialSensors | None = None
+    pose_time: tuple[float, float] | None = None
+    headings: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
+    same_clock: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class SensorFit:
+    """Inverse kinematics with sensors.
+
+    Attributes
+    ----------
+    fit : of markers and sensors
+    mounting : of the sensors
+    sensors : as used, with orientations
+    bridges : pulls of the root's place in gaps of the markers
+    places : towards these, None where there is no gap
+    """
+
+    fit: KinematicsFit
+    mounting: SensorMounting
+    sensors: InertialSensors
+    bridges: tuple[CoordinateTask, ...] = ()
+    places: Motion | None = None
+
+    def added(self, options: InverseKinematicsOptions, tasks: Sequence[OrientationTask]) -> InverseKinematicsOptions:
+        """Options of inverse kinematics with tasks of sensors, and what bridges gaps."""
+        return _with_tasks(options, tasks, self.bridges, self.places)
+
+
+def sensor_kinematics(
+    model: Model,
+    recording: SensorRecording,
+    markers: Markers | None = None,
+    marked: KinematicsFit | None = None,
+    options: InverseKinematicsOptions | None = None,
+    sizes: SensorOptions | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> SensorFit:
+    """Coordinates that sensors and markers agree on best, each weighted by its noise.
+
+    Where each sensor is mounted, its heading and the delay of its clock are found first (`fit_mounting`), from the
+    markers' motion or from a calibration pose and the recording itself.
+
+    Parameters
+    ----------
+    recording : see `SensorRecording`
+    markers, marked : and `inverse_kinematics` of them alone; None where sensors are all there is
+    options : of inverse kinematics
+    sizes : see `SensorOptions`
+    progress : called with the number of frames just done
+
+    Raises
+    ------
+    BadData, UnknownName
+        sensors that fit no body, or of which nothing says how they are mounted
+    """
+    options, sizes = options or InverseKinematicsOptions(), sizes or SensorOptions()
+    raw = recording.sensors.orientations is None
+    anywhere = raw and not (sizes.imu_magnetometer and recording.sensors.magnetic_fields is not None)
+    bodies = bodies_of_sensors(model, recording.sensors.names, recording.bodies)
+    sensors = with_orientations(recording.sensors.only(tuple(bodies)), sizes.imu_magnetometer)
+    if markers is None:
+        markers = Markers(sensors.time, (), np.empty((len(sensors), 0, 3)))
+    oriented = replace(recording, sensors=sensors)
+    mounting = _Finder(model, oriented, tuple(bodies.values()), markers, marked, options, sizes).mounting(anywhere)
+    reported = mounting.body_rotations(sensors, markers.time, model)
+    seen = weights_seen(model, markers, options.marker_weights, options.only_weighted)
+    bridges, places = _bridges(model, marked) if marked is not None and not marked.seen.all() else ((), None)
+    tasks = orientation_tasks(mounting, reported, seen, sizes)
+    fit = inverse_kinematics(model, markers, _with_tasks(options, tasks, bridges, places), progress)
+    mounting = replace(mounting, notes=(*sensors.warnings, *mounting.notes))
+    return SensorFit(fit, mounting, sensors, bridges, places)
+
+
+def _with_tasks(
+    options: InverseKinematicsOptions,
+    tasks: Sequence[OrientationTask],
+    bridges: Sequence[CoordinateTask],
+    places: Motion | None,
+) -> InverseKinematicsOptions:
+    whole = replace(options, tasks=(*options.tasks, *tasks, *bridges))
+    return whole if places is None else replace(whole, coordinates=places)
+
+
+def _bridges(model: Model, marked: KinematicsFit) -> tuple[tuple[CoordinateTask, ...], Motion]:
+    """Pulls of the root's place towards where markers show it before and after a gap."""
+    seen, motion = marked.seen, marked.motion
+    names = [name for name in floating_coordinates(model) if model.coordinate(name).motion == "translational"]
+    columns = [np.interp(motion.time, motion.time[seen], motion[name][seen]) for name in names]
+    places = Motion(motion.time, tuple(names), np.column_stack(columns)) if names else motion
+    return tuple(CoordinateTask(name, BRIDGE) for name in names), places
+
+
+@dataclass(frozen=True, eq=False)
+class _Finder:
+    """How the mounting of the sensors of one recording is found."""
+
+    model: Model
+    recording: SensorRecording
+    bodies: tuple[str, ...]
+    markers: Markers
+    marked: KinematicsFit | None
+    options: InverseKinematicsOptions
+    sizes: SensorOptions
+
+    def mounting(self, anywhere: bool) -> SensorMounting:
+        """By the way that the options and the recording name."""
+        tree, sensors = compile_tree(self.model), self.recording.sensors
+        kind = self.sizes.imu_mounting
+        if kind == "model":
+            return self._as_modelled()
+        pose = self._pose()
+        delay, notes = self._delay()
+        fit = MountingFit(tree, sensors, self.bodies, self._chosen(delay), self.options, self.sizes, pose)
+        if self.marked is not None and kind == "recording":
+            guess, azimuth = self._from_markers(delay), True
+        elif pose is None:
+            raise BadData(
+                f"{sensors.source or 'sensors'}: nothing says how they are mounted: record the calibration pose "
+                "(--imu-pose FILE, or --imu-pose-time START END), markers, or use a model with a frame of each "
+                "sensor's name (--imu-mounting model)"
+            )
+        else:
+            named = named_headings(self.model, sensors.names, pose, self.recording.headings)
+            if named is None and anywhere:
+                raise BadData(
+                    f"{sensors.source}: without magnetic fields every sensor has a heading of its own: name each "
+                    "sensor's axis that points forward in the calibration pose (--imu-heading SENSOR=AXIS ...)"
+                )
+            azimuth = named is None
+            if named is not None:
+                guess = from_pose(tree, self.bodies, pose, named)
+            else:
+                guess = by_trying(tree, self.bodies, pose, lambda guess: self._cost(fit, guess, delay))
+        start = fit.at(guess, delay)
+        notes += _of_heading(guess)
+        if kind == "pose":
+            return replace(start, factor=self._open(start), notes=notes)
+        found = fit.fitted(start, azimuth, anywhere)
+        if pose is None:
+            return replace(found, notes=(*notes, *_of_mounting(found, None)))
+        by_pose = from_pose(tree, self.bodies, pose, found.heading_at(np.array([pose.time]))[0])
+        return replace(found, notes=(*notes, *_of_mounting(found, by_pose)))
+
+    def _as_modelled(self) -> SensorMounting:
+        sensors, frames = self.recording.sensors, {frame.name: frame for frame in self.model.frames}
+        for name in sensors.names:
+            if name not in frames:
+                raise UnknownName("frame", name, tuple(frames), "--imu-mounting model: the model")
+        rotations = np.array([frames[name].pose.rotation for name in sensors.names])
+        still, up, none = np.zeros((1, len(sensors.names))), np.asarray(self.model.up), np.zeros((1, 1))
+        start = SensorMounting(sensors.names, self.bodies, rotations, sensors.time[:1], still, 0.0, none, up)
+        return replace(start, factor=self._open(start))
+
+    def _open(self, start: SensorMounting) -> Array:
+        """What a pose leaves open: a joint angle's error of every sensor; nothing is known of headings that drift."""
+        count = len(start.sensors)
+        sizes = [self.sizes.imu_pose_error] * 3 * count + [0.0] * start.headings.size
+        return np.diag(sizes)
+
+    def _pose(self) -> CalibrationPose | None:
+        """The calibration pose: recorded apart, at the time stated, or at the start where the body stands still."""
+        recording, rest = self.recording, compile_tree(self.model).defaults
+        trial, span = recording.sensors, recording.pose_time
+        if recording.pose is not None:
+            apart = with_orientations(recording.pose.only(trial.names), self.sizes.imu_magnetometer)
+            used = apart if span is None else apart.between(*span)
+            return calibration_pose(self.model, used, rest, float(trial.time[0]))
+        if span is not None:
+            return calibration_pose(self.model, trial.between(*span), rest, 0.5 * sum(span))
+        start = trial.between(trial.time[0], trial.time[0] + STILL_TIME)
+        if self.marked is not None or len(start) < 2:
+            return None
+        speeds = speeds_of(start.time, rotations_at(start, start.time, self.model), start.time)
+        return calibration_pose(self.model, start, rest, float(start.time[0])) if np.nanmax(speeds) < STILL else None
+
+    def _delay(self) -> tuple[float, tuple[str, ...]]:
+        """Delay of the sensors' clock against the markers', by speeds of rotation."""
+        if self.marked is None or self.recording.same_clock:
+            return 0.0, ()
+        seen, time = self.marked.seen, self.markers.time
+        at = np.arange(time[0], time[-1], 1.0 / RATE)
+        own = speeds_of(time[seen], self._bodies()[seen], at)
+        sensors = self.recording.sensors
+        earth = rotations_at(sensors, sensors.time, self.model)
+        dense = speeds_of(sensors.time, earth, sensors.time)
+
+        def speeds(times: Array) -> Array:
+            return np.column_stack([np.interp(times, sensors.time, column, np.nan, np.nan) for column in dense.T])
+
+        delay, likeness = clock_delay(own, speeds, at, SEARCH)
+        if not likeness > MIN_LIKENESS:
+            return 0.0, (
+                f"sensors and markers do not turn alike at any delay within {SEARCH:g} s (correlation "
+                f"{likeness:.2f}): are they of one trial, and on the bodies that they name? Clocks are taken as one",
+            )
+        note = f"the sensors' clock is {1e3 * delay:.0f} ms behind the markers' (correlation {likeness:.2f})"
+        return delay, (note,) if abs(delay) > 1.0 / RATE else ()
+
+    def _bodies(self) -> Array:
+        """(frames, sensors, 3, 3) rotations of the sensors' bodies by the markers."""
+        assert self.marked is not None
+        tree = compile_tree(self.model)
+        values = np.where(np.isfinite(self.marked.motion.values), self.marked.motion.values, tree.defaults)
+        return forward_kinematics(tree, values).rotations[:, [tree.body_number(body) for body in self.bodies]]
+
+    def _from_markers(self, delay: float) -> Guess:
+        assert self.marked is not None
+        seen = np.flatnonzero(self.marked.seen)[:: max(1, int(self.marked.seen.sum()) // FRAMES)]
+        earth = rotations_at(self.recording.sensors, self.markers.time[seen] + delay, self.model)
+        return from_motion(self._bodies()[seen], earth, np.asarray(self.model.up))
+
+    def _chosen(self, delay: float) -> Chosen:
+        """Frames, spread over the time that sensors and markers share."""
+        sensors, time = self.recording.sensors, self.markers.time
+        usable = (time + delay >= sensors.time[0]) & (time + delay <= sensors.time[-1])
+        if self.marked is not None:
+            usable &= self.marked.seen
+        frames = np.flatnonzero(usable)
+        if not len(frames):
+            raise BadData(f"{sensors.source or 'sensors'}: no time in common with the markers")
+        duration = float(time[frames[-1]] - time[frames[0]])
+        most = max(FRAMES, int(FRAMES_PER_KNOT * duration / KNOTS))
+        frames = frames[np.unique(np.linspace(0, len(frames) - 1, min(most, len(frames))).astype(int))]
+        shown = self.marked is not None
+        names, weights = tracked_markers(self.model, self.markers, self.options) if shown else ((), np.empty(0))
+        markers = take_frames(self.markers, frames)
+        step = duration / max(len(frames) - 1, 1)
+        return Chosen(time[frames], markers, names, weights, min(1.0, max(step, 1e-3) / CORRELATED))
+
+    def _cost(self, fit: MountingFit, guess: Guess, delay: float) -> float:
+        """Mean over some frames of the squared angles between sensors and bodies, in squares of the noise."""
+        markers = take_frames(fit.chosen.markers, slice(None, None, 4))
+        thin = replace(fit, chosen=fit.chosen._replace(time=markers.time, markers=markers))
+        _, _, cost = thin.poses(thin.at(guess, delay), np.tile(fit.tree.defaults, (len(thin.chosen.time), 1)))
+        return float(np.mean(cost[np.isfinite(cost)])) / self.sizes.imu_marker_noise**2
+
+
+def _of_heading(guess: Guess) -> tuple[str, ...]:
+    if not guess.ambiguity < AMBIGUOUS:
+        return ()
+    return (
+        "the recording hardly tells which way the body faces in the calibration pose (another heading fits "
+        f"{guess.ambiguity:.2f} times as badly): name a sensor's axis that points forward (--imu-heading SENSOR=AXIS)",
+    )
+
+
+def _of_mounting(found: SensorMounting, by_pose: Guess | None) -> Iterator[str]:
+    """Sensors that the recording turns from the calibration pose, and headings that drift."""
+    if by_pose is not None:
+        angles = np.linalg.norm(vector_from_rotation(found.rotations @ np.swapaxes(by_pose.rotations, 1, 2)), axis=1)
+        for name, angle in zip(found.sensors, angles, strict=True):
+            if angle > SLIPPED:
+                yield (
+                    f"sensor '{name}' is turned by {np.degrees(angle):.0f}° on its body against the calibration pose: "
+                    "the recording's own mounting is used"
+                )
+    gained = np.ptp(found.headings, axis=0)
+    for name, angle in zip(found.sensors, gained, strict=True):
+        if angle > DRIFTED:
+            yield f"the heading of sensor '{name}' drifts by {np.degrees(angle):.0f}°: corrected"
