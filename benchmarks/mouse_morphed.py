@@ -22,6 +22,7 @@ from myomorph.analysis.strides import Strides
 from myomorph.analysis.walking import walking_strides
 from myomorph.contact.plates import wrenches_from_plates
 from myomorph.model.arrays import Array
+from myomorph.model.findings import repaired
 from myomorph.morph.mirror.muscles import with_other_muscles
 from myomorph.morph.species.masses import with_possible_inertias, with_segment_shares
 from myomorph.morph.species.table_rows import with_markers_of
@@ -29,7 +30,7 @@ from myomorph.motion.calibrate import Calibration
 from myomorph.motion.crossings import crossings, within_crossings
 from myomorph.motion.ik import KinematicsFit
 from myomorph.motion.lengths import length_unit
-from myomorph.motion.marker_checks import checked_kinematics, mended_in_time
+from myomorph.motion.marker_checks import checked_kinematics, time_findings
 from myomorph.muscles.hill import hill_forces
 from myomorph.muscles.scaling import default_path_lengths
 from myomorph.rigid.tree import compile_tree
@@ -126,7 +127,7 @@ def followed(folder: Path, path: Path) -> Followed:
     trial = fitted_to(model, mm.read_recording(path))
     assert trial.markers is not None
     used = within_crossings(trial.markers, crossings(trial.markers, model))
-    used, _ = mended_in_time(model, used, length_unit(compile_tree(model)))
+    used, _ = repaired(used, time_findings(model, used, length_unit(compile_tree(model))))
     weights = {name: KNEE for name in model.marker_names if "knee" in name.lower()}
     options = mm.CalibrationOptions(marker_weights=weights, mass=MASS)
     found = mm.calibrate(model, [used], options, path_lengths=default_path_lengths)

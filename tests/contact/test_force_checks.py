@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from benchmarks.accuracy import faults
 
-from myomorph.contact.force_checks import LOAD, check_forces, checked_forces
-from myomorph.contact.force_samples import ForceSamples
+from myomorph.contact.force_checks import check_forces, checked_forces
+from myomorph.contact.force_inspection import LOAD, ForceSamples
 from myomorph.model.series import Motion, Wrenches
 from myomorph.store.settings import ForceOptions
 from myomorph.study.inputs.external_forces import on_feet

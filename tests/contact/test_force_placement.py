@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from myomorph.contact import force_placement
-from myomorph.contact.force_placement import FITS, MARKED, NEAR, Remedy, check_origins
-from myomorph.contact.force_samples import ForceSamples
+from myomorph.contact.force_inspection import ForceSamples
+from myomorph.contact.force_placement import FITS, MARKED, NEAR, Remedy, check_origins, on_carriers
+from myomorph.model.series import Wrenches
 
 UNIT = 0.8
 
@@ -30,16 +31,31 @@ def test_an_origin_is_changed_only_from_far_to_near(monkeypatch, before, after, 
     remedy = Remedy("units", "", "", "", lambda force, point, torque: (force, point, torque))
     monkeypatch.setattr(force_placement, "_remedies", lambda inspection, number: [remedy])
     zero = np.zeros((2, 1, 3))
-    changed, found = [], []
     inspection = SimpleNamespace(
         numbers=[0],
         feet=SimpleNamespace(unit=UNIT),
         samples=ForceSamples(zero, zero, zero, np.ones((2, 1), bool)),
         misfit=lambda number, samples=None: UNIT * (before if samples is None else after),
-        change=lambda number, change: changed.append((number, change)),
-        found=lambda *what: found.append(what),
         name=lambda number: "ForcePlate1",
     )
-    check_origins(inspection)
-    assert changed == ([(0, remedy.change)] if mended else [])
-    assert len(found) == len(changed)
+    repairs = [finding.repair.apply.keywords for finding in check_origins(inspection)]
+    assert repairs == ([{"number": 0, "change": remedy.change}] if mended else [])
+
+
+def test_a_force_goes_to_the_carrier_of_each_step_and_nothing_is_lost():
+    random = np.random.default_rng(0)
+    time = np.arange(6.0)
+    forces, points, torques = random.standard_normal((3, 6, 3, 3))
+    wrenches = Wrenches(time, ("a", "b", "c"), ("heel_r", "heel_r", "hand"), forces, points, torques)
+    carried = on_carriers(wrenches, "b", ("heel_r", "heel_l", "heel_r"), [1.5, 3.5])
+    assert carried.names == ("a", "b_heel_r", "b_heel_l", "c")
+    assert carried.bodies == ("heel_r", "heel_r", "heel_l", "hand")
+    for part in ("forces", "torques"):
+        split = getattr(carried, part)
+        np.testing.assert_array_equal(split[:, 1] + split[:, 2], getattr(wrenches, part)[:, 1])
+        np.testing.assert_array_equal(np.any(split[:, 2] != 0.0, axis=1), [False, False, True, True, False, False])
+        np.testing.assert_array_equal(split[:, [0, 3]], getattr(wrenches, part)[:, [0, 2]])
+    np.testing.assert_array_equal(carried.points, wrenches.points[:, [0, 1, 1, 2]])
+    whole = on_carriers(wrenches, "b", ("heel_l",), [])
+    assert (whole.names, whole.bodies) == (wrenches.names, ("heel_r", "heel_l", "hand"))
+    np.testing.assert_array_equal(whole.forces, wrenches.forces)

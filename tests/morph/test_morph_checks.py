@@ -51,7 +51,7 @@ def test_a_path_through_bone_is_found_with_its_depth(size):
     assert worst.target == pytest.approx(0.005 * size, rel=1e-6)
     assert worst.increase == pytest.approx(worst.target)
     (warned,) = checks.of("bone")
-    assert warned.name == "extensor"
+    assert warned.place == "extensor"
     assert f"{5.0 * size:.{1 if size == 1.0 else 2}f} mm deep through thigh" in warned.text
 
 
@@ -70,7 +70,7 @@ def test_a_moment_arm_of_another_sign_is_found():
     wrong = muscle("extensor", [(body, (-x, y, z)) for body, (x, y, z) in FRONT])
     checks = check_morph(morph_of(source, with_muscle(source, wrong)))
     (warned,) = checks.of("sign")
-    assert warned.name == "extensor"
+    assert warned.place == "extensor"
     assert "the other sign in 100 % of the range" in warned.text
     assert checks.of("arm") == ()
 

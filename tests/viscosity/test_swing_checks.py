@@ -38,9 +38,9 @@ def test_a_plate_tared_with_the_limb_on_it_is_named(sound, side):
     if side < 0:
         tared = [replace(one, wrench=-one.wrench, wrench_rows=-one.wrench_rows) for one in tared]
     (found,) = recording_findings(tared)
-    assert (found.kind, found.hides_mass, found.fatal) == ("tare", True, False)
-    assert "with the limb on it" in found.line
-    assert "\n" not in found.line
+    assert (found.kind, found.place) == ("tare", "plate")
+    assert "with the limb on it" in found.text
+    assert "\n" not in found.text
     assert plate_zero(tared).mass == pytest.approx(0.0, abs=1e-3)
 
 
@@ -55,7 +55,7 @@ def test_the_viscosity_survives_a_hidden_mass(sound):
 def test_a_zero_that_is_off_is_named(sound):
     (found,) = recording_findings(with_constant(sound, np.array([0.0, 0.0, 1.5, 0.0, 0.0, 0.0])))
     assert found.kind == "zero"
-    assert "1.50 N m" in found.line
+    assert "1.50 N m" in found.text
 
 
 def test_too_few_swings_are_named(sound):
@@ -68,7 +68,7 @@ def test_a_swing_too_small_is_named():
     condition = identify_specimen("still", joint.swings(), [], options=ViscosityOptions(draws=60)).without
     assert condition is not None
     (found,) = condition_findings(condition)
-    assert (found.kind, found.fatal) == ("small swing", True)
+    assert (found.kind, found.place) == ("small swing", "swings")
 
 
 def test_an_axis_that_does_not_turn_is_named():
@@ -77,11 +77,11 @@ def test_an_axis_that_does_not_turn_is_named():
     assert condition is not None
     assert condition_findings(condition) == ()
     doubtful = replace(condition, excited=(True, True, False))
-    assert ["'z'" in one.line for one in condition_findings(doubtful)] == [True]
+    assert ["'z'" in one.text for one in condition_findings(doubtful)] == [True]
     level = [replace(one, rates=one.rates * [1.0, 1.0, 0.02]) for one in condition.recordings]
     (found,) = condition_findings(replace(condition, recordings=tuple(level)))
-    assert (found.kind, found.fatal) == ("axis", False)
-    assert "axis 'z' is not excited" in found.line
+    assert (found.kind, found.place) == ("axis", "z")
+    assert "axis 'z' is not excited" in found.text
 
 
 def test_a_limb_that_does_not_explain_the_wrench_is_named(sound):

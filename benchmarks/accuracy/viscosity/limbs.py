@@ -28,7 +28,7 @@ from myomorph.viscosity.specimen.model import Specimen, SwingTrial
 from myomorph.viscosity.study.conditions import Prepared, identify_conditions
 from myomorph.viscosity.study.plan import SpecimenFiles, StudyOptions
 from myomorph.viscosity.tracking.track import track
-from myomorph.viscosity.trust.checks import condition_findings
+from myomorph.viscosity.trust.checks import TOO_SMALL, condition_findings
 from myomorph.viscosity.trust.moment_arms import MomentArmOptions
 
 Row = dict[str, object]
@@ -240,10 +240,10 @@ def limb_run(given: tuple[int, Faults, float | None]) -> LimbRun:
         tracked[name] = Prepared(one, one.notes)
     result = identify_conditions(limb.known, SpecimenFiles(str(seed), Path()), tracked, options)
     refused = [
-        finding.line
+        finding.text
         for one in (result.by_swings.without, result.by_swings.intact)
         for finding in (() if one is None else condition_findings(one))
-        if finding.fatal
+        if finding.kind == TOO_SMALL
     ]
     row = dict(specimen_row(result.found))
     laws = tuple(one.chosen.name for one in result.compared.values())

@@ -80,7 +80,7 @@ def _carries(inspection: Inspection) -> NDArray[np.bool_]:
     result = np.zeros((len(feet.time), len(feet.feet)), bool)
     distances = feet.distances(inspection.samples.centers(feet.up)[:, inspection.numbers])
     nearest = np.argmin(np.nan_to_num(distances, nan=9.0), axis=2)
-    for column, index in enumerate(map(int, inspection.numbers)):
+    for column, index in enumerate(inspection.numbers):
         owner = feet.owners.get(inspection.wrenches.bodies[index])
         loaded = inspection.samples.loaded[:, index]
         for foot in range(len(feet.feet)):

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from functools import reduce
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from myomorph.contact.foot_stance import belt_velocity, supported
-from myomorph.contact.force_inspection import Inspection
+from myomorph.contact.force_inspection import Change, ForceSamples, Inspection, changed_wrenches
 from myomorph.contact.force_placement import FITS, MARKED, NEAR
-from myomorph.contact.force_samples import Change, ForceSamples
 from myomorph.model.arrays import Array
+from myomorph.model.findings import Finding, Repair
 from myomorph.motion.filters import lowpass
 
 CUTOFF = 6.0
@@ -82,7 +84,7 @@ def turns(up: Array) -> list[Turn]:
     ]
 
 
-def check_directions(inspection: Inspection) -> None:
+def check_directions(inspection: Inspection) -> Iterator[Finding]:
     """Horizontal axes of forces and points that are turned or mirrored against those of the motion."""
     choices = turns(inspection.feet.up)
     errors = _turn_errors(inspection, choices)
@@ -98,15 +100,14 @@ def check_directions(inspection: Inspection) -> None:
         return
     what = "forces and points" if forces == points else "forces" if points == 0 else "points"
     turn = choices[forces or points]
-    for index in map(int, inspection.numbers):
-        inspection.change(index, _changed(choices[forces].matrix, choices[points].matrix))
-    inspection.found(
-        turn.kind,
-        ", ".join(inspection.name(int(number)) for number in inspection.numbers),
-        f"{what} of the plates are {turn.text} against the motion",
+    numbers, change = inspection.numbers, _changed(choices[forces].matrix, choices[points].matrix)
+    repair = Repair(
+        lambda wrenches: reduce(lambda turned, number: changed_wrenches(turned, number, change), numbers, wrenches),
         "they were put right",
         "give them in the axes of the motion",
     )
+    names = ", ".join(map(inspection.name, numbers))
+    yield Finding(turn.kind, names, f"{what} of the plates are {turn.text} against the motion", repair=repair)
 
 
 def _changed(forces: Array, points: Array) -> Change:
@@ -152,7 +153,7 @@ def _turn_of_forces(inspection: Inspection, choices: list[Turn], errors: Array |
 def _turn_of_points(inspection: Inspection, choices: list[Turn], forces: int) -> int:
     """Which turn brings the centers of pressure under the feet; 0 for none."""
     unit = inspection.feet.unit
-    used = [int(number) for number in inspection.numbers if inspection.weights(int(number)).any()]
+    used = [number for number in inspection.numbers if inspection.weights(number).any()]
     if not used:
         return 0
 
@@ -173,7 +174,7 @@ def _turn_of_points(inspection: Inspection, choices: list[Turn], forces: int) ->
 
 def _turned_misfit(inspection: Inspection, choices: list[Turn], forces: int, points: int) -> float:
     """Mean distance of all centers of pressure to their feet with forces and points turned [m]."""
-    used = [int(number) for number in inspection.numbers if inspection.weights(int(number)).any()]
+    used = [number for number in inspection.numbers if inspection.weights(number).any()]
     samples = inspection.samples
     for index in used:
         samples = samples.changed(index, _changed(choices[forces].matrix, choices[points].matrix))
@@ -189,7 +190,7 @@ def _own_misfit(inspection: Inspection, number: int, samples: ForceSamples) -> f
     return float(np.average(chosen, weights=inspection.weights(number)))
 
 
-def check_mass(inspection: Inspection) -> None:
+def check_mass(inspection: Inspection) -> Iterator[Finding]:
     """The weight that the plates carry against that of the model, where all standing feet are on plates."""
     result = balance(inspection)
     if result is None:
@@ -212,10 +213,9 @@ def check_mass(inspection: Inspection) -> None:
         or abs(ratio - 1.0) < MASS
     ):
         return
-    inspection.found(
-        "mass",
-        model.name,
+    text = (
         f"the plates carry {ratio * model.mass:.1f} kg where all standing feet are on them, the model weighs "
-        f"{model.mass:.1f} kg ({100.0 * (1.0 / ratio - 1.0):+.0f} %)",
-        advice="scale the model to the subject's mass, or check the calibration of the plates",
+        f"{model.mass:.1f} kg ({100.0 * (1.0 / ratio - 1.0):+.0f} %): scale the model to the subject's mass, or check "
+        "the calibration of the plates"
     )
+    yield Finding("mass", model.name, text)

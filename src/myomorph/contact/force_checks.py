@@ -7,6 +7,7 @@ the faults that recordings usually have are tried one by one, and one that makes
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,20 +16,16 @@ from numpy.typing import NDArray
 from myomorph.contact.foot_poses import foot_poses
 from myomorph.contact.force_balance import CUTOFF, check_directions, check_mass
 from myomorph.contact.force_clock import check_clock
-from myomorph.contact.force_inspection import Inspection
-from myomorph.contact.force_mirrors import check_mirrors
+from myomorph.contact.force_inspection import LOAD, Inspection, change_repair
+from myomorph.contact.force_mirrors import check_mirrors, check_progress
 from myomorph.contact.force_placement import FAR, check_feet, check_origins, check_shared_plates
-from myomorph.contact.force_progress import check_progress
-from myomorph.model.findings import Finding
+from myomorph.model.findings import Finding, repaired
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Wrenches
 from myomorph.motion.filters import lowpass
 
 PULLED = 0.3
 """Share of the weight that all plates together pull down where their sign is wrong."""
-
-LOAD = "load in the hands"
-"""Kind of a finding: a force that no foot carries."""
 
 LONGEST = 0.1
 """Longest step between frames that are not taken for a gap [s]."""
@@ -79,25 +76,15 @@ def checked_forces(wrenches: Wrenches, model: Model, motion: Motion, mend: bool 
     feet = foot_poses(model, _smooth(motion, inside))
     if feet is None:
         return CheckedForces(wrenches, ())
-    inspection = Inspection(wrenches, feet, mend)
-    if not len(inspection.numbers):
+    inspection = Inspection(wrenches, feet)
+    if not inspection.numbers:
         return CheckedForces(wrenches, ())
-    for check in (
-        check_units,
-        check_origins,
-        check_signs,
-        check_directions,
-        check_mirrors,
-        check_progress,
-        check_feet,
-        check_shared_plates,
-        check_mass,
-        check_clock,
-    ):
-        check(inspection)
-    findings = tuple(inspection.findings)
-    changed = any(finding.mended for finding in findings)
-    return CheckedForces(inspection.wrenches if changed else wrenches, findings)
+    for check in CHECKS:
+        # Each looks at forces in which what was found before is put right, whether the result has it so or not.
+        findings = tuple(check(inspection))
+        right, _ = repaired(inspection.wrenches, findings)
+        inspection = Inspection(right, feet, (*inspection.findings, *findings)) if findings else inspection
+    return CheckedForces(*repaired(wrenches, inspection.findings, mend))
 
 
 def _between_gaps(motion: Motion) -> NDArray[np.bool_]:
@@ -121,53 +108,44 @@ def _smooth(motion: Motion, inside: NDArray[np.bool_]) -> Motion:
     return Motion(time, motion.names, lowpass(values, rate, CUTOFF) if rate > 2.5 * CUTOFF else values)
 
 
-def check_units(inspection: Inspection) -> None:
+def check_units(inspection: Inspection) -> Iterator[Finding]:
     """Forces far too small for the model's weight: kilonewtons or body weights."""
     weight = inspection.feet.model.weight
     size = np.nan_to_num(np.linalg.norm(inspection.wrenches.forces[:, inspection.numbers], axis=2))
     largest = float(size.max(initial=0.0))
     if 0.0 < largest < 0.02 * weight and size.sum(axis=1).max() < 0.02 * weight:
-        inspection.found(
+        yield Finding(
             "unit of force",
-            inspection.wrenches.names[int(inspection.numbers[0])],
-            f"the largest external force is {largest:.3g} N, the model weighs {weight:.0f} N",
-            advice="are the forces in kilonewtons or body weights? Give them in newtons",
+            inspection.name(inspection.numbers[0]),
+            f"the largest external force is {largest:.3g} N, the model weighs {weight:.0f} N: are the forces in "
+            "kilonewtons or body weights? Give them in newtons",
         )
 
 
-def check_signs(inspection: Inspection) -> None:
+def check_signs(inspection: Inspection) -> Iterator[Finding]:
     """Forces that pull to the ground: of a foot with the wrong sign, or, under no foot, a load in the hands."""
     up, weight = inspection.feet.up, inspection.feet.model.weight
     lifts = inspection.samples.forces @ up
-    used = [int(number) for number in inspection.numbers if inspection.weights(int(number)).any()]
+    used = [number for number in inspection.numbers if inspection.weights(number).any()]
     pulling = [number for number in used if _lift(inspection, number) <= -0.5]
     if not pulling:
         return
     loaded = inspection.samples.loaded[:, used].any(axis=1)
     # Where all plates together pull a body down, its own weight has the wrong sign, wherever they lie.
     all_of_it = float(lifts[loaded][:, used].sum(axis=1).mean()) < -PULLED * weight
-    for index in pulling:
-        mean = float(lifts[inspection.weights(index) > 0.0, index].mean())
-        away = inspection.misfit(index)
+    for number in pulling:
+        name, away = inspection.name(number), inspection.misfit(number)
+        mean = f"mean {float(lifts[inspection.weights(number) > 0.0, number].mean()):.0f} N upwards while loaded"
         if not all_of_it and away > FAR * inspection.feet.unit:
-            inspection.kept_as_measured.add(inspection.name(index))
-            inspection.found(
-                LOAD,
-                inspection.name(index),
-                f"force '{inspection.name(index)}' pulls down (mean {mean:.0f} N upwards while loaded) and lies "
-                f"{away:.2f} m from the nearest foot",
-                advice="it seems a load in the hands: no foot gets it; name the body that carries it (--bodies, "
-                "--plates)",
+            text = (
+                f"force '{name}' pulls down ({mean}) and lies {away:.2f} m from the nearest foot: it seems a load in "
+                "the hands: no foot gets it; name the body that carries it (--bodies, --plates)"
             )
+            yield Finding(LOAD, name, text)
             continue
-        inspection.change(index, lambda force, point, torque: (-force, point, -torque))
-        inspection.found(
-            "swapped sign",
-            inspection.name(index),
-            f"force '{inspection.name(index)}' pulls the foot down (mean {mean:.0f} N upwards while loaded)",
-            "force and moment were reversed",
-            "reverse force and moment",
-        )
+        done, advice = "force and moment were reversed", "reverse force and moment"
+        repair = change_repair(number, lambda force, point, torque: (-force, point, -torque), done, advice)
+        yield Finding("swapped sign", name, f"force '{name}' pulls the foot down ({mean})", repair=repair)
 
 
 def _lift(inspection: Inspection, number: int) -> float:
@@ -175,3 +153,17 @@ def _lift(inspection: Inspection, number: int) -> float:
     weights = inspection.weights(number)
     upwards = (inspection.samples.forces[:, number] @ inspection.feet.up)[weights > 0.0].sum()
     return float(upwards / weights.sum()) if weights.any() else 0.0
+
+
+CHECKS: tuple[Callable[[Inspection], Iterator[Finding]], ...] = (
+    check_units,
+    check_origins,
+    check_signs,
+    check_directions,
+    check_mirrors,
+    check_progress,
+    check_feet,
+    check_shared_plates,
+    check_mass,
+    check_clock,
+)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +13,7 @@ from myomorph.contact.foot_stance import supported
 from myomorph.contact.force_balance import CUTOFF, balance
 from myomorph.contact.force_inspection import Inspection
 from myomorph.model.arrays import Array, runs
+from myomorph.model.findings import Finding
 
 CARRIED = 0.55
 """Share of the weight that walkers put on plates whenever all standing feet are on them."""
@@ -51,15 +53,14 @@ class Lag(NamedTuple):
     explained: float
 
 
-def check_clock(inspection: Inspection) -> None:
+def check_clock(inspection: Inspection) -> Iterator[Finding]:
     """Plates that are late or early: by what the center of mass needs, else by the feet that glide under load."""
     balanced = lag_of_mass(inspection)
     if balanced is not None:
         # The center of mass of a model is off in time, too, by what clean recordings show.
         if abs(balanced.lag) - 2.0 * balanced.sd > CLOCK:
-            _late(
-                inspection, balanced.lag, f" (±{2000.0 * balanced.sd:.0f} ms)", "the acceleration of the center of mass"
-            )
+            sure = f" (±{2000.0 * balanced.sd:.0f} ms)"
+            yield _late(inspection, balanced.lag, sure, "the acceleration of the center of mass")
         return
     lags = np.arange(-SLACK, SLACK + 1e-9, 0.005)
     gliding = _gliding(inspection, lags)
@@ -67,18 +68,17 @@ def check_clock(inspection: Inspection) -> None:
         return
     by_feet, left = _least(lags, gliding)
     if left < SHARP_FEET and abs(by_feet) > CLOCK_OF_FEET:
-        _late(inspection, by_feet, "", "the feet that stand")
+        yield _late(inspection, by_feet, "", "the feet that stand")
 
 
-def _late(inspection: Inspection, lag: float, sure: str, how: str) -> None:
-    """Note forces that are late (early where the lag is negative) [s]."""
+def _late(inspection: Inspection, lag: float, sure: str, how: str) -> Finding:
+    """Forces that are late (early where the lag is negative) [s]."""
     word = "late" if lag > 0 else "early"
-    inspection.found(
-        "clock",
-        ", ".join(inspection.name(int(number)) for number in inspection.numbers),
-        f"the forces seem {1000.0 * abs(lag):.0f} ms {word}{sure} against the motion, by {how}",
-        advice=f"shift them by {-1000.0 * lag:.0f} ms (--force-shift {-lag:.3f}), or synchronize the recordings",
+    text = (
+        f"the forces seem {1000.0 * abs(lag):.0f} ms {word}{sure} against the motion, by {how}: shift them by "
+        f"{-1000.0 * lag:.0f} ms (--force-shift {-lag:.3f}), or synchronize the recordings"
     )
+    return Finding("clock", ", ".join(map(inspection.name, inspection.numbers)), text)
 
 
 def lag_of_mass(inspection: Inspection) -> Lag | None:
@@ -155,7 +155,7 @@ def _gliding(inspection: Inspection, lags: Array) -> Array | None:
     feet, samples = inspection.feet, inspection.samples
     time = feet.time
     centers = samples.centers(feet.up)
-    used = [int(number) for number in inspection.numbers if len(inspection.episodes(int(number)))]
+    used = [number for number in inspection.numbers if len(inspection.episodes(number))]
     steps = sum(len(inspection.episodes(number)) for number in used)
     if steps < STEPS or time[-1] - time[0] < 4.0 * SLACK or len(time) < 20:
         return None

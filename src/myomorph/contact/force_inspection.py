@@ -1,15 +1,18 @@
-"""External forces beside the motion they are said to belong to, while one check follows another."""
+"""External forces beside the motion that they belong to, as checks look at them: sampled at its times, by the feet."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from myomorph.contact.foot_poses import FootPoses
-from myomorph.contact.force_samples import Change, ForceSamples, changed_wrenches, sampled
-from myomorph.model.arrays import Array, runs
-from myomorph.model.findings import Finding
+from myomorph.model.arrays import Array, read_only, runs
+from myomorph.model.findings import Finding, Repair
 from myomorph.model.series import Wrenches
 
 LOADED = 0.05
@@ -18,33 +21,114 @@ LOADED = 0.05
 SHORTEST = 0.05
 """A load that is shorter is not judged [s]."""
 
+LOAD = "load in the hands"
+"""Kind of a finding: a force that no foot carries."""
 
-class Inspection:
-    """Forces beside the motion they are said to belong to, while one check follows another.
+MIRRORED_PLATE, DOUBTFUL = "mirrored plate", "wrong foot or mirrored plate"
+"""Kinds of findings about plates that may be mirrored about their own middle."""
+
+Change: TypeAlias = Callable[[Array, Array, Array], tuple[Array, Array, Array]]
+"""What makes other forces, points and torques (..., 3) of those of one wrench."""
+
+
+@read_only
+@dataclass(frozen=True, eq=False)
+class ForceSamples:
+    """External forces at the times of a motion.
 
     Attributes
     ----------
-    feet : where the feet are
-    wrenches : with what was put right so far
-    numbers : of the wrenches that act on a foot, or on a body that is not known yet
-    findings : so far
-    kept_as_measured : names of forces that are no foot's as they are, so that no foot is looked for
+    forces, points, torques : (frames, wrenches, 3) [N, m, N m]; zero where unknown
+    loaded : (frames, wrenches) forces large enough for their center of pressure to be believed
     """
 
-    def __init__(self, wrenches: Wrenches, feet: FootPoses, mend: bool):
-        self.wrenches, self.feet, self.mend = wrenches, feet, mend
-        self.findings: list[Finding] = []
-        self.kept_as_measured: set[str] = set()
-        self._sample()
+    forces: Array
+    points: Array
+    torques: Array
+    loaded: NDArray[np.bool_]
 
-    def _sample(self) -> None:
-        """Sample the wrenches anew."""
-        self.numbers = np.array(
-            [index for index, body in enumerate(self.wrenches.bodies) if not body or body in self.feet.owners], np.int64
-        )
+    def centers(self, up: Array) -> Array:
+        """Where each wrench meets the height of its points without horizontal moment (frames, wrenches, 3) [m]."""
+        lift = self.forces @ up
+        firm = np.abs(lift) > 0.2 * np.linalg.norm(self.forces, axis=2)
+        shift = np.cross(up, self.torques) / np.where(firm, lift, np.inf)[..., None]
+        return np.asarray(self.points + shift)
+
+    def changed(self, number: int, change: Change) -> ForceSamples:
+        """The same with one wrench changed."""
+        return replace(self, **_changed(self, number, change))
+
+
+def sampled(wrenches: Wrenches, time: Array, least: float) -> ForceSamples:
+    """The nearest samples of wrenches at some times; nothing acts at times that they do not cover.
+
+    Parameters
+    ----------
+    least : force from which a wrench counts as loaded [N]
+    """
+    after = np.clip(np.searchsorted(wrenches.time, time), 1, max(len(wrenches) - 1, 1))
+    before = after - 1
+    after = np.minimum(after, len(wrenches) - 1)
+    nearest = np.where(time - wrenches.time[before] < wrenches.time[after] - time, before, after)
+    step = float(np.median(np.diff(wrenches.time))) if len(wrenches) > 1 else 1e-3
+    inside = (np.abs(wrenches.time[nearest] - time) <= max(step, 1e-6))[:, None, None]
+    forces, points, torques = (
+        np.where(inside, np.nan_to_num(one[nearest]), 0.0)
+        for one in (wrenches.forces, wrenches.points, wrenches.torques)
+    )
+    return ForceSamples(forces, points, torques, np.linalg.norm(forces, axis=2) > least)
+
+
+def changed_wrenches(wrenches: Wrenches, number: int, change: Change) -> Wrenches:
+    """Wrenches with one of them changed in all samples."""
+    return replace(wrenches, **_changed(wrenches, number, change))
+
+
+def _changed(forces: ForceSamples | Wrenches, number: int, change: Change) -> dict[str, Any]:
+    """Forces, points and torques with those of one wrench changed."""
+    parts = {name: np.array(getattr(forces, name)) for name in ("forces", "points", "torques")}
+    changed = change(*(part[:, number] for part in parts.values()))
+    for part, other in zip(parts.values(), changed, strict=True):
+        part[:, number] = other
+    return parts
+
+
+@dataclass(frozen=True, eq=False)
+class Inspection:
+    """Forces beside the motion they are said to belong to.
+
+    Attributes
+    ----------
+    wrenches : with what earlier checks found put right
+    feet : where the feet are
+    findings : of earlier checks
+    """
+
+    wrenches: Wrenches
+    feet: FootPoses
+    findings: tuple[Finding, ...] = ()
+
+    @cached_property
+    def numbers(self) -> list[int]:
+        """Of the wrenches that act on a foot, or on a body that is not known yet."""
+        return [i for i, body in enumerate(self.wrenches.bodies) if not body or body in self.feet.owners]
+
+    @cached_property
+    def samples(self) -> ForceSamples:
+        """The wrenches at the times of the motion."""
         samples = sampled(self.wrenches, self.feet.time, LOADED * self.feet.model.weight)
         known = np.asarray(np.isfinite(self.feet.center).all(axis=1))
-        self.samples = replace(samples, loaded=samples.loaded & known[:, None])
+        return replace(samples, loaded=samples.loaded & known[:, None])
+
+    @property
+    def assigned(self) -> list[int]:
+        """Numbers of the forces whose foot is looked for: not those of which no foot's place is known to be right."""
+        others = {
+            finding.place
+            for finding in self.findings
+            if finding.kind in (LOAD, MIRRORED_PLATE, DOUBTFUL) and not finding.times
+        }
+        return [number for number in self.numbers if self.name(number) not in others]
 
     def weights(self, number: int) -> Array:
         """Size of a force where it is loaded, else 0 (frames,) [N]."""
@@ -74,22 +158,12 @@ class Inspection:
         """Name of a force."""
         return self.wrenches.names[number]
 
-    def change(self, number: int, change: Change) -> None:
-        """Put one force right, where that is wanted; the checks that follow see it put right in any case."""
-        self.samples = self.samples.changed(number, change)
-        self.wrenches = changed_wrenches(self.wrenches, number, change)
-
-    def put(self, wrenches: Wrenches) -> None:
-        """Take other wrenches in the place of those so far."""
-        self.wrenches = wrenches
-        self._sample()
-
-    def found(
-        self, kind: str, place: str, text: str, mended: str = "", advice: str = "", times: tuple[slice, ...] = ()
-    ) -> None:
-        """Note a finding; `mended` is what was done about it, `advice` what helps where nothing was."""
-        done = bool(mended) and self.mend
+    def times(self, parts: Iterable[slice]) -> tuple[tuple[float, float], ...]:
+        """First and last time of parts of the frames [s]."""
         time = self.feet.time
-        spans = tuple((float(time[span.start]), float(time[span.stop - 1])) for span in times)
-        helps = mended if done else advice
-        self.findings.append(Finding(kind, place, f"{text}: {helps}" if helps else text, spans, done))
+        return tuple((float(time[part.start]), float(time[part.stop - 1])) for part in parts)
+
+
+def change_repair(number: int, change: Change, done: str, advice: str) -> Repair:
+    """The repair that changes one wrench in all samples."""
+    return Repair(partial(changed_wrenches, number=number, change=change), done, advice)

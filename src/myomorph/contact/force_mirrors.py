@@ -1,20 +1,24 @@
-"""Plates of treadmills that are mirrored about their own middle, told apart from forces on the wrong foot.
+"""Plates that are mirrored about their own middle.
 
-A mirrored center of pressure goes forwards while the foot is carried backwards by the belt, and so it passes near the
-other foot, which swings forwards meanwhile. What tells them apart is that a foot under load moves as the belt does.
+A foot that a body passes over is left at the end to which the body goes; a mirrored plate shows the opposite. On a
+treadmill a mirrored center of pressure goes forwards while the foot is carried backwards by the belt, and so it passes
+near the other foot, which swings forwards meanwhile. What sets it apart from a force on the wrong foot is that a foot
+under load moves as the belt does.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from myomorph.contact.foot_stance import belt_velocity, standing
-from myomorph.contact.force_inspection import Inspection
+from myomorph.contact.force_inspection import DOUBTFUL, MIRRORED_PLATE, Inspection
 from myomorph.contact.force_placement import FITS, MARKED, NEAR
 from myomorph.model.arrays import Array
+from myomorph.model.findings import Finding
 
 STANDS = 0.6
 """Share of its load during which a foot that carries it stands."""
@@ -25,7 +29,14 @@ STEPS = 3
 CLEARER = 0.6
 """Of two explanations the one that leaves so much less of the distance is the right one."""
 
-DOUBTFUL = "wrong foot or mirrored plate"
+LASTS = 0.25
+"""A step that is shorter is not judged [s]."""
+
+PASSES = 0.25
+"""Way of the center of mass along a human foot while it stands from which on it steps over the foot [m]."""
+
+AGAINST = 0.06
+"""Way of the center of pressure against that of the center of mass, from the first to the last third of a step [m]."""
 
 
 class Mirror(NamedTuple):
@@ -43,12 +54,12 @@ class Mirror(NamedTuple):
     distance: float
 
 
-def check_mirrors(inspection: Inspection) -> None:
+def check_mirrors(inspection: Inspection) -> Iterator[Finding]:
     """Forces of belts whose center of pressure lies under the foot that they are put on only when it is mirrored."""
     if not np.any(belt_velocity(inspection)):
         return
     stands = standing(inspection)
-    for number in map(int, inspection.numbers):
+    for number in inspection.numbers:
         weights = inspection.weights(number)
         if len(inspection.episodes(number)) < STEPS:
             continue
@@ -70,9 +81,9 @@ def check_mirrors(inspection: Inspection) -> None:
         if not fits or result.distance > min(FITS * feet.unit, MARKED * before):
             continue
         if result.distance < CLEARER * exchanged:
-            _mirrored(inspection, number, result, before)
+            yield _mirrored(inspection.name(number), result, before)
         elif exchanged > CLEARER * result.distance:
-            _doubtful(inspection, number, result, exchanged)
+            yield _doubtful(inspection.name(number), result, exchanged)
 
 
 def _carriers(stands: NDArray[np.bool_], own: int | None) -> NDArray[np.bool_]:
@@ -144,26 +155,70 @@ def _about(mirror: Mirror) -> str:
     return ", ".join(f"{item:.2f}" for item in mirror.middle)
 
 
-def _mirrored(inspection: Inspection, number: int, mirror: Mirror, before: float) -> None:
-    inspection.kept_as_measured.add(inspection.name(number))
-    inspection.found(
-        "mirrored plate",
-        inspection.name(number),
-        f"the center of pressure of force '{inspection.name(number)}' lies {100.0 * before:.0f} cm from the foot that "
-        f"the belt carries, {100.0 * mirror.distance:.0f} cm when mirrored along {_named(mirror.axes)} (about "
-        f"{_about(mirror)} m)",
-        advice="its plate seems mirrored about its own middle, and torques there are wrong: check the plate's corners "
-        "or the sign of its moments",
+def _mirrored(name: str, mirror: Mirror, before: float) -> Finding:
+    text = (
+        f"the center of pressure of force '{name}' lies {100.0 * before:.0f} cm from the foot that the belt carries, "
+        f"{100.0 * mirror.distance:.0f} cm when mirrored along {_named(mirror.axes)} (about {_about(mirror)} m): its "
+        "plate seems mirrored about its own middle, and torques there are wrong: check the plate's corners or the sign "
+        "of its moments"
     )
+    return Finding(MIRRORED_PLATE, name, text)
 
 
-def _doubtful(inspection: Inspection, number: int, mirror: Mirror, exchanged: float) -> None:
-    inspection.kept_as_measured.add(inspection.name(number))
-    inspection.found(
-        DOUBTFUL,
-        inspection.name(number),
-        f"force '{inspection.name(number)}' is put on the wrong foot ({100.0 * exchanged:.0f} cm from the other one), "
-        f"or its plate is mirrored along {_named(mirror.axes)} ({100.0 * mirror.distance:.0f} cm from its own then): "
-        "the recording does not say which",
-        advice="nothing was changed; check the plate's corners, or name its body (--bodies, --plates)",
+def _doubtful(name: str, mirror: Mirror, exchanged: float) -> Finding:
+    text = (
+        f"force '{name}' is put on the wrong foot ({100.0 * exchanged:.0f} cm from the other one), or its plate is "
+        f"mirrored along {_named(mirror.axes)} ({100.0 * mirror.distance:.0f} cm from its own then): the recording "
+        "does not say which: nothing was changed; check the plate's corners, or name its body (--bodies, --plates)"
     )
+    return Finding(DOUBTFUL, name, text)
+
+
+def check_progress(inspection: Inspection) -> Iterator[Finding]:
+    """Plates whose center of pressure moves along the foot against the body.
+
+    An axis across the foot does not show it: the center of pressure hardly moves along it.
+    """
+    feet, unit = inspection.feet, inspection.feet.unit
+    heels, tips = feet.soles
+    along = tips - heels
+    along = along - (along @ feet.up)[..., None] * feet.up
+    along = along / np.maximum(np.linalg.norm(along, axis=2, keepdims=True), 1e-12)
+    for number in inspection.numbers:
+        centers, weights = inspection.samples.centers(feet.up)[:, number], inspection.weights(number)
+        distances = feet.distances(centers[:, None])[:, 0]
+        judged, against = [], []
+        for span in inspection.episodes(number):
+            if feet.time[span.stop - 1] - feet.time[span.start] < LASTS:
+                continue
+            body = inspection.wrenches.bodies[number]
+            foot = feet.owners.get(body, int(np.argmin(np.average(distances[span], axis=0, weights=weights[span]))))
+            way = along[span, foot]
+            place = ((centers[span] - heels[span, foot]) * way).sum(axis=1)
+            center = ((feet.center[span] - heels[span, foot]) * way).sum(axis=1)
+            passed = float(center[-1] - center[0])
+            if abs(passed) < PASSES * unit:
+                continue
+            judged.append(span)
+            moved = float(np.sign(passed)) * _moved(place, weights[span])
+            if moved < -AGAINST * unit:
+                against.append((span, moved))
+        if against and 2 * len(against) > len(judged):
+            name, times = inspection.name(number), inspection.times(span for span, _ in against)
+            mean = -float(np.mean([moved for _, moved in against]))
+            text = (
+                f"the center of pressure of force '{name}' moves {100.0 * mean:.0f} cm along the foot against the body "
+                f"in {len(against)} of {len(judged)} steps, first at {times[0][0]:.2f} s: its plate seems mirrored "
+                "about its own middle along the foot, and torques there are wrong: check the plate's corners or the "
+                "sign of its moments"
+            )
+            yield Finding(MIRRORED_PLATE, name, text, times)
+
+
+def _moved(place: np.ndarray, weights: np.ndarray) -> float:
+    """Way from the first to the last third of a step, weighted by force [m]."""
+    third = max(1, len(place) // 3)
+    first, last = (
+        float(np.average(place[part], weights=weights[part])) for part in (slice(third), slice(-third, None))
+    )
+    return last - first

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -10,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from myomorph.contact.foot_stance import standing
-from myomorph.contact.force_inspection import Inspection
-from myomorph.contact.force_samples import Change
+from myomorph.contact.force_inspection import Change, Inspection, change_repair
 from myomorph.model.arrays import Array, runs
+from myomorph.model.findings import Finding, Repair
 from myomorph.model.series import Wrenches
 
 NEAR = 0.09
@@ -45,21 +47,24 @@ SWINGS = 0.4
 FIRM = 0.4
 """Share of the weight that two feet on one plate carry at least."""
 
+NO_FOOT = "under no foot"
+"""Kind of a finding: a force that acts under no foot that stands."""
+
 
 class Remedy(NamedTuple):
     """A fault that forces may have, and what puts it right."""
 
     kind: str
     text: str
-    mended: str
+    done: str
     advice: str
     change: Change
 
 
-def check_origins(inspection: Inspection) -> None:
+def check_origins(inspection: Inspection) -> Iterator[Finding]:
     """Centers of pressure far from every foot, which other units or another origin of the moments explain."""
     unit = inspection.feet.unit
-    for number in map(int, inspection.numbers):
+    for number in inspection.numbers:
         before = inspection.misfit(number)
         if before < NEAR * unit:
             continue
@@ -69,8 +74,8 @@ def check_origins(inspection: Inspection) -> None:
             if after < 0.9 * left:
                 best, left = remedy, after
         if best is not None and left < min(FITS * unit, MARKED * before):
-            inspection.change(number, best.change)
-            inspection.found(best.kind, inspection.name(number), best.text, best.mended, best.advice)
+            repair = change_repair(number, best.change, best.done, best.advice)
+            yield Finding(best.kind, inspection.name(number), best.text, repair=repair)
 
 
 def _remedies(inspection: Inspection, number: int) -> list[Remedy]:
@@ -159,24 +164,24 @@ def _origin(force: Array, point: Array, torque: Array) -> Array:
     return np.asarray(solved)
 
 
-def check_feet(inspection: Inspection) -> None:
+def check_feet(inspection: Inspection) -> Iterator[Finding]:
     """Forces on one foot whose center of pressure lies under another, or under none."""
     feet, unit = inspection.feet, inspection.feet.unit
-    owners: dict[int, list[tuple[slice, str]]] = {}
     stands = standing(inspection)
-    for number in _looked_at(inspection):
+    for number in inspection.assigned:
         body = inspection.wrenches.bodies[number]
+        owner = feet.owners.get(body)
         weights = inspection.weights(number)
         distances = feet.distances(inspection.samples.centers(feet.up)[:, [number]])[:, 0]
-        wrong: list[slice] = []
+        # Steps with the foot that carries each, where it is another one.
+        steps: list[tuple[slice, int | None]] = []
         lost: list[slice] = []
-        to: list[int] = []
         for span in inspection.episodes(number):
             mean = np.average(np.nan_to_num(distances[span], nan=9.0), axis=0, weights=weights[span])
             nearest = int(np.argmin(mean))
             alone = weights[span] * ~_between(inspection, distances)[span]
             mean[nearest] = np.average(distances[span, nearest], weights=alone) if alone.any() else 0.0
-            owner = feet.owners.get(body)
+            other = None
             if mean[nearest] > FAR * unit:
                 lost.append(span)
             elif (
@@ -187,31 +192,16 @@ def check_feet(inspection: Inspection) -> None:
             ):
                 # A foot in the air carries nothing, however near it is.
                 if not _swings(stands[span], nearest, owner):
-                    wrong.append(span)
-                    to.append(nearest)
+                    other = nearest
                 elif mean[owner] > FAR * unit:
                     lost.append(span)
-            owners.setdefault(number, []).append(
-                (span, feet.feet[nearest].heel if wrong and wrong[-1] is span else body)
-            )
-        if wrong:
-            _wrong_foot(inspection, number, wrong, to, distances)
+            steps.append((span, other))
+        if any(other is not None for _, other in steps):
+            yield _wrong_foot(inspection, number, steps, distances)
         if lost:
-            _lost(inspection, number, lost, np.where(stands | ~stands.any(axis=1, keepdims=True), distances, np.nan))
-    changed = {
-        name: spans
-        for name, spans in owners.items()
-        if any(body != inspection.wrenches.bodies[name] for _, body in spans)
-    }
-    if changed:
-        inspection.put(_given(inspection.wrenches, changed, feet.time))
-
-
-def _looked_at(inspection: Inspection) -> list[int]:
-    """Numbers of the forces whose foot is looked for."""
-    return [
-        int(number) for number in inspection.numbers if inspection.name(int(number)) not in inspection.kept_as_measured
-    ]
+            yield _lost(
+                inspection, number, lost, np.where(stands | ~stands.any(axis=1, keepdims=True), distances, np.nan)
+            )
 
 
 def _swings(stands: NDArray[np.bool_], foot: int, own: int) -> bool:
@@ -219,68 +209,66 @@ def _swings(stands: NDArray[np.bool_], foot: int, own: int) -> bool:
     return bool(stands[:, foot].mean() < SWINGS and stands[:, own].mean() > 1.0 - SWINGS)
 
 
-def _wrong_foot(inspection: Inspection, number: int, spans: list[slice], to: list[int], distances: Array) -> None:
-    """Note a force that is put on a foot while it acts under another."""
-    feet = inspection.feet
-    body = inspection.wrenches.bodies[number]
-    owner = feet.owners[body]
-    here = np.concatenate([np.arange(span.start, span.stop) for span in spans])
-    other = feet.feet[to[0]]
-    count = f"in {len(spans)} of {len(inspection.episodes(number))} steps "
+def _wrong_foot(
+    inspection: Inspection, number: int, steps: list[tuple[slice, int | None]], distances: Array
+) -> Finding:
+    """A force that is put on a foot while it acts under another in some steps."""
+    feet, name, body = inspection.feet, inspection.name(number), inspection.wrenches.bodies[number]
+    wrong = [(span, foot) for span, foot in steps if foot is not None]
+    here = np.concatenate([np.arange(span.start, span.stop) for span, _ in wrong])
+    owner, foot = feet.owners[body], wrong[0][1]
+    other = feet.feet[foot]
     text = (
-        f"force '{inspection.name(number)}' is put on '{body}', but {count}its center of pressure lies "
-        f"{np.nanmean(distances[here, to[0]]):.2f} m from '{other.name}' and "
+        f"force '{name}' is put on '{body}', but in {len(wrong)} of {len(steps)} steps its center of pressure lies "
+        f"{np.nanmean(distances[here, foot]):.2f} m from '{other.name}' and "
         f"{np.nanmean(distances[here, owner]):.2f} m from '{feet.feet[owner].name}'"
     )
-    inspection.found(
-        "wrong foot",
-        inspection.name(number),
-        text,
-        f"there it was put on '{other.heel}'",
-        f"put it on '{other.heel}' there",
-        tuple(spans),
-    )
+    carriers = tuple(body if foot is None else feet.feet[foot].heel for _, foot in steps)
+    edges = [0.5 * (feet.time[a.stop - 1] + feet.time[b.start]) for (a, _), (b, _) in pairwise(steps)]
+    carried = partial(on_carriers, name=name, carriers=carriers, edges=edges)
+    repair = Repair(carried, f"there it was put on '{other.heel}'", f"put it on '{other.heel}' there")
+    return Finding("wrong foot", name, text, inspection.times(span for span, _ in wrong), repair=repair)
 
 
-def _lost(inspection: Inspection, number: int, spans: list[slice], distances: Array) -> None:
-    """Note a force under no foot; `distances` (frames, feet) has NaN where a foot is in the air."""
+def _lost(inspection: Inspection, number: int, spans: list[slice], distances: Array) -> Finding:
+    """A force under no foot; `distances` (frames, feet) has NaN where a foot is in the air."""
     here = np.concatenate([np.arange(span.start, span.stop) for span in spans])
     near = float(np.nanmean(np.nanmin(distances[here], axis=1)))
-    first = inspection.feet.time[spans[0].start]
-    inspection.found(
-        "under no foot",
-        inspection.name(number),
-        f"the center of pressure of force '{inspection.name(number)}' lies {near:.2f} m from the nearest foot that "
-        f"stands in {len(spans)} steps, first at {first:.2f} s",
-        advice="are its axes those of the motion, and does it act on a foot? Name its body (--bodies, --plates) if not",
-        times=tuple(spans),
+    name, times = inspection.name(number), inspection.times(spans)
+    text = (
+        f"the center of pressure of force '{name}' lies {near:.2f} m from the nearest foot that stands in {len(spans)} "
+        f"steps, first at {times[0][0]:.2f} s: are its axes those of the motion, and does it act on a foot? Name its "
+        "body (--bodies, --plates) if not"
     )
+    return Finding(NO_FOOT, name, text, times)
 
 
-def _given(wrenches: Wrenches, owners: dict[int, list[tuple[slice, str]]], time: Array) -> Wrenches:
-    """Wrenches with each step of some of them on a body of its own; what lies between goes half and half."""
-    names, bodies, parts = [], [], []
-    for index, (name, body) in enumerate(zip(wrenches.names, wrenches.bodies, strict=True)):
-        steps = owners.get(index, [])
-        met = tuple(dict.fromkeys(step for _, step in steps)) or (body,)
-        edges = [0.5 * (time[a.stop - 1] + time[b.start]) for (a, _), (b, _) in pairwise(steps)]
-        number = np.searchsorted(edges, wrenches.time) if edges else np.zeros(len(wrenches), np.int64)
-        for each_body in met:
-            own = np.array([owner == each_body for _, owner in steps] or [True])[
-                np.minimum(number, max(len(steps) - 1, 0))
-            ]
-            names.append(name if len(met) == 1 else f"{name}_{each_body}")
-            bodies.append(each_body)
-            mine = own[:, None]
-            parts.append(
-                (
-                    np.where(mine, wrenches.forces[:, index], 0.0),
-                    wrenches.points[:, index],
-                    np.where(mine, wrenches.torques[:, index], 0.0),
-                )
-            )
-    forces, points, torques = (np.stack(item, axis=1) for item in zip(*parts, strict=True))
-    return replace(wrenches, names=tuple(names), bodies=tuple(bodies), forces=forces, points=points, torques=torques)
+def on_carriers(wrenches: Wrenches, name: str, carriers: tuple[str, ...], edges: list[float]) -> Wrenches:
+    """Wrenches with each step of one of them on its own body, as a wrench for each of these.
+
+    Parameters
+    ----------
+    carriers : body of each step
+    edges : times between the steps [s]
+    """
+    index, met = wrenches.names.index(name), tuple(dict.fromkeys(carriers))
+    acts = np.array([[carrier == body for body in met] for carrier in carriers])[np.searchsorted(edges, wrenches.time)]
+
+    def spread(values: Array) -> Array:
+        mine = np.repeat(values[:, [index]], len(met), axis=1)
+        return np.concatenate([values[:, :index], mine, values[:, index + 1 :]], axis=1)
+
+    factor = np.ones((len(wrenches), len(wrenches.names) - 1 + len(met), 1), bool)
+    factor[:, index : index + len(met), 0] = acts
+    labels = [name] if len(met) == 1 else [f"{name}_{body}" for body in met]
+    return replace(
+        wrenches,
+        names=(*wrenches.names[:index], *labels, *wrenches.names[index + 1 :]),
+        bodies=(*wrenches.bodies[:index], *met, *wrenches.bodies[index + 1 :]),
+        forces=np.where(factor, spread(wrenches.forces), 0.0),
+        points=spread(wrenches.points),
+        torques=np.where(factor, spread(wrenches.torques), 0.0),
+    )
 
 
 def _between(inspection: Inspection, distances: Array) -> NDArray[np.bool_]:
@@ -296,28 +284,25 @@ def _between(inspection: Inspection, distances: Array) -> NDArray[np.bool_]:
     return np.asarray((order[:, 0] > BETWEEN * feet.unit) & inside)
 
 
-def check_shared_plates(inspection: Inspection) -> None:
+def check_shared_plates(inspection: Inspection) -> Iterator[Finding]:
     """Plates that two feet stand on at once: their center of pressure lies between the soles."""
     feet = inspection.feet
     if len(feet.feet) < 2:
         return
-    for number in _looked_at(inspection):
+    lost = {finding.place for finding in inspection.findings if finding.kind == NO_FOOT}
+    for number in inspection.assigned:
+        name = inspection.name(number)
         distances = feet.distances(inspection.samples.centers(feet.up)[:, [number]])[:, 0]
         shared = _between(inspection, distances) & (inspection.weights(number) > FIRM * feet.model.weight)
         spans = [slice(a, b) for a, b in runs(shared) if b - a > 1]
-        total = sum(float(feet.time[span.stop - 1] - feet.time[span.start]) for span in spans)
-        if total < SHARED or any(
-            finding.kind == "under no foot" and finding.place == inspection.name(number)
-            for finding in inspection.findings
-        ):
+        times = inspection.times(spans)
+        total = sum(stop - start for start, stop in times)
+        if total < SHARED or name in lost:
             continue
         near = float(np.median(np.concatenate([distances[span].min(axis=1) for span in spans])))
-        inspection.found(
-            "two feet on one plate",
-            inspection.name(number),
-            f"two feet seem to stand on '{inspection.name(number)}' for {total:.2f} s, first at "
-            f"{feet.time[spans[0].start]:.2f} s: its center of pressure lies between the soles, {near:.2f} m "
-            "from the nearer",
-            advice="its force goes to one of them; `tension --contacts auto --measured shared` shares it",
-            times=tuple(spans),
+        text = (
+            f"two feet seem to stand on '{name}' for {total:.2f} s, first at {times[0][0]:.2f} s: its center of "
+            f"pressure lies between the soles, {near:.2f} m from the nearer: its force goes to one of them; `tension "
+            "--contacts auto --measured shared` shares it"
         )
+        yield Finding("two feet on one plate", name, text, times)

@@ -4,7 +4,6 @@ from .checks.moment_arms import MomentArms as MomentArms
 from .checks.penetration import Penetration as Penetration
 from .checks.warnings import CheckOptions as CheckOptions
 from .checks.warnings import MorphChecks as MorphChecks
-from .checks.warnings import Warned as Warned
 from .checks.warnings import WrapInterval as WrapInterval
 from .maps.fields import BoneMap as BoneMap
 from .maps.fields import FeaturePoints as FeaturePoints

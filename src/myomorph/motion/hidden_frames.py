@@ -9,18 +9,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
-from myomorph.model.arrays import runs
 from myomorph.model.errors import quoted
-from myomorph.model.findings import Finding
+from myomorph.model.findings import Finding, Repair, spans_of
 from myomorph.model.model import Model
 from myomorph.model.series import Markers
 from myomorph.motion.ik import KinematicsFit
 from myomorph.motion.marker_influence import MarkerFrames, marker_frames
 from myomorph.motion.pose_problem import PoseProblem
-from myomorph.motion.root import floating_coordinates
+from myomorph.motion.turns import floating_coordinates
 from myomorph.rigid.tree import compile_tree
 
 FAINT = 0.01
@@ -40,10 +40,8 @@ CHUNK = 128
 """Frames whose slopes are held at once."""
 
 
-def without_hidden(
-    model: Model, markers: Markers, fit: KinematicsFit, problem: PoseProblem, mend: bool = True
-) -> tuple[KinematicsFit, tuple[Finding, ...]]:
-    """The fit with gaps where the seen markers do not show where the body is, and what is hidden in part of the frames.
+def hidden_findings(model: Model, markers: Markers, fit: KinematicsFit, problem: PoseProblem) -> tuple[Finding, ...]:
+    """Frames whose markers do not show where the body is, which become gaps, and what is hidden in part of the frames.
 
     Models with loops are not looked at: what ties determine, slopes of single markers do not know.
 
@@ -51,28 +49,27 @@ def without_hidden(
     ----------
     markers : that the fit is of
     problem : of `pose_problem`, for the fit's markers
-    mend : make such frames gaps; else they are only told
     """
     if model.loops or not fit.seen.any():
-        return fit, ()
+        return ()
     hidden = _hidden(model, markers, fit, problem)
     names = [model.coordinate_names[j] for j in problem.free]
     floating = set(floating_coordinates(model))
     root = [i for i, name in enumerate(names) if name in floating]
     lost = hidden[:, root].any(axis=1) & fit.seen
     if lost.all():
-        return fit, ()
-    findings = list(_lost(fit, lost, mend))
+        return ()
     kept = fit.seen & ~lost
     partly = hidden & kept[:, None]
     partly[:, root] = False
-    findings += _partly(fit, names, partly, int(kept.sum()))
-    if not (mend and lost.any()):
-        return fit, tuple(findings)
+    return (*_lost(fit, lost), *_partly(fit, names, partly, int(kept.sum())))
+
+
+def _without(fit: KinematicsFit, lost: np.ndarray) -> KinematicsFit:
+    """The fit with gaps in some frames."""
     values, errors, converged = np.array(fit.motion.values), np.array(fit.errors), np.array(fit.converged)
     values[lost], errors[lost], converged[lost] = np.nan, np.nan, False
-    motion = replace(fit.motion, values=values)
-    return replace(fit, motion=motion, errors=errors, converged=converged), tuple(findings)
+    return replace(fit, motion=replace(fit.motion, values=values), errors=errors, converged=converged)
 
 
 def _hidden(model: Model, markers: Markers, fit: KinematicsFit, problem: PoseProblem) -> np.ndarray:
@@ -105,19 +102,18 @@ def _sizes(marker_frames: MarkerFrames, frame: int, mask: np.ndarray) -> tuple[n
     return sizes, parts
 
 
-def _lost(fit: KinematicsFit, lost: np.ndarray, mend: bool) -> Iterator[Finding]:
-    """The frames that show too few markers to tell where the body is."""
+def _lost(fit: KinematicsFit, lost: np.ndarray) -> Iterator[Finding]:
+    """The frames that show too few markers to determine where the body is."""
     if not lost.any():
         return
-    time = fit.motion.time
-    spans = [(float(time[a]), float(time[b - 1])) for a, b in runs(lost)]
+    spans = spans_of(fit.motion.time, lost)
     fewest = int(np.isfinite(fit.errors[lost]).sum(axis=1).min())
-    what = "left empty" if mend else "poses there are guesses"
     text = (
         f"{int(lost.sum())} of {len(lost)} frames show too few markers to tell where the body is (as few as "
-        f"{fewest} of {len(fit.marker_names)}, first at {spans[0][0]:.2f} s): {what}"
+        f"{fewest} of {len(fit.marker_names)}, first at {spans[0][0]:.2f} s)"
     )
-    yield Finding("hidden frames", "frames", text, tuple(spans), mended=mend)
+    repair = Repair(partial(_without, lost=lost), "left empty", "poses there are guesses")
+    yield Finding("hidden frames", "frames", text, spans, repair=repair)
 
 
 def _partly(fit: KinematicsFit, names: list[str], hidden: np.ndarray, frames: int) -> Iterator[Finding]:
@@ -132,13 +128,13 @@ def _partly(fit: KinematicsFit, names: list[str], hidden: np.ndarray, frames: in
             group.append(i)
     for members in together:
         when = np.asarray(hidden[:, members].any(axis=1))
-        spans = [(float(fit.motion.time[a]), float(fit.motion.time[b - 1])) for a, b in runs(when)]
+        spans = spans_of(fit.motion.time, when)
         which = [names[i] for i in members]
         text = (
             f"in {int(when.sum())} of {frames} frames no marker shows {quoted(which)}, first from {spans[0][0]:.2f} to "
             f"{spans[0][1]:.2f} s: values there are guesses near the default"
         )
-        yield Finding("hidden in part", ", ".join(which), text, tuple(spans))
+        yield Finding("hidden in part", ", ".join(which), text, spans)
 
 
 def _overlap(first: np.ndarray, other: np.ndarray) -> float:

@@ -12,11 +12,9 @@ from myomorph.model.errors import BadData, listing
 from myomorph.model.labelled import Labelled, Variable
 from myomorph.model.model import Model, index_of
 from myomorph.model.series import Markers, Motion
-from myomorph.motion.branches import of_one_branch
 from myomorph.motion.lengths import coordinate_units
 from myomorph.motion.newton import SCOUT, Settings, frames_shown, solve_poses, task_arrays
 from myomorph.motion.pose_problem import PoseProblem
-from myomorph.motion.root import floating_coordinates, of_one_turn
 from myomorph.motion.starts import scout_poses
 from myomorph.motion.sync import refuse_other_times
 from myomorph.motion.tasks.coordinates import CoordinateTask
@@ -24,6 +22,7 @@ from myomorph.motion.tasks.loops import ties_of
 from myomorph.motion.tasks.markers import MarkerTask
 from myomorph.motion.tasks.orientations import OrientationTask
 from myomorph.motion.tasks.task import TASKS, Task
+from myomorph.motion.turns import floating_coordinates, of_one_branch, of_one_turn
 from myomorph.rigid.coordinates import Ints
 from myomorph.rigid.couplers import couple_frames
 from myomorph.rigid.loops import closure, free_coordinates

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from functools import partial
 
 import numpy as np
 
 from myomorph.model.arrays import Array, runs
-from myomorph.model.findings import Finding
+from myomorph.model.findings import Finding, Repair, pairs_text, repaired, spans_of, times_text
 from myomorph.model.model import Model
 from myomorph.model.scale import scale
 from myomorph.model.series import Markers
@@ -17,12 +17,11 @@ from myomorph.motion.body.postures import overall_size
 from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit, inverse_kinematics, tracked_markers
 from myomorph.motion.lengths import length_unit
 from myomorph.motion.marker_swaps import MIRRORED, OF_ANY_LENGTHS, SIDES, USUAL, Margin, Solve, Swap, find_swap
-from myomorph.motion.marker_texts import pairs_text, span_of, times_text
 from myomorph.motion.stretch import skeleton
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 
-MOST_SWAPS = 4
+MAX_SWAPS = 4
 """Exchanges of labels that are looked for one after the other."""
 
 SAMPLES = 16
@@ -30,20 +29,6 @@ SAMPLES = 16
 
 THROUGHOUT = 0.9
 """Share of the frames from which on an exchange is one of all frames."""
-
-
-class Relabelled(NamedTuple):
-    """A recording whose labels were put right, and the fit of a model to it.
-
-    Attributes
-    ----------
-    throughout : exchanges that were mended in all frames
-    """
-
-    markers: Markers
-    fit: KinematicsFit
-    findings: tuple[Finding, ...]
-    throughout: tuple[Swap, ...]
 
 
 def mended_labels(
@@ -70,27 +55,27 @@ def mended_labels(
     sized = scale(bare, dict.fromkeys(bare.body_names, np.full(3, size)))
     sample = Markers(markers.time[chosen], markers.names, markers.values[chosen])
     fit = inverse_kinematics(sized, sample, options)
-    repaired = without_swaps(sized, sample, fit, options, True, length_unit(compile_tree(sized)), OF_ANY_LENGTHS)
-    values = np.array(markers.values)
-    for swap in repaired.throughout:
-        values[:, columns] = swap.applied(values[:, columns], swap.columns(names))
-    told = tuple(finding for finding in repaired.findings if not finding.times)
-    return (replace(markers, values=values) if repaired.throughout else markers), told
+    _, findings = swap_findings(sized, sample, fit, options, length_unit(compile_tree(sized)), OF_ANY_LENGTHS)
+    return repaired(markers, (finding for finding in findings if not finding.times))
 
 
-def without_swaps(
+def swap_findings(
     model: Model,
     markers: Markers,
     fit: KinematicsFit,
     options: InverseKinematicsOptions,
-    mend: bool,
     unit: float,
     margin: Margin = USUAL,
-) -> Relabelled:
-    """Labels exchanged that the fit shows, put back where they are not of the whole body."""
+    mend: bool = True,
+) -> tuple[KinematicsFit, tuple[Finding, ...]]:
+    """Labels exchanged that the fit shows, and the fit with those put back that are not of the whole body.
+
+    Parameters
+    ----------
+    mend : put an exchange back and look for the next; else the first is the last
+    """
     findings: list[Finding] = []
-    throughout: list[Swap] = []
-    for _ in range(MOST_SWAPS):
+    for _ in range(MAX_SWAPS):
         names = fit.marker_names
         columns = [markers.names.index(name) for name in names]
         observed = markers.values[:, columns]
@@ -98,26 +83,28 @@ def without_swaps(
         swap = find_swap(model, names, observed, fit.errors, _placed(model, fit), solve, unit, margin)
         if swap is None:
             break
-        values = np.array(markers.values)
-        values[:, columns] = swap.applied(observed, swap.columns(names))
-        exchanged = replace(markers, values=values)
-        other = inverse_kinematics(model, exchanged, options)
+        other = inverse_kinematics(model, _put_back(markers, swap, names), options)
         with np.errstate(invalid="ignore"):
             wrong = _smooth(other.rms < max(0.8, margin.share) * fit.rms)
         if not wrong.any():
             break
         # A mirrored recording is not mended: its forces would have to be mirrored too, along an axis that markers hide.
         sure = swap.name != MIRRORED and (swap.certain or wrong.mean() < 0.5)
-        finding = _swap_finding(swap, markers, wrong, fit, other, sure and mend)
+        finding = _swap_finding(swap, markers, wrong, fit, other, sure)
         findings.append(finding)
-        if not finding.mended:
+        if finding.repair is None or not mend:
             break
-        if wrong.mean() > THROUGHOUT:
-            wrong[:] = True
-            throughout.append(swap)
-        markers = replace(markers, values=np.where(wrong[:, None, None], values, markers.values))
-        fit = other if wrong.all() else inverse_kinematics(model, markers, options)
-    return Relabelled(markers, fit, tuple(findings), tuple(throughout))
+        markers, _ = repaired(markers, (finding,))
+        fit = inverse_kinematics(model, markers, options) if finding.times else other
+    return fit, tuple(findings)
+
+
+def _put_back(markers: Markers, swap: Swap, names: Sequence[str], wrong: np.ndarray | None = None) -> Markers:
+    """The recording with an exchange of labels undone, in some frames (frames,) or in all."""
+    values, columns = np.array(markers.values), [markers.names.index(name) for name in names]
+    values[:, columns] = swap.applied(values[:, columns], swap.columns(names))
+    kept = values if wrong is None else np.where(wrong[:, None, None], values, markers.values)
+    return replace(markers, values=kept)
 
 
 def _smooth(flags: np.ndarray) -> np.ndarray:
@@ -131,9 +118,9 @@ def _smooth(flags: np.ndarray) -> np.ndarray:
 
 
 def _swap_finding(
-    swap: Swap, markers: Markers, wrong: np.ndarray, fit: KinematicsFit, other: KinematicsFit, mended: bool
+    swap: Swap, markers: Markers, wrong: np.ndarray, fit: KinematicsFit, other: KinematicsFit, sure: bool
 ) -> Finding:
-    spans = [] if wrong.mean() > THROUGHOUT else [span_of(markers.time, start, stop) for start, stop in runs(wrong)]
+    spans = () if wrong.mean() > THROUGHOUT else spans_of(markers.time, wrong)
     before, after = (100 * float(np.nanmedian(tried.rms[wrong])) for tried in (fit, other))
     when = times_text(spans) if spans else "throughout"
     fits = f"root mean square error {before:.1f} cm, {after:.1f} cm exchanged"
@@ -143,11 +130,13 @@ def _swap_finding(
         mirrored = "one axis of the recording is mirrored (turn its sign, in the forces too)"
         why = mirrored if swap.certain else f"either {sides}, or {mirrored}"
         text = f"left and right are exchanged {when}: {fits}; {why}"
-        return Finding("mirrored axis" if swap.certain else "left and right", "all markers", text, tuple(spans))
+        return Finding("mirrored axis" if swap.certain else "left and right", "all markers", text, spans)
     labels = pairs_text(swap.pairs)
     what = f"labels {labels}" if len(swap.pairs) == 1 else f"labels of {swap.name} ({labels})"
-    text = f"{what} are exchanged {when}: {fits}" + ("; mended: exchanged back there" if mended else "")
-    return Finding("swapped labels", labels.replace("'", ""), text, tuple(spans), mended)
+    put_back = partial(_put_back, swap=swap, names=fit.marker_names, wrong=wrong if spans else None)
+    repair = Repair(put_back, "exchanged back there") if sure else None
+    text = f"{what} are exchanged {when}, with a {fits}"
+    return Finding("swapped labels", labels.replace("'", ""), text, spans, repair=repair)
 
 
 def _placed(model: Model, fit: KinematicsFit) -> Array:

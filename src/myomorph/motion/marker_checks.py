@@ -1,31 +1,40 @@
 """Inverse kinematics that is not wrong in silence: what of a recording of markers may not be believed, and its repair.
 
 Before the fit: markers that jump and labels exchanged for some frames show in time alone. After it: labels exchanged
-throughout, a marker beside its place, coordinates held at their bounds or shown by no marker, a body that lies.
+throughout, a marker beside its place, coordinates held at their bounds or shown by no marker, a body that lies. Names
+that the model does not have show without any frame.
 """
 
 from __future__ import annotations
 
+import difflib
+import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from myomorph.model.arrays import Array
-from myomorph.model.findings import Finding
+from myomorph.model.errors import quoted
+from myomorph.model.findings import Finding, Repair, Span, pairs_text, repaired, times_text
 from myomorph.model.model import Model
 from myomorph.model.series import Markers
-from myomorph.motion.hidden_frames import without_hidden
+from myomorph.motion.hidden_frames import hidden_findings
 from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit, inverse_kinematics, pose_problem
-from myomorph.motion.label_repair import without_swaps
+from myomorph.motion.label_repair import swap_findings
 from myomorph.motion.lengths import length_unit
-from myomorph.motion.marker_names import name_findings
 from myomorph.motion.marker_places import place_findings
-from myomorph.motion.marker_steps import Exchange, Steps, edges_of, exchanges, excursions
-from myomorph.motion.marker_texts import frames_text, pairs_text, span_of, times_text
+from myomorph.motion.marker_steps import Exchange, edges_of, exchanges, excursions
 from myomorph.motion.pose_checks import pose_findings
 from myomorph.motion.sensors.sensor_kinematics import SensorFit
 from myomorph.rigid.tree import compile_tree
+
+FEW = 0.5
+"""Share of the model's markers, and of those recorded, below which too few match."""
+
+NEAR = 0.8
+"""Likeness of two names, letters alone, from which one may be meant for the other."""
 
 
 @dataclass(frozen=True)
@@ -80,18 +89,15 @@ def checked_kinematics(
     """
     options, checks = options or InverseKinematicsOptions(), checks or MarkerCheckOptions()
     unit = length_unit(compile_tree(model))
-    mended, in_time = mended_in_time(model, markers, unit)
-    used = mended if checks.mend else markers
+    used, in_time = repaired(markers, time_findings(model, markers, unit), checks.mend)
     fit = inverse_kinematics(model, used, options, progress)
-    used, fit, swapped, _ = without_swaps(model, used, fit, options, checks.mend, unit)
+    fit, swapped = swap_findings(model, used, fit, options, unit, mend=checks.mend)
+    used, swapped = repaired(used, swapped, checks.mend)
     problem = pose_problem(compile_tree(model), fit.marker_names, fit.weights, options)
-    fit, hidden = without_hidden(model, used, fit, problem, checks.mend)
-    matched = len(fit.marker_names)
+    fit, hidden = repaired(fit, hidden_findings(model, used, fit, problem), checks.mend)
     shared = set(model.marker_names)
     unknown = tuple(name for name in fit.unused_markers if name not in shared)
-    findings = [*name_findings(fit.missing_markers, unknown, matched), *swapped]
-    findings += [finding if checks.mend else _only_told(finding) for finding in in_time]
-    findings += hidden
+    findings = [*name_findings(fit.missing_markers, unknown, len(fit.marker_names)), *swapped, *in_time, *hidden]
     # What a body under wrong labels does says nothing more.
     if all(finding.mended for finding in swapped):
         findings += place_findings(model, used, fit, problem, unit)
@@ -99,33 +105,43 @@ def checked_kinematics(
     return CheckedFit(fit, used, tuple(findings))
 
 
-def _only_told(finding: Finding) -> Finding:
-    text = finding.text.split("; mended")[0]
-    return replace(finding, text=text, mended=False)
-
-
-def mended_in_time(model: Model, markers: Markers, unit: float) -> tuple[Markers, tuple[Finding, ...]]:
-    """Labels exchanged for some frames put back, and jumping markers bridged there, with what was found.
+def time_findings(model: Model, markers: Markers, unit: float) -> tuple[Finding, ...]:
+    """Labels exchanged for some frames, and markers that jump once these are put back.
 
     Parameters
     ----------
     unit : see `length_unit`
     """
-    columns = [i for i, name in enumerate(markers.names) if name in set(model.marker_names)]
-    values, findings = np.array(markers.values), list[Finding]()
-    names = [markers.names[i] for i in columns]
-    edges = edges_of(markers.time, values[:, columns], unit)
+    names = [name for name in markers.names if name in set(model.marker_names)]
+    swapped = tuple(_exchange_findings(markers, names, unit))
+    right, _ = repaired(markers, swapped)
+    return (*swapped, *_jump_findings(right, names, unit))
+
+
+def _exchange_findings(markers: Markers, names: Sequence[str], unit: float) -> Iterator[Finding]:
+    """Pairs of labels that are exchanged in the same frames together."""
+    values = markers.values[:, [markers.names.index(name) for name in names]]
     parts: dict[tuple[int, int], list[tuple[str, str]]] = {}
-    for exchange in _short_side(exchanges(values[:, columns], edges), len(values)):
-        i, j = columns[exchange.first], columns[exchange.second]
-        span = slice(exchange.start, exchange.stop)
-        values[span, i], values[span, j] = values[span, j].copy(), values[span, i].copy()
-        parts.setdefault((exchange.start, exchange.stop), []).append((names[exchange.first], names[exchange.second]))
-    findings += [_exchanged(markers, pairs, *part) for part, pairs in parts.items()]
-    if findings:
-        edges = edges_of(markers.time, values[:, columns], unit)
-    findings += _bridged(markers, values, columns, edges)
-    return (replace(markers, values=values) if findings else markers), tuple(findings)
+    for exchange in _short_side(exchanges(values, edges_of(markers.time, values, unit)), len(values)):
+        pair = names[exchange.first], names[exchange.second]
+        parts.setdefault((exchange.start, exchange.stop), []).append(pair)
+    for (start, stop), pairs in parts.items():
+        span = float(markers.time[start]), float(markers.time[stop - 1])
+        text = (
+            f"labels {pairs_text(pairs)} are exchanged {times_text([span])} ({_frames_text(stop - start)}), as their "
+            "paths go on in each other"
+        )
+        repair = Repair(partial(_exchanged, pairs=pairs, part=slice(start, stop)), "exchanged back there")
+        yield Finding("swapped labels", pairs_text(pairs).replace("'", ""), text, (span,), repair=repair)
+
+
+def _exchanged(markers: Markers, pairs: Sequence[tuple[str, str]], part: slice) -> Markers:
+    """The recording with labels exchanged in some frames."""
+    values = np.array(markers.values)
+    for pair in pairs:
+        columns = [markers.names.index(name) for name in pair]
+        values[part, columns] = values[part, columns[::-1]]
+    return replace(markers, values=values)
 
 
 def _short_side(exchanges: Sequence[Exchange], frames: int) -> Iterator[Exchange]:
@@ -137,36 +153,35 @@ def _short_side(exchanges: Sequence[Exchange], frames: int) -> Iterator[Exchange
             yield exchange
 
 
-def _exchanged(markers: Markers, pairs: Sequence[tuple[str, str]], start: int, stop: int) -> Finding:
-    span = span_of(markers.time, start, stop)
-    text = (
-        f"labels {pairs_text(pairs)} are exchanged {times_text([span])} ({frames_text(stop - start)}): their paths "
-        "go on in each other; mended: exchanged back there"
-    )
-    return Finding("swapped labels", pairs_text(pairs).replace("'", ""), text, (span,), True)
-
-
-def _bridged(markers: Markers, values: Array, columns: Sequence[int], edges: Sequence[Steps]) -> Iterator[Finding]:
+def _jump_findings(markers: Markers, names: Sequence[str], unit: float) -> Iterator[Finding]:
     """Jumping markers, put where their path leads from before to after; at the ends of the recording left out.
 
     A marker that is left out for some frames lets the pose jump, for no marker fits exactly: a bridge does not.
     """
-    jumping: dict[int, list[tuple[int, int, float]]] = {}
-    for excursion in excursions(markers.time, edges):
-        jumping.setdefault(columns[excursion.marker], []).append((excursion.start, excursion.stop, excursion.size))
-    for column, parts in jumping.items():
-        name = markers.names[column]
-        for start, stop, _ in parts:
-            values[start:stop, column] = _bridge(markers.time, values[:, column], start, stop)
-        spans = [span_of(markers.time, start, stop) for start, stop, _ in parts]
+    values = markers.values[:, [markers.names.index(name) for name in names]]
+    jumping: dict[str, list[tuple[int, int, float]]] = {}
+    for excursion in excursions(markers.time, edges_of(markers.time, values, unit)):
+        jumping.setdefault(names[excursion.marker], []).append((excursion.start, excursion.stop, excursion.size))
+    for name, parts in jumping.items():
+        spans: list[Span] = [(float(markers.time[start]), float(markers.time[stop - 1])) for start, stop, _ in parts]
         worst = max(size for _, _, size in parts)
         count = sum(stop - start for start, stop, _ in parts)
-        gone = bool(np.isnan(values[[start for start, _, _ in parts], column]).any())
-        jump = (
-            f"marker '{name}' jumps by up to {100 * worst:.1f} cm and back {times_text(spans)} ({frames_text(count)})"
+        text = (
+            f"marker '{name}' jumps by up to {100 * worst:.1f} cm and back {times_text(spans)} ({_frames_text(count)})"
         )
-        how = "left out there" if gone else "bridged there from the frames around"
-        yield Finding("jumping marker", name, f"{jump}; mended: {how}", tuple(spans), True)
+        bridged = partial(_bridged, name=name, parts=[part[:2] for part in parts])
+        path = bridged(markers).values[[start for start, _, _ in parts], markers.names.index(name)]
+        gone = bool(np.isnan(path).any())
+        repair = Repair(bridged, "left out there" if gone else "bridged there from the frames around")
+        yield Finding("jumping marker", name, text, tuple(spans), repair=repair)
+
+
+def _bridged(markers: Markers, name: str, parts: Sequence[tuple[int, int]]) -> Markers:
+    """The recording with the path of a marker bridged in some parts."""
+    values, column = np.array(markers.values), markers.names.index(name)
+    for start, stop in parts:
+        values[start:stop, column] = _bridge(markers.time, values[:, column], start, stop)
+    return replace(markers, values=values)
 
 
 def _bridge(time: Array, path: Array, start: int, stop: int) -> Array:
@@ -181,3 +196,69 @@ def _bridge(time: Array, path: Array, start: int, stop: int) -> Array:
     before = (1.0 + 2.0 * u) * (1.0 - u) ** 2 * path[start - 1] + u * (1.0 - u) ** 2 * slope0
     after = u**2 * (3.0 - 2.0 * u) * path[stop] + u**2 * (u - 1.0) * slope1
     return np.asarray(before + after)
+
+
+def _frames_text(count: int) -> str:
+    return f"{count} frame" + ("" if count == 1 else "s")
+
+
+def spelling(name: str) -> str:
+    """A name without what laboratories spell differently: case, dots, blanks, underscores, a subject's prefix."""
+    return re.sub(r"[^a-z0-9]", "", name.rsplit(":", 1)[-1].lower())
+
+
+def near_names(wanted: Sequence[str], offered: Sequence[str]) -> dict[str, str]:
+    """For each wanted name the offered one that probably means it, where there is one; sides are never exchanged."""
+    result: dict[str, str] = {}
+    by_spelling = {spelling(name): name for name in reversed(offered)}
+    for name in wanted:
+        spelled = spelling(name)
+        if spelled in by_spelling:
+            result[name] = by_spelling[spelled]
+    left = {spelling(name): name for name in offered if name not in result.values()}
+    for name in wanted:
+        if name in result or len(spelling(name)) < 4:
+            continue
+        spelled = spelling(name)
+        for other in difflib.get_close_matches(spelled, list(left), n=3, cutoff=NEAR):
+            # Another letter may be the side, another digit the number in a cluster: letters may only be missing.
+            if _only_adds(spelled, other) or _only_adds(other, spelled):
+                result[name] = left.pop(other)
+                break
+    return result
+
+
+def _only_adds(short: str, long: str) -> bool:
+    """Whether a name is another one with more letters put in, and the same first letter and digits."""
+    if short[:1] != long[:1] or re.findall(r"\d", short) != re.findall(r"\d", long):
+        return False
+    rest = iter(long)
+    return all(letter in rest for letter in short)
+
+
+def name_findings(missing: Sequence[str], unused: Sequence[str], matched: int) -> tuple[Finding, ...]:
+    """Too few markers that match, and names that are nearly those of the model.
+
+    Parameters
+    ----------
+    missing : markers of the model that were not recorded
+    unused : recorded markers that the model does not have
+    matched : how many both have
+    """
+    model, recorded = matched + len(missing), matched + len(unused)
+    near = near_names(missing, unused)
+    hints = [f"'{other}' for '{name}'" for name, other in list(near.items())[:4]]
+    hint = f"is {', '.join(hints)}{', ...' if len(near) > 4 else ''} meant?" if near else ""
+    if matched < FEW * model and matched < FEW * recorded:
+        text = (
+            f"only {matched} of the model's {model} markers are among the {recorded} recorded: not in the model are "
+            f"{quoted(unused)}; {hint + ' ' if hint else ''}map the names with --labels (labels in a study)"
+        )
+        return (Finding("unmatched markers", "markers", text),)
+    if near:
+        text = (
+            f"{len(missing)} of the model's {model} markers were not recorded, and {len(unused)} recorded ones are not "
+            f"in the model: {hint} Map the names with --labels (labels in a study)"
+        )
+        return (Finding("near names", ", ".join(near), text),)
+    return ()

@@ -7,15 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from myomorph.model.arrays import Array, runs
+from myomorph.model.arrays import Array
 from myomorph.model.errors import quoted
-from myomorph.model.findings import Finding
+from myomorph.model.findings import Finding, spans_of
 from myomorph.model.model import GROUND, Model
 from myomorph.model.series import Markers
 from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit, inverse_kinematics
 from myomorph.motion.marker_influence import marker_frames, undetermined
 from myomorph.motion.pose_problem import PoseProblem
-from myomorph.motion.root import floating_coordinates
+from myomorph.motion.turns import floating_coordinates
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 
@@ -89,14 +89,14 @@ def _bound_findings(
             continue
         limit = f"{np.degrees(bound):.4g} degrees" if turns else f"{bound:.4g} m"
         further = f"{np.degrees(usual):.0f} degrees" if turns else f"{100 * usual:.1f} cm"
-        spans = [(float(fit.motion.time[a]), float(fit.motion.time[b - 1])) for a, b in runs(at[:, i])]
+        spans = spans_of(fit.motion.time, at[:, i])
         first = f"from {spans[0][0]:.2f} s on" if len(spans) > 1 else f"from {spans[0][0]:.2f} to {spans[0][1]:.2f} s"
         text = (
             f"coordinate '{names[i]}' is held at its bound of {limit} in {int(at[:, i].sum())} of {len(fit.motion)} "
             f"frames ({first}); the markers ask for about {further} more: check the bound, the markers there and the "
             "model's size"
         )
-        yield Finding("at its bound", names[i], text, tuple(spans))
+        yield Finding("at its bound", names[i], text, spans)
 
 
 def _blind_findings(model: Model, markers: Markers, fit: KinematicsFit, problem: PoseProblem) -> Iterator[Finding]:
@@ -130,7 +130,7 @@ def turned_findings(model: Model, fit: KinematicsFit) -> Iterator[Finding]:
             over = (angles < low - OVER) | (angles > high + OVER)
         if not over.any():
             continue
-        spans = [(float(fit.motion.time[a]), float(fit.motion.time[b - 1])) for a, b in runs(over)]
+        spans = spans_of(fit.motion.time, over)
         far = float(np.nanmax(np.abs(angles[over] - 0.5 * (low + high))))
         text = (
             f"coordinate '{coordinate.name}' is up to {np.degrees(far):.0f} degrees from the middle of its range "
@@ -138,7 +138,7 @@ def turned_findings(model: Model, fit: KinematicsFit) -> Iterator[Finding]:
             f"from {spans[0][0]:.2f} s on: the joint turned over, and torques there are wrong: clamp it, or check the "
             "markers"
         )
-        yield Finding("joint turned over", coordinate.name, text, tuple(spans))
+        yield Finding("joint turned over", coordinate.name, text, spans)
 
 
 def _counted(names: list[str]) -> str:
@@ -183,6 +183,6 @@ def _convergence_findings(fit: KinematicsFit) -> Iterator[Finding]:
     """Frames whose search did not end."""
     lost = fit.seen & ~np.asarray(fit.converged, bool)
     if lost.any():
-        spans = [(float(fit.motion.time[a]), float(fit.motion.time[b - 1])) for a, b in runs(lost)]
+        spans = spans_of(fit.motion.time, lost)
         text = f"{int(lost.sum())} of {len(lost)} frames did not converge, the first at {spans[0][0]:.2f} s"
-        yield Finding("not converged", "frames", text, tuple(spans))
+        yield Finding("not converged", "frames", text, spans)

@@ -7,9 +7,9 @@ from itertools import product
 import numpy as np
 
 from myomorph.model.arrays import Array
-from myomorph.motion.branches import nearest_turn, other_branch
 from myomorph.motion.newton import SCOUT, Settings, SolvedFrames, frames_shown, solve_frames
 from myomorph.motion.pose_problem import PoseProblem
+from myomorph.motion.turns import nearest_turn, other_branch
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.loops import close_loops
 from myomorph.rigid.tree import Tree

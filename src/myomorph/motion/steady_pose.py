@@ -17,7 +17,7 @@ from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.motion.ik import InverseKinematicsOptions
 from myomorph.motion.online import LOST, OnlineKinematics
-from myomorph.motion.root import floating_coordinates
+from myomorph.motion.turns import floating_coordinates
 from myomorph.rigid.tree import compile_tree
 
 BLEND = 0.05

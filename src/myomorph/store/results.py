@@ -10,7 +10,7 @@ import tempfile
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -391,7 +391,7 @@ def get_findings(stored: Stored, name: str) -> tuple[Finding, ...]:
 
 def findings_text(findings: Sequence[Finding]) -> str:
     """Findings as JSON."""
-    return json.dumps([asdict(finding) for finding in findings])
+    return json.dumps([finding.record for finding in findings])
 
 
 def findings_of(text: str) -> tuple[Finding, ...]:

@@ -14,7 +14,7 @@ from myomorph.model.model import Model
 from myomorph.model.segments import segments_of
 from myomorph.model.series import Emg, Markers, Motion, Series, Wrenches
 from myomorph.model.spatial import rotation_from_vector
-from myomorph.motion.root import floating_coordinates
+from myomorph.motion.turns import floating_coordinates
 from myomorph.uncertainty.bodies import Draw
 
 SKIN = {"thigh": "skin_thigh", "shank": "skin_shank", "foot": "skin_foot"} | dict.fromkeys(

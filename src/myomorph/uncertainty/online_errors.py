@@ -14,7 +14,7 @@ from myomorph.model.model import Model
 from myomorph.model.series import Markers
 from myomorph.motion.causal import CausalFilter, CausalStream
 from myomorph.motion.ik import InverseKinematicsOptions, tracked_markers
-from myomorph.motion.root import floating_coordinates
+from myomorph.motion.turns import floating_coordinates
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import Tree, compile_tree
 from myomorph.uncertainty.bodies import Draw

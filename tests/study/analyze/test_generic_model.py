@@ -9,7 +9,7 @@ from myomorph.model.series import Motion
 from myomorph.motion.ik import KinematicsFit
 from myomorph.motion.pose_checks import turned_findings
 from myomorph.motion.protocols import protocols
-from myomorph.motion.root import floating_coordinates
+from myomorph.motion.turns import floating_coordinates
 from myomorph.muscles.path import compile_paths
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree

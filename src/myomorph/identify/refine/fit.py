@@ -20,7 +20,7 @@ from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, BadModel
 from myomorph.model.inertia import with_inertial_parameters
 from myomorph.model.model import Model
-from myomorph.motion.root import floating_coordinates
+from myomorph.motion.turns import floating_coordinates
 
 
 def refine(

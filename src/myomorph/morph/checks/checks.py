@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from myomorph.model.findings import Finding
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.surface import Surface
 from myomorph.morph.checks.moment_arms import (
@@ -24,7 +25,6 @@ from myomorph.morph.checks.penetration import NOWHERE, Penetration, Solid, path_
 from myomorph.morph.checks.warnings import (
     CheckOptions,
     MorphChecks,
-    Warned,
     arm_warnings,
     bone_warnings,
     fiber_warnings,
@@ -93,14 +93,14 @@ def check_morph(
         *bone_warnings(deep, longest, options, sliding),
         *arm_warnings(morph.source, arms, sizes, options),
         *order_warnings(arms, order, options),
-        *(Warned("fold", m, f"{m}: the map of {body} turns space inside out at {p}") for m, p, body in folded),
+        *(Finding("fold", m, f"{m}: the map of {body} turns space inside out at {p}") for m, p, body in folded),
         *surface_warnings(morph, longest, options),
         *fiber_warnings(morph, options),
         *joint_warnings(morph, longest, options),
     ]
     advance(1.0)
     deep.sort(key=lambda penetration: -penetration.increase)
-    warnings.sort(key=lambda warning: (KINDS.index(warning.kind), -warning.size, warning.name))
+    warnings.sort(key=lambda warning: (KINDS.index(warning.kind), -warning.size, warning.place))
     return MorphChecks(tuple(deep), arms, FrozenMap(order), folded, tuple(warnings), options, tuple(notes))
 
 

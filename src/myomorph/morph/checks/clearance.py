@@ -263,7 +263,7 @@ def _new_oddities(
     def odd(model: Model) -> frozenset[tuple[str, str]]:
         same = replace(model, muscles=tuple(model.muscle(muscle.name) for muscle in few.muscles))
         warnings = arm_warnings(few, compare_moment_arms(few, same, pairs), sizes, CheckOptions())
-        return frozenset((warning.kind, warning.name) for warning in warnings if warning.kind in ("sign", "jump"))
+        return frozenset((warning.kind, warning.place) for warning in warnings if warning.kind in ("sign", "jump"))
 
     return frozenset(name for _, name in odd(cleared.model) - odd(cleared.start)) if moved else frozenset()
 

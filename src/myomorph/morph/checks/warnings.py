@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from myomorph.model.errors import BadData
+from myomorph.model.findings import Finding
 from myomorph.model.model import Model
 from myomorph.model.paths import WrapObject
 from myomorph.morph.checks.moment_arms import MomentArms
@@ -55,24 +56,6 @@ class CheckOptions:
             raise BadData(f"{self.poses} poses of a range: expected 2 or more")
 
 
-@dataclass(frozen=True)
-class Warned:
-    """One thing that looks wrong.
-
-    Attributes
-    ----------
-    kind : "bone" (path through it), "sign", "jump", "arm", "order", "surface", "fold", "fiber", "joint"
-    name : of the muscle, joint, coordinate or body
-    text : one line with its number
-    size : how bad, to sort by within a kind
-    """
-
-    kind: str
-    name: str
-    text: str
-    size: float = 0.0
-
-
 @dataclass(frozen=True, eq=False)
 class WrapInterval:
     """How surely a wrap object lies in its bone.
@@ -109,19 +92,19 @@ class MorphChecks:
     arms: tuple[MomentArms, ...]
     order: Mapping[str, float]
     folded: tuple[tuple[str, str, str], ...]
-    warnings: tuple[Warned, ...]
+    warnings: tuple[Finding, ...]
     options: CheckOptions
     notes: tuple[str, ...] = ()
     wraps: tuple[WrapInterval, ...] = ()
 
-    def of(self, kind: str) -> tuple[Warned, ...]:
+    def of(self, kind: str) -> tuple[Finding, ...]:
         """Warnings of one kind."""
         return tuple(warning for warning in self.warnings if warning.kind == kind)
 
 
 def bone_warnings(
     deep: Iterable[Penetration], longest: float, options: CheckOptions, sliding: Collection[str] = ()
-) -> Iterator[Warned]:
+) -> Iterator[Finding]:
     """Paths that run deeper through a bone than in the source.
 
     Parameters
@@ -136,14 +119,13 @@ def bone_warnings(
             depths = (
                 f"{_mm(penetration.target)} deep through {penetration.body}{where}, source {_mm(penetration.source)}"
             )
-            yield Warned(
-                "bone", penetration.muscle, f"{penetration.muscle}: runs {depths}", penetration.increase / longest
-            )
+            text, size = f"{penetration.muscle}: runs {depths}", penetration.increase / longest
+            yield Finding("bone", penetration.muscle, text, size=size)
 
 
 def arm_warnings(
     source: Model, arms: Iterable[MomentArms], sizes: Mapping[str, float], options: CheckOptions
-) -> Iterator[Warned]:
+) -> Iterator[Finding]:
     """Moment arms of another sign, with jumps, or of a size that the bones do not explain; `sizes` of the muscles."""
     lengths = dict(zip(source.muscle_names, default_path_lengths(source), strict=True))
     for arm in arms:
@@ -151,7 +133,9 @@ def arm_warnings(
             yield from _one_arm(arm, index, sizes[muscle], options.arm * lengths[muscle], options)
 
 
-def _one_arm(moment_arms: MomentArms, index: int, size: float, least: float, options: CheckOptions) -> Iterator[Warned]:
+def _one_arm(
+    moment_arms: MomentArms, index: int, size: float, least: float, options: CheckOptions
+) -> Iterator[Finding]:
     """Warnings on one muscle and coordinate, its moment arms in the target brought to the source's size."""
     source, target = moment_arms.source[:, index], moment_arms.target[:, index] / size
     muscle, about = (
@@ -161,7 +145,7 @@ def _one_arm(moment_arms: MomentArms, index: int, size: float, least: float, opt
     jump, before = moment_arms.target_jumps[index] / size, moment_arms.source_jumps[index]
     if jump > before + least:
         where = f"{_mm(moment_arms.target_jumps[index])} at {_value(moment_arms.target_jump_at[index])}"
-        yield Warned("jump", muscle, f"{about} jumps by {where}, source by {_mm(before)}", jump / least)
+        yield Finding("jump", muscle, f"{about} jumps by {where}, source by {_mm(before)}", size=jump / least)
     peak, peak_target = float(np.abs(source).max()), float(np.abs(target).max())
     floor, floor_target = max(least, options.weak * peak), max(least, options.weak * peak_target)
     against = (np.abs(source) > floor) & (np.abs(target) > floor_target) & (source * target < 0.0)
@@ -171,7 +155,7 @@ def _one_arm(moment_arms: MomentArms, index: int, size: float, least: float, opt
             f"{_mm(size * target[worst])} at {_value(moment_arms.target_values[worst])}, source {_mm(source[worst])}"
         )
         share = f"{100 * against.mean():.0f} % of the range"
-        yield Warned("sign", muscle, f"{about} is {where}: the other sign in {share}", float(against.mean()))
+        yield Finding("sign", muscle, f"{about} is {where}: the other sign in {share}", size=float(against.mean()))
         return
     rms, rms_target = float(np.sqrt(np.mean(source**2))), float(np.sqrt(np.mean(target**2)))
     ratio = rms_target / max(rms, 1e-12)
@@ -181,10 +165,10 @@ def _one_arm(moment_arms: MomentArms, index: int, size: float, least: float, opt
             f"{about} is {ratio:.2g} times what the size of the bones explains ({_mm(size * rms_target)} root mean "
             f"square, source {_mm(rms)})"
         )
-        yield Warned("arm", muscle, text, abs(float(np.log(max(ratio, 1e-6)))))
+        yield Finding("arm", muscle, text, size=abs(float(np.log(max(ratio, 1e-6)))))
 
 
-def order_warnings(arms: Iterable[MomentArms], order: Mapping[str, float], options: CheckOptions) -> Iterator[Warned]:
+def order_warnings(arms: Iterable[MomentArms], order: Mapping[str, float], options: CheckOptions) -> Iterator[Finding]:
     """Coordinates whose muscles changed places."""
     for arm in arms:
         correlation, name = order[arm.pair.source], arm.pair.target
@@ -193,10 +177,10 @@ def order_warnings(arms: Iterable[MomentArms], order: Mapping[str, float], optio
                 f"{name}: the {len(arm.muscles)} muscles' moment arms are in another order than in the source, rank "
                 f"correlation {correlation:.2f}"
             )
-            yield Warned("order", name, text, 1.0 - correlation)
+            yield Finding("order", name, text, size=1.0 - correlation)
 
 
-def surface_warnings(morph: Morph, longest: float, options: CheckOptions) -> Iterator[Warned]:
+def surface_warnings(morph: Morph, longest: float, options: CheckOptions) -> Iterator[Finding]:
     """Attachments further from their surface than in the source; `longest` bone of the target [m]."""
     for point in morph.points:
         if not np.isfinite(point.depth_source + point.depth_target):
@@ -209,25 +193,25 @@ def surface_warnings(morph: Morph, longest: float, options: CheckOptions) -> Ite
                 f"{_mm(depth)} {'outside' if point.depth_target > 0.0 else 'inside'} the bone of {point.target_body}"
             )
             text = f"{point.owner}: {point.name} lies {where}, source {_mm(abs(point.depth_source))}"
-            yield Warned("surface", point.owner, text, off / longest)
+            yield Finding("surface", point.owner, text, size=off / longest)
 
 
-def fiber_warnings(morph: Morph, options: CheckOptions) -> Iterator[Warned]:
+def fiber_warnings(morph: Morph, options: CheckOptions) -> Iterator[Finding]:
     """Fibers that leave the range in which the source's work."""
     for muscle in morph.muscles:
         (low, high), (low_target, high_target) = muscle.range_source, muscle.range_target
         off = max(low - low_target, high_target - high)
         if off > options.fiber:
             work = f"{low_target:.2f} to {high_target:.2f} of their optimal length, source from {low:.2f} to {high:.2f}"
-            yield Warned("fiber", muscle.name, f"{muscle.name}: fibers work from {work}", off)
+            yield Finding("fiber", muscle.name, f"{muscle.name}: fibers work from {work}", size=off)
 
 
-def joint_warnings(morph: Morph, longest: float, options: CheckOptions) -> Iterator[Warned]:
+def joint_warnings(morph: Morph, longest: float, options: CheckOptions) -> Iterator[Finding]:
     """Joints whose center parent and child put in different places; `longest` bone of the target [m]."""
     for joint in morph.joints:
         if joint.gap > options.gap * longest:
             text = f"{joint.name}: its parent and its child put the center {_mm(joint.gap)} apart"
-            yield Warned("joint", joint.name, text, joint.gap / longest)
+            yield Finding("joint", joint.name, text, size=joint.gap / longest)
 
 
 def _mm(meters: float) -> str:

@@ -127,7 +127,7 @@ def arm_section(morph: Morph, checks: MorphChecks) -> Section | None:
     sizes = muscle_sizes(morph.source, morph.bones)
     figures = []
     for i, arm in enumerate(checks.arms):
-        flagged = {w.name for w in checks.warnings if w.kind in ("sign", "jump", "arm") and arm.pair.target in w.text}
+        flagged = {w.place for w in checks.warnings if w.kind in ("sign", "jump", "arm") and arm.pair.target in w.text}
         folded = "" if i < FIRST_ARMS else f"About {arm.pair.target}: {len(arm.muscles)} muscles"
         figures.append(Figure(arm_figure(arm, sizes, flagged), "full", folded=folded))
     order = tuple(
@@ -147,7 +147,7 @@ def arm_section(morph: Morph, checks: MorphChecks) -> Section | None:
     )  # fmt: skip
     title = f"All {len(rows)} pairs of muscle and coordinate"
     if len(printed) > MAX_ROWS:
-        printed = [row for row in printed if any(w.name == row[1] and row[0] in w.text for w in checks.warnings)]
+        printed = [row for row in printed if any(w.place == row[1] and row[0] in w.text for w in checks.warnings)]
         printed = printed[:MAX_ROWS]
         title = f"Those of {len(rows)} pairs of muscle and coordinate with a warning; all are in the table of the file"
     grids = (

@@ -28,7 +28,7 @@ def morphing_tables(morph: Morph, checks: MorphChecks) -> Mapping[str, Sheet]:
         "penetration.csv": penetration_rows(checks),
         "warnings.csv": Sheet(
             ("kind", "name", "warning"),
-            [(warning.kind, warning.name, warning.text) for warning in checks.warnings],
+            [(warning.kind, warning.place, warning.text) for warning in checks.warnings],
         ),
         "not_transferred.csv": Sheet(("part", "reason"), tuple(morph.left_out.items())),
     }

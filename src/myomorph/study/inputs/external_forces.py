@@ -7,7 +7,8 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from myomorph.contact.force_checks import LOAD, checked_forces
+from myomorph.contact.force_checks import checked_forces
+from myomorph.contact.force_inspection import LOAD
 from myomorph.io.force_table import ForceLayout, force_layout, read_forces
 from myomorph.io.formats import trial_format
 from myomorph.model.arrays import Array

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from myomorph.model.errors import BadData, MyomorphError
+from myomorph.model.findings import Finding
 from myomorph.viscosity.identification.budget import ErrorOptions, ErrorShare
 from myomorph.viscosity.identification.identify import (
     STATES,
@@ -20,7 +21,7 @@ from myomorph.viscosity.study.plan import CONDITIONS, SpecimenFiles, StudyOption
 from myomorph.viscosity.swings.recording import SwingRecording
 from myomorph.viscosity.tracking.rows import swing_recordings
 from myomorph.viscosity.tracking.tracked import TrackedSpecimen
-from myomorph.viscosity.trust.checks import Finding, recording_findings, tracking_findings
+from myomorph.viscosity.trust.checks import TARED, recording_findings, tracking_findings
 from myomorph.viscosity.trust.cutoff import choose_cutoff
 from myomorph.viscosity.trust.models import PassiveComparison, PassiveOptions, compare_passive_laws
 from myomorph.viscosity.trust.moment_arms import with_attachments
@@ -38,7 +39,7 @@ class Prepared:
     @property
     def hides_mass(self) -> bool:
         """Whether the plate was set to zero with the limb on it."""
-        return any(finding.hides_mass for finding in self.findings)
+        return any(finding.kind == TARED for finding in self.findings)
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,8 +125,8 @@ def _equations(conditions: Mapping[str, Prepared], cutoff: float, tared: bool, l
             lost.append(f"{STATES[name]}: {error}")
             continue
         if not tared:
-            hidden = Finding("tare", "the plate's zero is taken as unknown, so the mass hides", hides_mass=True)
-            findings = (hidden, *(each for each in findings if each.kind not in ("tare", "zero")))
+            hidden = Finding(TARED, "plate", "the plate's zero is taken as unknown, so the mass hides")
+            findings = (hidden, *(each for each in findings if each.kind not in (TARED, "zero")))
         result[name] = replace(condition, recordings=recordings, findings=findings)
     return result
 

@@ -44,7 +44,7 @@ from myomorph.viscosity.swings.recording import SwingRecording
 from myomorph.viscosity.tracking.rows import swing_recordings
 from myomorph.viscosity.tracking.track import track
 from myomorph.viscosity.tracking.tracked import TrackedSpecimen
-from myomorph.viscosity.trust.checks import condition_findings
+from myomorph.viscosity.trust.checks import TARED, TOO_SMALL, condition_findings
 from myomorph.viscosity.trust.cutoff import SCANNED, choose_cutoff, scan_cutoffs
 from myomorph.viscosity.trust.models import UNITS, PassiveComparison, PassiveOptions, compare_passive_laws
 from myomorph.viscosity.trust.moment_arms import MomentArmOptions, moment_arm_sensitivity
@@ -350,10 +350,10 @@ def _judged(
     for name, condition in parts.items():
         findings = list(conditions[name].findings) if name in conditions else []
         findings += [] if condition is None else condition_findings(condition)
-        notes += [f"{STATES[name]}: {finding.line}" for finding in findings if finding.line not in notes]
-        if any(finding.hides_mass for finding in findings):
+        notes += [f"{STATES[name]}: {finding.text}" for finding in findings if finding.text not in notes]
+        if any(finding.kind == TARED for finding in findings):
             lacking |= {*MASSES[name], "estimated_muscle_mass"}
-        if any(finding.fatal for finding in findings):
+        if any(finding.kind == TOO_SMALL for finding in findings):
             lacking |= {*VISCOSITIES[name], "muscle_viscosity"}
     muscles = None if "muscle_viscosity" in lacking else viscosity.muscles
     notes += [

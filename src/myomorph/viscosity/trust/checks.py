@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
 from myomorph.model.arrays import Array, read_only
+from myomorph.model.findings import Finding
 from myomorph.model.inertia import inertia_matrices
 from myomorph.viscosity.identification.identify import MAX_RELATIVE_WIDTH, Condition
 from myomorph.viscosity.identification.inertia import InertiaOptions, limb_inertia
@@ -17,7 +17,8 @@ from myomorph.viscosity.swings.sums import SwingSums, swing_sums
 from myomorph.viscosity.tracking.tracked import TrackedSpecimen
 from myomorph.viscosity.trust.forward import sense
 
-Kind = Literal["tare", "zero", "few swings", "small swing", "axis", "misfit", "lost frames", "clock", "slip"]
+TARED, TOO_SMALL = "tare", "small swing"
+"""Kinds of findings: the mass and its center cannot be known; the condition has no viscosity."""
 
 SPARE = 0.9
 """A mass below this share of the least that the motion allows cannot be the limb's."""
@@ -32,24 +33,6 @@ LOST = 0.5
 """Share of a trial's frames without a pose from which the trial is doubted."""
 DRIFT = 5e-3
 """A drift that shifts force against motion by more over a trial would be seen in the viscosity [s]."""
-
-
-@dataclass(frozen=True)
-class Finding:
-    """Something wrong with one condition of a specimen.
-
-    Attributes
-    ----------
-    kind : which of the known faults
-    line : what was given and what to do
-    fatal : whether the condition has no viscosity for it; else the rest stands
-    hides_mass : whether mass and mass center cannot be known, and "tare" must be "unknown"
-    """
-
-    kind: Kind
-    line: str
-    fatal: bool = False
-    hides_mass: bool = False
 
 
 @read_only
@@ -113,24 +96,25 @@ def recording_findings(recordings: Sequence[SwingRecording]) -> tuple[Finding, .
         findings.append(
             Finding(
                 "few swings",
+                "swings",
                 f"{len(sums)} whole swing{'s' if len(sums) > 1 else ''} in all, too few for intervals: record more "
                 "releases, or longer ones",
             )
         )
     zero = plate_zero(recordings, sums)
     if zero.mass < SPARE * zero.least_mass:
-        line = (
+        text = (
             f"the constant force says {zero.mass:.2f} kg, but the motion allows no limb below {zero.least_mass:.2f} kg"
             f" (its mass center would lie beyond the center of oscillation at {zero.oscillation:.2f} m): the plate was "
             "set to zero with the limb on it, so the mass hides; set zero with the fixture alone, or give that as tare"
         )
-        findings.append(Finding("tare", line, hides_mass=True))
+        findings.append(Finding(TARED, "plate", text))
     elif float(np.linalg.norm(zero.moment)) > OFF * zero.own_moment:
-        line = (
+        text = (
             f"a constant moment of {np.linalg.norm(zero.moment):.2f} N m is not the limb's ({zero.own_moment:.2f} N m "
             "at most): the plate's zero, or the joint's center, is off; give a tare recording with the fixture alone"
         )
-        findings.append(Finding("zero", line))
+        findings.append(Finding("zero", "plate", text))
     return tuple(findings)
 
 
@@ -144,12 +128,12 @@ def condition_findings(condition: Condition) -> tuple[Finding, ...]:
     rates = np.concatenate([each.rates[each.used] for each in condition.recordings])
     size = np.sqrt(np.square(rates).mean(axis=0))
     if not viscosity.high - viscosity.low <= 2.0 * MAX_RELATIVE_WIDTH * viscosity.value:
-        line = (
+        text = (
             f"the swings are too small to identify the viscosity: {viscosity.low:.2g} to "
             f"{viscosity.high:.2g} N m s/rad at rates "
             f"of {np.linalg.norm(size):.2f} rad/s (root mean square); release the limb from farther out, or more often"
         )
-        return (Finding("small swing", line, fatal=True),)
+        return (Finding(TOO_SMALL, "swings", text),)
     findings = []
     axes = condition.recordings[0].axes
     for axis, rate, excited, each in zip(axes, size, condition.excited, condition.axis_viscosity, strict=True):
@@ -160,11 +144,11 @@ def condition_findings(condition: Condition) -> tuple[Finding, ...]:
             why = f"interval {each.low:.2g} to {each.high:.2g} N m s/rad, wider than {limit}"
         else:
             continue
-        line = (
+        text = (
             f"axis '{axis}' is not excited, its viscosity not identifiable: rates of {rate:.3g} rad/s (root mean "
             f"square), {why}; release the limb with a turn about that axis"
         )
-        findings.append(Finding("axis", line))
+        findings.append(Finding("axis", axis, text))
     return (*findings, *_misfit(condition))
 
 
@@ -182,28 +166,28 @@ def _misfit(condition: Condition) -> tuple[Finding, ...]:
     ratio = float(np.linalg.norm(left / scale) / max(np.linalg.norm(free), 1e-9 * np.linalg.norm(b)))
     if ratio < MISFIT:
         return ()
-    line = (
+    text = (
         f"the identified limb leaves {ratio:.1f} times as much of the wrench as free numbers would: its inertia cannot "
         "be trusted, nor the viscosity; swing it about every axis, and check the joint's center"
     )
-    return (Finding("misfit", line),)
+    return (Finding("misfit", "limb", text),)
 
 
 def tracking_findings(tracked: TrackedSpecimen) -> tuple[Finding, ...]:
     """Faults that the markers, the plate's clock and the held joints show."""
-    findings = [Finding("slip", slip.line) for slip in tracked.slips]
+    findings = [Finding("slip", "joints", slip.line) for slip in tracked.slips]
     for trial in tracked.trials:
         lost = float(np.mean(~np.isfinite(trial.motion.values).all(axis=1)))
         if lost > LOST:
-            line = (
+            text = (
                 f"trial '{trial.name}': {100 * lost:.0f} % of its frames show too few markers: label them, or drop it"
             )
-            findings.append(Finding("lost frames", line))
+            findings.append(Finding("lost frames", trial.name, text))
         shift = abs(trial.clock.drift) * trial.clock.length
         if shift > max(DRIFT, 3.0 * trial.clock.drift_sd * trial.clock.length):
-            line = (
+            text = (
                 f"trial '{trial.name}': the plate's clock drifts by {1e6 * trial.clock.drift:.0f} parts per million, "
                 f"{1e3 * shift:.1f} ms over the trial, against the markers': corrected; a common clock is better"
             )
-            findings.append(Finding("clock", line))
+            findings.append(Finding("clock", trial.name, text))
     return tuple(findings)

@@ -1,0 +1,38 @@
+"""Findings: what repairs change, what is reported, and what files keep."""
+
+from __future__ import annotations
+
+from myomorph.model.findings import Finding, Repair, repaired
+from myomorph.store.results import findings_of, findings_text
+
+FINDINGS = (
+    Finding(
+        "unit", "a", "a is small", ((0.0, 1.0),), repair=Repair(lambda value: value + 1, "one was added", "add one")
+    ),
+    Finding("name", "b", "b has no name"),
+    Finding("sign", "c", "c is negative", repair=Repair(lambda value: -value, "it was reversed")),
+)
+
+
+def test_repairs_are_applied_one_after_the_other_and_said():
+    value, reported = repaired(3, FINDINGS)
+    assert value == -4
+    assert [str(finding) for finding in reported] == [
+        "a is small: one was added",
+        "b has no name",
+        "c is negative: it was reversed",
+    ]
+    assert [finding.mended for finding in reported] == [True, False, True]
+
+
+def test_without_mending_nothing_changes_and_what_helps_is_said():
+    value, reported = repaired(3, FINDINGS, mend=False)
+    assert value == 3
+    assert [str(finding) for finding in reported] == ["a is small: add one", "b has no name", "c is negative"]
+    assert not any(finding.mended for finding in reported)
+
+
+def test_what_is_reported_is_kept_in_files_and_repaired_no_more():
+    _, reported = repaired(3, FINDINGS)
+    assert findings_of(findings_text(reported)) == reported
+    assert repaired(3, reported) == (3, reported)
