@@ -22,9 +22,9 @@ from myomorph.motion.ik import InverseKinematicsOptions, pose_problem
 from myomorph.motion.marker_influence import STEP, marker_frames
 from myomorph.motion.newton import solve_poses
 from myomorph.motion.pose_problem import PoseProblem
-from myomorph.motion.root import floating_coordinates
 from myomorph.motion.sensors.first_guess import CalibrationPose, Guess
 from myomorph.motion.sensors.mounting import SensorMounting, SensorOptions, orientation_tasks
+from myomorph.motion.turns import floating_coordinates
 from myomorph.rigid.coordinates import Ints
 from myomorph.rigid.couplers import couple_frames
 from myomorph.rigid.kinematics import forward_kinematics

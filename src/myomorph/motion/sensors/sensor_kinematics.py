@@ -15,7 +15,6 @@ from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion
 from myomorph.model.spatial import vector_from_rotation
 from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit, inverse_kinematics, tracked_markers
-from myomorph.motion.root import floating_coordinates
 from myomorph.motion.sensors.first_guess import (
     MIN_LIKENESS,
     RATE,
@@ -41,6 +40,7 @@ from myomorph.motion.sensors.orientation import rotations_at, with_orientations
 from myomorph.motion.sync import take_frames
 from myomorph.motion.tasks.coordinates import CoordinateTask
 from myomorph.motion.tasks.orientations import OrientationTask
+from myomorph.motion.turns import floating_coordinates
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 
