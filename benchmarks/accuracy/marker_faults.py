@@ -24,7 +24,7 @@ from myomorph.study.inputs.reading import fitted_to
 Row = dict[str, object]
 Change = Callable[[mm.Model, mm.Markers], mm.Markers | None]
 
-MOST_FRAMES = 400
+MAX_FRAMES = 400
 ABOUT_THE_MODEL = ("undetermined", "at its bound")
 """Facts about a model and its marker set, which are no faults of the recording."""
 
@@ -79,7 +79,7 @@ def opened(folder: Path, model: str, recording: str) -> tuple[mm.Model, mm.Marke
     body = mm.read_model(folder / model)
     markers = fitted_to(body, mm.read_recording(folder / recording)).markers
     assert markers is not None
-    return body, replace(markers, time=markers.time[:MOST_FRAMES], values=markers.values[:MOST_FRAMES])
+    return body, replace(markers, time=markers.time[:MAX_FRAMES], values=markers.values[:MAX_FRAMES])
 
 
 def _used(model: mm.Model, markers: mm.Markers) -> tuple[str, ...]:

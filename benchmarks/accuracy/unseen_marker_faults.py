@@ -40,7 +40,7 @@ from myomorph.study.trial.steps.ik import FINDINGS
 
 Row = dict[str, object]
 
-MOST_FRAMES = 120
+MAX_FRAMES = 120
 CHOSEN = (
     "a pair swapped throughout",
     "left and right swapped throughout",
@@ -194,7 +194,7 @@ def most_seen(path: Path) -> tuple[mm.Markers, Recording]:
     names = tuple(bare(name) for name in turned.names)
     on_body = [turned.names.index(name) for name in one.found.sites]
     seen = np.isfinite(turned.values[:, on_body]).all(axis=2).sum(axis=1)
-    most = min(MOST_FRAMES, len(turned))
+    most = min(MAX_FRAMES, len(turned))
     first = int(np.argmax(np.convolve(seen, np.ones(most), "valid")))
     part = slice(first, first + most)
     return mm.Markers(turned.time[part], names, turned.values[part]), one

@@ -8,7 +8,7 @@ import pytest
 from myomorph.identify.base_parameters import base_parameters, held_in
 from myomorph.identify.least_squares import Recording
 from myomorph.identify.motion_noise import motion_noise, noisy
-from myomorph.identify.parts import MOST_NOISE, parts_of, without_noise
+from myomorph.identify.parts import MAX_NOISE, parts_of, without_noise
 from myomorph.io.formats import read_model
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.inertia import inertial_parameters
@@ -50,7 +50,7 @@ def test_what_is_noise_alone_leaves_the_data_a_hold_and_the_expected_value():
     root, aim = without_noise(R, z, added, center)
     np.testing.assert_allclose(np.linalg.lstsq(root, aim)[0], [2.0, 5.0], atol=0.5)
     least = np.linalg.eigvalsh(root.T @ root) / np.linalg.eigvalsh(R.T @ R)
-    assert (least >= 1.0 - MOST_NOISE - 1e-9).all()
+    assert (least >= 1.0 - MAX_NOISE - 1e-9).all()
 
 
 @pytest.fixture(scope="module")

@@ -24,7 +24,7 @@ EITHER_SIDE = 0.015
 STEP, APART = 0.001, 0.06
 """Step of the shifts that are tried, and how far another shift is that could have been meant [s]."""
 
-FEWEST = 3
+MIN_COUNT = 3
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ def sound_clock(
     UnknownName
         where an instrument names a site that is not among `sites`
     BadData
-        where fewer than `FEWEST` strokes are on instruments with sites
+        where fewer than `MIN_COUNT` strokes are on instruments with sites
     """
     by_name = {site.name: site for site in sites}
     changes: dict[str, Array] = {}
@@ -69,8 +69,8 @@ def sound_clock(
             each = [_changes(motion.time, site_places(model, motion, by_name[name])) for name in instrument.sites]
             changes[instrument.name] = np.max(each, axis=0)
     used = [stroke for stroke in strokes.strokes if stroke.instrument in changes]
-    if len(used) < FEWEST:
-        raise BadData(f"{len(used)} strokes by sites of the model: a clock needs {FEWEST} or more")
+    if len(used) < MIN_COUNT:
+        raise BadData(f"{len(used)} strokes by sites of the model: a clock needs {MIN_COUNT} or more")
     shifts = np.arange(-reach, reach + 0.5 * STEP, STEP)
     summed, count = np.zeros(len(shifts)), np.zeros(len(shifts))
     for stroke in used:
@@ -79,7 +79,7 @@ def sound_clock(
         summed += np.where(inside, np.interp(at, motion.time, changes[stroke.instrument]), 0.0)
         count += inside
     # Few strokes that fit well by chance must not win over all of them.
-    mean = np.where(count >= max(FEWEST, 0.5 * count.max()), summed / np.maximum(count, 1.0), 0.0)
+    mean = np.where(count >= max(MIN_COUNT, 0.5 * count.max()), summed / np.maximum(count, 1.0), 0.0)
     best = int(np.argmax(mean))
     others = mean[np.abs(shifts - shifts[best]) > APART]
     ratio = float(mean[best] / max(others.max(initial=0.0), 1e-300))

@@ -20,7 +20,7 @@ to twice that share of what the next best one leaves: a plate that stands as its
 FIRM = 0.3
 """Samples that carry this share of the largest force tell; below, the center of pressure is noise."""
 
-FEWEST = 20
+MIN_COUNT = 20
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ def first_corner(plate: ForcePlate, plate_time: Array, markers: Markers) -> Firs
     if not known.any():
         return None
     firm = known & (size > FIRM * np.nanmax(size[known]))
-    if firm.sum() < FEWEST:
+    if firm.sum() < MIN_COUNT:
         return None
     center = plate.corners.mean(axis=0)
     pressed = plate.points[firm] - center

@@ -231,7 +231,7 @@ def rotation_vector(rotation: Array) -> Array:
     return np.pi * vectors[:, int(np.argmax(values))]
 
 
-FEWEST = 3
+MIN_COUNT = 3
 MIRRORED = 0.1
 """Share of the cost that remains when the sign of the wrench is turned, below which it was wrong."""
 
@@ -272,10 +272,10 @@ def believed(placements: Sequence[Placement], options: PlateFitOptions) -> tuple
                 f"'{name}' was given as {_kilograms(expected)}, but the plate measures {_kilograms(usual)} "
                 f"({100 * (usual / expected - 1):+.1f} %): wrong mass, or wrong sensitivity of the plate"
             )
-    if len(kept) < FEWEST:
+    if len(kept) < MIN_COUNT:
         left = "; ".join(notes)
         raise BadData(
-            f"{len(kept)} placements can be used, expected at least {FEWEST}, spread over the plate"
+            f"{len(kept)} placements can be used, expected at least {MIN_COUNT}, spread over the plate"
             + (f" ({left})" if left else "")
         )
     points = np.array([item.point for item in kept])

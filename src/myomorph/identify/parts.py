@@ -24,7 +24,7 @@ GAP = 0.1
 MAX_GAP_SHARE = 0.15
 """The same at most, as a share of a part."""
 
-MOST_NOISE = 0.5
+MAX_NOISE = 0.5
 """Share of what data say of a combination of parameters that noise of the motion is taken to have made, at most."""
 
 SEEN = 1e-6
@@ -184,7 +184,7 @@ def parts_of(model: Model, recordings: Sequence[Recording], base: BaseParameters
 def without_noise(R: Array, z: Array, added: Array, center: Array) -> tuple[Array, Array]:
     """(R, z) whose squares lack what noise added to them, where |R x - z|^2 is the misfit of x.
 
-    The pull of the data at x is corrected in full. Their hold on x is only where noise made up to `MOST_NOISE` of it:
+    The pull of the data at x is corrected in full. Their hold on x is only where noise made up to `MAX_NOISE` of it:
     beyond, it keeps the rest, since a hold that is not positive has no least misfit.
 
     Parameters
@@ -198,7 +198,7 @@ def without_noise(R: Array, z: Array, added: Array, center: Array) -> tuple[Arra
     seen = sizes > SEEN * sizes[0]
     whitened = right[seen] / sizes[seen, None]
     share, axes = np.linalg.eigh(whitened @ added[:-1, :-1] @ whitened.T)
-    kept = np.sqrt(1.0 - np.minimum(share, MOST_NOISE))
+    kept = np.sqrt(1.0 - np.minimum(share, MAX_NOISE))
     root = (axes * kept) @ axes.T @ (right[seen] * sizes[seen, None])
     pull = R.T @ (z - R @ center) - (added[:-1, -1] - added[:-1, :-1] @ center)
     aim = root @ center + (axes / kept) @ axes.T @ whitened @ pull

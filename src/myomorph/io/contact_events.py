@@ -24,7 +24,7 @@ LEAVE = ("leave", "off", "up", "stop", "release")
 COLUMNS = (
     "site", "start", "stop", "time", "frame", "event", "surface", "confidence", "source", "first_frame", "last_frame",
 )  # fmt: skip
-MOST_SIGNS = 60
+MAX_SIGNS = 60
 """Of a cell in a message."""
 
 SHAPES = "columns site,start,stop or site,first_frame,last_frame or time,site,event or frame,site,event"
@@ -104,7 +104,7 @@ def _table(path: Path) -> tuple[tuple[str, ...], list[tuple[int, dict[str, str]]
     times = [{"start", "stop"}, {"first_frame", "last_frame"}] if "event" not in header else [{"time"}, {"frame"}]
     unknown = [name for name in header if name not in COLUMNS]
     if unknown or not wanted <= set(header) or sum(time <= set(header) for time in times) != 1:
-        columns = ", ".join(name[:MOST_SIGNS] for name in header[: 2 * len(COLUMNS)])
+        columns = ", ".join(name[:MAX_SIGNS] for name in header[: 2 * len(COLUMNS)])
         raise BadFile(path, f"has the columns {columns}", f"expected {SHAPES}, and surface, confidence")
     rows = []
     for number, line in lines[1:]:
@@ -123,9 +123,9 @@ def _number(path: Path, row: int, name: str, cells: Mapping[str, str]) -> float:
     try:
         value = float(cells[name].replace(",", "."))
     except ValueError:
-        raise BadFile(path, f"line {row}: '{cells[name][:MOST_SIGNS]}' is no number for {name}") from None
+        raise BadFile(path, f"line {row}: '{cells[name][:MAX_SIGNS]}' is no number for {name}") from None
     if not np.isfinite(value):
-        raise BadFile(path, f"line {row}: {name} is {cells[name][:MOST_SIGNS]}")
+        raise BadFile(path, f"line {row}: {name} is {cells[name][:MAX_SIGNS]}")
     return value
 
 
@@ -152,7 +152,7 @@ def _mark(path: Path, row: int, cells: Mapping[str, str], rate: float | None, st
     site, surface, confidence = _site(path, row, cells)
     word = cells["event"].lower()
     if word not in (*TOUCH, *LEAVE):
-        raise BadFile(path, f"line {row}: event '{cells['event'][:MOST_SIGNS]}'", "expected touch or leave")
+        raise BadFile(path, f"line {row}: event '{cells['event'][:MAX_SIGNS]}'", "expected touch or leave")
     name, scale = ("time", 1.0) if "time" in cells else ("frame", rate or 1.0)
     return _Mark(row, start + _number(path, row, name, cells) / scale, site, word in TOUCH, surface, confidence)
 

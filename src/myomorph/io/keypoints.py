@@ -25,10 +25,10 @@ BODY_KEYS = ("bodies", "KEYPOINT_MODEL_PAIRS")
 OFFSET_KEYS = ("offsets", "KEYPOINT_INITIAL_OFFSETS")
 RATE_KEYS = ("rate", "fps", "frame_rate", "FrameRate")
 ENDINGS = (".yaml", ".yml", ".json", ".txt")
-MOST_VALUES = 1 << 28
+MAX_VALUES = 1 << 28
 """Numbers that are read at most."""
 
-MOST_NAMES = 10_000
+MAX_NAMES = 10_000
 LONGEST_TEXT = 1 << 20
 MAX_BYTES = 1 << 31
 """Bytes of a data set that are read to see whether they can be."""
@@ -140,7 +140,7 @@ def _tracks(path: Path, animal: int, notes: list[str]) -> tuple[Array, KeypointN
             if len(shape) != 4 or shape[-1] != 3 or not np.issubdtype(tracks.dtype, np.floating):
                 flat = " (two-dimensional: triangulate the cameras first)" if 2 in tracks.shape else ""
                 raise BadFile(path, f"its 'tracks' are {tracks.shape} of {tracks.dtype}{flat}", HINT)
-            if math.prod(shape) > MOST_VALUES or 0 in shape:
+            if math.prod(shape) > MAX_VALUES or 0 in shape:
                 raise BadFile(path, f"its 'tracks' are {tracks.shape}: nothing, or too much to read", HINT)
             if not 0 <= animal < shape[1]:
                 raise BadFile(path, f"has no animal {animal}", f"it holds {shape[1]}, counted from 0")
@@ -181,7 +181,7 @@ def _read_all(path: str) -> None:
 def _own_facts(file: Any, tracks: Any) -> KeypointNames:
     facts = {**dict(file.attrs), **dict(tracks.attrs)}
     names = file["node_names"] if "node_names" in file else facts.get("node_names", ())
-    if len(names) > MOST_NAMES:
+    if len(names) > MAX_NAMES:
         raise ValueError(f"it holds {len(names)} node_names")
     texts = tuple(name.decode("utf-8", "replace") if isinstance(name, bytes) else str(name) for name in names)
     unit = facts.get("units", "")

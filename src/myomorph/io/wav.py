@@ -16,7 +16,7 @@ from myomorph.model.series import Sound
 LARGEST = 4 << 30
 """Bytes of samples, in single precision, that are read at most."""
 
-MOST_CHANNELS = 256
+MAX_CHANNELS = 256
 RATES = (1_000, 1_000_000)
 HINT = "expected a RIFF/WAVE file: export the recording as WAV, PCM or float"
 
@@ -113,7 +113,7 @@ def _format(raw: bytes, path: Path) -> _Format:
     if (kind, bits) not in _KINDS:
         what = _CODECS.get(kind, {_INTEGER: "integers", _FLOAT: "floats"}.get(kind, f"code {kind}"))
         raise BadFile(path, f"holds samples as {what} of {bits} bits", HINT)
-    if not 1 <= channels <= MOST_CHANNELS or not RATES[0] <= rate <= RATES[1]:
+    if not 1 <= channels <= MAX_CHANNELS or not RATES[0] <= rate <= RATES[1]:
         raise BadFile(path, f"says {channels} channels at {rate} Hz", HINT)
     if block != channels * bits // 8:
         raise BadFile(path, f"says {block} bytes for {channels} channels of {bits} bits", HINT)

@@ -291,7 +291,7 @@ def _left(compared: Compared, lag: Array) -> Array:
 
 
 ITERATIONS = 30
-FEWEST = 60
+MIN_COUNT = 60
 SMALLEST = 1e-6
 """Share of its spread below which a signal's residual counts as that: a made recording may leave nothing."""
 
@@ -333,7 +333,7 @@ def refine(compared: Compared, lag: Array, drift: bool, block: float) -> Refined
     """
     inside = compared.within(lag)
     frames = int(np.count_nonzero(inside))
-    if frames < FEWEST:
+    if frames < MIN_COUNT:
         raise BadData(f"the recordings share {frames} usable frames: too few to compare their clocks")
     time, rows = compared.time[inside], compared.rows[inside]
     away = (time - compared.middle)[:, None]

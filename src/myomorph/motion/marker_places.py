@@ -31,7 +31,7 @@ STEADY = 0.6
 ALIKE = 0.5
 """A marker of the other side that is as far off by this share shows that the model, not the marker, is off."""
 
-MOST, SAMPLES = 4, 20
+MAX_COUNT, SAMPLES = 4, 20
 
 
 def place_findings(
@@ -52,7 +52,7 @@ def place_findings(
     frames = marker_frames(compile_tree(model), problem, markers.values[chosen][:, columns], fit.motion.values[chosen])
     weight = np.array(problem.markers.weight, np.float64)
     partner = mirror_names(fit.marker_names)
-    for _ in range(MOST):
+    for _ in range(MAX_COUNT):
         away, spread = _steady(left_out(frames, weight))
         size = np.linalg.norm(away, axis=1)
         compared = np.isfinite(size) & (weight > 0.0)

@@ -29,7 +29,7 @@ ONE_BODY = ("pelvis", "trunk")
 BESIDE = (frozenset(("thigh", "shank")), frozenset(("shank", "foot")))
 """Segments whose markers near the joint between them keep their distances, where `STEADY` says so."""
 
-MOST, SAMPLES = 4, 200
+MAX_COUNT, SAMPLES = 4, 200
 
 
 class _Link(NamedTuple):
@@ -57,7 +57,7 @@ def side_findings(markers: Markers, names: Sequence[str], unit: float = 1.0) -> 
         return
     usual = float(np.median([abs(link.difference) for link in links]))
     limit = max(APART * unit, USUAL * usual)
-    for _ in range(MOST):
+    for _ in range(MAX_COUNT):
         worst = max(links, key=lambda link: abs(link.difference), default=None)
         if worst is None or abs(worst.difference) < limit:
             return

@@ -15,7 +15,7 @@ from myomorph.rigid.vectors import dot, minus, unit
 
 ROUNDING = 2e-13
 SMALL = 1e-9
-MOST_STEPS = 64
+MAX_STEPS = 64
 
 
 @inner
@@ -60,7 +60,7 @@ def nearest_on_ellipsoid(a, p):
     t = 0.0
     if u / (a2 * a2) + v / (b2 * b2) + w / (c2 * c2) >= 1.0:
         t = max(a[0], a[1], a[2]) * math.sqrt(dot(p, p))
-    for _ in range(MOST_STEPS):
+    for _ in range(MAX_STEPS):
         P, Q, R = t + a2, t + b2, t + c2
         P2, Q2, R2 = P * P, Q * Q, R * R
         f = P2 * Q2 * R2 - u * Q2 * R2 - v * P2 * R2 - w * P2 * Q2
@@ -94,7 +94,7 @@ def _nearest_on_ellipse(a, b, u, v):
     if u * u / a2 + v * v / b2 >= 1.0:
         t = max(a, b) * math.hypot(u, v)
     P, Q = t + a2, t + b2
-    for _ in range(MOST_STEPS):
+    for _ in range(MAX_STEPS):
         P, Q = t + a2, t + b2
         f = P * P * Q * Q - a2 * u * u * Q * Q - b2 * v * v * P * P
         if abs(f) < SMALL:
@@ -105,7 +105,7 @@ def _nearest_on_ellipse(a, b, u, v):
 
 SMALL_RESIDUAL = 1e-8
 MAX_NEWTON_STEPS = 50
-MOST_TRIES = 1000
+MAX_TRIES = 1000
 
 
 @inner
@@ -132,7 +132,7 @@ def tangent_point(p, r, a, n, d):
         gain = (1.0 - cosine**100 if cosine > 0.1 else 1.0) / 16.0
         tries = 0
         u = (0.0, 0.0, 0.0, 0.0)
-        while now >= before and tries < MOST_TRIES:
+        while now >= before and tries < MAX_TRIES:
             u = _solved(A, b, damping, gain)
             r, h = (r[0] + u[0], r[1] + u[1], r[2] + u[2]), h + u[3]
             before, now = now, _squares(_residuals(p, r, h, w, n, d))
@@ -140,7 +140,7 @@ def tangent_point(p, r, a, n, d):
             tries += 1
         damping /= 8.0
         stretch, tries = 0.5, 0
-        while now <= before and tries < MOST_TRIES:
+        while now <= before and tries < MAX_TRIES:
             stretch *= 2.0
             r, h = (r[0] + stretch * u[0], r[1] + stretch * u[1], r[2] + stretch * u[2]), h + stretch * u[3]
             before, now = now, _squares(_residuals(p, r, h, w, n, d))

@@ -39,7 +39,7 @@ from myomorph.rigid.kernels import inner
 CYLINDER, SPHERE, ELLIPSOID, TORUS = range(4)
 NODE_LOCAL, NODE_OBJECT, NODE_POINT, NODE_WRAP, NODE_END = range(5)
 NODE_WEIGHT, NODE_ARC, SEEN = 3, 4, 5
-MOST_PASSES = 8
+MAX_PASSES = 8
 SETTLED = 0.0005
 
 
@@ -118,7 +118,7 @@ def wrapped_nodes(wrap, surface, size, start, stop, points, x, node, seen, turns
     for i in range(wraps):
         turns[0, i] = i
     before, turn = math.inf, 0
-    left = MOST_PASSES if wraps > 1 else 1
+    left = MAX_PASSES if wraps > 1 else 1
     while left > 0:
         left -= 1
         for i in range(wraps):

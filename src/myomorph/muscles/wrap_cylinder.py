@@ -18,7 +18,7 @@ NO_WRAP, INSIDE, WRAPPED, MANDATORY = 0, 1, 2, 3
 PARALLEL = 2e-13
 CHORD = 0.002
 TANGENCY = math.radians(0.1)
-MOST_SLIDES = 100
+MAX_SLIDES = 100
 
 
 @inner
@@ -154,10 +154,10 @@ def _helix(a, b, r, s, radius, long, single):
     flat = radius * angle
     z, y = r[2], s[2]
     arc = math.sqrt(flat * flat + (y - z) * (y - z))
-    slides = 0 if not single else MOST_SLIDES
+    slides = 0 if not single else MAX_SLIDES
     known, t = 0, 0.0
     at_r, at_s = (0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0)
-    while slides < MOST_SLIDES and arc >= 2.0 * CHORD:
+    while slides < MAX_SLIDES and arc >= 2.0 * CHORD:
         chords = int(arc / CHORD)
         if chords != known:
             known, t = chords, 1.0 / chords

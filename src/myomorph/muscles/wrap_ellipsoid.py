@@ -21,7 +21,7 @@ BLEND_FROM, BLEND_TO = 0.7073, 0.9
 EDGE = 0.3
 FAN = 300
 CHORD = 0.001
-MOST_CHORDS = 499
+MAX_CHORDS = 499
 
 
 @inner
@@ -170,7 +170,7 @@ def _arc(x, y, r, s, a, n, d, factor, constrained):
     gap = norm(minus(r, s))
     if gap / factor < CHORD:
         return gap
-    chords = min(int(gap / factor / CHORD), MOST_CHORDS)
+    chords = min(int(gap / factor / CHORD), MAX_CHORDS)
     most = 0
     for i in range(1, 3):
         if abs(n[i]) > abs(n[most]):

@@ -17,7 +17,7 @@ CYLINDER_LENGTH = 10000.0
 STEP = 1e-5
 TOLERANCE = 1e-4
 FIRST_BOUND = 0.2
-MOST_CALLS = 500
+MAX_CALLS = 500
 
 
 @inner
@@ -137,7 +137,7 @@ def _search(p, d, radius):
                 first = False
             if abs(actual) <= TOLERANCE and predicted <= TOLERANCE and 0.5 * ratio <= 1.0:
                 return x
-            if delta <= TOLERANCE * x_norm or calls >= MOST_CALLS:
+            if delta <= TOLERANCE * x_norm or calls >= MAX_CALLS:
                 return x
 
 

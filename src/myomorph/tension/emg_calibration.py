@@ -38,7 +38,7 @@ from myomorph.tension.tension import TensionOptions
 __all__ = ["EmgOptions", "EmgTrial", "calibrate_emg", "emg_targets", "mapped_muscles"]
 
 
-MOST_FRAMES = 300
+MAX_FRAMES = 300
 """About how many frames of all trials together the gains are fitted on, evenly spread."""
 SHAPES = (-0.5, -1.0, -1.5, -2.0, -2.5, -3.0)
 """Shape factors that are tried beside a straight line; -3 is the limit of Lloyd and Besier (2003)."""
@@ -94,7 +94,7 @@ def calibrate_emg(
         return uncalibrated(names, USUAL if options.delay is None else options.delay, options.shape or 0.0)
     cleaned = [without_faults(trial.emg, envelope_faults(trial.emg)) for trial in trials]
     told = [_smooth(Emg(emg.time, names, np.array([emg[name] for name in names]).T)) for emg in cleaned]
-    every = max(sum(len(trial.motion) for trial in trials) // MOST_FRAMES, 1)
+    every = max(sum(len(trial.motion) for trial in trials) // MAX_FRAMES, 1)
     tells = np.array([[muscle in channels[name] for name in names] for muscle in model.muscle_names], dtype=float)
     # The matrices are small: waking further threads of BLAS for them costs more than they save.
     with threadpool_limits(limits=1, user_api="blas"):

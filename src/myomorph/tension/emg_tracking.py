@@ -47,7 +47,7 @@ AT_MAXIMUM, NEAR_MAXIMUM = 0.9, 0.2
 """Median of the activation in a maximum voluntary contraction, and standard deviation of its logarithm."""
 SURE, ROUGH = 0.01, 0.1
 """Error of a torque in shares of its RMS: least that is believed, and first guess."""
-KEPT, MOST_NOISE = 0.01, 0.5
+KEPT, MAX_NOISE = 0.01, 0.5
 """Of a correction for noise: share of the normal matrix that it leaves, and of a channel that it may take."""
 ROUNDS = 5
 CLOCK, EARLIER = 0.01, 0.6
@@ -313,7 +313,7 @@ class TorqueTracking:
         if not self._excess.any():
             return matrix
         count = len(self._excess)
-        share = np.minimum(self.errors[1] * self._excess, MOST_NOISE * np.diag(matrix)[:count])
+        share = np.minimum(self.errors[1] * self._excess, MAX_NOISE * np.diag(matrix)[:count])
         for part in (1.0, 0.5, 0.25, 0.0):
             result = matrix.copy()
             result[np.arange(count), np.arange(count)] -= part * share

@@ -127,7 +127,7 @@ def subject_weight(tree: Tree, body: str) -> float:
 CLOSE = 0.02
 """Share of the allowed increase of the cost that may be left."""
 
-MOST = 12
+MAX_COUNT = 12
 """Values of s that are tried."""
 
 
@@ -158,7 +158,7 @@ def near_extremes(solved: SolvedFrames, bounds: tuple[Array, Array], functions: 
     s = np.where(size > 0.0, np.sqrt(allowed) / np.maximum(size, 1e-300), 0.0)
     under, over = np.zeros(s.shape), np.full(s.shape, np.inf)
     done = (size == 0.0) | ~(allowed > 0.0)
-    for _ in range(MOST):
+    for _ in range(MAX_COUNT):
         x = _solve(solved, bounds, s[..., None] * costs)
         more = solved.cost(x) - least[:, None]
         value = np.einsum("fkn,fkn->fk", costs, x)

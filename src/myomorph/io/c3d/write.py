@@ -20,7 +20,7 @@ from myomorph.model.errors import BadData, BadFile
 from myomorph.model.series import Markers, PlateRecording, Trial
 
 BLOCK, KEY, PC = 512, 0x50, 84
-MOST, LAST = 255, 65535
+MAX_COUNT, LAST = 255, 65535
 """Entries of a parameter along one dimension, and the largest frame number of the header."""
 
 MILLI = 1000.0
@@ -230,10 +230,10 @@ def _section(groups: dict[str, dict[str, object]]) -> bytes:
 def _continued(label: str, value: object) -> list[tuple[str, object]]:
     """A parameter in parts of no more entries than one can hold: LABELS, LABELS2, ..."""
     if isinstance(value, tuple):
-        parts: list[object] = [value[index : index + MOST] for index in range(0, len(value), MOST)] or [()]
+        parts: list[object] = [value[index : index + MAX_COUNT] for index in range(0, len(value), MAX_COUNT)] or [()]
     else:
         assert isinstance(value, np.ndarray)
-        parts = [value[..., index : index + MOST] for index in range(0, value.shape[-1], MOST)] or [value]
+        parts = [value[..., index : index + MAX_COUNT] for index in range(0, value.shape[-1], MAX_COUNT)] or [value]
     return [(label if index == 0 else f"{label}{index + 1}", part) for index, part in enumerate(parts)]
 
 

@@ -27,7 +27,7 @@ GRAVITY = 9.80665
 ACCELERATION_UNITS = {"g": GRAVITY, "gs": GRAVITY, "mg": 1e-3 * GRAVITY}
 ACCELERATION_UNITS |= dict.fromkeys(("m/s^2", "m/s2", "m/s²"), 1.0) | dict.fromkeys(("mm/s^2", "mm/s2", "mm/s²"), 1e-3)
 RATE_UNITS = {"rad/s": 1.0} | dict.fromkeys(("deg/s", "°/s", "dps", "deg/sec"), np.pi / 180.0)
-LEAST, MOST = 0.3, 3.0
+MIN_RATIO, MAX_RATIO = 0.3, 3.0
 """Median of accelerations, in units of gravity, between which their unit is believed."""
 MAX_RADIANS, MIN_DEGREES = 20.0, 40.0
 """Largest speed of rotation up to which numbers without a unit are rad/s, and from which on they are deg/s."""
@@ -83,7 +83,7 @@ def _scale(kind: str, units: Sequence[str], values: Array, notes: list[str]) -> 
     unit = units[0].strip().lower() if len(set(units)) == 1 else ""
     sizes = np.linalg.norm(np.nan_to_num(values.reshape(len(values), -1, 3)), axis=2)
     usual, largest = float(np.median(sizes)), float(sizes.max(initial=0.0))
-    if unit in known and (kind != "accelerations" or LEAST < known[unit] * usual / GRAVITY < MOST):
+    if unit in known and (kind != "accelerations" or MIN_RATIO < known[unit] * usual / GRAVITY < MAX_RATIO):
         return known[unit]
     if kind == "accelerations":
         name = min(("m/s^2", "mm/s^2", "g"), key=lambda name: abs(np.log(max(usual * known[name], 1e-9) / GRAVITY)))

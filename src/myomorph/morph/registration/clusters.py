@@ -28,7 +28,7 @@ VOTERS = 6000
 SAME_WAY = 0.25
 """Share of a patch's area that must look the same way for it to vote."""
 
-FEWEST = 12
+MIN_COUNT = 12
 """Points or votes that make a ball."""
 
 ROUND = 0.08
@@ -145,7 +145,7 @@ def find_balls(surface: Surface, diameter: float = 0.009, tolerance: float = 0.1
     radius = 0.5 * diameter
     balls: list[Ball] = []
     for part in surface_parts(surface):
-        if len(part.vertices) < FEWEST:
+        if len(part.vertices) < MIN_COUNT:
             continue
         whole = fit_ball(part.vertices, radius)
         if _is_ball(whole, radius, tolerance):
@@ -185,13 +185,13 @@ def _voted(part: Surface, radius: float, tolerance: float) -> list[Ball]:
         lengths > SAME_WAY * whole, voters - radius * normals / np.where(lengths > 0, lengths, 1.0), np.inf
     )
     voting = np.isfinite(votes[:, 0])
-    if np.count_nonzero(voting) < FEWEST:
+    if np.count_nonzero(voting) < MIN_COUNT:
         return []
     votes = votes[voting]
     share = sizes.sum() / len(voters)
     tree = cKDTree(votes)
     counts = tree.query_ball_point(votes, AGREE * radius, return_length=True)
-    weight = np.where(counts >= FEWEST, share * counts, 0.0)
+    weight = np.where(counts >= MIN_COUNT, share * counts, 0.0)
     balls: list[Ball] = []
     free = np.ones(len(votes), dtype=bool)
     needed = COVERED * 4.0 * np.pi * radius**2
@@ -203,11 +203,11 @@ def _voted(part: Surface, radius: float, tolerance: float) -> list[Ball]:
         center = votes[tree.query_ball_point(votes[index], AGREE * radius)].mean(axis=0)
         for _ in range(3):
             near = np.abs(np.linalg.norm(places - center, axis=1) - radius) < 0.25 * radius
-            if near.sum() < FEWEST:
+            if near.sum() < MIN_COUNT:
                 break
             ball = fit_ball(places[near], radius)
             center = ball.center
-        if near.sum() >= FEWEST and _is_ball(ball, radius, tolerance):
+        if near.sum() >= MIN_COUNT and _is_ball(ball, radius, tolerance):
             balls.append(ball)
             free &= np.linalg.norm(votes - center, axis=1) > radius
         free &= np.linalg.norm(votes - votes[index], axis=1) > 0.3 * radius

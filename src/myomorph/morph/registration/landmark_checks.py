@@ -38,7 +38,7 @@ MIRRORED = 0.5
 REORDERED = 0.5
 """Share of the residual that another order leaves, below which landmarks are said to be interchanged."""
 
-MOST = 80
+MAX_COUNT = 80
 """Landmarks among which all swaps are tried."""
 
 
@@ -170,7 +170,7 @@ def _orders(landmarks: FeaturePoints) -> list[np.ndarray]:
         profiles.append(np.sort(apart, axis=1) / np.mean(apart))
     cost = np.linalg.norm(profiles[0][:, None] - profiles[1][None], axis=2)
     swaps = []
-    for a, b in combinations(range(count), 2) if count <= MOST else ():
+    for a, b in combinations(range(count), 2) if count <= MAX_COUNT else ():
         order = np.arange(count)
         order[[a, b]] = b, a
         swaps.append(order)

@@ -34,7 +34,7 @@ STEEP = 3.0
 """So does one nearer than so many times the distance by which landmark and surface features disagree: between them the
 map would fold."""
 
-FEWEST = 20
+MIN_COUNT = 20
 """Matched points below which two surfaces are not the same bone."""
 
 WRONG_SIDE, DOUBTED_SIDE = 0.7, 0.9
@@ -172,7 +172,7 @@ def _features(
     map_options: MapOptions | None,
 ) -> FeaturePoints:
     """The landmarks, and the first of the evenly spread pairs that are not too near to one."""
-    if len(surface_match.pairs) < FEWEST:
+    if len(surface_match.pairs) < MIN_COUNT:
         raise BadData(
             f"the bones of '{body}' meet at {len(surface_match.pairs)} of {match.match_points} points: are they "
             f"the same bone? "
@@ -234,7 +234,7 @@ def _unfolded(
         kept = np.ones(len(features), dtype=bool)
         kept[np.unique(near)] = False
         kept[:first] = True
-        if kept.all() or kept.sum() < FEWEST:
+        if kept.all() or kept.sum() < MIN_COUNT:
             break
         features = _chosen(features, np.flatnonzero(kept))
         mapping = fit_map(features, options)

@@ -329,7 +329,7 @@ POINTS = 1200
 FLOOR = 1e-4
 """What is added to the differences, in shares of the bone's length."""
 
-COEFFICIENTS, MOST = (2.867, 0.431, 0.258, 0.491), 0.0592
+COEFFICIENTS, MAX_DISTANCE = (2.867, 0.431, 0.258, 0.491), 0.0592
 """Constant, and of the logarithms of the differences from the softer, the way back, and of what is left; the share of
 the bone's length that radii come near, as not even an affine map misses by more. Fitted to attachments: 41 random
 deformations of seven bones of a leg, and persons 1, 5, 9, ... 21 of LLP26 as the model has them, which count threefold,
@@ -358,7 +358,7 @@ def match_radii(
     apart = [np.linalg.norm(difference, axis=1) for difference in beside] + [np.full(len(points), fit.rms)]
     constant, *factors = COEFFICIENTS
     logs = sum(b * np.log(distance + FLOOR) for b, distance in zip(factors, apart, strict=True))
-    return np.asarray(1.0 / np.hypot(np.exp(-constant - logs), 1.0 / MOST))
+    return np.asarray(1.0 / np.hypot(np.exp(-constant - logs), 1.0 / MAX_DISTANCE))
 
 
 def _size(affine: AffineMap) -> float:

@@ -110,7 +110,7 @@ CLOSER = 0.7
 """By which the shell shrinks from one to the other."""
 
 ROUNDS = 40
-FEWEST = 8
+MIN_COUNT = 8
 """Vertices of a region, at least."""
 
 GROWTH = 1.6
@@ -223,7 +223,7 @@ def warning_of(fit: SphereFit | CylinderFit) -> str:
     """Why a fit should not be relied on, in words; "" where it may be."""
     if fit.rms > ROUGH * fit.radius:
         return f"the surface is not round: {mm(fit.rms)} off at a radius of {mm(fit.radius)}"
-    if fit.count < FEWEST:
+    if fit.count < MIN_COUNT:
         return f"only {fit.count} vertices of the surface are on it"
     if isinstance(fit, SphereFit) and fit.bent < BENT:
         return "the surface bends one way more than the other, as a shaft does"
@@ -260,7 +260,7 @@ def spherical_patches(surface: Surface, hollow: bool = False, most: int = 8) -> 
             center = asked.points[seed] + (radius if hollow else -radius) * asked.normals[seed]
             near = asked.around(asked.points - center, radius, NARROW, hollow)
             share = float(asked.areas[near].sum() / (4.0 * np.pi * radius**2))
-            if share > COVERED and near.sum() >= FEWEST:
+            if share > COVERED and near.sum() >= MIN_COUNT:
                 voted.append((min(share, 1.0), center, radius))
     voted.sort(key=lambda vote: -vote[0])
     sphere_fits: list[SphereFit] = []
@@ -346,7 +346,7 @@ def _grown(
     chosen, shell = np.zeros(0, dtype=bool), REACH
     for _ in range(ROUNDS):
         before, chosen = chosen, region(fit, shell)
-        if chosen.sum() < FEWEST:
+        if chosen.sum() < MIN_COUNT:
             raise BadData(f"only {int(chosen.sum())} vertices of the surface are round with a radius of {mm(radius)}")
         if fit is not None and shell == NARROW and np.array_equal(before, chosen):
             break
@@ -361,7 +361,7 @@ def _grown(
 def _near(surface: Surface, middle: Array, reach: float) -> Corners:
     close = np.linalg.norm(surface.vertices - middle, axis=1) < reach
     faces = surface.faces[close[surface.faces].all(axis=1)]
-    if len(faces) < FEWEST:
+    if len(faces) < MIN_COUNT:
         raise BadData(f"no part of the surface lies within {mm(reach)} of {_text(middle)}")
     return Corners.of(used_part(surface.vertices, faces))
 

@@ -29,7 +29,7 @@ DENSITY = 1060.0
 SPECIFIC_TENSION = 3.0e5
 """Of tables that have masses but no forces [Pa]; it matters only where no table of the target gives the level."""
 
-FEWEST = 5
+MIN_COUNT = 5
 """Muscles in common that a level is taken from."""
 
 QUANTILE = 1.645
@@ -277,7 +277,7 @@ def _level(first: Values, other: Values) -> tuple[np.ndarray, np.ndarray]:
     Spreads are standard deviations of the logarithms of fiber length and force. NaN with too little in common.
     """
     ratios = _ratios(first, other)
-    if len(ratios) < FEWEST:
+    if len(ratios) < MIN_COUNT:
         return np.full(2, np.nan), np.full(2, np.nan)
     fiber, force = np.median(ratios, axis=0)
     return np.exp([fiber, fiber + force]), ratios.std(axis=0, ddof=1)
@@ -288,6 +288,6 @@ def _spread_within(tables: Sequence[ArchitectureTable], values: Sequence[Values]
     for i, table in enumerate(tables):
         for other in range(i):
             ratios = _ratios(values[other], values[i])
-            if tables[other].species == table.species and len(ratios) >= FEWEST:
+            if tables[other].species == table.species and len(ratios) >= MIN_COUNT:
                 return np.asarray(ratios.std(axis=0, ddof=1) / np.sqrt(2.0))
     return np.full(2, np.nan)

@@ -22,7 +22,7 @@ from myomorph.morph.maps.linear import AffineMap
 from myomorph.morph.shapes.surface_points import Shape
 from myomorph.morph.species.table_rows import Attachment, RelativeBone
 
-FEWEST = 4
+MIN_COUNT = 4
 """Landmarks that a relative's bone needs in common with the target's."""
 
 
@@ -99,7 +99,7 @@ def _places(relative: RelativeBone, bone: BoneMap) -> Array:
     marks = bone.features
     theirs = {} if marks is None else dict(zip(marks.names, marks.target, strict=True))
     names = tuple(name for name in relative.landmarks if name in theirs)
-    if len(names) < FEWEST:
+    if len(names) < MIN_COUNT:
         raise BadData(
             f"relative's '{relative.body}': {len(names)} landmarks in common with the target's bone "
             f"({', '.join(names)}): expected four or more"

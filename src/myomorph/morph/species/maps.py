@@ -37,7 +37,7 @@ from myomorph.morph.transfer.model import graft_muscles
 
 MEASURED_IN_METERS = "[m]"
 
-FEWEST = 4
+MIN_COUNT = 4
 """Landmarks that a bone needs."""
 
 STEEPEST = 3.0
@@ -142,7 +142,7 @@ def _map(
         places.append(marks)
         notes += [f"{pair}: {line}" for line in lost]
     names = tuple(name for name in places[0] if name in places[1])
-    if len(names) < FEWEST:
+    if len(names) < MIN_COUNT:
         raise BadData(f"{pair}: {len(names)} landmarks in common ({', '.join(names)}): expected four or more")
     ours, theirs = (np.array([by_name[name] for name in names]) for by_name in places)
     body, target = bone.sources[0], bone.targets[0]
@@ -179,7 +179,7 @@ def _consistent(
     goal = fit_affine(theirs, ours).apply(theirs)
     kept = list(range(len(names)))
     dropped: list[str] = []
-    while len(kept) > FEWEST:
+    while len(kept) > MIN_COUNT:
         apart, wanted = (np.linalg.norm(points[kept][:, None] - points[kept], axis=2) for points in (ours, goal))
         torn = (wanted > STEEPEST * apart) & (wanted > 0.0)
         if not torn.any():

@@ -28,7 +28,7 @@ from myomorph.muscles.path import compile_paths
 FREE = "free branch"
 """Of the names of the body and the coordinates that a branching point moves by while its balance is looked for."""
 
-LEAST, MOST = 0.1, 10.0
+MIN_SHARE, MAX_SHARE = 0.1, 10.0
 """Tensions may become so many times what equal activation gives, to hold the source's link in balance."""
 
 STIFF = 10.0
@@ -128,7 +128,7 @@ def branch_load(model: Model, link: str) -> BranchLoad:
     # The last of the stiff rows keeps the tensions' sum: less of all of them is no balance.
     rows = np.concatenate([STIFF * np.vstack([slopes, np.ones(len(force))]) * force / force.sum(), np.eye(len(force))])
     wanted = np.concatenate([np.zeros(3), [STIFF], np.ones(len(force))])
-    tensions = force * lsq_linear(rows, wanted, (LEAST, MOST)).x
+    tensions = force * lsq_linear(rows, wanted, (MIN_SHARE, MAX_SHARE)).x
     return BranchLoad(link, freed.muscles, tensions, slopes @ tensions)
 
 

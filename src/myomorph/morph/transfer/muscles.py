@@ -21,7 +21,7 @@ from myomorph.muscles.path import compile_paths
 USUAL = 0.4, 1.6
 """Normalized fiber lengths of the source that count: beyond, a posture is none that the muscle was made for."""
 
-FEWEST = 10
+MIN_COUNT = 10
 """Postures that must be among those."""
 
 LEAST_TRAVEL = 0.02
@@ -139,7 +139,7 @@ def _range_growth(muscle: Muscle, before: Array, after: Array, ratio: float) -> 
     """
     normal = normalized_lengths(muscle, before)
     usual = (normal >= USUAL[0]) & (normal <= USUAL[1])
-    if usual.sum() < FEWEST:
+    if usual.sum() < MIN_COUNT:
         usual = np.isfinite(before)
     x, y = before[usual], after[usual]
     if not np.ptp(x) > LEAST_TRAVEL * before[0]:
@@ -156,7 +156,7 @@ def _given_growth(muscle: Muscle, before: Array, after: Array, fiber: float) -> 
     """The growth to a known fiber length, with the tendon that keeps the mean normalized fiber length over postures."""
     normal = normalized_lengths(muscle, before)
     usual = (normal >= USUAL[0]) & (normal <= USUAL[1])
-    if usual.sum() < FEWEST:
+    if usual.sum() < MIN_COUNT:
         usual = np.isfinite(before)
     slope = fiber / muscle.optimal_fiber_length
     return Growth(slope, float(after[usual].mean() - slope * before[usual].mean()))

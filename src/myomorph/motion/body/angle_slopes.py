@@ -19,7 +19,7 @@ SEEN = 1e-9
 """A coordinate whose curvature is less than this share of the largest moves no marker."""
 
 
-MOST = 120
+MAX_COUNT = 120
 """Frames of all recordings that are looked at, evenly chosen: a mean derivative needs no more of them."""
 
 
@@ -30,7 +30,7 @@ class AngleSlopes:
 
     Attributes
     ----------
-    mean : (coordinates, unknowns) derivative of each coordinate's mean over all frames, found of at most `MOST`; 0
+    mean : (coordinates, unknowns) derivative of each coordinate's mean over all frames, found of at most `MAX_COUNT`; 0
         where no marker shows it
     seen : (coordinates,) share of the frames in which markers show the coordinate and no bound holds it
     """
@@ -74,7 +74,7 @@ def angle_slopes(problem: SharedProblem, at: Point) -> AngleSlopes:
 
 
 def frame_slopes(problem: SharedProblem, at: Point) -> Iterator[FrameSlopes]:
-    """At most `MOST` frames of all recordings.
+    """At most `MAX_COUNT` frames of all recordings.
 
     Where a frame's cost has its minimum, dq/ds = -(J_q^T W J_q)^-1 J_q^T W J_s.
     """
@@ -83,7 +83,7 @@ def frame_slopes(problem: SharedProblem, at: Point) -> Iterator[FrameSlopes]:
     stretch = with_travel(problem.stretch, problem.model, at.x[: len(problem.lengths)])
     ties = _ties(problem, tree, stretch)
     bodies = problem.pose.markers.body
-    every = max(-(-total // MOST), 1)
+    every = max(-(-total // MAX_COUNT), 1)
     for group, pose, angles in zip(problem.sets, at.poses, at.angles, strict=True):
         chosen = slice(len(angles) % every // 2, None, every)
         angles, frames = angles[chosen], len(angles)

@@ -32,7 +32,7 @@ UNITS = {"start": "s", "stop": "s", "peak": "W", "done": "J", "absorbed": "J", "
 LARGE_STRAIN = 0.1
 """Strain at which tendons tear: where it is passed, the model's tendon does not fit."""
 
-MOST_NAMED = 8
+MAX_NAMED = 8
 """Muscles that a note names one by one."""
 
 
@@ -153,7 +153,7 @@ def fiber_notes(tension: Tension, model: Model) -> tuple[str, ...]:
     if fibers is None:
         return ()
     notes = list(_unsolved(tension))
-    for one in fibers.unreachable[:MOST_NAMED]:
+    for one in fibers.unreachable[:MAX_NAMED]:
         why = (
             "the path is shorter than the slack tendon"
             if one.worst <= 0.0
@@ -161,7 +161,7 @@ def fiber_notes(tension: Tension, model: Model) -> tuple[str, ...]:
         )
         at = f"{tension.time[one.frame]:.3f} s (frame {one.frame})"
         notes.append(f"{one.muscle}: {why}, first at {at}; it is solved with a rigid tendon")
-    left = [one.muscle for one in fibers.unreachable[MOST_NAMED:]]
+    left = [one.muscle for one in fibers.unreachable[MAX_NAMED:]]
     if left:
         notes.append(f"fibers of {len(left)} more muscles cannot reach; solved with rigid tendons: {', '.join(left)}")
     every = solved_every(tension.time)

@@ -18,7 +18,7 @@ from myomorph.model.arrays import Array
 from myomorph.tension.elastic.band import BandSystem
 from myomorph.tension.elastic.bounds import NEAR, Box
 from myomorph.tension.elastic.elements import elements
-from myomorph.tension.elastic.program import LEAST, MOST, SMOOTH, Point, Program
+from myomorph.tension.elastic.program import MAX_FORCE, MIN_FORCE, SMOOTH, Point, Program
 from myomorph.tension.elastic.starts import integrated, possible
 
 SLACK = 1e-6
@@ -104,13 +104,17 @@ class Solver:
         # Where much of the torque is left to reserves, bounds press as hard, and the barrier has to begin as wide.
         effort = (p.activation.terms(start.a)[0] + p.other.terms(start.x)[0]) / len(start.f)
         mu = self.mu = FIRST * float(np.clip(effort, 1.0, 1e3))
-        f = Box.inside(np.full_like(start.f, LEAST), np.full_like(start.f, MOST), start.f)
+        f = Box.inside(np.full_like(start.f, MIN_FORCE), np.full_like(start.f, MAX_FORCE), start.f)
         low, high = (np.broadcast_to(values, start.a.shape) for values in (p.activation.lower, p.activation.upper))
         a = Box.inside(low, high, start.a)
         low_x, high_x = (np.broadcast_to(values, start.x.shape) for values in (p.other.lower, p.other.upper))
         x = Box.inside(low_x, high_x, start.x)
         self.v = [f, a, x]
-        self.boxes = [Box(np.asarray(LEAST), np.asarray(MOST), f, mu), Box(low, high, a, mu), Box(low_x, high_x, x, mu)]
+        self.boxes = [
+            Box(np.asarray(MIN_FORCE), np.asarray(MAX_FORCE), f, mu),
+            Box(low, high, a, mu),
+            Box(low_x, high_x, x, mu),
+        ]
         if self.second:
             s = np.maximum(self._rates(a)[0], NEAR)
             self.v.append(s)

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from myomorph.model.arrays import Array
 from myomorph.muscles.hill_arrays import ElasticArrays
 
-LEAST, MOST = 2.5e-4, 4.0
+MIN_FORCE, MAX_FORCE = 2.5e-4, 4.0
 """Bounds of the normalized tendon force."""
 
 SMOOTH = 1e-4

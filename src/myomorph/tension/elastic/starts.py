@@ -6,7 +6,7 @@ import numpy as np
 
 from myomorph.model.arrays import Array
 from myomorph.tension.elastic.elements import integrate
-from myomorph.tension.elastic.program import LEAST, MOST, Program
+from myomorph.tension.elastic.program import MAX_FORCE, MIN_FORCE, Program
 
 START_ROOM = 0.02
 """How far from its bounds an activation begins at least, in shares of their distance."""
@@ -35,5 +35,5 @@ def integrated(program: Program, a: Array) -> Array:
     """Normalized tendon forces (frames, muscles) that activations lead to."""
     f = np.empty((len(a) + 1, a.shape[1]))
     inputs = (program.lengths, program.speeds, program.steps)
-    integrate(program.arrays, program.own, a, *inputs, 2.0 * LEAST, 0.5 * MOST, f)
+    integrate(program.arrays, program.own, a, *inputs, 2.0 * MIN_FORCE, 0.5 * MAX_FORCE, f)
     return f

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from myomorph.model.arrays import Array
-from myomorph.tension.elastic.program import LEAST, MOST
+from myomorph.tension.elastic.program import MAX_FORCE, MIN_FORCE
 from myomorph.tension.separable import Separable
 
 FASTEST = 200.0
@@ -53,13 +53,13 @@ def balanced(shared: Separable, values: Array, right: Array, held: Array, muscle
     muscles : (unknowns,) which columns those are
     """
     column = np.repeat(np.arange(len(shared.weight)), np.diff(shared.start))
-    low, high = np.where(muscles, LEAST, shared.lower), np.where(muscles, MOST, shared.upper)
+    low, high = np.where(muscles, MIN_FORCE, shared.lower), np.where(muscles, MAX_FORCE, shared.upper)
     A = np.zeros((len(held), right.shape[1], held.shape[1]))
     A[:, shared.row, column] = values
     result = held.copy()
     for _ in range(PROJECTIONS):
         left = right - np.matmul(A, result[:, :, None])[..., 0]
-        room = np.where(muscles, result - LEAST, 1.0 / np.maximum(shared.weight, 1e-3))
+        room = np.where(muscles, result - MIN_FORCE, 1.0 / np.maximum(shared.weight, 1e-3))
         room = np.where((result > low) & (result < high), room, 0.0)
         scaled = A * room[:, None]
         matrix = np.matmul(scaled, A.transpose(0, 2, 1))

@@ -16,7 +16,7 @@ SCALES = (0.1, 9.0)
 """Within which the variances of activations are adjusted to the misfits."""
 HASTE, CHANGES = 2.0, (0.6, 1.25)
 """Power of the steps by which errors change, and the least and largest factor of a step."""
-MOST_ERROR = 0.5
+MAX_ERROR = 0.5
 """Of the root mean square of a torque: more of it is not taken for an error."""
 
 
@@ -39,7 +39,7 @@ def noise_of(parts: Sequence[Part], noise: Noise, floors: Array, covariance: Arr
         own = np.where(free, part.variance, 1.0) / noise.emg
         apart += float(np.sum(np.where(free, (moved**2 + after) / own, 0.0)))
         known += float(free.sum())
-    most = np.maximum(MOST_ERROR**2 * carried / frames, floors**2)
+    most = np.maximum(MAX_ERROR**2 * carried / frames, floors**2)
     torque = np.sqrt(np.clip(squares / frames, floors**2, most))
     emg = float(np.clip(apart / known, *SCALES)) if known else 1.0
     return replace(noise, torque=torque, emg=emg)

@@ -30,7 +30,7 @@ from myomorph.tension.terms.actuators import free_coordinates
 POSES = 1024
 REACH = (0.5, 1.5)
 """Normalized fiber lengths of the generic model's poses that count, as in the source."""
-FEWEST = 10
+MIN_COUNT = 10
 
 
 @read_only
@@ -95,7 +95,7 @@ def map_generic(generic: Model, scaled: Model, poses: int = POSES) -> GenericMap
         g, m = generic.muscle_names.index(name), scaled.muscle_names.index(name)
         good = (x[:, g] > REACH[0]) & (x[:, g] < REACH[1]) & (tendon[:, g] >= 0.98) & np.isfinite(own[:, m])
         counts[index] = good.sum()
-        if counts[index] < FEWEST:
+        if counts[index] < MIN_COUNT:
             notes.append(
                 f"muscle '{name}': its fibers work between {REACH[0]:g} and {REACH[1]:g} optimal lengths in "
                 f"{int(counts[index])} of {poses} poses of the generic model: it keeps its lengths"

@@ -23,7 +23,7 @@ FRAME = 0.01
 """Between the frames at which fibers are followed [s]."""
 WINDOW, LEAD = 1.2, 0.15
 """Fibers are followed in windows so long [s]; of each the first part only lets them find their lengths."""
-FEWEST = 6
+MIN_COUNT = 6
 """Frames of a recording."""
 LEAST_ERROR, LEAST_SHARE = 0.1, 0.01
 """Least errors of torques: a share of the reserves' strength, and of the torques' root mean square."""
@@ -140,9 +140,9 @@ class _Read:
         whole = parts[:3] if self.trial.passive else parts
         good = np.all([np.isfinite(array.reshape(len(array), -1)).all(axis=1) for array in whole], axis=0)
         good &= np.isfinite(parts[3]).any(axis=1)
-        if good.sum() < FEWEST:
+        if good.sum() < MIN_COUNT:
             raise BadData(
-                f"'{self.trial.name}': {int(good.sum())} frames have coordinates and torques, expected {FEWEST}"
+                f"'{self.trial.name}': {int(good.sum())} frames have coordinates and torques, expected {MIN_COUNT}"
             )
         if self.trial.passive:
             lengths, speeds, arms, torques = (part[good][None] for part in parts)
