@@ -14,7 +14,7 @@ from benchmarks.hands_lift import BOX_SIZE, Recorded, box, man, recorded
 from myomorph.contact.held_objects import find_holds, needed_wrench, raised_contacts
 from myomorph.contact.site_motion import rest_on_floor
 from myomorph.contact.sites import body_sites, foot_sites
-from myomorph.contact.states import ContactStateOptions, StrengthOptions, preferred_directions, strengths
+from myomorph.contact.states import ActivationOptions, ContactStateOptions, contact_activations, preferred_directions
 from myomorph.model.arrays import Array
 from myomorph.model.contacts import SharedWrench, Site
 from myomorph.model.join import join_models, join_motions
@@ -77,7 +77,7 @@ def holding(folder: Path, lift: str) -> tuple[tuple[Site, ...], Array]:
     """The hands' sites on the box, and how surely each holds it (frames, 2)."""
     model, motion = both(folder, lift)
     sites = tuple(replace(one, against="box_body", group="hands") for one in body_sites(model, HANDS))
-    return sites, np.array(strengths(model, motion, sites, find_holds(model, motion, sites)).values)
+    return sites, np.array(contact_activations(model, motion, sites, find_holds(model, motion, sites)).values)
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +121,7 @@ def soles_of(model: mm.Model, motion: mm.Motion) -> tuple[tuple[Site, ...], Arra
     """Sites under the feet, how ready each is (frames, sites), and which way its force leans (frames, sites, 3)."""
     feet, floor = rest_on_floor(model, motion, foot_sites(model))
     touches = mm.find_contacts(model, motion, feet, ContactStateOptions(floor=floor.height))
-    ready = strengths(model, motion, feet, touches, StrengthOptions(floor=floor.height))
+    ready = contact_activations(model, motion, feet, touches, ActivationOptions(floor=floor.height))
     return feet, np.array(ready.values), preferred_directions(model, motion, feet)
 
 

@@ -15,7 +15,13 @@ from benchmarks.recordings import RECORDINGS, read_markers
 from myomorph.contact.shared import assign_feet
 from myomorph.contact.site_motion import plate_height, rest_on_floor, site_motion
 from myomorph.contact.sites import body_sites, foot_sites
-from myomorph.contact.states import ContactStateOptions, StrengthOptions, preferred_directions, steady, strengths
+from myomorph.contact.states import (
+    ActivationOptions,
+    ContactStateOptions,
+    contact_activations,
+    preferred_directions,
+    steady,
+)
 from myomorph.identify.recordings import RecordingOptions, usable
 from myomorph.io.loads import read_external_loads
 from myomorph.io.osim.setup_parts import read_ik_tasks
@@ -101,7 +107,7 @@ class Hidden:
     motion: mm.Motion
     sites: tuple[Site, ...]
     contacts: mm.Contacts
-    strengths: mm.Series
+    activations: mm.Series
     measured: mm.Wrenches
     raw: mm.Wrenches
     use: np.ndarray
@@ -133,7 +139,7 @@ def cutoff_of(model: mm.Model, motion: mm.Motion) -> float:
 
 @cache
 def opened(folder: Path, case: HiddenCase) -> Hidden:
-    """Kinematics, contacts and strengths of a recording; the plates tell the height of the floor and nothing else."""
+    """Kinematics, contacts and activations of a recording; the plates tell the height of the floor and nothing else."""
     model = subject_model(folder, case.model, case.mass, case.calibrated)
     tracked = _tracked(folder, case, model)
     raw = _forces(folder / case.forces)
@@ -141,12 +147,12 @@ def opened(folder: Path, case: HiddenCase) -> Hidden:
     whole = mm.differentiate(tracked, cutoff)
     feet, floor = rest_on_floor(model, whole, foot_sites(model), plate_height(model, raw))
     contacts = mm.find_contacts(model, whole, feet, ContactStateOptions(floor=floor.height))
-    ready = strengths(model, whole, feet, contacts, StrengthOptions(floor=floor.height))
+    ready = contact_activations(model, whole, feet, contacts, ActivationOptions(floor=floor.height))
     sites: tuple[Site, ...] = feet
     if case.seated:
         seat = body_sites(model, ("seat",))
         sitting = mm.find_contacts(model, whole, seat)
-        also = strengths(model, whole, seat, sitting)
+        also = contact_activations(model, whole, seat, sitting)
         sites = (*feet, *seat)
         ready = mm.Series(ready.time, (*ready.names, *also.names), np.hstack([ready.values, also.values]))
     assert whole.velocities is not None
@@ -221,11 +227,11 @@ def estimated(
     ----------
     known : forces that act as they were measured
     shared : forces known for several sites together
-    ready : strengths to take instead
+    ready : activations to take instead
     """
     task = ContactTask(
         hidden.sites,
-        ready or hidden.strengths,
+        ready or hidden.activations,
         shared,
         ContactOptions(formulation=formulation),
         preferred_directions(hidden.model, hidden.motion, hidden.sites),

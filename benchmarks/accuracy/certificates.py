@@ -52,7 +52,7 @@ def solved(
 ) -> tuple[TensionProblem, Tension]:
     """The problem of a recording with its plates hidden, all settings defaults, solved."""
     task = ContactTask(
-        hidden.sites, hidden.strengths, preferred=preferred_directions(hidden.model, hidden.motion, hidden.sites)
+        hidden.sites, hidden.activations, preferred=preferred_directions(hidden.model, hidden.motion, hidden.sites)
     )
     torques = mm.inverse_dynamics(hidden.model, hidden.motion)
     problem, names = tension_problem(hidden.model, hidden.motion, torques, contacts=change(task))
@@ -74,7 +74,7 @@ def measure(folder: Path) -> Iterator[Row]:
         frames = np.flatnonzero(hidden.use)[::EVERY]
         found = contact_intervals(problem, tension, frames.tolist())
         wide = contact_intervals(problem, tension, frames.tolist(), CertificateOptions(residual=MODEL_ERROR, near=0.0))
-        ready = hidden.strengths.values[frames] > 0.0
+        ready = hidden.activations.values[frames] > 0.0
         groups = np.array([one.group for one in hidden.sites])
         touching = np.stack([ready[:, groups == name].any(axis=1) for name in found.groups], axis=1)
         several = touching.sum(axis=1) > 1
@@ -159,7 +159,7 @@ def measure_faults(folder: Path) -> Iterator[Row]:
         groups = np.array([one.group for one in hidden.sites])
         tau = mm.inverse_dynamics(hidden.model, hidden.motion)
         force = np.stack([tau[f"pelvis_t{axis}"] for axis in "xyz"], axis=1)
-        ready = {name: hidden.strengths.values[:, groups == name] for name in ("foot_r", "foot_l")}
+        ready = {name: hidden.activations.values[:, groups == name] for name in ("foot_r", "foot_l")}
         for name, (kind, fault, most) in FAULTS.items():
             must, marked, both, named, frames = 0, 0, 0, 0, 0
             for foot, other in (("foot_r", "foot_l"), ("foot_l", "foot_r")):
@@ -238,8 +238,8 @@ def together(wrenches: Sequence[mm.Wrenches]) -> mm.Wrenches:
 def _forgotten(task: ContactTask, foot: str) -> ContactTask:
     """The foot is said not to touch."""
     mine = np.array([one.group == foot for one in task.sites])
-    values = np.where(mine, 0.0, task.strengths.values)
-    return replace(task, strengths=mm.Series(task.strengths.time, task.strengths.names, values))
+    values = np.where(mine, 0.0, task.activations.values)
+    return replace(task, activations=mm.Series(task.activations.time, task.activations.names, values))
 
 
 def _slippery(task: ContactTask, foot: str) -> ContactTask:

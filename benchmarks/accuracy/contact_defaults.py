@@ -90,7 +90,7 @@ def measure_contact_settings(folder: Path) -> Iterator[Row]:
 def foot_error(hidden: Hidden, setting: Setting) -> float:
     """RMS error of the vertical force of a foot, mean of both feet [% weight]."""
     preferred = preferred_directions(hidden.model, hidden.motion, hidden.sites)
-    task = _as_set(ContactTask(hidden.sites, hidden.strengths, (), preferred=preferred), setting)
+    task = _as_set(ContactTask(hidden.sites, hidden.activations, (), preferred=preferred), setting)
     torques = mm.inverse_dynamics(hidden.model, hidden.motion)
     found = mm.solve_tension(hidden.model, hidden.motion, torques, setting.tension, contacts=task).contacts
     assert found is not None

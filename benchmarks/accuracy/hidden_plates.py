@@ -11,7 +11,7 @@ import numpy as np
 import myomorph as mm
 from benchmarks.hidden_plates import CASES, Hidden, estimated, feet_of, foot_wrench, opened
 from myomorph.contact.shared import SharedOptions, shared_wrenches
-from myomorph.contact.states import ContactStateOptions, StrengthOptions, hysteresis, steady, strengths
+from myomorph.contact.states import ActivationOptions, ContactStateOptions, contact_activations, hysteresis, steady
 from myomorph.tension.solve import Tension
 
 AXES = ("fore-aft", "vertical", "lateral")
@@ -165,19 +165,19 @@ def _chosen(wrenches: mm.Wrenches, columns: list[int]) -> mm.Wrenches:
 
 
 def _timed(hidden: Hidden) -> mm.Series:
-    """Strengths whose touches begin and end when the plates are loaded and unloaded."""
+    """Activations whose touches begin and end when the plates are loaded and unloaded."""
     plates = mm.resample_wrenches(hidden.raw, hidden.motion.time, 3.0 * hidden.cutoff)
     told = mm.find_contacts(
         hidden.model, hidden.motion, hidden.sites, ContactStateOptions(floor=hidden.floor), plates=plates
     )
-    return strengths(hidden.model, hidden.motion, hidden.sites, told, StrengthOptions(floor=hidden.floor))
+    return contact_activations(hidden.model, hidden.motion, hidden.sites, told, ActivationOptions(floor=hidden.floor))
 
 
 def _without(hidden: Hidden, group: str) -> mm.Series:
-    """Strengths with none at one foot, whose force is known."""
-    values = np.array(hidden.strengths.values)
+    """Activations with none at one foot, whose force is known."""
+    values = np.array(hidden.activations.values)
     values[:, [k for k, one in enumerate(hidden.sites) if one.group == group]] = 0.0
-    return replace(hidden.strengths, values=values)
+    return replace(hidden.activations, values=values)
 
 
 def summed(wrenches: mm.Wrenches) -> mm.Wrenches:

@@ -110,9 +110,9 @@ def estimate(
     sites = open_sites(pair, known)
     names = tuple(one.name for one in sites)
     columns = [pair.touching.names.index(name) for name in names]
-    strengths = mm.Series(motion.time, names, pair.touching.values[:, columns])
+    activations = mm.Series(motion.time, names, pair.touching.values[:, columns])
     options = ContactOptions(formulation=formulation, compliance=compliance)  # type: ignore[arg-type]
-    task = ContactTask(sites, strengths, options=options)
+    task = ContactTask(sites, activations, options=options)
     # The truth's muscles, of MuJoCo, have passive force and no tendon.
     options = mm.TensionOptions(passive=True)
     emg = emg_target(pair, known.emg)
@@ -196,7 +196,7 @@ TRUTHS: dict[str, dict[str, Any]] = {
     "as above": {},
     "half the pull": {"vigor": 0.5},
     "no tone, all muscles weighted alike": {"tone": (0.0, 0.0), "weight_spread": 0.0},
-    "strengths and EMG known exactly": {"strength_error": 0.0, "emg_gain": 0.0, "emg_noise": 0.0},
+    "activations and EMG known exactly": {"strength_error": 0.0, "emg_gain": 0.0, "emg_noise": 0.0},
 }
 TOLD = {"motion alone": KNOWN[0], "directions, 16 channels": KNOWN[3]}
 
@@ -240,7 +240,7 @@ def measure_truths() -> Iterable[Row]:
 
 
 def measure_compliance() -> Iterable[Row]:
-    """One row for each cost of contact forces against muscles, at both strengths of pull."""
+    """One row for each cost of contact forces against muscles, at both activations of pull."""
     for words in ("as above", "half the pull"):
         for compliance in (0.1, 1.0, 10.0):
             errors = errors_over(_three(**TRUTHS[words]), [*TOLD.values()], compliance)

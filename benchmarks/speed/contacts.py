@@ -20,7 +20,7 @@ from benchmarks.speed.size import simulated
 from benchmarks.speed.timing import alternate
 from data_collection import data_folder
 from myomorph.contact.sites import foot_sites
-from myomorph.contact.states import strengths
+from myomorph.contact.states import contact_activations
 from myomorph.model.contacts import Cone, Site
 from myomorph.model.join import join_models, join_motions
 from myomorph.motion.sync import take_frames
@@ -66,7 +66,7 @@ def on_feet(model: mm.Model, motion: mm.Motion) -> tuple[tuple[Site, ...], np.nd
     """Sites under the feet and how ready each is."""
     sites = foot_sites(model)
     contacts = mm.find_contacts(model, motion, sites)
-    return sites, strengths(model, motion, sites, contacts).values
+    return sites, contact_activations(model, motion, sites, contacts).values
 
 
 def one_walker(folder: Path) -> ContactCase:

@@ -11,16 +11,16 @@ import pytest
 from measured_walk import measured_walk
 from myomorph.contact.site_motion import SiteMotion, floor_under, site_motion
 from myomorph.contact.states import (
+    ActivationOptions,
     ContactStateOptions,
-    StrengthOptions,
     by_kinematics,
+    contact_activations,
     fade,
     find_contacts,
     hysteresis,
     merge_contacts,
     preferred_directions,
     steady,
-    strengths,
 )
 from myomorph.model.contacts import Contacts, Site, Touch
 from myomorph.model.errors import BadData
@@ -208,7 +208,7 @@ def test_readiness_fades_smoothly():
 def test_strengths_of_a_walk(walk):
     model, motion, sites, wrenches, floor = walk
     found = find_contacts(model, motion, sites)
-    ready = strengths(model, motion, sites, found, StrengthOptions(floor=floor.height))
+    ready = contact_activations(model, motion, sites, found, ActivationOptions(floor=floor.height))
     states = found.states(motion.time).values
     assert ready.names == tuple(one.name for one in sites)
     assert (ready.values[states == 0.0] == 0.0).all()
@@ -219,7 +219,7 @@ def test_strengths_of_a_walk(walk):
         load = wrenches.forces[:, foot, 1]
         assert ready[f"ball_medial_{side}"][load > 0.9 * load.max()].min() > 0.3
     with pytest.raises(BadData, match="say nothing of site"):
-        strengths(model, motion, sites, Contacts(("heel_medial_r",), ()))
+        contact_activations(model, motion, sites, Contacts(("heel_medial_r",), ()))
 
 
 def test_forces_lean_to_a_point_above_the_center_of_mass(walk):
@@ -242,7 +242,7 @@ def test_a_hand_on_an_object_is_as_ready_as_it_is_sure(walk):
     model, motion, _, _, _ = walk
     hand = Site("grip", "hand_r", np.zeros((1, 3)), against="torso")
     told = Contacts(("grip",), (Touch("grip", 0.6, 0.8, "torso", 0.7),))
-    ready = strengths(model, motion, (hand,), told)
+    ready = contact_activations(model, motion, (hand,), told)
     assert set(np.unique(ready.values)) == {0.0, 0.7}
 
 

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 from measured_walk import measured_walk
 from myomorph.contact.shared import SharedOptions, assign_feet, misplaced_forces, shared_wrenches, without_measured
 from myomorph.contact.site_motion import site_motion
-from myomorph.contact.states import find_contacts, strengths
+from myomorph.contact.states import contact_activations, find_contacts
 from myomorph.model.errors import BadData
 from myomorph.model.series import ForcePlate
 from myomorph.motion.sync import resample_wrenches
@@ -113,7 +113,7 @@ def test_unloaded_plates_tell_nothing(walk):
 def test_a_measured_foot_is_not_estimated_too(walk):
     """Neither while its plate carries it, whichever bone of the foot the file names; beside the plate it is."""
     model, motion, sites, wrenches, contacts = walk
-    ready = strengths(model, motion, sites, contacts)
+    ready = contact_activations(model, motion, sites, contacts)
     right = [k for k, one in enumerate(sites) if one.group == "foot_r"]
     load = wrenches.forces[:, 0, 1] / (model.mass * 9.81)
     beside = motion.time > 1.2

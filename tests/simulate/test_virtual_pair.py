@@ -103,8 +103,8 @@ def test_the_grip_is_found_from_the_motion_alone(bout):
 
 def solved(bout, motion, formulation, emg=None, sites=None):
     sites = bout.sites if sites is None else sites
-    strengths = Series(motion.time, tuple(one.name for one in sites), np.ones((len(motion), len(sites))))
-    task = ContactTask(sites, strengths, options=ContactOptions(formulation=formulation))
+    activations = Series(motion.time, tuple(one.name for one in sites), np.ones((len(motion), len(sites))))
+    task = ContactTask(sites, activations, options=ContactOptions(formulation=formulation))
     torques = inverse_dynamics(bout.model, motion)
     return solve_tension(bout.model, motion, torques, TensionOptions(passive=True), contacts=task, emg=emg)
 
@@ -163,11 +163,11 @@ def test_noise_is_as_large_as_stated():
     bodies = np.array([tree.body_index[one.body] for one in noisy.model.markers])
     exact = poses.points(bodies, np.array([one.location for one in noisy.model.markers]))
     assert np.std(noisy.markers.values - exact) == pytest.approx(0.0005, rel=0.05)
-    strengths = [
+    activations = [
         [one.max_isometric_force for part in PARTS for one in models[part].muscles]
         for models in (noisy.models, noisy.truth.models)
     ]
-    assert np.std(np.log(np.divide(*strengths))) == pytest.approx(0.2, rel=0.2)
+    assert np.std(np.log(np.divide(*activations))) == pytest.approx(0.2, rel=0.2)
     fit = inverse_kinematics(noisy.model, noisy.markers)
     assert np.sqrt(np.mean((fit.motion.values - noisy.truth.motion.values) ** 2)) < np.deg2rad(0.5)
 

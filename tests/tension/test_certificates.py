@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import linprog
 
 from myomorph.contact.sites import foot_sites
-from myomorph.contact.states import find_contacts, strengths
+from myomorph.contact.states import contact_activations, find_contacts
 from myomorph.io.osim.read import read_osim
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.contacts import Cone, SharedWrench, Site
@@ -153,7 +153,8 @@ def walk(data) -> tuple[Model, Motion, ContactTask]:
     keep = np.arange(200, 1000, 40)
     motion = take_frames(whole, keep)
     sites = foot_sites(model)
-    return model, motion, ContactTask(sites, strengths(model, motion, sites, find_contacts(model, motion, sites)))
+    ready = contact_activations(model, motion, sites, find_contacts(model, motion, sites))
+    return model, motion, ContactTask(sites, ready)
 
 
 def test_intervals_of_a_walk_are_those_of_highs(walk):
@@ -239,7 +240,7 @@ def test_smoothness_takes_part_in_optimality(walk, data):
     keep = np.arange(400, 500, 10)
     motion = take_frames(whole, keep)
     sites = foot_sites(model)
-    task = ContactTask(sites, strengths(model, motion, sites, find_contacts(model, motion, sites)))
+    task = ContactTask(sites, contact_activations(model, motion, sites, find_contacts(model, motion, sites)))
     problem, tension = solved(model, motion, task, None)
     assert optimality(problem, tension).stationarity.max() < 1e-3
     rough, _ = solved(model, motion, replace(task, options=replace(task.options, smoothness=0.0)), None)

@@ -264,7 +264,7 @@ def test_a_wrench_measured_for_one_foot_is_what_its_sites_carry(walker):
     right = [k for k, site in enumerate(sites) if site.group == "foot_r"]
     carried = found.contacts.forces[:, right].sum(axis=1)
     # Where the sole is down as a whole, it can carry any wrench that a plate measures.
-    down = np.min(found.contacts.strengths[:, right], axis=1) > 0.5
+    down = np.min(found.contacts.activations[:, right], axis=1) > 0.5
     known = np.isfinite(sure.forces) & down[:, None]
     assert known.any()
     assert np.abs((carried - sure.forces)[known]).max() < 1.0
@@ -283,11 +283,11 @@ def test_no_site_carries_more_than_its_most(walker):
 
 
 def test_forces_stay_in_their_cones_and_away_where_nothing_touches(walker, hidden):
-    forces, strengths = hidden.contacts.forces, hidden.contacts.strengths
-    assert np.all(forces[strengths == 0.0] == 0.0)
+    forces, activations = hidden.contacts.forces, hidden.contacts.activations
+    assert np.all(forces[activations == 0.0] == 0.0)
     assert forces[..., 1].min() >= 0.0
     assert np.all(np.hypot(forces[..., 0], forces[..., 2]) <= 0.8 * forces[..., 1] + 1e-9)
-    inside = hidden.contacts.points[..., 1][strengths > 0.9]
+    inside = hidden.contacts.points[..., 1][activations > 0.9]
     assert np.ptp(inside) < 0.1
 
 
@@ -295,14 +295,14 @@ def test_a_frame_that_contacts_cannot_carry_is_marked_and_the_rest_goes_on(walke
     """Without residuals, a body that has no contact in one frame cannot be carried there."""
     model, motion, _, tau = walker
     sites = soles(Cone(direction=None, grip=0.1))
-    strengths = np.array(full(motion, sites).values)
-    strengths[4] = 0.0
+    activations = np.array(full(motion, sites).values)
+    activations[4] = 0.0
     names = tuple(site.name for site in sites)
     helpers = [
         one for one in tension_problem(model, motion, tau)[0].actuators.actuators if one.name.startswith("reserve_")
     ]
     for smoothness in (0.0, 1.0):
-        ask = ContactTask(sites, Series(motion.time, names, strengths), options=ContactOptions(smoothness=smoothness))
+        ask = ContactTask(sites, Series(motion.time, names, activations), options=ContactOptions(smoothness=smoothness))
         found = solve_tension(model, motion, tau, actuators=helpers, contacts=ask)
         assert found.summary() == {
             "optimal": len(motion) - 1,
@@ -369,7 +369,7 @@ def test_two_bodies_that_hold_each_other_pass_equal_and_opposite_forces(walker):
         for site in feet
     ]
     hold = Site("hold", "one_hand_r", [[0.0, -0.08, 0.0]], Cone(direction=None, grip=0.05), "two_hand_l")
-    ready = np.hstack([task(model, motion).strengths.values[:4]] * 2 + [np.ones((4, 1))])
+    ready = np.hstack([task(model, motion).activations.values[:4]] * 2 + [np.ones((4, 1))])
     # One of them must lean on the other: the feet of the second have no hold.
     ready[:, 12:24] = 0.0
     names = tuple(site.name for site in (*sites, hold))
@@ -403,12 +403,12 @@ def test_contacts_that_do_not_fit_the_motion_are_refused(walker):
     model, motion, loads, tau = walker
     sites = soles()
     ask = task(model, motion)
-    late = Series(motion.time + 0.5, ask.strengths.names, ask.strengths.values)
+    late = Series(motion.time + 0.5, ask.activations.names, ask.activations.values)
     with pytest.raises(BadData, match="same times"):
-        solve_tension(model, motion, tau, contacts=replace(ask, strengths=late))
-    strong = Series(motion.time, ask.strengths.names, 2.0 * np.ones_like(ask.strengths.values))
+        solve_tension(model, motion, tau, contacts=replace(ask, activations=late))
+    strong = Series(motion.time, ask.activations.names, 2.0 * np.ones_like(ask.activations.values))
     with pytest.raises(BadData, match="expected 0 to 1"):
-        solve_tension(model, motion, tau, contacts=replace(ask, strengths=strong))
+        solve_tension(model, motion, tau, contacts=replace(ask, activations=strong))
     short = shared(loads, sites)
     short = replace(short, forces=short.forces[1:], moments=short.moments[1:])
     with pytest.raises(BadData, match="'plate' has"):

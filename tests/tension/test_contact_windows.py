@@ -127,7 +127,7 @@ def test_a_frame_without_input_parts_those_beside_it(walker):
     assert np.flatnonzero(found.status != OPTIMAL).tolist() == [10]
     kept = np.arange(len(motion)) < 10
     before = take_frames(motion, kept)
-    strengths = Series(before.time, ask.strengths.names, ask.strengths.values[kept])
-    part = replace(ask, strengths=strengths)
+    activations = Series(before.time, ask.activations.names, ask.activations.values[kept])
+    part = replace(ask, activations=activations)
     alone = solve_tension(model, before, Series(before.time, tau.names, tau.values[kept]), contacts=part)
     np.testing.assert_allclose(found.contacts.forces[kept], alone.contacts.forces, atol=0.5)

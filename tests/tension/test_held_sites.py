@@ -37,4 +37,4 @@ def test_a_palm_on_a_box_that_rises():
     assert (stood.start, stood.stop) == pytest.approx((0.0, time[-1]))
     assert touch.start == pytest.approx(0.5, abs=0.05)
     assert touch.stop == pytest.approx(time[-1])
-    assert setting.task.strengths["palm"][time > 0.6] == pytest.approx(1.0)
+    assert setting.task.activations["palm"][time > 0.6] == pytest.approx(1.0)

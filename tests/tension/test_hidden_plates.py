@@ -7,11 +7,11 @@ import pytest
 
 from measured_walk import measured_walk
 from myomorph.contact.states import (
+    ActivationOptions,
     ContactStateOptions,
-    StrengthOptions,
+    contact_activations,
     find_contacts,
     preferred_directions,
-    strengths,
 )
 from myomorph.motion.sync import cut, resample_wrenches
 from myomorph.rigid.dynamics import inverse_dynamics
@@ -24,7 +24,7 @@ def walk(data):
     one = measured_walk(data)
     model, motion, sites, floor = one.model, one.motion, one.sites, one.floor
     contacts = find_contacts(model, motion, sites, ContactStateOptions(floor=floor.height))
-    ready = strengths(model, motion, sites, contacts, StrengthOptions(floor=floor.height))
+    ready = contact_activations(model, motion, sites, contacts, ActivationOptions(floor=floor.height))
     # The plates caught every step from 0.6 s on.
     part = cut(motion, 0.6, 1.7)
     ready = cut(ready, 0.6, 1.7)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from myomorph.contact.sites import foot_sites
-from myomorph.contact.states import find_contacts, strengths
+from myomorph.contact.states import contact_activations, find_contacts
 from myomorph.io.osim.read import read_osim
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.contacts import Cone, Site
@@ -123,7 +123,7 @@ def test_a_foot_that_is_forgotten_in_a_walk_is_found(data):
     keep = np.arange(300, 900, 50)
     motion = take_frames(whole, keep)
     sites = foot_sites(model)
-    ready = strengths(model, motion, sites, find_contacts(model, motion, sites))
+    ready = contact_activations(model, motion, sites, find_contacts(model, motion, sites))
     groups = np.array([one.group for one in sites])
     standing = {g: ready.values[:, groups == g].max(axis=1) > 0.5 for g in set(groups)}
     alone = {

@@ -8,7 +8,7 @@ import pytest
 from myomorph.model.contacts import Cone, Site
 from myomorph.model.series import Series
 from myomorph.uncertainty.bodies import Draw
-from myomorph.uncertainty.drawn_inputs import drawn_sites, drawn_strengths
+from myomorph.uncertainty.drawn_inputs import drawn_activations, drawn_sites
 from myomorph.uncertainty.normals import Normals
 from myomorph.uncertainty.sources import Sources
 
@@ -34,7 +34,7 @@ def ready(*spans):
 def test_all_sites_of_a_foot_begin_and_end_late_by_the_same(number):
     one = draw(number, contact_time=0.03)
     begin, end = one.of("contact_time", "foot_r", 2)
-    moved = drawn_strengths(ready((0.5, 1.1), (0.5, 1.2), (0.5, 1.2)), SITES, one).values
+    moved = drawn_activations(ready((0.5, 1.1), (0.5, 1.2), (0.5, 1.2)), SITES, one).values
     on = [TIME[np.flatnonzero(column > 0.5)[[0, -1]]] for column in moved.T]
     np.testing.assert_allclose(on[2], (0.5 + begin, 1.2 + end), atol=0.011)
     # What leaves in the middle of the touch is late by something between the two.
@@ -43,14 +43,14 @@ def test_all_sites_of_a_foot_begin_and_end_late_by_the_same(number):
 
 def test_a_touch_that_the_recording_cuts_keeps_that_end():
     one = draw(2, contact_time=0.03)
-    moved = drawn_strengths(ready((-1.0, 0.8), (-1.0, 0.9), (1.5, 3.0)), SITES, one).values
+    moved = drawn_activations(ready((-1.0, 0.8), (-1.0, 0.9), (1.5, 3.0)), SITES, one).values
     assert moved[0, 0] == 1.0
     assert moved[-1, 2] == 1.0
 
 
 def test_without_sizes_contacts_are_those_that_were_found():
     given, none = ready((0.5, 1.1), (0.6, 1.2), (0.7, 1.2)), draw(0, contact_time=0.0, contact_point=0.0)
-    np.testing.assert_array_equal(drawn_strengths(given, SITES, none).values, given.values)
+    np.testing.assert_array_equal(drawn_activations(given, SITES, none).values, given.values)
     assert drawn_sites(SITES, none) == SITES
 
 

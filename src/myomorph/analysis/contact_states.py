@@ -94,11 +94,11 @@ def measured_contacts(wrenches: Wrenches, up: Array, weight: float | None) -> Co
 
 
 def solved_contacts(forces: ContactForces) -> Contacts:
-    """Contacts that estimated forces were allowed at: runs of a strength above 0."""
+    """Contacts that estimated forces were allowed at: runs of an activation above 0."""
     touches = []
     for index, site in enumerate(forces.sites):
-        for start, stop in runs(forces.strengths[:, index] > 0.0):
-            sure = float(forces.strengths[start:stop, index].max())
+        for start, stop in runs(forces.activations[:, index] > 0.0):
+            sure = float(forces.activations[start:stop, index].max())
             touches.append(
                 Touch(site.name, float(forces.time[start]), float(forces.time[stop - 1]), site.against, min(sure, 1.0))
             )

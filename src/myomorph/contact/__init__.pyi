@@ -4,7 +4,7 @@ from .site_motion import rest_on_floor as rest_on_floor
 from .sites import FootOptions as FootOptions
 from .sites import body_sites as body_sites
 from .sites import foot_sites as foot_sites
+from .states import ActivationOptions as ActivationOptions
 from .states import ContactStateOptions as ContactStateOptions
-from .states import StrengthOptions as StrengthOptions
+from .states import contact_activations as contact_activations
 from .states import preferred_directions as preferred_directions
-from .states import strengths as strengths

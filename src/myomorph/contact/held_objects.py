@@ -13,12 +13,12 @@ import numpy as np
 from myomorph.contact.site_motion import site_motion
 from myomorph.contact.states import (
     KINEMATICS,
+    ActivationOptions,
     ContactStateOptions,
-    StrengthOptions,
+    contact_activations,
     find_contacts,
     hysteresis,
     steady,
-    strengths,
 )
 from myomorph.model.arrays import Array, runs
 from myomorph.model.contacts import Contacts, Site, Touch
@@ -164,5 +164,5 @@ def raised_contacts(
     part = {sole.name: tree.roots[tree.body_index[sole.body]] for sole in (site, *soles)}
     sites = (site, *(sole for sole in soles if part[sole.name] == part[site.name]))
     contacts = find_contacts(model, motion, sites, ContactStateOptions(floor=height))
-    ready = strengths(model, motion, sites, contacts, StrengthOptions(floor=height))
+    ready = contact_activations(model, motion, sites, contacts, ActivationOptions(floor=height))
     return Contacts((site.name,), contacts.of(site.name)), ready.values[:, 0]

@@ -148,14 +148,14 @@ def group_bodies(model: Model, sites: Sequence[Site]) -> dict[str, set[str]]:
 def without_measured(
     model: Model, ready: Series, sites: Sequence[Site], measured: Wrenches, options: SharedOptions | None = None
 ) -> Series:
-    """The strengths of sites, zero while a force that was measured carries their group: it is known already.
+    """The activations of sites, zero while a force that was measured carries their group: it is known already.
 
     A force counts as carrying between the shares of the weight in `SharedOptions`, so that what a filter makes of
     an unloaded plate does not silence a foot that steps beside it.
 
     Parameters
     ----------
-    ready : strengths (frames, sites) at the times of `measured`
+    ready : activations (frames, sites) at the times of `measured`
     measured : forces on bodies that act as they were measured
     """
     options = options or SharedOptions()

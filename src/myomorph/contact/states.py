@@ -266,7 +266,7 @@ PIVOT = 0.3
 
 
 @dataclass(frozen=True)
-class StrengthOptions:
+class ActivationOptions:
     """Where readiness fades. Lengths count from the height of the center of mass, speeds from sqrt(g height).
 
     The defaults are, for an adult, the 40 mm and 0.8 m/s that AnyBody's template for ground forces documents.
@@ -287,22 +287,22 @@ class StrengthOptions:
     floor: float | None = None
 
 
-def strengths(
+def contact_activations(
     model: Model,
     motion: Motion,
     sites: Sequence[Site],
     contacts: Contacts | None = None,
-    options: StrengthOptions | None = None,
+    options: ActivationOptions | None = None,
 ) -> Series:
-    """How ready each site is to carry force (frames, sites), 0 to 1.
+    """Activation of each contact (frames, sites): how ready a site is to carry force, 0 to 1.
 
     s = max(least, fade(z / z_limit, high) fade(v / v_limit, fast)) confidence,
 
     fade(x, a) = 1 below a, (1 + cos(pi (x - a) / (1 - a))) / 2 up to 1, then 0,
 
     of the height z of a site's lowest point over the floor and its speed v against it, times how sure it is that it
-    touches: a strength that fades with height and speed, in the manner of Fluit et al. (2014) and Skals et al. (2017);
-    the curve is ours. A site on anything but the ground is as ready as it is sure to touch.
+    touches: an activation that fades with height and speed, in the manner of Fluit et al. (2014) and Skals et al.
+    (2017); the curve is ours. A site on anything but the ground is as ready as it is sure to touch.
 
     Parameters
     ----------
@@ -310,7 +310,7 @@ def strengths(
     motion : coordinates over time, filtered
     sites : places that can touch [m]
     contacts : when sites touch; all the time without
-    options : heights and speeds at which readiness fades, see `StrengthOptions`
+    options : heights and speeds at which readiness fades, see `ActivationOptions`
 
     Returns
     -------
@@ -326,11 +326,11 @@ def strengths(
     >>> model = mm.read_model("arm.osim")
     >>> motion = mm.differentiate(mm.read_motion("reach.mot", model), cutoff=6.0)
     >>> sites = [mm.Site("hand", "fore", [[0.0, -0.3, 0.0]], mm.Cone(direction=model.up))]
-    >>> ready = mm.contact.strengths(model, motion, sites, mm.find_contacts(model, motion, sites))
+    >>> ready = mm.contact.contact_activations(model, motion, sites, mm.find_contacts(model, motion, sites))
     >>> ready.names, ready.values.shape, bool((ready.values <= 1.0).all())
     (('hand',), (61, 1), True)
     """
-    options = options or StrengthOptions()
+    options = options or ActivationOptions()
     names = tuple(site.name for site in sites)
     sure = np.ones((len(motion), len(sites)))
     if contacts is not None:

@@ -317,7 +317,7 @@ class ContactForces:
     ----------
     sites : those that may carry force
     time : (frames,) [s]
-    strengths : (frames, sites) how ready each site was to carry force, 0 for no contact
+    activations : (frames, sites) how ready each site was to carry force, 0 for no contact
     forces : (frames, sites, 3) on the site's body (the reaction acts on `Site.against`), 0 without contact [N]
     points : (frames, sites, 3) center of pressure of each site; the site's middle without force [m]
     torques : (frames, sites, 3) free torque about it [N m]
@@ -325,7 +325,7 @@ class ContactForces:
 
     time: Array
     sites: tuple[Site, ...]
-    strengths: Array
+    activations: Array
     forces: Array
     points: Array
     torques: Array
@@ -333,7 +333,7 @@ class ContactForces:
     def __post_init__(self) -> None:
         frames, sites = len(self.time), len(self.sites)
         object.__setattr__(self, "time", frozen_array(self.time, (-1,)))
-        object.__setattr__(self, "strengths", frozen_array(self.strengths, (frames, sites)))
+        object.__setattr__(self, "activations", frozen_array(self.activations, (frames, sites)))
         for name in ("forces", "points", "torques"):
             object.__setattr__(self, name, frozen_array(getattr(self, name), (frames, sites, 3)))
 

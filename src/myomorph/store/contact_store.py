@@ -45,9 +45,8 @@ def put_contact_forces(writer: ResultWriter, contact_forces: ContactForces) -> N
     writer.names("axis", ("x", "y", "z"))
     writer.fact(SITES, json.dumps([_plain_site(site) for site in contact_forces.sites]))
     three = ("time", "contact_site", "axis")
-    writer.put(
-        "contact_activation", ("time", "contact_site"), contact_forces.strengths, "1", "activation of a contact, 0 to 1"
-    )
+    ready = contact_forces.activations
+    writer.put("contact_activation", ("time", "contact_site"), ready, "1", "activation of a contact, 0 to 1")
     writer.put(
         "contact_force", three, contact_forces.forces, "N", "estimated force on the body at a contact site, in ground"
     )

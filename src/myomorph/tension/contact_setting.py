@@ -15,11 +15,11 @@ from myomorph.contact.shared import misplaced_forces, shared_wrenches, without_m
 from myomorph.contact.site_motion import plate_height, rest_on_floor
 from myomorph.contact.sites import foot_sites
 from myomorph.contact.states import (
+    ActivationOptions,
     ContactStateOptions,
-    StrengthOptions,
+    contact_activations,
     find_contacts,
     preferred_directions,
-    strengths,
 )
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.contacts import ContactForces, Contacts, SharedWrench, Site
@@ -69,7 +69,7 @@ class Measurements:
 def set_contacts(
     plan: ContactPlan, model: Model, motion: Motion, known: Measurements, options: ContactOptions
 ) -> ContactSetting:
-    """Sites, touches and strengths of a motion, and what measured forces tell of them.
+    """Sites, touches and activations of a motion, and what measured forces tell of them.
 
     Raises
     ------
@@ -98,8 +98,8 @@ def set_contacts(
         if plan.reported is None
         else (*never_during(plan.reported, known.recorded.time), *unreported_feet(plan.reported, feet))
     )
-    ready = strengths(model, motion, sites, contacts, StrengthOptions(floor=height))
-    ready = _with(ready, {name: strength for name, (_, strength) in raised.items()})
+    ready = contact_activations(model, motion, sites, contacts, ActivationOptions(floor=height))
+    ready = _with(ready, {name: activation for name, (_, activation) in raised.items()})
     if plan.measured == "exact" and measured is not None:
         ready = without_measured(model, ready, sites, measured)
     shared = _shared(known, model, motion, sites, contacts) if plan.measured == "shared" else ()
@@ -228,7 +228,7 @@ def _all_contacts(
 def _raised(
     plan: ContactPlan, reported: Sequence[Contacts], model: Model, motion: Motion, soles: Sequence[Site]
 ) -> dict[str, tuple[Contacts, Array]]:
-    """Touches and strengths (frames,) of sites that rest on something else than the floor, as the motion tells."""
+    """Touches and activations (frames,) of sites that rest on something else than the floor, as the motion tells."""
     known = {name for contacts in reported for name in contacts.sites}
     return {
         site.name: raised_contacts(model, motion, site, soles, plan.surfaces[site.name])
@@ -238,7 +238,7 @@ def _raised(
 
 
 def _with(ready: Series, columns: Mapping[str, Array | float]) -> Series:
-    """The strengths with other columns of some sites."""
+    """The activations with other columns of some sites."""
     values = np.array(ready.values)
     for name, column in columns.items():
         values[:, ready.names.index(name)] = column

@@ -111,9 +111,10 @@ def tracked_frames(
 
 def _thinned(contacts: ContactTask, chosen: slice) -> ContactTask:
     """The same contacts at fewer instants."""
-    strengths = Series(contacts.strengths.time[chosen], contacts.strengths.names, contacts.strengths.values[chosen])
+    whole = contacts.activations
+    activations = Series(whole.time[chosen], whole.names, whole.values[chosen])
     preferred = None if contacts.preferred is None else contacts.preferred[chosen]
     measured = tuple(
         replace(wrench, forces=wrench.forces[chosen], moments=wrench.moments[chosen]) for wrench in contacts.measured
     )
-    return replace(contacts, strengths=strengths, preferred=preferred, measured=measured)
+    return replace(contacts, activations=activations, preferred=preferred, measured=measured)

@@ -338,8 +338,8 @@ class TensionProblem:
         all_names = self.assembly.tree.model.muscle_names
         outcome = None
         if self.contacts is not None:
-            sites, strengths = self.contacts.generators.sites, self.contacts.strengths
-            outcome = ContactForces(self._time, sites, strengths, *self._contact_forces)
+            sites, ready = self.contacts.generators.sites, self.contacts.activations
+            outcome = ContactForces(self._time, sites, ready, *self._contact_forces)
         controls = self._others[:, self._place(self.actuators)]
         return Tension(
             time=self._time,

@@ -110,7 +110,7 @@ def relaxations(
         force, moment = left[frame].sum(axis=0)
         sites = problem.contacts.generators.sites
         touching = tuple(
-            site.name for index, site in enumerate(sites) if problem.contacts.strengths[frame, index] > 0.0
+            site.name for index, site in enumerate(sites) if problem.contacts.activations[frame, index] > 0.0
         )
         named = (
             tuple(allowance for allowance in allowed if allowance.size > options.named * roots.weight) or allowed[:1]

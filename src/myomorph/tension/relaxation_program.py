@@ -196,7 +196,7 @@ class Roots:
 def _levels(heights: Array, contacts: ContactTerm) -> Array:
     """Height (sites,) at which each site's group touches."""
     groups = np.array([site.group for site in contacts.generators.sites])
-    touching = contacts.strengths > 0.0
+    touching = contacts.activations > 0.0
     every = float(np.nanmedian(heights[touching] if touching.any() else heights.min(axis=1)))
     levels = np.full(len(groups), every)
     for group in set(groups.tolist()):
@@ -284,7 +284,7 @@ def _generators(roots: Roots, frame: int) -> list[_Column]:
     result = []
     for e in range(len(generators)):
         index = int(generators.site[e])
-        touches = bool(roots.contacts.strengths[frame, index] > 0.0)
+        touches = bool(roots.contacts.activations[frame, index] > 0.0)
         farther = float(roots.heights[frame, index] - roots.heights[frame].min()) / (NEAR * roots.center)
         price = COSTS["contact"] * (1.0 + farther**2) * max(float(np.linalg.norm(pushes[0, e])), 1e-3)
         price = 0.0 if touches else price
@@ -302,7 +302,7 @@ def _generators(roots: Roots, frame: int) -> list[_Column]:
 def _beyond_cones(roots: Roots, frame: int) -> list[_Column]:
     """Forces across cones beyond friction, and pulls, at the middles of sites that touch."""
     result = []
-    for number in np.flatnonzero(roots.contacts.strengths[frame] > 0.0).tolist():
+    for number in np.flatnonzero(roots.contacts.activations[frame] > 0.0).tolist():
         cone = roots.contacts.generators.sites[number].cone
         if cone.direction is None:
             continue
@@ -319,7 +319,7 @@ def _beyond_cones(roots: Roots, frame: int) -> list[_Column]:
 def _limited(roots: Roots, frame: int) -> list[int]:
     """Sites that touch and have a greatest force along a direction."""
     sites = roots.contacts.generators.sites
-    touching = np.flatnonzero(roots.contacts.strengths[frame] > 0.0).tolist()
+    touching = np.flatnonzero(roots.contacts.activations[frame] > 0.0).tolist()
     return [
         number
         for number in touching

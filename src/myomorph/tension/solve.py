@@ -80,7 +80,7 @@ def solve_tension(
     Raises
     ------
     BadData
-        where the motion has no velocities, torques, strengths or activations are of other times, or loops stand open
+        where the motion has no velocities, torques, contacts or EMG are of other times, or loops stand open
         by more than `OPEN`
     UnknownName
         where torques lack a free coordinate, or an actuator, a site or EMG names what does not exist

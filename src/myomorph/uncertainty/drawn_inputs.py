@@ -241,7 +241,7 @@ def drawn_sites(sites: Sequence[Site], draw: Draw) -> tuple[Site, ...]:
     )
 
 
-def drawn_strengths(ready: Series, sites: Sequence[Site], draw: Draw) -> Series:
+def drawn_activations(ready: Series, sites: Sequence[Site], draw: Draw) -> Series:
     """Contacts that begin and end at other times, all touches of one contact late by the same.
 
     Parameters

@@ -262,7 +262,7 @@ def test_a_measured_force_acts_while_nothing_is_estimated_in_its_place() -> None
     np.testing.assert_allclose(acting.forces.sum(axis=1)[:, 1], WEIGHT)
     (foot,) = groups_of(estimated, plate)
     assert not (np.isfinite(foot.measured[:, 1]) & foot.estimated).any()
-    hidden = having(given, forces=replace(estimated, strengths=np.ones_like(strength), forces=force))
+    hidden = having(given, forces=replace(estimated, activations=np.ones_like(strength), forces=force))
     acting = acting_forces(hidden)
     assert acting is not None
     np.testing.assert_allclose(acting.forces.sum(axis=1)[:, 1], WEIGHT)

@@ -171,7 +171,7 @@ def test_tensions_find_what_one_axis_leaves_open(tmp_path):
     )
     setting = set_contacts(plan, model, part, Measurements(part), ContactOptions())
     assert [one.sites for one in setting.task.measured] == [("paw",)]
-    assert setting.task.strengths.values.min() == 1.0
+    assert setting.task.activations.values.min() == 1.0
     torques = inverse_dynamics(model, part)
     solved = solve_tension(model, part, torques, TensionOptions(), contacts=setting.task)
     pressed = solved.contacts.forces[:, 0]

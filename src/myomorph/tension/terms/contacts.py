@@ -34,8 +34,8 @@ class ContactOptions:
     ----------
     formulation : "simultaneous": contact forces and muscle tensions in one problem; "sequential": contact
         forces first, from the six equations of motion of each body that floats, muscles after
-    compliance : cost of a contact force of one body weight at a contact (the sites of a group) of full strength, in
-        units of the effort a^2 of one muscle; at a site of strength s it is sites of the group / s^2 times that
+    compliance : cost of a contact force of one body weight at a contact (the sites of a group) fully activated, in
+        units of the effort a^2 of one muscle; at a site of activation s it is sites of the group / s^2 times that
     contact_passive : with rigid tendons, whether the muscles' passive elastic forces take part while contact forces are
         found; tensions under these forces then follow `passive` (see docs/decisions/0019-tension-defaults.md)
     smoothness : weight of (f_k - f_(k-1))^2 between frames, in units of `compliance`, for frames 10 ms apart
@@ -71,7 +71,7 @@ class ContactTask:
     ----------
     sites : places that may carry force
     options : how forces are chosen
-    strengths : (frames, sites) in 0..1 at the motion's times: 0 for no contact, between for a contact that
+    activations : (frames, sites) in 0..1 at the motion's times: 0 for no contact, between for a contact that
         is only beginning, or not sure
     measured : forces known for some sites together
     preferred : (frames, sites, 3) in ground: force across a cone's direction, per force along it, that costs least;
@@ -79,7 +79,7 @@ class ContactTask:
     """
 
     sites: tuple[Site, ...]
-    strengths: Series
+    activations: Series
     measured: tuple[SharedWrench, ...] = ()
     options: ContactOptions = field(default_factory=ContactOptions)
     preferred: Array | None = None
@@ -87,11 +87,11 @@ class ContactTask:
     def __post_init__(self) -> None:
         object.__setattr__(self, "sites", tuple(self.sites))
         if self.preferred is not None:
-            shape = (len(self.strengths), len(self.sites), 3)
+            shape = (len(self.activations), len(self.sites), 3)
             object.__setattr__(self, "preferred", frozen_array(self.preferred, shape))
         names = tuple(site.name for site in self.sites)
-        if self.strengths.names != names:
-            raise BadData(f"strengths are of the sites {self.strengths.names}, but the contacts have {names}")
+        if self.activations.names != names:
+            raise BadData(f"activations are of the sites {self.activations.names}, but the contacts have {names}")
         for wrench in self.measured:
             for site in wrench.sites:
                 check_name("contact site", site, names, f"the contacts, for '{wrench.name}',")
@@ -117,15 +117,15 @@ class ContactTerm(Term):
     ----------
     task : as it was given
     generators : of the cones of all sites
-    strengths : (frames, sites)
-    amounts : (frames, generators) force of one unit of a generator's amplitude: strength times weight, more of a
+    activations : (frames, sites)
+    amounts : (frames, generators) force of one unit of a generator's amplitude: activation times weight, more of a
         generator that is preferred [N]
     cost : (generators,) of amplitude^2
 
     Raises
     ------
     BadData
-        where strengths are of other times or not 0 ... 1, or a measured wrench has another number of frames
+        where activations are of other times or not 0 ... 1, or a measured wrench has another number of frames
     UnknownName
         where a site names a body that the model does not have
     """
@@ -133,9 +133,9 @@ class ContactTerm(Term):
     def __init__(self, tree: Tree, time: Array, task: ContactTask):
         _refuse_unfit(time, task)
         self.task, self.generators = task, compile_cones(tree, task.sites)
-        self.strengths = np.array(task.strengths.values)
+        self.activations = np.array(task.activations.values)
         site_of = self.generators.site
-        self.amounts = (self.strengths * self.generators.weight)[:, site_of] * np.sqrt(
+        self.amounts = (self.activations * self.generators.weight)[:, site_of] * np.sqrt(
             _preference(task, self.generators)
         )
         groups = [site.group for site in task.sites]
@@ -214,13 +214,13 @@ class ContactTerm(Term):
 
 
 def _refuse_unfit(time: Array, task: ContactTask) -> None:
-    strengths = task.strengths
-    refuse_other_times("strengths of contacts", strengths.time, time)
-    if not np.all((strengths.values >= 0.0) & (strengths.values <= 1.0)):
-        frame, site = np.argwhere(~((strengths.values >= 0.0) & (strengths.values <= 1.0)))[0]
+    activations = task.activations
+    refuse_other_times("activations of contacts", activations.time, time)
+    if not np.all((activations.values >= 0.0) & (activations.values <= 1.0)):
+        frame, site = np.argwhere(~((activations.values >= 0.0) & (activations.values <= 1.0)))[0]
         raise BadData(
-            f"strength of contact site '{strengths.names[site]}' at frame {frame} is "
-            f"{strengths.values[frame, site]:g}: expected 0 to 1"
+            f"activation of contact site '{activations.names[site]}' at frame {frame} is "
+            f"{activations.values[frame, site]:g}: expected 0 to 1"
         )
     for measured in task.measured:
         if len(measured.forces) != len(time):
@@ -234,7 +234,7 @@ def _preference(task: ContactTask, generators: ConeGenerators) -> Array:
     d + p for w_k = 1 + 2 p . t_k / mu, p what is preferred, as sum_k t_k t_k^T = n / 2 of n generators; where
     generators of torsion, which have no part in it, share the force, the others take more. The cone stays as it is.
     """
-    shares = np.ones((len(task.strengths), len(generators)))
+    shares = np.ones((len(task.activations), len(generators)))
     if task.preferred is None:
         return shares
     for index, site in enumerate(task.sites):

@@ -39,12 +39,12 @@ from myomorph.tension.tension import TensionOptions
 from myomorph.tension.terms.contacts import ContactOptions
 from myomorph.uncertainty.bodies import Draw, drawn_subject, stronger
 from myomorph.uncertainty.drawn_inputs import (
+    drawn_activations,
     drawn_angles,
     drawn_emg,
     drawn_markers,
     drawn_rotations,
     drawn_sites,
-    drawn_strengths,
     drawn_wrenches,
 )
 from myomorph.uncertainty.sources import GROUPS, Sources
@@ -240,7 +240,7 @@ def _with_contacts(task: TensionTask, draw: Draw) -> TensionTask:
     changed = replace(
         contact_task,
         sites=drawn_sites(contact_task.sites, draw),
-        strengths=drawn_strengths(contact_task.strengths, contact_task.sites, draw),
+        activations=drawn_activations(contact_task.activations, contact_task.sites, draw),
     )
     return replace(task, setting=replace(task.setting, task=changed))
 
