@@ -100,8 +100,9 @@ def identify_command(
     warn((*scaled.warnings, *identified.found.notes, *lost))
     for line in identifying.summary(identified.found):
         said(line)
-    for name, one in identified.validation.items():
-        generic, own = one.rms(GENERIC), one.rms(identified.found.identified)
-        said(f"{name}, not used: {own[1]:.1f} N, {own[0]:.1f} N m (generic {generic[1]:.1f} N, {generic[0]:.1f} N m)")
+    for name, validation in identified.validation.items():
+        moment, force = validation.rms(identified.found.identified)
+        generic = validation.rms(GENERIC)
+        said(f"{name}, not used: {force:.1f} N, {moment:.1f} N m (generic {generic[1]:.1f} N, {generic[0]:.1f} N m)")
     said(f"wrote {out} and {identifying.tables_folder(out)}")
     return 0

@@ -118,16 +118,16 @@ def morph_command(
     return 0
 
 
-def _links(given: list[str]) -> Mapping[str, tuple[str, ...]]:
+def _links(words: list[str]) -> Mapping[str, tuple[str, ...]]:
     """Virtual links and the bones around each, of LINK=BONE,BONE."""
-    found = {}
-    for one in given:
-        name, equals, around = one.partition("=")
+    links = {}
+    for word in words:
+        name, equals, around = word.partition("=")
         bones = tuple(bone.strip() for bone in around.split(",") if bone.strip())
         if not equals or not name.strip() or len(bones) < 2:
-            raise BadData(f"--link '{one}': expected LINK=BONE,BONE with two bones or more around it")
-        found[name.strip()] = bones
-    return FrozenMap(found)
+            raise BadData(f"--link '{word}': expected LINK=BONE,BONE with two bones or more around it")
+        links[name.strip()] = bones
+    return FrozenMap(links)
 
 
 def _not_given(options: tuple[tuple[str, object], ...], why: str) -> None:

@@ -98,10 +98,10 @@ def id_command(
         if drawn:
             results = run_step(step_of(UNCERTAINTY), trial, results, output)
     warn((*results.notes, *trial.warnings))
-    found = results[dynamics.Torques]
-    forces = 0 if found.wrenches is None else len(found.wrenches.names)
-    counts = f"{len(found.torques)} frames, {len(found.torques.names)} coordinates, {forces} external forces"
-    residual = dynamics_line(trial.model, found.motion, found.torques, found.wrenches)
+    inverse = results[dynamics.Torques]
+    forces = 0 if inverse.wrenches is None else len(inverse.wrenches.names)
+    counts = f"{len(inverse.torques)} frames, {len(inverse.torques.names)} coordinates, {forces} external forces"
+    residual = dynamics_line(trial.model, inverse.motion, inverse.torques, inverse.wrenches)
     filtered = dynamics.filter_summary(trial, poses.recorded)
     said(f"{counts}{f'; {residual}' if residual else ''}{filtered}{limits_summary(results)}; wrote {out}")
     return 0

@@ -108,15 +108,15 @@ def inputs_of_flags(flags: Any) -> ByType:
         return ByType()
     values: dict[str, Any] = {}
     for declared in map(input_of, flags.NAMES):
-        own = [key for key in declared.keys if hasattr(flags, key.name)]
-        written = {key.name: getattr(flags, key.name) for key in own}
-        said = [key.name for key in own if written[key.name] != _no_flag(key)]
-        main = next((key for key in own if key.name == declared.main), None)
+        keys = [key for key in declared.keys if hasattr(flags, key.name)]
+        written = {key.name: getattr(flags, key.name) for key in keys}
+        said = [key.name for key in keys if written[key.name] != _no_flag(key)]
+        main = next((key for key in keys if key.name == declared.main), None)
         if said and main is not None and main.name not in said:
             word = f" {written[said[0]]}" if isinstance(written[said[0]], str) else ""
             alone, needed = flag_of(said[0]) + word, flag_of(main.name)
             raise BadData(f"{alone} without {needed}: give {needed} too, or leave both out")
-        values |= {key.name: key.kind.parsed(key.name, written[key.name]) for key in own if key.name in said}
+        values |= {key.name: key.kind.parsed(key.name, written[key.name]) for key in keys if key.name in said}
     return settings_of_keys(values, flags.NAMES)
 
 

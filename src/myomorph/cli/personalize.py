@@ -83,11 +83,11 @@ def personalize_command(
         inputs_of_flags(inputs),
     )
     scaled = open_model(model)
-    found = personalizing.personalize_files(files, settings_dict(options), scaled)
-    lost = personalizing.write_personalized(found, out)
+    personalized = personalizing.personalize_files(files, settings_dict(options), scaled)
+    lost = personalizing.write_personalized(personalized, out)
     tables = personalizing.tables_folder(out)
-    warn((*found.found.notes, *found.warnings, *lost), f"'{tables / personalizing.NOTES}' lists them")
-    for line in personal_lines(found.found):
+    warn((*personalized.found.notes, *personalized.warnings, *lost), f"'{tables / personalizing.NOTES}' lists them")
+    for line in personal_lines(personalized.found):
         said(line)
     said(f"wrote {out} and {tables}")
     return 0

@@ -28,15 +28,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     ----------
     arguments : what follows the program's name; None takes them from the process
     """
-    given = list(sys.argv[1:] if arguments is None else arguments)
-    debug = "--debug" in given
-    given = [one for one in given if one != "--debug"]
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    debug = "--debug" in words
     _print_what_the_terminal_cannot()
     try:
         with warnings.catch_warnings():
             if not debug:
                 warnings.simplefilter("ignore")
-            return _run(given)
+            return _run([word for word in words if word != "--debug"])
     except KeyboardInterrupt:
         return _say("interrupted: nothing half-written was left behind", INTERRUPTED)
     except BrokenPipeError:
@@ -63,23 +62,23 @@ def _print_what_the_terminal_cannot() -> None:
             stream.reconfigure(errors="backslashreplace")
 
 
-def _run(given: list[str]) -> int:
+def _run(words: list[str]) -> int:
     # Imported by the command that needs it: --help and the others start without.
     from cyclopts.exceptions import CycloptsError
 
     from myomorph.cli.app import command_names, new_app
     from myomorph.cli.panels import ALL_FLAG
 
-    command = given[0] if given and not given[0].startswith("-") else ""
+    command = words[0] if words and not words[0].startswith("-") else ""
     if command and command not in command_names():
         raise UnknownName("command", command, command_names(), "myomorph")
-    app = new_app(ALL_FLAG in given)
-    given = ["--help" if word == ALL_FLAG else word for word in given]
+    app = new_app(ALL_FLAG in words)
+    words = ["--help" if word == ALL_FLAG else word for word in words]
     try:
-        status = app(given, exit_on_error=False, print_error=False, result_action="return_value")
+        status = app(words, exit_on_error=False, print_error=False, result_action="return_value")
     except CycloptsError as error:
         if command:
-            _check_options(app[command], command, given[1:])
+            _check_options(app[command], command, words[1:])
         where = " ".join(["myomorph", command, "--help"]).replace("  ", " ")
         return _say(f"error: {str(error).rstrip('.')}; see '{where}'", BAD_INPUT)
     return status if isinstance(status, int) else DONE

@@ -69,10 +69,10 @@ def refine_command(
         for name, marker_file, load_file in zip(names, markers, loads, strict=True)
     ]
     chosen = with_settings(RefineOptions(), settings)
-    found = refining.refine_files(model, files, mass, chosen, {"id": forces} if forces else {})
-    lost = refining.write_refined(found, out)
-    warn((*found.found.notes, *found.warnings, *lost))
-    for line in refining.summary(found.found):
+    refined = refining.refine_files(model, files, mass, chosen, {"id": forces} if forces else {})
+    lost = refining.write_refined(refined, out)
+    warn((*refined.found.notes, *refined.warnings, *lost))
+    for line in refining.summary(refined.found):
         said(line)
     said(f"wrote {out} and {refining.tables_folder(out)}")
     return 0

@@ -52,17 +52,17 @@ def step_command(name: str) -> Callable[..., int]:
         results = StepResults(poses)
         with folder_with(out, name) as (folder, writer):
             read = {*step.needs, *step.uses}
-            needed = [one for one in steps_before(step) if one.gives in read and results.get(one.gives) is None]
-            for one in (*needed, step):
-                results = run_step(one, trial, results, StepOutput(writer, folder))
+            needed = [past for past in steps_before(step) if past.gives in read and results.get(past.gives) is None]
+            for part in (*needed, step):
+                results = run_step(part, trial, results, StepOutput(writer, folder))
         warn((*results.notes, *trial.warnings))
         said(f"{step.title}: {len(poses.recorded)} frames; wrote {out}")
         return 0
 
     settings = options_class(*step.options, leave_out=step.not_settings)
     # Of earlier steps, inverse kinematics is not run: coordinates are there.
-    earlier = [one for one in steps_before(step) if one.gives is not Poses]
-    names = dict.fromkeys(name for one in (*earlier, step) for name in one.inputs)
+    earlier = [past for past in steps_before(step) if past.gives is not Poses]
+    names = dict.fromkeys(name for part in (*earlier, step) for name in part.inputs)
     command.__annotations__["inputs"] = Optional[inputs_class(*names)]  # noqa: UP045
     command.__annotations__["options"] = Optional[settings]  # noqa: UP045
     command.__doc__ = f"{step.title[:1].upper()}{step.title[1:]}."

@@ -62,10 +62,10 @@ def demo_command(
     if study == "morph":
         from myomorph.demo.morph import run_morph_demo, summary
 
-        found = run_morph_demo(out)
-        for line in summary(found):
+        demo = run_morph_demo(out)
+        for line in summary(demo):
             said(line)
-        said(f"report: {found.report.resolve()}")
+        said(f"report: {demo.report.resolve()}")
         return 0
     from myomorph.demo.demos import run_demo
     from myomorph.study.trial.reporting import REPORT

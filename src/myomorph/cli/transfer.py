@@ -38,10 +38,10 @@ def transfer_command(
     use_threads(threads)
     read = (model, to, *((pose,) if pose is not None else ()))
     check_out_model(out, transferring.tables_folder(out), read)
-    found = transferring.transfer_files(model, to, pose, with_settings(TransferOptions(), settings_dict(options)))
-    lost = transferring.write_transferred(found, out)
-    warn((*found.found.notes, *lost))
-    for line in transferring.summary(found.found):
+    transferred = transferring.transfer_files(model, to, pose, with_settings(TransferOptions(), settings_dict(options)))
+    lost = transferring.write_transferred(transferred, out)
+    warn((*transferred.found.notes, *lost))
+    for line in transferring.summary(transferred.found):
         said(line)
     said(f"wrote {out} and {transferring.tables_folder(out)}")
     return 0

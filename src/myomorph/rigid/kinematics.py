@@ -41,20 +41,20 @@ def body_poses(T, c, R, p, w, o, dphi):
     put_vector(p, 0, (0.0, 0.0, 0.0))
     for b in range(1, T.parent.shape[0]):
         r, x = matrix(R, T.parent[b]), vector(p, T.parent[b])
-        for k in range(T.axis_start[b], T.axis_start[b + 1]):
-            x = plus(x, turned(r, vector(T.pre_p, k)))
-            if not T.pre_is_shift[k]:
-                r = product(r, matrix(T.pre_R, k))
-            i, j = T.axis_coordinate[k, 0], T.axis_coordinate[k, 1]
+        for axis in range(T.axis_start[b], T.axis_start[b + 1]):
+            x = plus(x, turned(r, vector(T.pre_p, axis)))
+            if not T.pre_is_shift[axis]:
+                r = product(r, matrix(T.pre_R, axis))
+            i, j = T.axis_coordinate[axis, 0], T.axis_coordinate[axis, 1]
             q, d1, d2, _, _, _ = evaluate(
-                T.functions, T.axis_function[k], c[i] if i >= 0 else 0.0, c[j] if j >= 0 else 0.0
+                T.functions, T.axis_function[axis], c[i] if i >= 0 else 0.0, c[j] if j >= 0 else 0.0
             )
-            dphi[k, 0], dphi[k, 1] = d1, d2
-            u = vector(T.axis_vector, k)
+            dphi[axis, 0], dphi[axis, 1] = d1, d2
+            u = vector(T.axis_vector, axis)
             direction = turned(r, u)
-            put_vector(w, k, direction)
-            put_vector(o, k, x)
-            if T.axis_kind[k] == ROTATION:
+            put_vector(w, axis, direction)
+            put_vector(o, axis, x)
+            if T.axis_kind[axis] == ROTATION:
                 r = product(r, about(u, q))
             else:
                 x = along(x, q, direction)
@@ -63,11 +63,11 @@ def body_poses(T, c, R, p, w, o, dphi):
 
 
 @in_place
-def axis_rates(T, k, c, cdot, cddot):
-    """Velocity and acceleration of axis k's motion: Phi cdot and Phi cddot + Phidot cdot."""
-    i, j = T.axis_coordinate[k, 0], T.axis_coordinate[k, 1]
+def axis_rates(T, axis, c, cdot, cddot):
+    """Velocity and acceleration of the motion of an axis: Phi cdot and Phi cddot + Phidot cdot."""
+    i, j = T.axis_coordinate[axis, 0], T.axis_coordinate[axis, 1]
     _, d1, d2, d11, d12, d22 = evaluate(
-        T.functions, T.axis_function[k], c[i] if i >= 0 else 0.0, c[j] if j >= 0 else 0.0
+        T.functions, T.axis_function[axis], c[i] if i >= 0 else 0.0, c[j] if j >= 0 else 0.0
     )
     v1 = cdot[i] if i >= 0 else 0.0
     v2 = cdot[j] if j >= 0 else 0.0

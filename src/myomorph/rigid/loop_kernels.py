@@ -40,11 +40,11 @@ def half_rotation(Q):
         s = 0.25 / a
         return a, (s * (Q[7] - Q[5]), s * (Q[2] - Q[6]), s * (Q[3] - Q[1]))
     # Q + 1 = 2 axis axis^T.
-    k = 0 if Q[0] >= Q[4] and Q[0] >= Q[8] else (1 if Q[4] >= Q[8] else 2)
-    scale = 1.0 / np.sqrt(2.0 * (1.0 + Q[4 * k]))
-    u = (scale * Q[k], scale * Q[3 + k], scale * Q[6 + k])
-    grown = scale * (1.0 + Q[4 * k])
-    return 0.0, (grown if k == 0 else u[0], grown if k == 1 else u[1], grown if k == 2 else u[2])
+    largest = 0 if Q[0] >= Q[4] and Q[0] >= Q[8] else (1 if Q[4] >= Q[8] else 2)
+    scale = 1.0 / np.sqrt(2.0 * (1.0 + Q[4 * largest]))
+    u = (scale * Q[largest], scale * Q[3 + largest], scale * Q[6 + largest])
+    grown = scale * (1.0 + Q[4 * largest])
+    return 0.0, (grown if largest == 0 else u[0], grown if largest == 1 else u[1], grown if largest == 2 else u[2])
 
 
 @bare
@@ -88,15 +88,15 @@ def loop_rows(T, L, c, R, p, w, o, dphi, rows):
         while b1 != b2:
             # A parent has the smaller number: the larger of both cannot be an ancestor of the other.
             b, sign = (b2, 1.0) if b2 > b1 else (b1, -1.0)
-            for k in range(T.axis_start[b], T.axis_start[b + 1]):
-                axis = vector(w, k)
-                rotates = T.axis_kind[k] == ROTATION
-                shift = turned_back(r1, cross(axis, minus(x2, vector(o, k))) if rotates else axis)
-                turn = turned_error(a, u, turned_back(r1, axis))
+            for axis in range(T.axis_start[b], T.axis_start[b + 1]):
+                direction = vector(w, axis)
+                rotates = T.axis_kind[axis] == ROTATION
+                shift = turned_back(r1, cross(direction, minus(x2, vector(o, axis))) if rotates else direction)
+                turn = turned_error(a, u, turned_back(r1, direction))
                 for s in range(2):
-                    j = T.axis_coordinate[k, s]
+                    j = T.axis_coordinate[axis, s]
                     if j >= 0:
-                        speed = sign * dphi[k, s]
+                        speed = sign * dphi[axis, s]
                         first = row
                         if turns:
                             for d in range(3):
@@ -140,10 +140,10 @@ def loop_rate_frames(T, L, c, cdot, cddot, first, second):
             if L.row[i + 1] - row == 6:
                 W, E = turned_back(r1, minus(W2, W1)), turned_back(r1, minus(minus(E2, E1), cross(W1, W2)))
                 a, u = half_rotation(Q)
-                one = turned_error(a, u, W)
-                two = along(turned_error(a, u, E), -0.5 * dot(W, u), W)
-                put(first[frame], row, 1.0, one)
-                put(second[frame], row, 1.0, along(two, 0.5, cross(W, one)))
+                rate = turned_error(a, u, W)
+                change = along(turned_error(a, u, E), -0.5 * dot(W, u), W)
+                put(first[frame], row, 1.0, rate)
+                put(second[frame], row, 1.0, along(change, 0.5, cross(W, rate)))
                 row += 3
             # Both rates at the second point: of the body it belongs to, and of the first body carried there.
             x2 = turned(matrix(R, b2), vector(L.point_2, i))

@@ -10,33 +10,33 @@ EPSILON = 2.220446049250313e-16
 
 
 @bare
-def vector(array, k):
-    """Row k of an array (n, 3)."""
-    return array[k, 0], array[k, 1], array[k, 2]
+def vector(array, index):
+    """Row index of an array (n, 3)."""
+    return array[index, 0], array[index, 1], array[index, 2]
 
 
 @bare
-def matrix(array, k):
-    """Matrix k of an array (n, 3, 3)."""
+def matrix(array, index):
+    """Matrix index of an array (n, 3, 3)."""
     return (
-        array[k, 0, 0], array[k, 0, 1], array[k, 0, 2],
-        array[k, 1, 0], array[k, 1, 1], array[k, 1, 2],
-        array[k, 2, 0], array[k, 2, 1], array[k, 2, 2],
+        array[index, 0, 0], array[index, 0, 1], array[index, 0, 2],
+        array[index, 1, 0], array[index, 1, 1], array[index, 1, 2],
+        array[index, 2, 0], array[index, 2, 1], array[index, 2, 2],
     )  # fmt: skip
 
 
 @bare
-def put_vector(array, k, x):
-    """Store a vector as row k of an array (n, 3)."""
-    array[k, 0], array[k, 1], array[k, 2] = x[0], x[1], x[2]
+def put_vector(array, index, x):
+    """Store a vector as row index of an array (n, 3)."""
+    array[index, 0], array[index, 1], array[index, 2] = x[0], x[1], x[2]
 
 
 @bare
-def put_matrix(array, k, r):
-    """Store a matrix as number k of an array (n, 3, 3)."""
-    array[k, 0, 0], array[k, 0, 1], array[k, 0, 2] = r[0], r[1], r[2]
-    array[k, 1, 0], array[k, 1, 1], array[k, 1, 2] = r[3], r[4], r[5]
-    array[k, 2, 0], array[k, 2, 1], array[k, 2, 2] = r[6], r[7], r[8]
+def put_matrix(array, index, r):
+    """Store a matrix as number index of an array (n, 3, 3)."""
+    array[index, 0, 0], array[index, 0, 1], array[index, 0, 2] = r[0], r[1], r[2]
+    array[index, 1, 0], array[index, 1, 1], array[index, 1, 2] = r[3], r[4], r[5]
+    array[index, 2, 0], array[index, 2, 1], array[index, 2, 2] = r[6], r[7], r[8]
 
 
 @bare
