@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 
 import myomorph as mm
-from myomorph.contact.sound import Stroke, Strokes, hear_strokes
-from myomorph.contact.strokes import calibrate_impulse, effective_mass, velocity_change
+from myomorph.contact.impacts import calibrate_impulse, effective_mass, velocity_change
+from myomorph.contact.sound import HeardImpact, HeardImpacts, hear_impacts
 from myomorph.model.contacts import Site
 from myomorph.model.functions import linear
 from myomorph.model.model import GROUND, Axis, Body, Coordinate, Joint
@@ -43,9 +43,9 @@ SCENES = (
 )
 
 
-def matched(truth: tuple[Truth, ...], heard: Strokes) -> tuple[list[tuple[Truth, Stroke]], int]:
+def matched(truth: tuple[Truth, ...], heard: HeardImpacts) -> tuple[list[tuple[Truth, HeardImpact]], int]:
     """True strokes with what was heard of them, each used once, and how many others were heard."""
-    left = list(heard.strokes)
+    left = list(heard.impacts)
     pairs = []
     for one in truth:
         near = [s for s in left if s.instrument == one.drum and abs(s.time - one.time) <= NEAR]
@@ -56,7 +56,7 @@ def matched(truth: tuple[Truth, ...], heard: Strokes) -> tuple[list[tuple[Truth,
     return pairs, len(left)
 
 
-def impulse_errors(pairs: list[tuple[Truth, Stroke]]) -> np.ndarray:
+def impulse_errors(pairs: list[tuple[Truth, HeardImpact]]) -> np.ndarray:
     """Relative errors of the impulses that did not calibrate."""
     errors = []
     for drum in dict.fromkeys(one.drum for one, _ in pairs):
@@ -69,7 +69,7 @@ def impulse_errors(pairs: list[tuple[Truth, Stroke]]) -> np.ndarray:
 def measure_scene(scene: Scene, seed: int = 7) -> dict[str, object]:
     """One recording."""
     sound, truth = record(scene, seed)
-    pairs, false = matched(truth, hear_strokes(sound, instruments(scene)))
+    pairs, false = matched(truth, hear_impacts(sound, instruments(scene)))
     late = 1e3 * np.array([s.time - one.time for one, s in pairs])
     errors = np.abs(impulse_errors(pairs))
     return {

@@ -1,4 +1,4 @@
-"""Strokes heard: made ones come back at their time, on their drum and as loud; silence, noise and faults are named."""
+"""Impacts heard: made ones come back at their time, on their drum and as loud; silence, noise and faults are named."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from benchmarks.accuracy.sound import impulse_errors, matched
 from myomorph.contact import onsets as onset_module
 from myomorph.contact.onsets import Heard, SoundOptions, energy_after, listen, onsets
 from myomorph.contact.sound import (
+    HeardImpact,
+    HeardImpacts,
     Instrument,
-    Stroke,
-    Strokes,
     contacts_heard,
-    hear_strokes,
+    hear_impacts,
     sound_faults,
     speed_of_sound,
 )
@@ -44,11 +44,11 @@ def drums():
     """Three drums in a room at 15 dB; synthetic."""
     scene = Scene("test", 0.4, 15.0, duration=9.0)
     sound, truth = record(scene, 3)
-    return scene, sound, truth, hear_strokes(sound, instruments(scene))
+    return scene, sound, truth, hear_impacts(sound, instruments(scene))
 
 
 def times(sound: Sound, **changes) -> np.ndarray:
-    return np.array([one.time for one in hear_strokes(sound, [replace(DRUM, **changes)]).strokes])
+    return np.array([one.time for one in hear_impacts(sound, [replace(DRUM, **changes)]).impacts])
 
 
 @pytest.mark.parametrize(("share", "time"), [(0.505, 0.5), (0.495, 0.503)])
@@ -86,15 +86,15 @@ def test_the_clock_and_the_way_to_the_microphone_are_taken_off():
     plain = times(clicks())
     np.testing.assert_allclose(times(clicks().starting(12.5)), plain + 12.5, atol=1e-9)
     np.testing.assert_allclose(times(clicks(), distance=3.43), plain - 0.01, atol=1e-9)
-    warm = hear_strokes(clicks(), [replace(DRUM, distance=3.43)], SoundOptions(speed=speed_of_sound(35.0)))
-    assert warm.strokes[0].time == pytest.approx(plain[0] - 3.43 / 351.9, abs=1e-5)
+    warm = hear_impacts(clicks(), [replace(DRUM, distance=3.43)], SoundOptions(speed=speed_of_sound(35.0)))
+    assert warm.impacts[0].time == pytest.approx(plain[0] - 3.43 / 351.9, abs=1e-5)
     assert speed_of_sound(20.0) == pytest.approx(343.2, abs=0.05)
 
 
 def test_twice_as_loud_is_four_times_the_energy_at_the_same_time():
     sound = clicks(sizes=(0.2, 0.1, 0.15, 0.05))
-    louder = hear_strokes(Sound(RATE, ("1",), 2.0 * sound.samples), [DRUM]).strokes
-    for one, other in zip(hear_strokes(sound, [DRUM]).strokes, louder, strict=True):
+    louder = hear_impacts(Sound(RATE, ("1",), 2.0 * sound.samples), [DRUM]).impacts
+    for one, other in zip(hear_impacts(sound, [DRUM]).impacts, louder, strict=True):
         assert other.time == pytest.approx(one.time, abs=1e-9)
         assert other.energy == pytest.approx(4.0 * one.energy, rel=1e-4)
 
@@ -121,9 +121,9 @@ def test_noise_hum_and_silence_are_no_strokes():
     noise = 0.05 * rng.standard_normal(len(time))
     hum = 0.3 * np.sin(2 * np.pi * 50.0 * time) + 0.1 * np.sin(2 * np.pi * 150.0 * time + 1.0) + 0.1 * noise
     for signal in (noise, hum, np.zeros(len(time))):
-        heard = hear_strokes(Sound(RATE, ("1",), signal[:, None]), [DRUM])
-        assert heard.strokes == ()
-        assert "no stroke on 'drum' was heard" in heard.warnings[-1]
+        heard = hear_impacts(Sound(RATE, ("1",), signal[:, None]), [DRUM])
+        assert heard.impacts == ()
+        assert "no impact on 'drum' was heard" in heard.warnings[-1]
 
 
 def test_strokes_in_a_room_are_heard_once_on_their_drum_within_three_milliseconds(drums):
@@ -148,7 +148,7 @@ def test_a_stroke_in_every_microphone_is_one_stroke(drums):
     scene, sound, truth, heard = drums
     arrivals = sum(len(onsets(listen(sound, one.channel))) for one in instruments(scene))
     assert arrivals > len(truth) + 5
-    assert len(heard.strokes) <= len(truth) + 1
+    assert len(heard.impacts) <= len(truth) + 1
 
 
 def test_strokes_become_contacts_with_their_instrument(drums):
@@ -156,17 +156,17 @@ def test_strokes_become_contacts_with_their_instrument(drums):
     played = tuple(replace(one, sites=("stick_r",)) for one in instruments(scene))
     contacts = contacts_heard(replace(heard, instruments=played), duration=0.02, all_sites=("stick_l",))
     assert contacts.sites == ("stick_r", "stick_l")
-    assert len(contacts.intervals) == len(heard.strokes)
+    assert len(contacts.intervals) == len(heard.impacts)
     first = contacts.intervals[0]
-    assert (first.surface, first.source) == (heard.strokes[0].instrument, "sound")
+    assert (first.surface, first.source) == (heard.impacts[0].instrument, "sound")
     assert first.stop - first.start == pytest.approx(0.02)
     both = tuple(replace(one, sites=("stick_r", "stick_l")) for one in instruments(scene))
     with pytest.raises(BadData, match=r"which site struck '.*' at .* Its sites are 'stick_r', 'stick_l'"):
         contacts_heard(replace(heard, instruments=both))
-    told = dict.fromkeys(range(len(heard.strokes)), "stick_l")
+    told = dict.fromkeys(range(len(heard.impacts)), "stick_l")
     assert contacts_heard(replace(heard, instruments=both), told).of("stick_r") == ()
     with pytest.raises(UnknownName, match="'foot'"):
-        contacts_heard(replace(heard, instruments=both), dict.fromkeys(range(len(heard.strokes)), "foot"))
+        contacts_heard(replace(heard, instruments=both), dict.fromkeys(range(len(heard.impacts)), "foot"))
 
 
 def test_silent_and_clipped_channels_are_named():
@@ -186,19 +186,19 @@ def test_another_length_than_the_motions_is_told_and_another_time_refused():
     with pytest.raises(BadData, match="have no time in common"):
         sound_faults(sound, np.linspace(30.0, 40.0, 101))
     with pytest.raises(BadData, match="have no time in common"):
-        hear_strokes(sound.starting(99.0), [DRUM], time=np.linspace(0.0, 2.0, 201))
+        hear_impacts(sound.starting(99.0), [DRUM], time=np.linspace(0.0, 2.0, 201))
 
 
 def test_what_is_not_there_is_named():
     sound = clicks()
     with pytest.raises(UnknownName, match="unknown sound channel '7': the recording, for instrument 'drum', has '1'"):
-        hear_strokes(sound, [Instrument("drum", "7")])
+        hear_impacts(sound, [Instrument("drum", "7")])
     with pytest.raises(BadData, match="each with a name of its own"):
-        hear_strokes(sound, [DRUM, DRUM])
+        hear_impacts(sound, [DRUM, DRUM])
     with pytest.raises(BadData, match=r"instrument 'drum' is -1 m from channel '1'"):
         Instrument("drum", "1", -1.0)
     with pytest.raises(UnknownName, match="'bell'"):
-        Strokes((DRUM,), (Stroke("drum", 0.0, 1.0, 1.0),)).of("bell")
+        HeardImpacts((DRUM,), (HeardImpact("drum", 0.0, 1.0, 1.0),)).of("bell")
     with pytest.raises(BadData, match="rest of the sound is 0"):
         SoundOptions(rest=0.0)
-    assert hear_strokes(Sound(RATE, ("1",), np.zeros((100, 1))), [DRUM]).strokes == ()
+    assert hear_impacts(Sound(RATE, ("1",), np.zeros((100, 1))), [DRUM]).impacts == ()

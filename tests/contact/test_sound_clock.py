@@ -9,7 +9,7 @@ import pytest
 from sticks import SITES, rods
 
 from myomorph.contact.clocks import sound_clock
-from myomorph.contact.sound import Instrument, Stroke, Strokes
+from myomorph.contact.sound import HeardImpact, HeardImpacts, Instrument
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.series import Motion
 
@@ -26,32 +26,32 @@ def drummer():
         near = np.abs(time[:, None] - own).min(axis=1)
         columns.append(np.minimum(near, 0.12) * 6.0 + 0.2 * np.sin(3.0 * time))
     drums = (Instrument("left", "1", 0.0, ("tip_a",)), Instrument("right", "2", 0.0, ("tip_b",)))
-    struck = tuple(Stroke(drums[k % 2].name, float(at), 1e-4, 1.0) for k, at in enumerate(TIMES))
-    return model, Motion(time, ("a", "b"), np.column_stack(columns)), Strokes(drums, struck)
+    struck = tuple(HeardImpact(drums[k % 2].name, float(at), 1e-4, 1.0) for k, at in enumerate(TIMES))
+    return model, Motion(time, ("a", "b"), np.column_stack(columns)), HeardImpacts(drums, struck)
 
 
 @pytest.mark.parametrize("shift", [-1.7, -0.2, 0.0, 0.913])
 def test_the_shift_is_found(drummer, shift):
-    model, motion, strokes = drummer
-    heard = replace(strokes, strokes=tuple(replace(one, time=one.time - shift) for one in strokes.strokes))
+    model, motion, sound_heard = drummer
+    heard = replace(sound_heard, impacts=tuple(replace(one, time=one.time - shift) for one in sound_heard.impacts))
     found = sound_clock(heard, model, motion, SITES)
     assert found.shift == pytest.approx(shift, abs=0.006)
     assert found.ratio > 1.3
-    assert found.strokes == len(TIMES)
+    assert found.impacts == len(TIMES)
 
 
 def test_strokes_at_any_time_tell_little(drummer):
-    model, motion, strokes = drummer
+    model, motion, sound_heard = drummer
     rng = np.random.default_rng(1)
     at = np.sort(rng.uniform(0.2, 2.8, len(TIMES)))
-    moved = (replace(one, time=float(time)) for one, time in zip(strokes.strokes, at, strict=True))
-    heard = replace(strokes, strokes=tuple(moved))
+    moved = (replace(one, time=float(time)) for one, time in zip(sound_heard.impacts, at, strict=True))
+    heard = replace(sound_heard, impacts=tuple(moved))
     assert sound_clock(heard, model, motion, SITES).ratio < 1.25
 
 
 def test_what_cannot_tell_a_clock_is_named(drummer):
-    model, motion, strokes = drummer
-    with pytest.raises(BadData, match="2 strokes by sites of the model: a clock needs 3 or more"):
-        sound_clock(replace(strokes, strokes=strokes.strokes[:2]), model, motion, SITES)
+    model, motion, sound_heard = drummer
+    with pytest.raises(BadData, match="2 impacts by sites of the model: a clock needs 3 or more"):
+        sound_clock(replace(sound_heard, impacts=sound_heard.impacts[:2]), model, motion, SITES)
     with pytest.raises(UnknownName, match="'tip_b'"):
-        sound_clock(strokes, model, motion, SITES[:1])
+        sound_clock(sound_heard, model, motion, SITES[:1])

@@ -104,7 +104,7 @@ def record(scene: Scene, seed: int = 0) -> tuple[Sound, tuple[Truth, ...]]:
 
 
 def _strokes(scene: Scene, rng: np.random.Generator) -> tuple[Truth, ...]:
-    """Strokes of all drums; between two on one drum lie 0.7 to 1.3 of the interval."""
+    """Impacts of all drums; between two on one drum lie 0.7 to 1.3 of the interval."""
     found = []
     low, high = np.log(scene.softest), np.log(scene.loudest)
     for k, name in enumerate(list(DRUMS)[: scene.drums]):

@@ -1,6 +1,6 @@
 """Clocks of a camera and of a sound against that of a motion, where nothing triggered both.
 
-A camera is set by events that both saw; a sound by its strokes, which fall where sticks turn round.
+A camera is set by events that both saw; a sound by its impacts, which fall where sticks turn round.
 """
 
 from __future__ import annotations
@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from myomorph.contact.sound import Strokes
-from myomorph.contact.strokes import site_places
+from myomorph.contact.impacts import site_places
+from myomorph.contact.sound import HeardImpacts
 from myomorph.model.arrays import Array
 from myomorph.model.contacts import Contacts, Site, Touch
 from myomorph.model.errors import BadData, check_name
@@ -34,19 +34,19 @@ class SoundClock:
     Attributes
     ----------
     shift : to be added to `Sound.start` [s]
-    ratio : mean change of velocity at the strokes over that at the next best shift; 1 tells nothing
-    strokes : how many lie within the motion then
+    ratio : mean change of velocity at the impacts over that at the next best shift; 1 tells nothing
+    impacts : how many lie within the motion then
     """
 
     shift: float
     ratio: float
-    strokes: int
+    impacts: int
 
 
 def sound_clock(
-    strokes: Strokes, model: Model, motion: Motion, sites: Sequence[Site], reach: float = 5.0
+    heard: HeardImpacts, model: Model, motion: Motion, sites: Sequence[Site], reach: float = 5.0
 ) -> SoundClock:
-    """The shift at which strokes fall on the largest changes of velocity of the sites that make them.
+    """The shift at which impacts fall on the largest changes of velocity of the sites that make them.
 
     Parameters
     ----------
@@ -58,27 +58,27 @@ def sound_clock(
     UnknownName
         where an instrument names a site that is not among `sites`
     BadData
-        where fewer than `MIN_COUNT` strokes are on instruments with sites
+        where fewer than `MIN_COUNT` impacts are on instruments with sites
     """
     by_name = {site.name: site for site in sites}
     changes: dict[str, Array] = {}
-    for instrument in strokes.instruments:
+    for instrument in heard.instruments:
         for name in instrument.sites:
             check_name("contact site", name, by_name, "the model's sites")
         if instrument.sites:
             each = [_changes(motion.time, site_places(model, motion, by_name[name])) for name in instrument.sites]
             changes[instrument.name] = np.max(each, axis=0)
-    used = [stroke for stroke in strokes.strokes if stroke.instrument in changes]
+    used = [impact for impact in heard.impacts if impact.instrument in changes]
     if len(used) < MIN_COUNT:
-        raise BadData(f"{len(used)} strokes by sites of the model: a clock needs {MIN_COUNT} or more")
+        raise BadData(f"{len(used)} impacts by sites of the model: a clock needs {MIN_COUNT} or more")
     shifts = np.arange(-reach, reach + 0.5 * STEP, STEP)
     summed, count = np.zeros(len(shifts)), np.zeros(len(shifts))
-    for stroke in used:
-        at = stroke.time + shifts
+    for impact in used:
+        at = impact.time + shifts
         inside = (at >= motion.time[0]) & (at <= motion.time[-1])
-        summed += np.where(inside, np.interp(at, motion.time, changes[stroke.instrument]), 0.0)
+        summed += np.where(inside, np.interp(at, motion.time, changes[impact.instrument]), 0.0)
         count += inside
-    # Few strokes that fit well by chance must not win over all of them.
+    # Few impacts that fit well by chance must not win over all of them.
     mean = np.where(count >= max(MIN_COUNT, 0.5 * count.max()), summed / np.maximum(count, 1.0), 0.0)
     best = int(np.argmax(mean))
     others = mean[np.abs(shifts - shifts[best]) > APART]

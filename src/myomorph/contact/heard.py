@@ -1,4 +1,4 @@
-"""Contacts that microphones heard: strokes on instruments as contact intervals and short forces on what strikes."""
+"""Contacts that microphones heard: impacts on instruments as contact intervals and short forces on what strikes."""
 
 from __future__ import annotations
 
@@ -9,9 +9,7 @@ from typing import Literal
 import numpy as np
 
 from myomorph.contact.clocks import sound_clock
-from myomorph.contact.onsets import SoundOptions
-from myomorph.contact.sound import Instrument, Strokes, contacts_heard, hear_strokes
-from myomorph.contact.strokes import (
+from myomorph.contact.impacts import (
     Impact,
     calibration_pairs,
     effective_mass,
@@ -20,6 +18,8 @@ from myomorph.contact.strokes import (
     striking_sites,
     velocity_change,
 )
+from myomorph.contact.onsets import SoundOptions
+from myomorph.contact.sound import HeardImpacts, Instrument, contacts_heard, hear_impacts
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.contacts import Contacts, Site
 from myomorph.model.model import Model
@@ -31,17 +31,17 @@ Impulse = Literal["known", "motion"]
 @read_only
 @dataclass(frozen=True, eq=False)
 class SoundPlan:
-    """A recording of strokes.
+    """A recording of impacts.
 
     Attributes
     ----------
     speed : of sound [m/s]
     find_clock : whether the motion of what strikes tells when the sound began
-    known : instrument to (time [s], impulse [N s]) of strokes of known impulse
+    known : instrument to (time [s], impulse [N s]) of impacts of known impulse
     directions : of the force on what strikes, by instrument, in ground; up where it is not named
-    impulse : "known": from loudness, calibrated with the known strokes; "motion": effective mass of the site times its
+    impulse : "known": from loudness, calibrated with the known impacts; "motion": effective mass of the site times its
         change of velocity
-    pulse : length of a stroke's force [s]
+    pulse : length of a impact's force [s]
     """
 
     sound: Sound
@@ -56,7 +56,7 @@ class SoundPlan:
 
 @dataclass(frozen=True, eq=False)
 class Heard:
-    """Strokes as contacts and forces.
+    """Impacts as contacts and forces.
 
     Attributes
     ----------
@@ -72,11 +72,11 @@ class Heard:
 def heard_contacts(
     plan: SoundPlan, model: Model, motion: Motion, sites: Sequence[Site], recorded: Motion, cutoff: float | None
 ) -> Heard:
-    """Strokes during a motion, each at the site that struck.
+    """Impacts during a motion, each at the site that struck.
 
     Parameters
     ----------
-    recorded : the motion before it was filtered: a filter takes most of a stroke's change of velocity away
+    recorded : the motion before it was filtered: a filter takes most of a impact's change of velocity away
     cutoff : of that filter, which the forces go through too [Hz]
 
     Raises
@@ -84,36 +84,36 @@ def heard_contacts(
     UnknownName
         where an instrument names a channel or a site that does not exist
     BadData
-        where sound and motion have no time in common, or no known stroke of an instrument was heard
+        where sound and motion have no time in common, or no known impact of an instrument was heard
     """
     options = SoundOptions(speed=plan.speed)
     sound = plan.sound
     result: tuple[str, ...] = ()
     if plan.find_clock:
-        clock = sound_clock(hear_strokes(sound, plan.instruments, options), model, recorded, sites)
+        clock = sound_clock(hear_impacts(sound, plan.instruments, options), model, recorded, sites)
         sound = replace(sound, start=sound.start + clock.shift)
         result = (
-            f"the sound begins at {sound.start:.3f} s of the motion, as {clock.strokes} strokes tell "
+            f"the sound begins at {sound.start:.3f} s of the motion, as {clock.impacts} impacts tell "
             f"({clock.ratio:.1f} times better than the next best time)",
         )
-    strokes = hear_strokes(sound, plan.instruments, options, np.asarray(recorded.time))
-    struck = striking_sites(strokes, model, recorded, sites)
+    heard = hear_impacts(sound, plan.instruments, options, np.asarray(recorded.time))
+    struck = striking_sites(heard, model, recorded, sites)
     own = tuple(dict.fromkeys(name for instrument in plan.instruments for name in instrument.sites))
-    inside = Strokes(strokes.instruments, tuple(strokes.strokes[number] for number in struck), strokes.warnings)
+    inside = HeardImpacts(heard.instruments, tuple(heard.impacts[number] for number in struck), heard.warnings)
     contacts = contacts_heard(inside, dict(enumerate(struck.values())), plan.pulse)
     warned: tuple[str, ...] = ()
     if plan.impulse == "motion":
-        impacts = _impacts_by_motion(plan, strokes, struck, model, recorded, sites)
+        impacts = _impacts_by_motion(plan, heard, struck, model, recorded, sites)
     else:
-        laws = calibration_pairs(strokes, plan.known)
-        impacts, warned = impacts_from_sound(strokes, laws, struck, plan.directions)
+        laws = calibration_pairs(heard, plan.known)
+        impacts, warned = impacts_from_sound(heard, laws, struck, plan.directions)
     forces = impact_wrenches(impacts, model, motion, sites, plan.pulse, cutoff)
     return Heard(Contacts(contacts.sites, contacts.intervals, (*result, *contacts.warnings, *warned)), forces, own)
 
 
 def _impacts_by_motion(
     plan: SoundPlan,
-    strokes: Strokes,
+    heard: HeardImpacts,
     struck: Mapping[int, str],
     model: Model,
     motion: Motion,
@@ -123,11 +123,11 @@ def _impacts_by_motion(
     by_name = {site.name: site for site in sites}
     results = []
     for index, name in struck.items():
-        stroke, site = strokes.strokes[index], by_name[name]
-        direction = plan.directions[stroke.instrument]
-        frame = int(np.argmin(np.abs(motion.time - stroke.time)))
+        impact, site = heard.impacts[index], by_name[name]
+        direction = plan.directions[impact.instrument]
+        frame = int(np.argmin(np.abs(motion.time - impact.time)))
         instant = Motion(motion.time[[frame]], motion.names, motion.values[[frame]])
         mass = effective_mass(model, instant, site.body, site.points.mean(axis=0), direction)[0]
-        change = max(float(velocity_change(model, motion, site, stroke.time) @ direction), 0.0)
-        results.append(Impact(name, stroke.time, mass * change if np.isfinite(mass) else 0.0, direction))
+        change = max(float(velocity_change(model, motion, site, impact.time) @ direction), 0.0)
+        results.append(Impact(name, impact.time, mass * change if np.isfinite(mass) else 0.0, direction))
     return tuple(results)

@@ -40,18 +40,18 @@ BLOCK = 0.002
 
 @dataclass(frozen=True)
 class SoundOptions:
-    """How strokes are heard.
+    """How impacts are heard.
 
     Attributes
     ----------
     lowest : what lies below is left out [Hz]
     rise : least rise of the energy that was not foreseen, its natural logarithm: 1.2 is 5 dB
     threshold : the same in standard deviations that noise alone would have
-    rest : least time between two strokes of one instrument [s]
-    together : arrivals this close may be one stroke in several microphones [s]
-    heard : time over which the energy of a stroke is taken [s]
-    softest : energy below which a stroke of an instrument is none, as a share of its loud ones
-    echo : energy below which a stroke within `echo_time` [s] of another of the same instrument is its echo,
+    rest : least time between two impacts of one instrument [s]
+    together : arrivals this close may be one impact in several microphones [s]
+    heard : time over which the energy of a impact is taken [s]
+    softest : energy below which a impact of an instrument is none, as a share of its loud ones
+    echo : energy below which a impact within `echo_time` [s] of another of the same instrument is its echo,
         as a share of that
     own : part of a channel's energy that its own instrument must explain, so that it was struck
     speed : of sound [m/s]; 343 in air of 20 degrees C
@@ -99,7 +99,7 @@ class Heard:
 
     Attributes
     ----------
-    levels : signal (samples,) and rate [Hz]; soft strokes on a large drum show in the slow ones only
+    levels : signal (samples,) and rate [Hz]; soft impacts on a large drum show in the slow ones only
     start : time of the first sample [s]
     """
 
@@ -205,7 +205,7 @@ def _excess(signal: Array, rate: float, hops: int, options: SoundOptions) -> Arr
     stop = np.minimum(here + ahead, hops)
     marks = np.minimum(np.round(np.arange(hops + 1) * HOP * rate).astype(np.int64), len(signal))
     power = np.diff(np.concatenate([[0.0], np.cumsum(_innovation(signal, rate) ** 2)])[marks])
-    # Digital silence is not infinitely far below a stroke.
+    # Digital silence is not infinitely far below a impact.
     quiet = max(float(np.quantile(power, 0.1)), 1e-7 * float(power.max()), 1e-300)
     summed = np.concatenate([[0.0], np.cumsum(power)])
     after = (summed[stop] - summed[here]) / np.maximum(stop - here, 1)
@@ -219,7 +219,7 @@ def _excess(signal: Array, rate: float, hops: int, options: SoundOptions) -> Arr
 def _innovation(signal: Array, rate: float) -> Array:
     """What linear prediction does not foresee (samples,): each block by a model of the `LEARNT` before it.
 
-    Ringing drums and hum are foreseen, a new stroke is not (Glover, Lazzarini and Timoney 2011).
+    Ringing drums and hum are foreseen, a new impact is not (Glover, Lazzarini and Timoney 2011).
     """
     block, learnt = max(int(BLOCK * rate), 1), max(int(LEARNT * rate), 8 * ORDER)
     count = len(signal) // block

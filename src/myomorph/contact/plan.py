@@ -28,7 +28,7 @@ class ContactPlan:
     when : of each of `sites` what determines when it touches: "always", the "motion", or the "file" of its intervals
     surfaces : height of what a site rests on where that is not the floor [m], None for the lowest that it gets
     reported : contact intervals of a file; of the soles too where it names them
-    sound : strokes that microphones recorded, whose forces are known by their loudness or motion
+    sound : impacts that microphones recorded, whose forces are known by their loudness or motion
     stairs : load cells of steps that show who stands on them and, together, what force they carry
     measured : what measured loads are used for: "exact": they act as measured, and contacts are estimated where
         none was measured; "shared": each is known for the sites on it together; "hidden": not at all

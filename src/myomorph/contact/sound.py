@@ -1,6 +1,6 @@
-"""Strokes heard by microphones: when each drum was struck, how loud, and by which site.
+"""Impacts heard by microphones: when each drum was struck, how loud, and by which site.
 
-The way from the instrument to its microphone is taken off at the speed of sound, and what one stroke sends into
+The way from the instrument to its microphone is taken off at the speed of sound, and what one impact sends into
 several microphones is told apart by how loud it is in each.
 """
 
@@ -53,14 +53,14 @@ class Instrument:
 
 
 @dataclass(frozen=True)
-class Stroke:
-    """One stroke on one instrument.
+class HeardImpact:
+    """One impact on one instrument.
 
     Attributes
     ----------
     time : at the instrument, on the motion's clock [s]
     energy : what its own microphone got of it [full scale^2 s]
-    confidence : 0 to 1: the part of what was heard then in its microphone that is this stroke
+    confidence : 0 to 1: the part of what was heard then in its microphone that is this impact
     """
 
     instrument: str
@@ -70,23 +70,23 @@ class Stroke:
 
 
 @dataclass(frozen=True)
-class Strokes:
-    """All strokes that were heard, in the order of time, and what looks wrong, one line each."""
+class HeardImpacts:
+    """All impacts that were heard, in the order of time, and what looks wrong, one line each."""
 
     instruments: tuple[Instrument, ...]
-    strokes: tuple[Stroke, ...]
+    impacts: tuple[HeardImpact, ...]
     warnings: tuple[str, ...] = ()
 
-    def of(self, instrument: str) -> tuple[Stroke, ...]:
-        """Strokes on one instrument; raises `UnknownName`."""
+    def of(self, instrument: str) -> tuple[HeardImpact, ...]:
+        """Impacts on one instrument; raises `UnknownName`."""
         index_of("instrument", instrument, tuple(instrument.name for instrument in self.instruments), "the sound")
-        return tuple(stroke for stroke in self.strokes if stroke.instrument == instrument)
+        return tuple(impact for impact in self.impacts if impact.instrument == instrument)
 
 
-def hear_strokes(
+def hear_impacts(
     sound: Sound, instruments: Sequence[Instrument], options: SoundOptions | None = None, time: Array | None = None
-) -> Strokes:
-    """Strokes on every instrument, each heard once.
+) -> HeardImpacts:
+    """Impacts on every instrument, each heard once.
 
     Parameters
     ----------
@@ -111,12 +111,14 @@ def hear_strokes(
     channels = tuple(dict.fromkeys(instrument.channel for instrument in instruments))
     heard = {name: listen(sound, name, options) for name in channels}
     arrivals = {name: onsets(heard[name], options) for name in channels}
-    strokes = _told_apart(instruments, arrivals, heard, options)
-    kept = [echoe for name in names for echoe in _without_echoes([s for s in strokes if s.instrument == name], options)]
+    impacts = _told_apart(instruments, arrivals, heard, options)
+    kept: list[HeardImpact] = []
+    for name in names:
+        kept += _without_echoes([impact for impact in impacts if impact.instrument == name], options)
     for name in names:
         if not any(item.instrument == name for item in kept):
-            warnings.append(f"no stroke on '{name}' was heard")
-    return Strokes(tuple(instruments), tuple(sorted(kept, key=lambda item: item.time)), tuple(warnings))
+            warnings.append(f"no impact on '{name}' was heard")
+    return HeardImpacts(tuple(instruments), tuple(sorted(kept, key=lambda item: item.time)), tuple(warnings))
 
 
 def sound_faults(sound: Sound, time: Array | None = None) -> tuple[str, ...]:
@@ -140,7 +142,7 @@ def sound_faults(sound: Sound, time: Array | None = None) -> tuple[str, ...]:
                 at = sound.start + int(np.argmax(channel == edge)) / sound.rate
                 results.append(
                     f"sound channel '{name}' is clipped at {abs(edge):.2g} of full scale, first at {at:.3f} s: "
-                    "energies of loud strokes are too small"
+                    "energies of loud impacts are too small"
                 )
                 break
     if time is not None:
@@ -153,19 +155,19 @@ def sound_faults(sound: Sound, time: Array | None = None) -> tuple[str, ...]:
         if abs(sound.start - first) > 0.1 or abs(stop - last) > 0.1:
             results.append(
                 f"the sound runs from {sound.start:.3f} to {stop:.3f} s, the motion from {first:.3f} to {last:.3f} s: "
-                "strokes are known where both run; check the sound's start"
+                "impacts are known where both run; check the sound's start"
             )
     return tuple(results)
 
 
 def contacts_heard(
-    strokes: Strokes, sites: Mapping[int, str] | None = None, duration: float = 0.01, all_sites: Sequence[str] = ()
+    heard: HeardImpacts, sites: Mapping[int, str] | None = None, duration: float = 0.01, all_sites: Sequence[str] = ()
 ) -> Contacts:
-    """Strokes as contacts: each site touches its instrument for `duration` seconds.
+    """Impacts as contacts: each site touches its instrument for `duration` seconds.
 
     Parameters
     ----------
-    sites : site that made each stroke, by its place in `strokes.strokes`, as `strokes.striking_sites` finds;
+    sites : site that made each impact, by its place in `heard.impacts`, as `impacts.striking_sites` finds;
         None where every instrument has one site
     all_sites : names of sites that were looked at beside those of the instruments
 
@@ -174,24 +176,22 @@ def contacts_heard(
     BadData
         where an instrument has no site, or several and nothing says which struck
     """
-    owners = {instrument.name: instrument for instrument in strokes.instruments}
-    known = tuple(
-        dict.fromkeys([*(name for instrument in strokes.instruments for name in instrument.sites), *all_sites])
-    )
+    owners = {instrument.name: instrument for instrument in heard.instruments}
+    known = tuple(dict.fromkeys([*(name for instrument in heard.instruments for name in instrument.sites), *all_sites]))
     touches = []
-    for index, stroke in enumerate(strokes.strokes):
+    for index, impact in enumerate(heard.impacts):
         site = (sites or {}).get(index)
         if site is None:
-            possible = owners[stroke.instrument].sites
+            possible = owners[impact.instrument].sites
             if len(possible) != 1:
                 has = ", ".join(f"'{item}'" for item in possible) or "none"
-                raise BadData(f"which site struck '{stroke.instrument}' at {stroke.time:.3f} s? Its sites are {has}")
+                raise BadData(f"which site struck '{impact.instrument}' at {impact.time:.3f} s? Its sites are {has}")
             site = possible[0]
         elif site not in known:
             raise UnknownName("contact site", site, known, "the instruments")
-        stop = stroke.time + duration
-        touches.append(Touch(site, stroke.time, stop, stroke.instrument, stroke.confidence, "sound"))
-    return Contacts(known, tuple(touches), strokes.warnings)
+        stop = impact.time + duration
+        touches.append(Touch(site, impact.time, stop, impact.instrument, impact.confidence, "sound"))
+    return Contacts(known, tuple(touches), heard.warnings)
 
 
 def _told_apart(
@@ -199,8 +199,8 @@ def _told_apart(
     arrivals: Mapping[str, Sequence[Onset]],
     heard: Mapping[str, Heard],
     options: SoundOptions,
-) -> list[Stroke]:
-    """Arrivals of all channels as strokes: those that are close in time are explained together."""
+) -> list[HeardImpact]:
+    """Arrivals of all channels as impacts: those that are close in time are explained together."""
     ways = {instrument.name: instrument.distance / options.speed for instrument in instruments}
     entries = sorted(
         (
@@ -221,7 +221,7 @@ def _told_apart(
     energies = np.array([_energies(instruments, group, heard, options) for group in groups])
     bleed = _bleed(instruments, energies)
     loud = np.quantile(energies, 0.9, axis=0)
-    strokes = []
+    impacts = []
     for group, energy in zip(groups, energies, strict=True):
         scale = np.where(loud > 0.0, loud, 1.0)
         shares, _ = nnls(bleed * scale / scale[:, None], energy / scale)
@@ -230,8 +230,8 @@ def _told_apart(
             enough = scaled[i] >= options.own * max(energy[i], 1e-300) and scaled[i] >= options.softest * loud[i]
             if enough:
                 sure = scaled[i] / (energy[i] + onset.background)
-                strokes.append(Stroke(instruments[i].name, time, float(scaled[i]), float(min(sure, 1.0))))
-    return strokes
+                impacts.append(HeardImpact(instruments[i].name, time, float(scaled[i]), float(min(sure, 1.0))))
+    return impacts
 
 
 def _energies(
@@ -253,9 +253,9 @@ def _energies(
 
 
 def _bleed(instruments: Sequence[Instrument], energies: Array) -> Array:
-    """Energy (instruments, instruments) in microphone i of a stroke on j that gives 1 in its own.
+    """Energy (instruments, instruments) in microphone i of a impact on j that gives 1 in its own.
 
-    The median of what the louder half of the strokes that were loudest on j left in i; with fewer than four of
+    The median of what the louder half of the impacts that were loudest on j left in i; with fewer than four of
     these it falls with the square of the distances, where they are known.
     """
     count = len(instruments)
@@ -285,16 +285,16 @@ def _first_of_each(group: Sequence[tuple[float, int, Onset]]) -> list[tuple[floa
     return list(first.values())
 
 
-def _without_echoes(strokes: Sequence[Stroke], options: SoundOptions) -> list[Stroke]:
-    """Strokes on one instrument, in order, without weak ones soon after a loud one."""
-    kept: list[Stroke] = []
-    for stroke in sorted(strokes, key=lambda stroke: stroke.time):
-        near = [item for item in kept if stroke.time - item.time <= options.echo_time]
-        if any(stroke.energy < options.echo * candidate.energy for candidate in near):
+def _without_echoes(impacts: Sequence[HeardImpact], options: SoundOptions) -> list[HeardImpact]:
+    """Impacts on one instrument, in order, without weak ones soon after a loud one."""
+    kept: list[HeardImpact] = []
+    for impact in sorted(impacts, key=lambda impact: impact.time):
+        near = [item for item in kept if impact.time - item.time <= options.echo_time]
+        if any(impact.energy < options.echo * candidate.energy for candidate in near):
             continue
-        if kept and stroke.time - kept[-1].time < 0.5 * options.rest:
+        if kept and impact.time - kept[-1].time < 0.5 * options.rest:
             continue
-        kept.append(stroke)
+        kept.append(impact)
     return kept
 
 

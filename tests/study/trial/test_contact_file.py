@@ -97,7 +97,7 @@ def test_sound_needs_instruments_and_strokes_of_known_impulse(model, tmp_path):
     with pytest.raises(BadFile, match=r"needs \[\[instrument\]\] tables"):
         read_contacts(written(tmp_path, sound + SITE), model)
     snare = '[[instrument]]\nname = "snare"\nsites = ["hand"]\n'
-    with pytest.raises(BadFile, match="no strokes of known impulse"):
+    with pytest.raises(BadFile, match="no impacts of known impulse"):
         read_contacts(written(tmp_path, sound + snare + SITE), model)
     plan = read_contacts(written(tmp_path, sound + 'impulse = "motion"\n' + snare + SITE), model)
     assert plan.sound.instruments[0].sites == ("hand",)

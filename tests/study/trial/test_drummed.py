@@ -1,4 +1,4 @@
-"""Strokes from a recording of their sound to forces on the body that strikes: made sounds, known impulses."""
+"""Impacts from a recording of their sound to forces on the body that strikes: made sounds, known impulses."""
 
 from __future__ import annotations
 

@@ -301,14 +301,14 @@ def _sound_plan(table: _Sound, instruments: Sequence[_Instrument], path: Path, u
     BadFile
         where it is no WAV file
     BadData
-        where no instrument is named, or loudness is to tell impulses and no stroke of known impulse is given
+        where no instrument is named, or loudness is to tell impulses and no impact of known impulse is given
     """
     if not instruments:
         raise BadData("a sound needs [[instrument]] tables: name, channel, distance and the sites that strike it")
     for instrument in instruments:
         if table.impulse == "known" and not instrument.known:
             raise BadData(
-                f"instrument '{instrument.name}' has no strokes of known impulse: give known = [[time, N s], ...], or "
+                f"instrument '{instrument.name}' has no impacts of known impulse: give known = [[time, N s], ...], or "
                 "impulse = 'motion' to take effective mass times change of velocity"
             )
     return SoundPlan(

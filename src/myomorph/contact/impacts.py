@@ -1,6 +1,6 @@
-"""Strokes as forces: impulse from loudness or from motion, and short pulses on the body that holds the stick.
+"""Impacts as forces: impulse from loudness or from motion, and short pulses on the body that holds the stick.
 
-p = e^a E^b    from the energy E of the sound, calibrated with strokes of known impulse; the pressure that
+p = e^a E^b    from the energy E of the sound, calibrated with impacts of known impulse; the pressure that
 a struck membrane sends out grows with the impulse, so b is near 1/2
 p = m dv       from the change of velocity dv of the tip and the mass m it strikes with,
 m = 1 / (d^T J M^-1 J^T d)  (Khatib 1995, effective mass of a point along d)
@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from myomorph.contact.sound import Strokes
+from myomorph.contact.sound import HeardImpacts
 from myomorph.model.arrays import Array, read_only, unit_vector
 from myomorph.model.contacts import Site
 from myomorph.model.errors import BadData, BadModel, check_name
@@ -26,24 +26,24 @@ from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 
 LINEAR, PRIOR = 0.5, 1.0
-"""Exponent of an instrument that answers linearly, and how much it counts beside the strokes: as if known to 0.1 where
-strokes scatter by 10 %."""
+"""Exponent of an instrument that answers linearly, and how much it counts beside the impacts: as if known to 0.1 where
+impacts scatter by 10 %."""
 
 AROUND, TOUCH = 0.03, 0.006
-"""Time before and after a stroke that tells a tip's velocity, and how long it touches [s]."""
+"""Time before and after a impact that tells a tip's velocity, and how long it touches [s]."""
 
 
 @dataclass(frozen=True)
 class ImpulseLaw:
-    """Impulse of a stroke from the energy of its sound: p = scale E^exponent.
+    """Impulse of a impact from the energy of its sound: p = scale E^exponent.
 
     Attributes
     ----------
     scale : impulse at an energy of 1 [N s]
     exponent : 1/2 for an instrument that answers linearly
     error : standard deviation of log p about the law: a share, 0.1 for 10 %
-    lowest, highest : energies of the calibration strokes
-    strokes : how many there were
+    lowest, highest : energies of the calibration impacts
+    impacts : how many there were
     """
 
     scale: float
@@ -51,7 +51,7 @@ class ImpulseLaw:
     error: float
     lowest: float
     highest: float
-    strokes: int
+    impacts: int
 
     def impulse(self, energy: ArrayLike) -> Array:
         """[N s], of energies of any shape; 0 of 0."""
@@ -63,24 +63,24 @@ class ImpulseLaw:
 
 
 def calibrate_impulse(energies: ArrayLike, impulses: ArrayLike, exponent: float | None = None) -> ImpulseLaw:
-    """The law through strokes of known impulse, a straight line of log p over log E.
+    """The law through impacts of known impulse, a straight line of log p over log E.
 
     Parameters
     ----------
-    energies, impulses : (strokes,) of one instrument [full scale^2 s], [N s]
-    exponent : None fits it, drawn towards 1/2 where the strokes hardly differ
+    energies, impulses : (impacts,) of one instrument [full scale^2 s], [N s]
+    exponent : None fits it, drawn towards 1/2 where the impacts hardly differ
 
     Raises
     ------
     BadData
-        without a stroke, with numbers that differ, or values that are not above 0
+        without a impact, with numbers that differ, or values that are not above 0
     """
     E, p = np.atleast_1d(np.asarray(energies, float)), np.atleast_1d(np.asarray(impulses, float))
     if E.shape != p.shape or not len(E):
         raise BadData(f"{len(E)} energies and {len(p)} impulses: expected as many of both, one or more")
     if not (np.all(np.isfinite(E) & (E > 0.0)) and np.all(np.isfinite(p) & (p > 0.0))):
         raise BadData(
-            "energies and impulses of calibration strokes must be above 0: leave out strokes that were not heard"
+            "energies and impulses of calibration impacts must be above 0: leave out impacts that were not heard"
         )
     x, y = np.log(E), np.log(p)
     slope = exponent
@@ -93,30 +93,30 @@ def calibrate_impulse(energies: ArrayLike, impulses: ArrayLike, exponent: float 
     return ImpulseLaw(float(np.exp(offset)), slope, error, float(E.min()), float(E.max()), len(E))
 
 
-def calibration_pairs(strokes: Strokes, known: Mapping[str, Sequence[tuple[float, float]]]) -> dict[str, ImpulseLaw]:
-    """A law for each instrument from strokes of known time and impulse.
+def calibration_pairs(heard: HeardImpacts, known: Mapping[str, Sequence[tuple[float, float]]]) -> dict[str, ImpulseLaw]:
+    """A law for each instrument from impacts of known time and impulse.
 
     Parameters
     ----------
-    known : instrument to (time [s], impulse [N s]) of each stroke; the nearest heard one within 50 ms is it
+    known : instrument to (time [s], impulse [N s]) of each impact; the nearest heard one within 50 ms is it
 
     Raises
     ------
     UnknownName
         where an instrument does not exist
     BadData
-        where none of an instrument's known strokes was heard
+        where none of an instrument's known impacts was heard
     """
     laws = {}
     for name, entries in known.items():
-        heard = strokes.of(name)
+        on_it = heard.of(name)
         pairs = []
         for time, impulse in entries:
-            near = min(heard, key=lambda stroke: abs(stroke.time - time), default=None)
+            near = min(on_it, key=lambda impact: abs(impact.time - time), default=None)
             if near is not None and abs(near.time - time) <= 0.05:
                 pairs.append((near.energy, impulse))
         if not pairs:
-            raise BadData(f"none of the {len(entries)} known strokes on '{name}' was heard within 50 ms of its time")
+            raise BadData(f"none of the {len(entries)} known impacts on '{name}' was heard within 50 ms of its time")
         laws[name] = calibrate_impulse([pair for pair, _ in pairs], [pair for _, pair in pairs])
     return laws
 
@@ -184,10 +184,10 @@ class Impact:
             raise BadData(f"impulse of an impact on '{self.site}' is {self.impulse:g} N s: expected 0 or more")
 
 
-def striking_sites(strokes: Strokes, model: Model, motion: Motion, sites: Sequence[Site]) -> dict[int, str]:
-    """Site that made each stroke, by its place in `strokes.strokes`: the one whose velocity changed most then.
+def striking_sites(heard: HeardImpacts, model: Model, motion: Motion, sites: Sequence[Site]) -> dict[int, str]:
+    """Site that made each impact, by its place in `heard.impacts`: the one whose velocity changed most then.
 
-    Strokes outside the motion, or on an instrument without a site, are left out.
+    Impacts outside the motion, or on an instrument without a site, are left out.
 
     Raises
     ------
@@ -195,18 +195,18 @@ def striking_sites(strokes: Strokes, model: Model, motion: Motion, sites: Sequen
         where an instrument names a site that is not among `sites`
     """
     by_name = {site.name: site for site in sites}
-    possible = {instrument.name: instrument.sites for instrument in strokes.instruments}
+    possible = {instrument.name: instrument.sites for instrument in heard.instruments}
     for names in possible.values():
         for name in names:
             check_name("contact site", name, by_name, "the model's sites")
     wanted = {name for names in possible.values() for name in names}
     tips = {name: site_places(model, motion, by_name[name]) for name in wanted}
     result = {}
-    for index, stroke in enumerate(strokes.strokes):
-        names = possible[stroke.instrument]
-        if names and motion.time[0] <= stroke.time <= motion.time[-1]:
+    for index, impact in enumerate(heard.impacts):
+        names = possible[impact.instrument]
+        if names and motion.time[0] <= impact.time <= motion.time[-1]:
             result[index] = max(
-                names, key=lambda one: float(np.linalg.norm(_jump(motion.time, tips[one], stroke.time)))
+                names, key=lambda one: float(np.linalg.norm(_jump(motion.time, tips[one], impact.time)))
             )
     return result
 
@@ -221,14 +221,14 @@ def velocity_change(model: Model, motion: Motion, site: Site, time: float) -> Ar
 
 
 def impacts_from_sound(
-    strokes: Strokes, laws: Mapping[str, ImpulseLaw], sites: Mapping[int, str], normals: Mapping[str, ArrayLike]
+    heard: HeardImpacts, laws: Mapping[str, ImpulseLaw], sites: Mapping[int, str], normals: Mapping[str, ArrayLike]
 ) -> tuple[tuple[Impact, ...], tuple[str, ...]]:
-    """Blows of the strokes whose site is known, and warnings, one line each.
+    """Impacts heard whose site is known, and warnings, one line each.
 
     Parameters
     ----------
     laws : of each instrument
-    sites : by place in `strokes.strokes`, as `striking_sites` finds
+    sites : by place in `heard.impacts`, as `striking_sites` finds
     normals : instrument to the direction in which it pushes back, in ground; y where it is not named
 
     Raises
@@ -238,18 +238,18 @@ def impacts_from_sound(
     """
     result, beyond = [], []
     for name, site in sites.items():
-        stroke = strokes.strokes[name]
-        check_name("instrument", stroke.instrument, laws, "the calibration of impulses")
-        law = laws[stroke.instrument]
-        if not law.covers(stroke.energy):
-            beyond.append(stroke)
-        direction = np.asarray(normals.get(stroke.instrument, (0.0, 1.0, 0.0)), float)
-        result.append(Impact(site, stroke.time, float(law.impulse(stroke.energy)), direction))
+        impact = heard.impacts[name]
+        check_name("instrument", impact.instrument, laws, "the calibration of impulses")
+        law = laws[impact.instrument]
+        if not law.covers(impact.energy):
+            beyond.append(impact)
+        direction = np.asarray(normals.get(impact.instrument, (0.0, 1.0, 0.0)), float)
+        result.append(Impact(site, impact.time, float(law.impulse(impact.energy)), direction))
     warnings = []
     if beyond:
         first = beyond[0]
         warnings.append(
-            f"{len(beyond)} of {len(result)} strokes are louder or softer than those calibrated on, first on "
+            f"{len(beyond)} of {len(result)} impacts are louder or softer than those calibrated on, first on "
             f"'{first.instrument}' at {first.time:.3f} s: their impulses are extrapolated"
         )
     return tuple(result), tuple(warnings)

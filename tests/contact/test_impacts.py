@@ -1,4 +1,4 @@
-"""Strokes as forces: pulses keep their impulse on any clock, and masses are what Newton says they are."""
+"""Impacts as forces: pulses keep their impulse on any clock, and masses are what Newton says they are."""
 
 from __future__ import annotations
 
@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from sticks import SITES, TIP, rods
 
-from myomorph.contact.sound import Instrument, Stroke, Strokes
-from myomorph.contact.strokes import (
+from myomorph.contact.impacts import (
     Impact,
     calibrate_impulse,
     calibration_pairs,
@@ -20,6 +19,7 @@ from myomorph.contact.strokes import (
     striking_sites,
     velocity_change,
 )
+from myomorph.contact.sound import HeardImpact, HeardImpacts, Instrument
 from myomorph.io.osim.read import read_osim
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import Model
@@ -142,27 +142,27 @@ def test_the_law_of_impulses_is_found_again():
 DRUM = Instrument("drum", "1", 0.0, ("tip",))
 
 
-def heard(*strokes: tuple[float, float]) -> Strokes:
-    return Strokes((DRUM,), tuple(Stroke("drum", time, energy, 1.0) for time, energy in strokes))
+def made(*strokes: tuple[float, float]) -> HeardImpacts:
+    return HeardImpacts((DRUM,), tuple(HeardImpact("drum", time, energy, 1.0) for time, energy in strokes))
 
 
 def test_known_strokes_calibrate_the_nearest_that_were_heard():
-    strokes = heard((1.0, 1e-4), (2.0, 4e-4), (3.0, 9e-4))
-    laws = calibration_pairs(strokes, {"drum": [(1.01, 0.1), (2.99, 0.3)]})
+    heard = made((1.0, 1e-4), (2.0, 4e-4), (3.0, 9e-4))
+    laws = calibration_pairs(heard, {"drum": [(1.01, 0.1), (2.99, 0.3)]})
     assert laws["drum"].impulse(4e-4) == pytest.approx(0.2)
-    impacts, warnings = impacts_from_sound(strokes, laws, {0: "tip", 1: "tip"}, {"drum": [0.0, 0.0, 2.0]})
+    impacts, warnings = impacts_from_sound(heard, laws, {0: "tip", 1: "tip"}, {"drum": [0.0, 0.0, 2.0]})
     assert [one.time for one in impacts] == [1.0, 2.0]
     np.testing.assert_allclose(impacts[0].direction, [0, 0, 1])
     assert warnings == ()
-    louder, warnings = impacts_from_sound(heard((1.0, 1.0)), laws, {0: "tip"}, {})
-    assert "1 of 1 strokes are louder or softer than those calibrated on, first on 'drum' at 1.000 s" in warnings[0]
+    louder, warnings = impacts_from_sound(made((1.0, 1.0)), laws, {0: "tip"}, {})
+    assert "1 of 1 impacts are louder or softer than those calibrated on, first on 'drum' at 1.000 s" in warnings[0]
     np.testing.assert_allclose(louder[0].direction, [0, 1, 0])
-    with pytest.raises(BadData, match="none of the 1 known strokes on 'drum' was heard"):
-        calibration_pairs(strokes, {"drum": [(1.5, 0.1)]})
+    with pytest.raises(BadData, match="none of the 1 known impacts on 'drum' was heard"):
+        calibration_pairs(heard, {"drum": [(1.5, 0.1)]})
     with pytest.raises(UnknownName, match="'bell'"):
-        calibration_pairs(strokes, {"bell": [(1.5, 0.1)]})
+        calibration_pairs(heard, {"bell": [(1.5, 0.1)]})
     with pytest.raises(UnknownName, match="'drum'"):
-        impacts_from_sound(strokes, {}, {0: "tip"}, {})
+        impacts_from_sound(heard, {}, {0: "tip"}, {})
 
 
 def test_the_stick_that_stops_is_the_one_that_struck():
@@ -172,8 +172,8 @@ def test_the_stick_that_stops_is_the_one_that_struck():
     angles = np.column_stack([0.5 * np.sin(4.0 * time), 3.0 * np.abs(time - 0.5)])
     motion = Motion(time, ("a", "b"), angles)
     drum = Instrument("drum", "1", 0.0, ("tip_a", "tip_b"))
-    strokes = Strokes((drum,), (Stroke("drum", 0.5, 1e-4, 1.0), Stroke("drum", 7.0, 1e-4, 1.0)))
-    assert striking_sites(strokes, model, motion, SITES) == {0: "tip_b"}
+    heard = HeardImpacts((drum,), (HeardImpact("drum", 0.5, 1e-4, 1.0), HeardImpact("drum", 7.0, 1e-4, 1.0)))
+    assert striking_sites(heard, model, motion, SITES) == {0: "tip_b"}
     change = velocity_change(model, motion, SITES[1], 0.5)
     np.testing.assert_allclose(change[0], 2.0 * 3.0 * 0.4, rtol=0.05)
     mass = effective_mass(model, Motion(time[100:101], ("a", "b"), angles[100:101]), "b", TIP, change)
