@@ -15,11 +15,14 @@ from myomorph.model.model import GROUND, Axis, Body, Coordinate, Joint, Marker, 
 from myomorph.model.series import Markers, Motion
 from myomorph.model.spatial import Transform
 from myomorph.motion import ik
+from myomorph.motion.filters import differentiate
 from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics, pose_problem, tracked_markers
 from myomorph.motion.starts import nearest_turns
 from myomorph.motion.turns import floating_coordinates, of_one_branch, of_one_turn, other_branch
+from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
+from stick_figure import stick_figure
 
 ROOT = ("root_tx", "root_ty", "root_tz", "root_rz", "root_rx", "root_ry")
 
@@ -109,19 +112,6 @@ def test_a_walk_along_another_axis_has_the_same_joint_angles(data, degrees):
     np.testing.assert_allclose(turned.values[:, inner], straight.values[:, inner], atol=np.radians(0.01))
 
 
-def test_floating_angles_go_on_on_the_nearest_turn_after_a_gap():
-    model = walker()
-    name = next(one for one in floating_coordinates(model) if model.coordinate(one).motion == "rotational")
-    k = model.coordinate_names.index(name)
-    angle = np.array([0.1, 0.2, np.nan, 0.3, 0.4, 3.0, 3.5, 6.0])
-    given = np.zeros((8, len(model.coordinates)))
-    given[:, k] = angle + 2.0 * np.pi * np.array([1, 1, 0, -2, -2, -2, -3, -3])
-    found = of_one_turn(model, given)
-    np.testing.assert_allclose(found[:, k], angle, atol=1e-12)
-    others = np.delete(np.arange(len(model.coordinates)), k)
-    np.testing.assert_array_equal(found[:, others], 0.0)
-
-
 STILL = Transform.identity()
 NAMES = ("flexion", "adduction", "rotation")
 
@@ -147,13 +137,16 @@ def through_the_side() -> np.ndarray:
     return np.column_stack([0.4 * np.sin(phase), 1.45 * np.sin(0.5 * phase), 0.3 * np.cos(phase)])
 
 
+def problem_of(model: Model, frames: int):
+    """What inverse kinematics solves for frames of a model, whatever the markers are."""
+    markers = Markers(np.arange(frames) * 0.01, model.marker_names, np.zeros((frames, len(model.markers), 3)))
+    options, tree = InverseKinematicsOptions(), compile_tree(model)
+    return tree, pose_problem(tree, *tracked_markers(model, markers, options), options)
+
+
 def branched(model: Model, values: np.ndarray) -> np.ndarray:
     """The motion with stretches on the other branch, put back."""
-    tree = compile_tree(model)
-    markers = Markers(np.arange(len(values)) * 0.01, model.marker_names, np.zeros((len(values), 4, 3)))
-    options = InverseKinematicsOptions()
-    arrays = pose_problem(tree, *tracked_markers(model, markers, options), options)
-    return of_one_branch(tree, arrays, values)
+    return of_one_branch(*problem_of(model, len(values)), values)
 
 
 def test_stretches_on_the_other_branch_come_back_to_the_one_of_the_first_frame():
@@ -204,3 +197,51 @@ def test_a_joint_whose_axes_are_not_perpendicular_is_left():
     given = through_the_side()
     given[20:] = [other_branch(one) for one in given[20:]]
     np.testing.assert_array_equal(branched(replace(model, joints=(joint,)), given), given)
+
+
+def free(model: Model) -> Model:
+    """The model without bounds of angles."""
+    turning = [replace(one, clamped=one.clamped and one.motion != "rotational") for one in model.coordinates]
+    return replace(model, coordinates=tuple(turning))
+
+
+def test_angles_go_on_on_the_nearest_turn_after_a_gap_and_stay_within_bounds():
+    angle = np.array([0.1, 0.2, np.nan, 0.3, 0.4, 3.0, 3.5, 6.0])
+    given = np.zeros((8, 3))
+    given[:, 0] = angle + 2.0 * np.pi * np.array([1, 1, 0, -2, -2, -2, -3, -3])
+    found = of_one_turn(*problem_of(free(arm()), 8), given)
+    np.testing.assert_allclose(found[:, 0], angle, atol=1e-12)
+    np.testing.assert_array_equal(found[:, 1:], 0.0)
+    np.testing.assert_allclose(of_one_turn(*problem_of(arm(2.5 * np.pi), 8), given)[:, 0], angle, atol=1e-12)
+    # 6 rad are beyond the bounds: nothing moves.
+    np.testing.assert_array_equal(of_one_turn(*problem_of(arm(), 8), given)[:, 0], given[:, 0])
+
+
+def test_a_whole_turn_and_another_branch_at_once_come_back():
+    model = free(arm())
+    given = through_the_side()[:20]
+    turned = given.copy()
+    turned[8:12, 2] -= 2.0 * np.pi
+    turned[12:16] = [other_branch(one) for one in given[12:16]] + 2.0 * np.pi * np.array([1.0, 0.0, -1.0])
+    np.testing.assert_allclose(branched(model, turned), given, atol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_without_bounds_a_motion_in_chunks_has_no_turns_and_its_torques_are_those_of_one(seed):
+    """Simulated markers with errors of 1 mm: stretches of frames are solved from poses found apart."""
+    model = free(stick_figure())
+    tree, rng = compile_tree(model), np.random.default_rng(seed)
+    time = 0.01 * np.arange(200)
+    phase = 2.0 * np.pi * time[:, None] * rng.uniform(0.3, 1.0, len(tree.defaults)) + rng.uniform(0.0, 6.0)
+    poses = forward_kinematics(tree, tree.defaults + 0.5 * np.sin(phase))
+    bodies = np.array([tree.body_index[marker.body] for marker in model.markers])
+    places = poses.points(bodies, np.array([marker.location for marker in model.markers]))
+    markers = Markers(time, model.marker_names, places + rng.normal(scale=1e-3, size=places.shape))
+    motion = inverse_kinematics(model, markers).motion
+    assert np.abs(np.diff(motion.values, axis=0)).max() < 0.5 * np.pi
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("myomorph.motion.newton.CHUNK", len(time))
+        patch.setattr(ik.solve_poses, "__defaults__", (True, None, len(time)))
+        whole = inverse_kinematics(model, markers).motion
+    torques = [inverse_dynamics(model, differentiate(one, 6.0)).values for one in (motion, whole)]
+    np.testing.assert_allclose(torques[0], torques[1], atol=1e-3 * np.abs(torques[1]).max())

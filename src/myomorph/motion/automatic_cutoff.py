@@ -1,4 +1,4 @@
-"""The cutoff of the low-pass filter where nobody gives one: what the motion itself needs."""
+"""The cutoff of the low-pass filter where nobody gives one: what accelerations lose and gain by it."""
 
 from __future__ import annotations
 
@@ -8,32 +8,49 @@ import numpy as np
 
 from myomorph.model.arrays import Array, runs
 from myomorph.model.series import Motion
-from myomorph.motion.filters import differentiate, natural_spline
+from myomorph.motion.filters import natural_spline
 
-SHARE = 0.998
-"""Share of a coordinate's variance that is to pass; docs/decisions/0003 says by which measured forces it was chosen."""
+ABOVE_NOISE = 4.0
+"""Power over that of the noise from which a frequency is taken to hold motion."""
+
+SPEED_SHARE = 0.85
+"""Share of the power of velocities that lies below the frequency of a movement."""
+
+HARMONICS = 3.0
+"""Times the frequency of the movement up to which markers follow bones; docs/decisions/0003 says how it was chosen."""
 
 MOVING = 0.05
-"""Coordinates that move less, by standard deviation over that of the one that moves most, are not asked."""
+"""Coordinates that move less, by standard deviation over that of the one that moves most, do not count."""
 
-NOISE = 1.0
-"""Accelerations above the cutoff by those below it, over which the motion is taken as not filtered before."""
+SMOOTH = 0.2
+"""Accelerations above the cutoff over those below it, up to which the motion is taken as filtered before."""
 
-SHORTEST, LONGEST = 30, 4096
+NOISELESS = 0.002
+"""Accelerations of white noise over those of the motion, below which somebody filtered or computed the motion."""
+
+TRIED = np.geomspace(0.001, 0.49, 240)
+"""Cutoffs that are compared, over the rate of frames."""
+
+MIN_FRAMES, MAX_FRAMES = 30, 4096
 """Frames in a row without a gap: fewer tell no spectrum, and of more the middle ones are enough."""
 
-_FOUND: WeakKeyDictionary[Motion, float | None] = WeakKeyDictionary()
+_KNOWN: WeakKeyDictionary[Motion, float | None] = WeakKeyDictionary()
 """Of motions that still exist: coordinates, external forces and what is printed ask for the same one."""
 
 
 def automatic_cutoff(motion: Motion) -> float | None:
     """The cutoff that a motion needs before it is differentiated, None where it is smooth already.
 
-    It is the frequency below which 99.8 % of the variance of a coordinate lies, white noise taken off, the median over
-    those that move. A motion whose accelerations lie below it for the most part is smooth, and filtering it again takes
-    motion away.
+    White errors of coordinates are estimated from the upper half of the spectrum, where no body moves. A filter H(f)
+    leaves the error
 
-    Source: Winter 2009, section 3.4.4.2, for the harmonics that hold 99.7 % of the power of walking.
+        sum_f S (1 - H)^2 + N H^2
+
+    in the accelerations of a coordinate, with the power N of their noise and S = P - N of what stands clearly above it.
+    The cutoff is where the geometric mean of this over all coordinates that move is least, but not above three times
+    the frequency below which 85 % of the power of their velocities lies: faster than that, skin moves on its own.
+
+    Source: Winter 2009, section 3.4.4.3 (signal and noise by cutoff); Woltring 1986 (least expected error).
 
     Parameters
     ----------
@@ -41,56 +58,65 @@ def automatic_cutoff(motion: Motion) -> float | None:
 
     Returns
     -------
-    cutoff [Hz], for `differentiate`; None where there is nothing to filter, or too little to tell
+    cutoff [Hz], for `differentiate`; None where there is nothing to filter, since the motion was filtered
+    before or computed, or too little to tell
     """
-    if motion not in _FOUND:
-        _FOUND[motion] = _cutoff(motion)
-    return _FOUND[motion]
+    if motion not in _KNOWN:
+        _KNOWN[motion] = _cutoff(motion)
+    return _KNOWN[motion]
 
 
 def _cutoff(motion: Motion) -> float | None:
     seen = np.all(np.isfinite(motion.values), axis=1)
     part = max((slice(*ends) for ends in runs(seen)), key=lambda share: share.stop - share.start, default=slice(0, 0))
-    if part.stop - part.start < SHORTEST:
+    if part.stop - part.start < MIN_FRAMES:
         return None
-    start = max((part.start + part.stop - LONGEST) // 2, part.start)
-    part = slice(start, min(start + LONGEST, part.stop))
-    frequency, spectra = _spectra(motion.time[part], motion.values[part])
-    if not spectra.size:
+    start = max((part.start + part.stop - MAX_FRAMES) // 2, part.start)
+    part = slice(start, min(start + MAX_FRAMES, part.stop))
+    frequency, power, noise = _acceleration_spectra(motion.time[part], motion.values[part])
+    signal = np.where(power > ABOVE_NOISE * noise, power - noise, 0.0)
+    moved = signal.sum(axis=0) > 0.0
+    if not moved.any():
         return None
-    passed = np.cumsum(spectra, axis=0)
-    cutoffs = [float(np.interp(SHARE, share, frequency)) for share in passed.T]
-    cutoff = max(float(np.median(cutoffs)), float(frequency[1]))
-    return cutoff if _noise(motion, part, cutoff) > NOISE else None
+    signal, noise, power = signal[:, moved], noise[:, moved], power[:, moved]
+    if np.median(np.sqrt(noise.sum(axis=0) / signal.sum(axis=0))) < NOISELESS:
+        return None
+    tried = TRIED * (part.stop - part.start - 1) / (motion.time[part][-1] - motion.time[part][0])
+    gain = _gain(frequency[:, None], tried)
+    errors = signal.T @ (1.0 - gain) ** 2 + noise.T @ gain**2
+    least = float(tried[np.log(errors / signal.sum(axis=0)[:, None]).mean(axis=0).argmin()])
+    passed = np.maximum(power - noise, 0.0) * _gain(frequency, np.float64(least))[:, None] ** 2
+    share = np.cumsum(passed / frequency[:, None] ** 2, axis=0)
+    speeds = [float(np.interp(SPEED_SHARE * column[-1], column, frequency)) for column in share.T]
+    cutoff = min(least, HARMONICS * float(np.median(speeds)))
+    gain = _gain(frequency, np.float64(cutoff))[:, None]
+    above = np.median(np.sqrt((power * (1.0 - gain) ** 2).sum(axis=0) / (power * gain**2).sum(axis=0)))
+    return cutoff if above > SMOOTH else None
 
 
-def _spectra(time: Array, values: Array) -> tuple[Array, Array]:
-    """Frequencies (n,) [Hz], and the share of each in the variance (n, coordinates) of the coordinates that move."""
+def _gain(frequency: Array, cutoff: Array) -> Array:
+    """What `lowpass` leaves of an amplitude: a third-order Butterworth, twice."""
+    gain: Array = 1.0 / (1.0 + (frequency / cutoff) ** 6)
+    return gain
+
+
+def _acceleration_spectra(time: Array, values: Array) -> tuple[Array, Array, Array]:
+    """Frequencies (n,) [Hz] above zero; power of accelerations and of white noise in them, (n, coordinates) each.
+
+    Only coordinates that move are there. Second differences of white noise have the spectrum (2 - 2 cos(2 pi f h))^2.
+    """
     step = np.diff(time)
     if step.max() - step.min() >= 1e-3 * step.mean():
         even = np.linspace(time[0], time[-1], len(time))
         time, values = even, natural_spline(time, values)(even)
-    # The line between the ends would repeat as a jump.
-    across = np.linspace(0.0, 1.0, len(time))[:, None]
-    bent = values - (values[0] + across * (values[-1] - values[0]))
-    size = bent.std(axis=0)
-    bent = bent[:, size > MOVING * size.max()] if size.max() > 0.0 else bent[:, :0]
+    size = values.std(axis=0)
+    values = values[:, size > MOVING * size.max()] if size.max() > 0.0 else values[:, :0]
+    bent = np.diff(values, 2, axis=0)
+    bent = (bent - bent.mean(axis=0)) * np.hanning(len(bent) + 2)[1:-1, None]
+    turn = np.fft.rfftfreq(len(bent))[1:]
     power = np.abs(np.fft.rfft(bent, axis=0)[1:]) ** 2
-    # White noise is as strong in the upper half, where no body moves, as elsewhere.
-    power = np.maximum(power - power[len(power) // 2 :].mean(axis=0), 0.0)
-    frequency = np.fft.rfftfreq(len(time), (time[-1] - time[0]) / (len(time) - 1))
-    zero = np.zeros((1, bent.shape[1]))
-    return frequency, np.concatenate([zero, power / power.sum(axis=0)])
-
-
-def _noise(motion: Motion, part: slice, cutoff: float) -> float:
-    """Accelerations above the cutoff by those below it, the median over coordinates that accelerate at all."""
-    piece = Motion(motion.time[part], motion.names, motion.values[part])
-    raw, kept = differentiate(piece).accelerations, differentiate(piece, cutoff).accelerations
-    assert raw is not None
-    assert kept is not None
-    inner = slice(5, -5)  # ends of splines are not the motion's
-    below = np.sqrt(np.mean(kept[inner] ** 2, axis=0))
-    above = np.sqrt(np.mean((raw - kept)[inner] ** 2, axis=0))
-    moving = below > 1e-6 * below.max(initial=0.0)
-    return float(np.median(above[moving] / below[moving])) if moving.any() else 0.0
+    shape = (2.0 - 2.0 * np.cos(2.0 * np.pi * turn)) ** 2
+    half = len(turn) // 2
+    # The median of a squared amplitude of noise is log 2 of its mean.
+    level = np.median(power[half:] / shape[half:, None], axis=0) / np.log(2.0)
+    return turn * (len(time) - 1) / (time[-1] - time[0]), power, shape[:, None] * level

@@ -196,9 +196,7 @@ def inverse_kinematics(
     starts = np.repeat(scout_poses(tree, problem, options.settings), SCOUT, axis=0)[: len(markers)]
     solved = solve_poses(tree, problem, starts, options.settings, progress=progress)
 
-    values = of_one_branch(tree, problem, solved.values)
-    if not options.root_bounds:
-        values = of_one_turn(model, values)
+    values = of_one_turn(tree, problem, of_one_branch(tree, problem, solved.values))
     return KinematicsFit(
         motion=Motion(markers.time, model.coordinate_names, values),
         marker_names=names,

@@ -1,4 +1,4 @@
-"""Angles that give the same pose: whole turns of a floating body, and the two triples of a ball joint.
+"""Angles that give the same pose: whole turns, and the two triples of a ball joint; and those of a floating body.
 
 A body floats in the laboratory by coordinates whose bounds say nothing about it. A motion keeps to the nearest angles.
 """
@@ -6,6 +6,7 @@ A body floats in the laboratory by coordinates whose bounds say nothing about it
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -45,8 +46,11 @@ def floating_coordinates(model: Model) -> tuple[str, ...]:
     return tuple(result)
 
 
-def of_one_turn(model: Model, values: Array) -> Array:
-    """Coordinates whose floating angles begin, and go on after every gap, on the turn that is nearest.
+def of_one_turn(tree: Tree, problem: PoseProblem, values: Array) -> Array:
+    """Coordinates whose angles begin, and go on after every gap, on the turn that is nearest.
+
+    Frames are solved in stretches from poses that were found apart, which may differ by whole turns. Angles that would
+    leave their bounds, or that a task pulls at, stay.
 
     Parameters
     ----------
@@ -57,25 +61,27 @@ def of_one_turn(model: Model, values: Array) -> Array:
     the same poses
     """
     values = values.copy()
-    for name in _whole_turns(model):
-        column, last = model.coordinate_names.index(name), model.coordinate(name).default
-        for start, stop in runs(np.isfinite(values[:, column])):
-            values[start:stop, column] = np.unwrap(values[start:stop, column])
-            values[start:stop, column] -= 2.0 * np.pi * np.round((values[start, column] - last) / (2.0 * np.pi))
-            last = values[stop - 1, column]
+    for index, low, high in zip(problem.free, problem.lower, problem.upper, strict=True):
+        if problem.coordinates.weight[index] or not _turns_whole(tree.model, tree.model.coordinates[index].name):
+            continue
+        column, last = values[:, index].copy(), tree.defaults[index]
+        for start, stop in runs(np.isfinite(column)):
+            column[start:stop] = np.unwrap(column[start:stop])
+            column[start:stop] -= 2.0 * np.pi * np.round((column[start] - last) / (2.0 * np.pi))
+            last = column[stop - 1]
+        if np.nanmin(column) >= low and np.nanmax(column) <= high:
+            values[:, index] = column
     return values
 
 
-def _whole_turns(model: Model) -> Iterator[str]:
-    """Floating angles that give the same pose a turn later: those that an axis turns by, one to one."""
-    axes = [axis for joint in model.joints for axis in joint.axes]
-    for name in floating_coordinates(model):
-        turning = [axis for axis in axes if name in axis.coordinates]
-        if len(turning) != 1 or turning[0].kind != "rotation" or turning[0].function.arity != 1:
-            continue
-        turned = float(turning[0].function(np.array(2.0 * np.pi))) - float(turning[0].function(np.array(0.0)))
-        if abs(abs(turned) - 2.0 * np.pi) < SLACK:
-            yield name
+def _turns_whole(model: Model, name: str) -> bool:
+    """Whether an angle gives the same pose a turn later: one axis turns by it, one to one."""
+    turning = [axis for joint in model.joints for axis in joint.axes if name in axis.coordinates]
+    coupled = any(name in coupler.independents for coupler in model.couplers)
+    if coupled or len(turning) != 1 or turning[0].kind != "rotation" or turning[0].function.arity != 1:
+        return False
+    zero, half, whole = (float(turning[0].function(np.array(angle))) for angle in (0.0, np.pi, 2.0 * np.pi))
+    return abs(abs(whole - zero) - 2.0 * np.pi) < SLACK and abs(abs(half - zero) - np.pi) < SLACK
 
 
 def _root_chains(model: Model) -> Iterator[list[Joint]]:
@@ -116,11 +122,15 @@ def of_one_branch(tree: Tree, problem: PoseProblem, values: Array) -> Array:
         low, high = (np.array([bound[place[j]] for j in triple]) for bound in (problem.lower, problem.upper))
         for before, frame in pairwise(seen):
             last, here = values[before, triple], values[frame, triple]
-            other = nearest_turn(other_branch(here), last)
-            nearer = np.sum((other - last) ** 2) < np.sum((here - last) ** 2)
-            if np.abs(here - last).max() > JUMP and nearer and ((low <= other) & (other <= high)).all():
-                values[frame, triple] = other
+            if np.abs(here - last).max() > JUMP:
+                alike = (here, nearest_turn(here, last), nearest_turn(other_branch(here), last))
+                inside = [angles for angles in alike if ((low <= angles) & (angles <= high)).all()]
+                values[frame, triple] = min(inside or [here], key=partial(_distance, last))
     return values
+
+
+def _distance(one: Array, other: Array) -> float:
+    return float(np.sum((one - other) ** 2))
 
 
 def other_branch(angles: Array) -> Array:
