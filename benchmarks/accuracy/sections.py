@@ -28,6 +28,7 @@ PAGES: dict[str, dict[str, str]] = {
         "loops_inverse_kinematics": "accuracy.loops:measure_inverse_kinematics",
         "inverse_dynamics": "accuracy.kinematics:measure_inverse_dynamics",
         "cutoff": "accuracy.cutoff:measure",
+        "cutoff_truth": "accuracy.cutoff:measure_truth",
         "loop_torques": "accuracy.loop_forces:measure_torques",
         "live": "accuracy.live:measure",
         "live_markers": "accuracy.live:measure_losses",

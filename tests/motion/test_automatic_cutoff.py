@@ -9,7 +9,7 @@ from myomorph.io.formats import read_model
 from myomorph.io.loads import read_external_loads
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.series import Motion
-from myomorph.motion.automatic_cutoff import automatic_cutoff
+from myomorph.motion.automatic_cutoff import SLOWEST, automatic_cutoff
 from myomorph.motion.filters import differentiate
 from myomorph.motion.sync import resample_wrenches
 from myomorph.rigid.dynamics import inverse_dynamics
@@ -59,6 +59,22 @@ def test_a_motion_that_is_twice_as_fast_has_twice_the_cutoff() -> None:
     slow, fast = automatic_cutoff(motion), automatic_cutoff(faster)
     assert slow is not None
     assert fast == pytest.approx(2.0 * slow, rel=1e-9)
+
+
+def test_faster_movements_need_higher_cutoffs_and_noisier_markers_lower_ones() -> None:
+    quick, quiet, noisy = (automatic_cutoff(_walk(*of)[0]) for of in ((0.01, 4.0, 2.0), (0.01,), (0.05,)))
+    assert quick is not None
+    assert quiet is not None
+    assert noisy is not None
+    assert quick > 1.5 * quiet
+    assert noisy <= quiet
+
+
+def test_a_pose_that_is_held_is_filtered_at_no_less_than_the_slowest_movement() -> None:
+    time = np.arange(480) / RATE
+    held = np.column_stack([0.3 * np.sin(0.3 * time), 0.2 * np.cos(0.4 * time)])
+    held += 0.01 * np.random.default_rng(2).standard_normal(held.shape)
+    assert automatic_cutoff(Motion(time, ("hip", "knee"), held)) == SLOWEST
 
 
 def test_size_and_start_of_coordinates_do_not_matter() -> None:

@@ -102,6 +102,6 @@ def id_command(
     forces = 0 if inverse.wrenches is None else len(inverse.wrenches.names)
     counts = f"{len(inverse.torques)} frames, {len(inverse.torques.names)} coordinates, {forces} external forces"
     residual = dynamics_line(trial.model, inverse.motion, inverse.torques, inverse.wrenches)
-    filtered = dynamics.filter_summary(trial, poses.recorded)
+    filtered = dynamics.filter_summary(trial, poses.recorded, inverse)
     said(f"{counts}{f'; {residual}' if residual else ''}{filtered}{limits_summary(results)}; wrote {out}")
     return 0

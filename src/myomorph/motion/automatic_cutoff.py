@@ -10,14 +10,20 @@ from myomorph.model.arrays import Array, runs
 from myomorph.model.series import Motion
 from myomorph.motion.filters import natural_spline
 
-ABOVE_NOISE = 4.0
-"""Power over that of the noise from which a frequency is taken to hold motion."""
+CHANCE = 0.02
+"""Chance that noise alone is taken for motion at any frequency of a coordinate."""
+
+ENOUGH = 0.01
+"""Squared error of accelerations over their square, below which a coordinate gains little: a tenth in amplitude."""
 
 SPEED_SHARE = 0.85
 """Share of the power of velocities that lies below the frequency of a movement."""
 
 HARMONICS = 3.0
 """Times the frequency of the movement up to which markers follow bones; docs/decisions/0003 says how it was chosen."""
+
+SLOWEST = 2.0
+"""Cutoff of the slowest movement [Hz]: of a pose that is held, noise alone is left to judge by."""
 
 MOVING = 0.05
 """Coordinates that move less, by standard deviation over that of the one that moves most, do not count."""
@@ -74,7 +80,8 @@ def _cutoff(motion: Motion) -> float | None:
     start = max((part.start + part.stop - MAX_FRAMES) // 2, part.start)
     part = slice(start, min(start + MAX_FRAMES, part.stop))
     frequency, power, noise = _acceleration_spectra(motion.time[part], motion.values[part])
-    signal = np.where(power > ABOVE_NOISE * noise, power - noise, 0.0)
+    # Squared amplitudes of noise are distributed exponentially.
+    signal = np.where(power > np.log(len(power) / CHANCE) * noise, power - noise, 0.0)
     moved = signal.sum(axis=0) > 0.0
     if not moved.any():
         return None
@@ -83,12 +90,12 @@ def _cutoff(motion: Motion) -> float | None:
         return None
     tried = TRIED * (part.stop - part.start - 1) / (motion.time[part][-1] - motion.time[part][0])
     gain = _gain(frequency[:, None], tried)
-    errors = signal.T @ (1.0 - gain) ** 2 + noise.T @ gain**2
-    least = float(tried[np.log(errors / signal.sum(axis=0)[:, None]).mean(axis=0).argmin()])
+    errors = (signal.T @ (1.0 - gain) ** 2 + noise.T @ gain**2) / signal.sum(axis=0)[:, None]
+    least = float(tried[np.log(errors + ENOUGH).mean(axis=0).argmin()])
     passed = np.maximum(power - noise, 0.0) * _gain(frequency, np.float64(least))[:, None] ** 2
     share = np.cumsum(passed / frequency[:, None] ** 2, axis=0)
     speeds = [float(np.interp(SPEED_SHARE * column[-1], column, frequency)) for column in share.T]
-    cutoff = min(least, HARMONICS * float(np.median(speeds)))
+    cutoff = max(min(least, HARMONICS * float(np.median(speeds))), SLOWEST)
     gain = _gain(frequency, np.float64(cutoff))[:, None]
     above = np.median(np.sqrt((power * (1.0 - gain) ** 2).sum(axis=0) / (power * gain**2).sum(axis=0)))
     return cutoff if above > SMOOTH else None

@@ -15,6 +15,7 @@ from myomorph.model.series import Motion, Series, Table, Wrenches
 from myomorph.motion.automatic_cutoff import automatic_cutoff
 from myomorph.motion.filters import differentiate
 from myomorph.motion.sync import cut, resample_wrenches, torques_at
+from myomorph.motion.turns import floating_coordinates
 from myomorph.report.trial.report_input import Dynamics, ReportInput
 from myomorph.report.trial.tables import residuals
 from myomorph.rigid.closed_motion import closed_motion, loop_torques
@@ -38,6 +39,10 @@ if TYPE_CHECKING:
 
 FINDINGS = "force_findings"
 """Findings about external forces in a result file."""
+
+
+MAX_EFFECT = 0.25
+"""Change of the largest joint torque by a filter at twice the automatic cutoff, from which noise may make it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,12 +73,35 @@ def cutoff_of(trial: TrialInputs, recorded: Motion) -> float | None:
     return automatic_cutoff(recorded) if cutoff is None else cutoff or None
 
 
-def filter_summary(trial: TrialInputs, recorded: Motion) -> str:
-    """What the motion was filtered with where nobody said it, as the end of a line; else nothing."""
+def filter_summary(trial: TrialInputs, recorded: Motion, dynamics: Torques | None = None) -> str:
+    """What the motion was filtered with where nobody said it, and what depends on that, as the end of a line."""
     if trial.options[Differentiation].cutoff is not None:
         return ""
     cutoff = cutoff_of(trial, recorded)
-    return "; smooth motion, not filtered" if cutoff is None else f"; low-pass filter at {cutoff:.3g} Hz (automatic)"
+    if cutoff is None:
+        return "; smooth motion, not filtered"
+    effect = "automatic"
+    if dynamics is not None and trial.get(RecordedTorques) is None:
+        half, double = filter_effect(trial, recorded, dynamics)
+        effect += f"; largest joint torque {round(100 * half):+d} % at half of it, {round(100 * double):+d} % at double"
+    return f"; low-pass filter at {cutoff:.3g} Hz ({effect})"
+
+
+def filter_effect(trial: TrialInputs, recorded: Motion, dynamics: Torques) -> tuple[float, float]:
+    """By what share half and double of an automatic cutoff change the largest torque of a joint; 0 without one."""
+    cutoff = None if trial.options[Differentiation].cutoff is not None else cutoff_of(trial, recorded)
+    if cutoff is None or trial.get(RecordedTorques) is not None:
+        return 0.0, 0.0
+    root = floating_coordinates(trial.model)
+    turning = [c.motion == "rotational" and c.name not in root for c in trial.model.coordinates]
+    largest = float(np.nanmax(np.abs(dynamics.torques.values[:, turning]), initial=0.0))
+    half, double = (
+        solve_dynamics(replace(trial, options=trial.options.having(Differentiation(factor * cutoff))), recorded).torques
+        for factor in (0.5, 2.0)
+    )
+    changed = (float(np.nanmax(np.abs(torques.values[:, turning]), initial=0.0)) for torques in (half, double))
+    low, high = (value / largest - 1.0 if largest > 0.0 else 0.0 for value in changed)
+    return low, high
 
 
 def with_derivatives(trial: TrialInputs, recorded: Motion) -> tuple[Motion, tuple[str, ...]]:
@@ -148,6 +176,11 @@ def torque_table(torques: Series, model: Model) -> Table:
 
 def _run(trial: TrialInputs, output: StepOutput, poses: Poses) -> Torques:
     dynamics = solve_dynamics(trial, poses.recorded)
+    _, double = filter_effect(trial, poses.recorded, dynamics)
+    if abs(double) > MAX_EFFECT:
+        change = f"{100.0 * double:+.0f} %"
+        text = f"double the automatic cutoff changes the largest joint torque by {change}: see --cutoff"
+        dynamics = replace(dynamics, notes=(*dynamics.notes, text))
     write_sto(torque_table(shown_torques(trial, dynamics), trial.model), output.folder / "torques.sto")
     put_dynamics(output, dynamics, trial.model)
     return dynamics

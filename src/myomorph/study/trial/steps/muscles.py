@@ -14,10 +14,12 @@ from myomorph.model.arrays import Array
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series, Table
+from myomorph.motion.sync import cut
 from myomorph.muscles.path import compile_paths
 from myomorph.muscles.reported_arms import ReportedPaths
 from myomorph.report.trial.muscle_summary import muscles_line
 from myomorph.report.trial.report_input import MusclePaths, ReportInput
+from myomorph.rigid.closed_motion import closed_motion
 from myomorph.store import stored as store
 from myomorph.store.progress import progress
 from myomorph.store.results import ResultWriter, Stored, file_name
@@ -119,6 +121,10 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques 
         store.put_derivatives(output.writer, motion, trial.model)
     else:
         motion = torques.motion
+    # A filter cuts off turning points, and noise shows in velocities alone: lengths are those of the poses as recorded.
+    recorded = poses.recorded if trial.time is None else cut(poses.recorded, *trial.time)
+    exact = closed_motion(trial.model, Motion(recorded.time, recorded.names, recorded.values))[0].values
+    motion = replace(motion, values=np.where(np.isfinite(motion.values), exact, np.nan))
     kinematics = write_muscles(trial.model, motion, output.writer, output.folder, f"{trial.name}: muscle paths")
     return MuscleLengths(notes=notes, summary=kinematics)
 
