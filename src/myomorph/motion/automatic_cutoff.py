@@ -92,16 +92,16 @@ def _cutoff(motion: Motion) -> float | None:
     gain = _gain(frequency[:, None], tried)
     errors = (signal.T @ (1.0 - gain) ** 2 + noise.T @ gain**2) / signal.sum(axis=0)[:, None]
     least = float(tried[np.log(errors + ENOUGH).mean(axis=0).argmin()])
-    passed = np.maximum(power - noise, 0.0) * _gain(frequency, np.float64(least))[:, None] ** 2
+    passed = np.maximum(power - noise, 0.0) * _gain(frequency, least)[:, None] ** 2
     share = np.cumsum(passed / frequency[:, None] ** 2, axis=0)
     speeds = [float(np.interp(SPEED_SHARE * column[-1], column, frequency)) for column in share.T]
     cutoff = max(min(least, HARMONICS * float(np.median(speeds))), SLOWEST)
-    gain = _gain(frequency, np.float64(cutoff))[:, None]
+    gain = _gain(frequency, cutoff)[:, None]
     above = np.median(np.sqrt((power * (1.0 - gain) ** 2).sum(axis=0) / (power * gain**2).sum(axis=0)))
     return cutoff if above > SMOOTH else None
 
 
-def _gain(frequency: Array, cutoff: Array) -> Array:
+def _gain(frequency: Array, cutoff: Array | float) -> Array:
     """What `lowpass` leaves of an amplitude: a third-order Butterworth, twice."""
     gain: Array = 1.0 / (1.0 + (frequency / cutoff) ** 6)
     return gain
