@@ -173,7 +173,7 @@ def identified(folder: Path, subject: Subject, train: tuple[str, ...]) -> tuple[
 def misfit(model: mm.Model, parameters: dict[str, np.ndarray], recording: Recording) -> dict[str, np.ndarray]:
     """(moment, force) root mean square error of every set of parameters [N m], [N]."""
     models = {name: with_inertial_parameters(model, one) for name, one in parameters.items() if name != "ridge"}
-    check = cross_validate(models, recording.motion, recording.wrenches, recording.use)
+    check = cross_validate(models, recording)
     found = {name: check.rms(name) for name in models}
     # Least squares may give negative masses, which no model holds.
     base = base_parameters(model, held=held_in(model, [recording.motion]))

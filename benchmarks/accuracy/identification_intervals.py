@@ -12,7 +12,8 @@ from threadpoolctl import threadpool_limits
 import myomorph as mm
 from benchmarks.accuracy.identification import SPACING, SUBJECTS, opened
 from myomorph.identify.determined import LINK_SD, NINETY
-from myomorph.identify.motion_noise import noisy
+from myomorph.identify.least_squares import Recording
+from myomorph.identify.motion_noise import noise_of, plus
 from myomorph.identify.recordings import Usable
 from myomorph.identify.subject import GENERIC, IdentificationOptions
 from myomorph.model.arrays import Array
@@ -42,7 +43,7 @@ def measure(folder: Path) -> Iterator[dict[str, object]]:
             random = np.random.default_rng(0)
             errors, kept, ranks, shown = [], 0, [], []
             for _ in range(SEEDS):
-                truth = _body(model, heavy, random)
+                truth = drawn_body(model, heavy, random)
                 seen = [_recorded(model, truth, one, sd, random) for one in trials.values()]
                 options = IdentificationOptions(compare=False, motion_sd=sd)
                 found = mm.identify(model, seen, points, mass=model.mass, options=options)
@@ -65,7 +66,7 @@ def measure(folder: Path) -> Iterator[dict[str, object]]:
             }
 
 
-def _body(model: mm.Model, heavy: np.ndarray, random: np.random.Generator) -> Array:
+def drawn_body(model: mm.Model, heavy: np.ndarray, random: np.random.Generator) -> Array:
     """Parameters of a possible body near the model: each link's distribution of mass stretched and sheared."""
     generic = inertial_parameters(model)
     truth = generic.copy()
@@ -88,5 +89,5 @@ def _recorded(model: mm.Model, truth: Array, one: Usable, sd: float, random: np.
         motion.time, ("plate",), (model.body_names[0],), wrench[:, None, 3:], points, wrench[:, None, :3]
     )
     return replace(
-        one, recording=replace(one.recording, motion=noisy(motion, sd, 6.0, random), wrenches=wrenches), notes=()
+        one, recording=Recording(plus(motion, noise_of(motion, sd, 6.0, random)), wrenches, one.recording.use), notes=()
     )

@@ -8,21 +8,35 @@ and its threads, which disturb work beside them, are not needed.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from scipy.linalg import solve_triangular
 
 from myomorph.identify.base_parameters import BaseParameters
-from myomorph.model.arrays import Array, checked_array, read_only
+from myomorph.model.arrays import Array, checked_array, read_only, runs
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Wrenches
+from myomorph.motion.filters import lowpass
 from myomorph.rigid.frames import over_frames
 from myomorph.rigid.kernels import kernel
-from myomorph.rigid.regressor import regressor_blocks, sum_of_wrenches
+from myomorph.rigid.regressor import (
+    BLOCK,
+    base_regressor,
+    base_wrench,
+    frames_of,
+    regressor_blocks,
+    sum_of_wrenches,
+)
+
+FILTER_REACH = 3.0
+"""How far a filter's ends reach, times 1 / cutoff, until rounding."""
+
+MIN_RUN = 8
+"""Frames in a row that are filtered."""
 
 CONSTANTS = 6
 """A constant moment about the ground's origin and a constant force, as a plate's tare leaves."""
@@ -197,6 +211,36 @@ def levels(R: Array, mean: Array, sizes: Array) -> Array:
 
 @read_only
 @dataclass(frozen=True, eq=False)
+class Finer:
+    """A motion and its forces with little filter: what they make is filtered after it is made.
+
+    A filter of angles and one of forces do not agree: what turns pulls by the square of its rate, which is faster than
+    the angle. Rows and forces that pass the same filter afterwards do (Gautier 1997; Janot, Vandanjon and Gautier 2014).
+
+    Attributes
+    ----------
+    motion : with velocities and accelerations
+    wrenches : through the same filter as the motion
+    cutoff : of the filter for rows and forces [Hz]
+    """
+
+    motion: Motion
+    wrenches: Wrenches
+    cutoff: float
+
+    def passed(self, values: Array) -> Array:
+        """What the filter leaves of values (frames, ...), each unbroken run of finite frames by itself."""
+        flat = values.reshape(len(values), -1)
+        result = np.full(flat.shape, np.nan)
+        rate = 1.0 / float(np.median(np.diff(self.motion.time)))
+        for start, stop in runs(np.isfinite(flat).all(axis=1)):
+            if stop - start >= MIN_RUN:
+                result[start:stop] = lowpass(flat[start:stop], rate, self.cutoff)
+        return result.reshape(values.shape)
+
+
+@read_only
+@dataclass(frozen=True, eq=False)
 class Recording:
     """One motion and the forces measured with it, on the same clock.
 
@@ -205,15 +249,60 @@ class Recording:
     motion : with velocities and accelerations, through the same filter as the forces
     wrenches : every external force; NaN where one is missing
     use : (frames,) which frames count, e.g. those with both feet on plates; all where None
+    finer : the same frames with little filter, from which masses are identified; None where nothing was filtered
     """
 
     motion: Motion
     wrenches: Wrenches
     use: np.ndarray | None = None
+    finer: Finer | None = None
 
     def __post_init__(self) -> None:
         if self.use is not None:
             checked_array(self.use, (len(self.motion),), "`use`, one value a frame of the motion,")
+
+    def moved(self, change: Callable[[Motion], Motion]) -> Recording:
+        """The recording with another motion, with both filters."""
+        finer = None if self.finer is None else replace(self.finer, motion=change(self.finer.motion))
+        return replace(self, motion=change(self.motion), finer=finer)
+
+    @property
+    def alike(self) -> float:
+        """Frames that the filter makes say the same."""
+        rate = 1.0 / float(np.median(np.diff(self.motion.time))) if len(self.motion) > 1 else 0.0
+        return 1.0 if self.finer is None else max(1.0, 0.5 * rate / self.finer.cutoff)
+
+    def rows(self, model: Model) -> Iterator[tuple[slice, Array, Array]]:
+        """Block by block: frames, regressor (frames, 6, 10 bodies) and measured wrench (frames, 6) about the base.
+
+        Raises
+        ------
+        BadData : as `base_wrench`
+        """
+        finer = self.finer
+        if finer is None:
+            measured = base_wrench(model, self.motion, self.wrenches)
+            for block in regressor_blocks(model, self.motion):
+                yield block.frames, block.rows, measured[block.frames]
+            return
+        measured = base_wrench(model, finer.motion, finer.wrenches)
+        frames = len(finer.motion)
+        margin = int(FILTER_REACH / finer.cutoff / float(np.median(np.diff(finer.motion.time)))) + 1
+        for start in range(0, frames, BLOCK):
+            stop = min(start + BLOCK, frames)
+            around = slice(max(0, start - margin), min(frames, stop + margin))
+            rows = base_regressor(model, frames_of(finer.motion, around))
+            passed = finer.passed(np.concatenate([rows, measured[around, :, None]], axis=2))
+            passed = passed[start - around.start : stop - around.start]
+            yield slice(start, stop), passed[:, :, :-1], passed[:, :, -1]
+
+    def missing(self, model: Model, parameters: Array) -> Array:
+        """(frames, 6) wrench about the base that parameters (bodies, 10) need beyond the measured one [N m], [N]."""
+        source = self if self.finer is None else self.finer
+        blocks = regressor_blocks(model, source.motion)
+        needed = np.concatenate([block.rows @ parameters.ravel() for block in blocks])
+        left = needed - base_wrench(model, source.motion, source.wrenches)
+        return left if self.finer is None else self.finer.passed(left)
 
 
 @read_only

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -58,18 +59,19 @@ class MotionNoise:
 
     def misfit(self, parameters: Array) -> Array:
         """(2,) root mean square of a moment's and a force's misfit that the noise alone makes [N m], [N]."""
-        x = np.append(self.parts.base.of(parameters), -1.0)
+        x = self.parts.unknowns(parameters)
         mean = np.einsum("pkij,i,j->k", self.squares, x, x) / self.parts.frames.sum()
         result: Array = np.sqrt(np.maximum(mean, 0.0))
         return result
 
     def scores(self, noise: Array, parameters: Array) -> Array:
         """(draws, 10 bodies) how each draw pulls at parameters (bodies, 10), about the mean, in units of noise (2,)."""
-        base = self.parts.base
-        x = base.of(parameters)
-        squares = np.einsum("dkij,k->dij", self.draws, 3.0 / np.square(noise))
-        pulls = squares[:, :-1, -1] - squares[:, :-1, :-1] @ x
-        result: Array = (pulls - pulls.mean(axis=0)) @ base.combination
+        x, g = self.parts.unknowns(parameters), self.parts.groups
+        squares = np.einsum("dkij,k->dij", self.draws, np.square(self.parts.weights(noise)))
+        pulls = -(squares @ x)[:, :-1]
+        if g:
+            pulls = pulls[:, g:] - pulls[:, :g] @ self.parts.carried(noise)
+        result: Array = (pulls - pulls.mean(axis=0)) @ self.parts.base.combination
         return result
 
     def at_most(self, misfit: Array, parameters: Array) -> MotionNoise:
@@ -106,9 +108,10 @@ def motion_noise(
     mean = np.zeros_like(parts.factors)
     for _ in range(draws):
         noisy_ones = [
-            replace(recording, motion=noisy(recording.motion, sd, cutoff or CUTOFF, random)) for recording in recordings
+            recording.moved(partial(plus, noise=noise_of(recording.motion, sd, cutoff or CUTOFF, random)))
+            for recording in recordings
         ]
-        factors = parts_of(model, noisy_ones, parts.base, least=parts.least).factors
+        factors = parts_of(model, noisy_ones, parts.base, least=parts.least, tissue=parts.tissue).factors
         squares = np.einsum("pkji,pkjl->pkil", factors, factors)
         mean += squares / draws
         made.append(squares.sum(axis=0))
@@ -116,13 +119,8 @@ def motion_noise(
     return MotionNoise(sd, parts, mean - before, np.array(made))
 
 
-def noisy(motion: Motion, sd: float, cutoff: float, random: np.random.Generator) -> Motion:
-    """A motion with low-passed noise of a given standard deviation on every coordinate that moves.
-
-    Raises
-    ------
-    BadData : the motion has no derivatives
-    """
+def noise_of(motion: Motion, sd: float, cutoff: float, random: np.random.Generator) -> Motion:
+    """Low-passed noise of a given standard deviation for every coordinate of a motion that moves, with derivatives."""
     rate = 1.0 / float(np.median(np.diff(motion.time)))
     white = random.normal(size=motion.values.shape)
     if 2.0 * cutoff < 0.95 * rate and len(white) > 30:
@@ -131,14 +129,22 @@ def noisy(motion: Motion, sd: float, cutoff: float, random: np.random.Generator)
         white = sosfiltfilt(butter(2, cutoff, fs=rate, output="sos"), white, axis=0)
     seen = np.where(np.isfinite(motion.values), motion.values, np.nanmean(motion.values, axis=0))
     moving = np.ptp(seen, axis=0) > STILL
-    added = white * (sd * moving / white.std(axis=0))
     # The noise is differentiated by itself: derivatives of the motion stay those of its own filter.
-    extra = differentiate(Motion(motion.time, motion.names, added), None)
+    return differentiate(Motion(motion.time, motion.names, white * (sd * moving / white.std(axis=0))), None)
+
+
+def plus(motion: Motion, noise: Motion) -> Motion:
+    """A motion with noise.
+
+    Raises
+    ------
+    BadData : the motion has no derivatives
+    """
     if motion.velocities is None or motion.accelerations is None:
         raise BadData("noise can be added to a motion with derivatives only: differentiate it first")
     return replace(
         motion,
-        values=motion.values + extra.values,
-        velocities=motion.velocities + np.asarray(extra.velocities, float),
-        accelerations=motion.accelerations + np.asarray(extra.accelerations, float),
+        values=motion.values + noise.values,
+        velocities=motion.velocities + np.asarray(noise.velocities, float),
+        accelerations=motion.accelerations + np.asarray(noise.accelerations, float),
     )

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import lstsq
+from scipy.linalg import lstsq, solve_triangular
 
 from myomorph.identify.base_parameters import BaseParameters
 from myomorph.identify.least_squares import Recording, absorb
@@ -14,7 +14,7 @@ from myomorph.model.arrays import Array, checked_array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertial_parameters
 from myomorph.model.model import Model
-from myomorph.rigid.regressor import base_wrench, regressor_blocks
+from myomorph.rigid.regressor import base_wrench
 
 MIN_PARTS = 4
 
@@ -36,21 +36,42 @@ BORDER = -1
 
 @read_only
 @dataclass(frozen=True, eq=False)
+class TissueColumns:
+    """Unknowns beside the base parameters: by how much soft tissue moves more than the body's mass (`SoftTissue`).
+
+    Attributes
+    ----------
+    slopes : of each recording (frames, 6, groups), what a unit of each unknown adds to the measured wrench [N m], [N]
+    least : (groups,) lowest value of each, where the mass moves as the markers
+    mean : (groups,) before anything is measured
+    root : (groups, groups) whose square is the inverse of their covariance then
+    """
+
+    slopes: tuple[Array, ...]
+    least: Array
+    mean: Array
+    root: Array
+
+
+@read_only
+@dataclass(frozen=True, eq=False)
 class Parts:
     """What parts of recordings say of the base parameters, moments and forces apart.
 
     Attributes
     ----------
     base : what the factors are of
-    factors : (parts, 2, n + 1, n + 1) triangular, |R (x, -1)|^2 is the squared misfit of base parameters x
-        in the moments [N m] and the forces [N] of a part
+    factors : (parts, 2, g + n + 1, g + n + 1) triangular, |R (t, x, -1)|^2 is the squared misfit of soft tissue t, of
+        g groups, and base parameters x in the moments [N m] and the forces [N] of a part
     frames : (parts,)
     folds : (parts,) what is held out together: the recording where there are several, else the piece of time
     pieces : (parts,) piece of time, or `BORDER`
     least : parts that each recording was cut into
     center : (n,) base parameters of the model, about which equations with noise are corrected
-    added : (parts, 2, n + 1, n + 1) what noise of the motion added to the squares of [A, b], which fits are corrected
+    added : (parts, 2, g + n + 1, g + n + 1) what noise of the motion added to the squares of [A, b], which fits are corrected
         by (`motion_noise`); None corrects nothing
+    tissue : of the first columns; None where there are none
+    alike : frames that a filter makes say the same, which count as one
     """
 
     base: BaseParameters
@@ -61,14 +82,22 @@ class Parts:
     least: int
     center: Array
     added: Array | None = None
+    tissue: TissueColumns | None = None
+    alike: float = 1.0
 
     def __post_init__(self) -> None:
-        checked_array(self.factors, (len(self.frames), 2, len(self.base) + 1, len(self.base) + 1), "factors of parts")
+        size = self.groups + len(self.base) + 1
+        checked_array(self.factors, (len(self.frames), 2, size, size), "factors of parts")
         if self.added is not None:
             checked_array(self.added, self.factors.shape, "what noise added to parts")
 
     def __len__(self) -> int:
         return len(self.frames)
+
+    @property
+    def groups(self) -> int:
+        """Number of unknowns of soft tissue."""
+        return 0 if self.tissue is None else len(self.tissue.mean)
 
     @property
     def names(self) -> list[int]:
@@ -102,29 +131,71 @@ class Parts:
             added=None if self.added is None else self.added[chosen],
         )
 
-    def rms(self, parameters: Array, parts: Sequence[int] | np.ndarray | None = None) -> Array:
+    def unknowns(self, parameters: Array, tissue: Array | None = None) -> Array:
+        """(g + n + 1,) soft tissue, as it was linearized or (g,) beside that, base parameters of (bodies, 10), and -1."""
+        first = np.zeros(self.groups) if tissue is None else tissue
+        return np.concatenate([first, self.base.of(parameters), [-1.0]])
+
+    def rms(
+        self, parameters: Array, parts: Sequence[int] | np.ndarray | None = None, tissue: Array | None = None
+    ) -> Array:
         """(2,) root mean square of the moment's and the force's misfit of parameters (bodies, 10) [N m], [N]."""
         chosen = np.arange(len(self)) if parts is None else np.asarray(parts)
-        x = np.append(self.base.of(parameters), -1.0)
-        squares = np.square(self.factors[chosen] @ x).sum(axis=(0, 2))
+        squares = np.square(self.factors[chosen] @ self.unknowns(parameters, tissue)).sum(axis=(0, 2))
         return np.sqrt(squares / self.frames[chosen].sum())
+
+    def soft_tissue(
+        self, parameters: Array, noise: Array, parts: Sequence[int] | np.ndarray | None = None
+    ) -> tuple[Array, Array]:
+        """(g,) unknowns of soft tissue that chosen parts say with parameters (bodies, 10), and standard deviations."""
+        g = self.groups
+        factor = self._absorbed(noise, parts)
+        left = factor[:g, -1] - factor[:g, g:-1] @ self.base.of(parameters)
+        found = solve_triangular(factor[:g, :g], left) if self.tissue is not None else np.zeros(0)
+        least = np.zeros(0) if self.tissue is None else self.tissue.least
+        return np.maximum(found, least), np.linalg.norm(np.linalg.inv(factor[:g, :g]), axis=1)
+
+    def _absorbed(self, noise: Array, parts: Sequence[int] | np.ndarray | None = None) -> Array:
+        """(g + n + 1, g + n + 1) factor of chosen parts in units of noise (2,), with what is known of soft tissue."""
+        factor = np.zeros(self.factors.shape[2:])
+        for part in np.arange(len(self)) if parts is None else np.asarray(parts):
+            for kind, weight in enumerate(self.weights(noise)):
+                factor = absorb(factor, self.factors[part, kind] * weight)
+        if self.tissue is not None:
+            rows = np.zeros((self.groups, len(factor)))
+            rows[:, : self.groups], rows[:, -1] = self.tissue.root, self.tissue.root @ self.tissue.mean
+            factor = absorb(factor, rows)
+        return factor
+
+    def weights(self, noise: Array) -> Array:
+        """(2,) of a component of the moment's and the force's misfit, whose noise (2,) is that of the vector."""
+        # A vector of three components has three times the variance of one.
+        result: Array = np.sqrt(3.0 / self.alike) / noise
+        return result
+
+    def carried(self, noise: Array) -> Array:
+        """(g, n) change of soft tissue that goes with a unit of each base parameter."""
+        factor, g = self._absorbed(noise), self.groups
+        result: Array = np.linalg.solve(factor[:g, :g], factor[:g, g:-1])
+        return result
 
     def factor(self, noise: Array, parts: Sequence[int] | np.ndarray | None = None) -> tuple[Array, Array]:
         """(R (n, n), z (n,)) of chosen parts: |R phi_B - z|^2 is their misfit in units of noise (2,).
 
-        Where noise of the motion is known (`added`), R and z are those of the motion without it, on the mean.
+        Soft tissue is what fits phi_B best. Where noise of the motion is known (`added`), R and z are those of the
+        motion without it, on the mean.
         """
-        chosen = np.arange(len(self)) if parts is None else np.asarray(parts)
-        factor = np.zeros(self.factors.shape[2:])
-        for part in chosen:
-            for kind, size in enumerate(noise):
-                # A vector of three components has three times the variance of one.
-                factor = absorb(factor, self.factors[part, kind] * (np.sqrt(3.0) / size))
-        R, z = factor[:-1, :-1], np.array(factor[:-1, -1])
-        if self.added is None:
-            return R, z
-        added = np.einsum("pkij,k->ij", self.added[chosen], 3.0 / np.square(noise))
-        return without_noise(R, z, added, self.center)
+        chosen, g = np.arange(len(self)) if parts is None else np.asarray(parts), self.groups
+        factor = self._absorbed(noise, chosen)
+        if self.added is not None:
+            added = np.einsum("pkij,k->ij", self.added[chosen], np.square(self.weights(noise)))
+            center = np.concatenate([np.zeros(g), self.center])
+            R, z = without_noise(factor[:-1, :-1], np.array(factor[:-1, -1]), added, center)
+            if not g:
+                return R, z
+            factor = absorb(np.zeros_like(factor), np.column_stack([R, z]))
+        # Soft tissue comes first, so that its rows can be met whatever the base parameters are.
+        return factor[g:-1, g:-1], np.array(factor[g:-1, -1])
 
     def rows(self, noise: Array, parts: Sequence[int] | np.ndarray | None = None) -> tuple[Array, Array]:
         """(A (n, 10 bodies), b (n,)) of chosen parts: |A phi - b|^2 is their misfit in units of noise (2,)."""
@@ -139,33 +210,46 @@ class Parts:
         return result
 
 
-def parts_of(model: Model, recordings: Sequence[Recording], base: BaseParameters, least: int = MIN_PARTS) -> Parts:
+def parts_of(
+    model: Model,
+    recordings: Sequence[Recording],
+    base: BaseParameters,
+    least: int = MIN_PARTS,
+    tissue: TissueColumns | None = None,
+) -> Parts:
     """Recordings cut in time into `least` parts each, with gaps between them.
 
     Whole recordings are held out where there are several: halves of one motion are too much alike to tell how masses
     do on another.
 
+    Parameters
+    ----------
+    tissue : beside the base parameters, of the same recordings
+
     Raises
     ------
     BadData : no frame can be used
     """
-    n = len(base)
+    g = 0 if tissue is None else len(tissue.mean)
+    n = g + len(base)
     factors, frames, folds, pieces = [], [], [], []
     for number, recording in enumerate(recordings):
         use = np.ones(len(recording.motion), bool) if recording.use is None else np.asarray(recording.use)
-        measured = base_wrench(model, recording.motion, recording.wrenches)
-        use = use & np.isfinite(measured).all(axis=1)
+        use = use & np.isfinite(base_wrench(model, recording.motion, recording.wrenches)).all(axis=1)
         piece = _pieces(recording.motion.time, use, least)
         sums = np.zeros((least + 1, 2, n + 1, n + 1))
-        for block in regressor_blocks(model, recording.motion):
+        for block, regressor, measured in recording.rows(model):
+            known = np.isfinite(measured).all(axis=1)
             for lag in range(BORDER, least):
-                wanted = use[block.frames] & (piece[block.frames] == lag)
+                wanted = use[block] & known & (piece[block] == lag)
                 if not wanted.any():
                     continue
-                wrench = measured[block.frames][wanted]
+                wrench = measured[wanted]
                 for kind, rows in enumerate((slice(0, 3), slice(3, 6))):
                     table = np.empty((3 * int(wanted.sum()), n + 1), order="F")
-                    table[:, :-1] = block.rows[wanted][:, rows][:, :, base.columns].reshape(-1, n)
+                    if tissue is not None:
+                        table[:, :g] = tissue.slopes[number][block][wanted][:, rows].reshape(-1, g)
+                    table[:, g:-1] = regressor[wanted][:, rows][:, :, base.columns].reshape(-1, n - g)
                     table[:, -1] = wrench[:, rows].ravel()
                     sums[lag, kind] = absorb(sums[lag, kind], table)
         for lag in (*range(least), BORDER):
@@ -178,7 +262,10 @@ def parts_of(model: Model, recordings: Sequence[Recording], base: BaseParameters
     if not frames:
         raise BadData("no frame can be used to identify")
     center = base.of(inertial_parameters(model))
-    return Parts(base, np.stack(factors), np.array(frames), np.array(folds), np.array(pieces), least, center)
+    return Parts(
+        base, np.stack(factors), np.array(frames), np.array(folds), np.array(pieces), least, center, None, tissue,
+        float(np.mean([recording.alike for recording in recordings])),
+    )  # fmt: skip
 
 
 def without_noise(R: Array, z: Array, added: Array, center: Array) -> tuple[Array, Array]:
@@ -219,11 +306,18 @@ def _pieces(time: Array, use: np.ndarray, pieces: int) -> np.ndarray:
     return np.where(beside, BORDER, number)
 
 
-def held_out(parts: Parts, fit: Callable[[int], Array]) -> Array:
+def held_out(parts: Parts, fit: Callable[[int], Array], noise: Array) -> Array:
     """(folds, 2) mean square misfit of each fold by what was fitted to the others: moment, force [(N m)^2], [N^2].
 
     Parameters
     ----------
     fit : parameters (bodies, 10) fitted without a fold
+    noise : (2,) of moments and forces, that soft tissue is fitted with, without the fold too
     """
-    return np.square([parts.rms(fit(fold), parts.fold(fold)) for fold in parts.names])
+    return np.square([predicted(parts, fold, fit(fold), noise) for fold in parts.names])
+
+
+def predicted(parts: Parts, fold: int, parameters: Array, noise: Array) -> Array:
+    """(2,) misfit of a fold by parameters (bodies, 10), with the soft tissue that the others say [N m], [N]."""
+    tissue = parts.soft_tissue(parameters, noise, parts.without(fold))[0] if parts.groups else None
+    return parts.rms(parameters, parts.fold(fold), tissue)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.ndimage import binary_dilation, uniform_filter1d
 
-from myomorph.identify.least_squares import Recording
+from myomorph.identify.least_squares import Finer, Recording
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.frozen_map import FrozenMap
@@ -48,6 +48,9 @@ REACH = 0.75
 
 MAX_FORCE_DISTANCE = 0.25
 """Distance of forces from where they should act, over the body's extent from its base, that no masses explain."""
+
+FINER = 3.0
+"""Cutoff, over that of the recording, of the motion whose rows are filtered after they are made."""
 
 MIN_ROTATION = 0.1
 """Largest turn of any body against the base over which a motion counts as standing still [rad]."""
@@ -159,7 +162,12 @@ def usable(
     lacking = _lacking(wrenches)
     if lacking.all():
         raise BadData(f"{name}: the forces hold no finite value: give the file that the plates wrote")
-    at = resample_wrenches(_filled(wrenches, lacking), common.time, options.cutoff)
+    filled, finer = _filled(wrenches, lacking), None
+    at = resample_wrenches(filled, common.time, options.cutoff)
+    if options.cutoff is not None:
+        little = FINER * options.cutoff
+        fine = cut(differentiate(motion, little), common.time[0], common.time[-1])
+        finer = Finer(fine, resample_wrenches(filled, common.time, little), options.cutoff)
 
     margin = 0.0 if options.cutoff is None else REACH / options.cutoff
     wanted = _needed(model, common) * (mass / model.mass)
@@ -185,7 +193,7 @@ def usable(
     say = use if use.any() else _best_carried(common.time, needed, measured, known)
     weighs = mass * measured[say].mean() / needed[say].mean() if say.any() else float("nan")
     return Usable(
-        Recording(common, at, use),
+        Recording(common, at, use, finer),
         FrozenMap(_counted({OUTSIDE: frames - len(common)}, marks)),
         frames,
         int(flight.sum()),

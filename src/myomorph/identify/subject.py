@@ -22,6 +22,7 @@ from myomorph.identify.pseudo_inertia import (
     solve_pseudo_inertia,
 )
 from myomorph.identify.recordings import RecordingOptions, Usable, all_left_out, check_excited
+from myomorph.identify.soft_tissue import Fitted, Use, with_soft_tissue
 from myomorph.identify.unseen import Strength, Unseen, solve_as_paper, thinned, unseen_parts
 from myomorph.identify.validation import Consistency, Inside, consistency
 from myomorph.model.arrays import Array, frozen_array, read_only
@@ -29,6 +30,7 @@ from myomorph.model.errors import BadData
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.inertia import PARAMETERS, inertial_parameters, with_inertial_parameters
 from myomorph.model.model import Model
+from myomorph.motion.soft_tissue import SoftTissue
 
 GENERIC, SHAPE, CONIC = "generic, scaled", "shape only", "identified, pseudo-inertia"
 MAX_MASS_CHANGE, MIN_MASS_SHARE = 0.6, 0.003
@@ -51,6 +53,8 @@ class IdentificationOptions:
         [rad or m]; 0 for a motion without noise. By default that of markers with 2 mm of noise
     if_worse : masses of the model where identified ones predict recordings that were not used worse than the generic
         model's do: "generic" keeps those, "identified" takes the identified ones all the same and warns
+    soft_tissue : whether markers move more than the body's mass: "auto" where that predicts unseen parts of the
+        recordings better, "always" or "never"; never with prior "paper"
     """
 
     method: Literal["points", "pseudo-inertia"] = "points"
@@ -59,6 +63,7 @@ class IdentificationOptions:
     compare: bool = True
     motion_sd: float = 0.002
     if_worse: Literal["generic", "identified"] = "generic"
+    soft_tissue: Use = "auto"
 
     def __post_init__(self) -> None:
         if self.mass_sd is not None and not self.mass_sd > 0.0:
@@ -71,6 +76,8 @@ class IdentificationOptions:
             raise BadData(f"motion_sd is {self.motion_sd:g}: expected radians and metres, 0 to below 0.2")
         if self.if_worse not in ("generic", "identified"):
             raise BadData(f"if_worse is '{self.if_worse}': expected 'generic' or 'identified'")
+        if self.soft_tissue not in ("auto", "always", "never"):
+            raise BadData(f"soft_tissue is '{self.soft_tissue}': expected 'auto', 'always' or 'never'")
 
 
 @read_only
@@ -96,6 +103,7 @@ class Identification:
     known : which parameters the data determine, and how far each may be off
     consistency : of every link, for each way
     recordings : what was used of each, and why not more
+    soft_tissue : that was taken from the motion before masses were fitted, which the masses are for; None for none
     notes : what looks wrong, one line each
     """
 
@@ -113,6 +121,7 @@ class Identification:
     known: Determined
     consistency: Mapping[str, Consistency]
     recordings: tuple[Usable, ...]
+    soft_tissue: SoftTissue | None = None
     notes: tuple[str, ...] = field(default=())
 
     @property
@@ -174,6 +183,9 @@ def identify(
     Before that, each recording, or each part of a single one, is predicted by masses identified without it. Where
     these predict worse than the generic model, the generic masses are kept (`if_worse`) and the first note says so.
 
+    Where markers move more than the body's mass, coordinates are filtered by 1 / (1 + alpha w^2) before accelerations
+    count, if that predicts unseen parts better (`soft_tissue`): masses then explain forces that soft tissue does not.
+
     Source: [D], chapter 3; Ayusawa, Venture and Nakamura 2014; Lee, Wensing and Park 2020; see docs/identification.md.
 
     Parameters
@@ -221,15 +233,19 @@ def identify(
     used = [values.recording for values in recordings]
     generic = with_inertial_parameters(model, inertial_parameters(model) * (mass / model.mass))
     base = base_parameters(model, held=held_in(model, [values.motion for values in used]))
-    parts = parts_of(generic, used, base)
+    markers = parts_of(generic, used, base)
     first = next(iter(points))
     few = thinned(points[first])
     paper = generic if options.prior == "paper" else None
     strength = Strength(few, inertial_parameters(generic), options.method, options.mass_sd, paper)
-    noise, tried, best = strength.choose(parts)
+    fitted = Fitted(tuple(used), markers, None, strength.choose(markers))
+    cutoff = recording.cutoff if recording else None
+    if paper is None:
+        fitted = with_soft_tissue(generic, fitted, strength, options.soft_tissue)
+    parts, (noise, tried, best) = fitted.parts, fitted.choice
     moved = None
     if options.motion_sd and paper is None:
-        moved = motion_noise(generic, used, parts, options.motion_sd, recording.cutoff if recording else None)
+        moved = motion_noise(generic, fitted.recordings, parts, options.motion_sd, cutoff)
         # What parts that were not fitted leave is as much as noise can have made.
         moved = moved.at_most(tried[best], strength.fit(parts, noise, best))
         parts = moved.corrected
@@ -243,20 +259,25 @@ def identify(
     parameters = {name: solved[name].parameters for name in dict.fromkeys((identified, *solved))}
     parameters |= {SHAPE: shape, GENERIC: inertial_parameters(generic)}
     if unseen:
-        judged = _on_other_recordings(generic, unseen, base, parameters[identified], parameters[GENERIC])
+        judged = _on_other_recordings(
+            generic, unseen, base, (parameters[identified], parameters[GENERIC]), fitted.tissue
+        )
     else:
-        judged = unseen_parts(parts, strength, tuple(values.name for values in recordings))
+        judged = unseen_parts(parts, strength, tuple(values.name for values in recordings), markers)
     chosen = GENERIC if judged.worse and options.if_worse == "generic" else identified
     floor, names = tried[best], model.body_names
     noises = BaseOptions(moment_noise=floor[0] / np.sqrt(3.0), force_noise=floor[1] / np.sqrt(3.0))
-    fit = fit_base(generic, used, base, noises)
-    samples = float(np.mean(fit.frames / fit.samples))
+    fit = fit_base(generic, fitted.recordings, base, noises)
+    # Frames that make one independent sample, beyond those that count as one already.
+    samples = max(1.0, float(np.mean(fit.frames / fit.samples)) / parts.alike)
     return Identification(
         model=with_inertial_parameters(model, parameters[chosen]),
         chosen=chosen,
         identified=identified,
         parameters=FrozenMap({name: frozen_array(values) for name, values in parameters.items()}),
-        residuals=FrozenMap({name: parts.rms(masses) for name, masses in parameters.items()}),
+        residuals=FrozenMap(
+            {name: (markers if name == GENERIC else parts).rms(masses) for name, masses in parameters.items()}
+        ),
         unseen=judged,
         tried=FrozenMap(tried),
         mass_sd=best,
@@ -271,6 +292,7 @@ def identify(
             }
         ),
         recordings=tuple(recordings),
+        soft_tissue=fitted.tissue if chosen == identified else None,
         notes=(
             *_verdict(judged, chosen == identified),
             *(f"{name}: not proven to be the optimum" for name, solution in solved.items() if not solution.converged),
@@ -305,17 +327,25 @@ def _known(
 
 
 def _on_other_recordings(
-    model: Model, recordings: Sequence[Usable], base: BaseParameters, identified: Array, generic: Array
+    model: Model,
+    recordings: Sequence[Usable],
+    base: BaseParameters,
+    masses: tuple[Array, Array],
+    tissue: SoftTissue | None,
 ) -> Unseen:
-    """Misfit of both on recordings that took no part."""
+    """Misfit of both on recordings that took no part: identified masses with soft tissue, the generic ones without."""
     used = [recording for recording in recordings if recording.use.any()]
-    parts = [parts_of(model, [taken.recording], base, least=1) for taken in used]
+    markers = [parts_of(model, [values.recording], base, least=1) for values in used]
+    parts = markers
+    if tissue is not None:
+        softened = [values.recording.moved(tissue.of) for values in used]
+        parts = [parts_of(model, [values], base, least=1) for values in softened]
     return Unseen(
-        np.reshape([part.rms(identified) for part in parts], (-1, 2)),
-        np.reshape([part.rms(generic) for part in parts], (-1, 2)),
+        np.reshape([part.rms(masses[0]) for part in parts], (-1, 2)),
+        np.reshape([part.rms(masses[1]) for part in markers], (-1, 2)),
         np.array([part.frames.sum() for part in parts], int),
         "recordings that were not used",
-        tuple(taken.name for taken in used),
+        tuple(values.name for values in used),
     )
 
 

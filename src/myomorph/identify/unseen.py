@@ -15,14 +15,14 @@ from scipy import sparse
 from myomorph.identify.base_parameters import BaseParameters, base_sizes
 from myomorph.identify.body.points import MassPoints
 from myomorph.identify.mass_points import MassPointFit, MassPointOptions, solve_mass_points
-from myomorph.identify.parts import Parts, held_out
+from myomorph.identify.parts import Parts, held_out, predicted
 from myomorph.identify.pseudo_inertia import PseudoInertiaOptions, possible_reference, solve_pseudo_inertia
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.inertia import inertial_parameters
 from myomorph.model.model import Model
 
-STRENGTHS = (0.02, 0.05, 0.1, 0.2, 0.5)
-"""Relative standard deviations of a link's mass to choose from where none is given.
+STRENGTHS = (0.02, 0.05, 0.1, 0.2)
+"""Relative standard deviations of a link's mass to choose from where none is given: as far as people differ (`LINK_SD`).
 
 Looser ones predict more of the same motion and give masses that nobody has: faults of kinematics that come back
 every step are then blamed on hands and forearms.
@@ -149,7 +149,7 @@ class Strength:
 
     def _tried(self, parts: Parts, noise: Array) -> tuple[dict[float, Array], float]:
         """Held-out misfit by strength of the prior, and the strength with the least."""
-        before = held_out(parts, lambda _: self.generic)
+        before = held_out(parts, lambda _: self.generic, noise)
         errors: dict[float, Array] = {}
         # Rows are the same for every strength.
         rows = {fold: parts.rows(noise, parts.without(fold)) for fold in (() if self.paper else parts.names)}
@@ -161,7 +161,7 @@ class Strength:
 
         def scores(sd: float) -> Array:
             if sd not in errors:
-                errors[sd] = held_out(parts, fitting(sd))
+                errors[sd] = held_out(parts, fitting(sd), noise)
             # Every part counts alike, as its misfit relative to the scaled model's.
             ratios: Array = (errors[sd] / before).mean(axis=1)
             return ratios
@@ -217,12 +217,13 @@ def _walk(scores: Callable[[float], Array], several: bool) -> float:
     return STRENGTHS[at]
 
 
-def unseen_parts(parts: Parts, strength: Strength, names: tuple[str, ...]) -> Unseen:
+def unseen_parts(parts: Parts, strength: Strength, names: tuple[str, ...], markers: Parts) -> Unseen:
     """Every fold predicted by what was fitted, and chosen, without it.
 
     Parameters
     ----------
     names : of the recordings
+    markers : the same parts with the motion of the markers, for the generic model
     """
     identified, generic, frames = [], [], []
     for fold in parts.names:
@@ -230,8 +231,8 @@ def unseen_parts(parts: Parts, strength: Strength, names: tuple[str, ...]) -> Un
         if len(rest.names) < 2:
             continue
         noise, _, sd = strength.choose(rest)
-        identified.append(parts.rms(strength.fit(rest, noise, sd), left_out))
-        generic.append(parts.rms(strength.generic, left_out))
+        identified.append(predicted(parts, fold, strength.fit(rest, noise, sd), noise))
+        generic.append(markers.rms(strength.generic, left_out))
         frames.append(int(parts.frames[left_out].sum()))
     several = len(names) > 1
     what = "recordings held out in turn" if several else "parts of the recording held out in turn"

@@ -10,13 +10,14 @@ from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
 from myomorph.identify.body.points import Links, MassPoints
+from myomorph.identify.least_squares import Recording
 from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData, check_name
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.inertia import inertial_parameters, pseudo_inertias
 from myomorph.model.model import Model
-from myomorph.model.series import Motion, Wrenches
-from myomorph.rigid.regressor import base_wrench, regressor_blocks
+from myomorph.motion.soft_tissue import SoftTissue
+from myomorph.rigid.regressor import base_wrench
 
 Inside = Callable[[Array], np.ndarray]
 """Points (points, 3) in ground [m] -> (points,) whether each is inside the body."""
@@ -85,14 +86,14 @@ class CrossValidation:
 
 
 def cross_validate(
-    models: Mapping[str, Model], motion: Motion, wrenches: Wrenches, use: np.ndarray | None = None
+    models: Mapping[str, Model], recording: Recording, tissues: Mapping[str, SoftTissue] | None = None
 ) -> CrossValidation:
     """Measured and predicted base wrench of models that share their bodies and joints.
 
     Parameters
     ----------
-    motion : with derivatives, through the same filter as the wrenches, on the same clock
-    use : (frames,) which frames count, as `Usable.recording.use`
+    recording : motion with derivatives and wrenches through the same filter, on the same clock
+    tissues : of models whose masses are for a motion without it, by name
 
     Raises
     ------
@@ -104,15 +105,18 @@ def cross_validate(
     for name, other in models.items():
         if other.body_names != first_model.body_names:
             raise BadData(f"model '{name}' has other bodies than the rest: cross-validate models of one skeleton")
-    measured = base_wrench(first_model, motion, wrenches)
-    if use is not None:
-        measured[~np.asarray(use)] = np.nan
-    parameters = np.stack([inertial_parameters(other).ravel() for other in models.values()], axis=1)
-    predicted = np.concatenate([np.array(block.rows @ parameters) for block in regressor_blocks(first_model, motion)])
+    measured = base_wrench(first_model, recording.motion, recording.wrenches)
+    if recording.use is not None:
+        measured[~np.asarray(recording.use)] = np.nan
+    predicted = {}
+    for name, model in models.items():
+        tissue = (tissues or {}).get(name)
+        moved = recording if tissue is None else recording.moved(tissue.of)
+        predicted[name] = frozen_array(measured + moved.missing(first_model, inertial_parameters(model)))
     return CrossValidation(
-        motion.time,
+        recording.motion.time,
         frozen_array(measured),
-        FrozenMap({name: frozen_array(predicted[:, :, i]) for i, name in enumerate(models)}),
+        FrozenMap(predicted),
         first_model.mass * float(np.linalg.norm(first_model.gravity)),
     )
 

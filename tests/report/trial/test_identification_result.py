@@ -46,7 +46,7 @@ def found(data: Callable[[str], Path]) -> tuple[Identification, CrossValidation]
     identified = identify(model, [first], {"points": balls(model)}, options=options)
     recording = second.recording
     models = {"identified": identified.model, "generic": model}
-    return identified, cross_validate(models, recording.motion, recording.wrenches, recording.use)
+    return identified, cross_validate(models, recording)
 
 
 def test_the_report_shows_what_was_identified(found: tuple[Identification, CrossValidation]) -> None:

@@ -190,8 +190,10 @@ def identify_subject(
         name: with_inertial_parameters(model, identification.parameters[name])
         for name in (identification.identified, SHAPE, GENERIC)
     }
+    tissue = identification.soft_tissue
+    tissues = {} if tissue is None else {identification.identified: tissue, SHAPE: tissue}
     validation = {
-        recording.name: cross_validate(models, recording.recording.motion, recording.recording.wrenches, recording.use)
+        recording.name: cross_validate(models, recording.recording, tissues)
         for recording, motion in zip(used, motions, strict=True)
         if motion.held_out
     }
