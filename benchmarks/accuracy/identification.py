@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
 
 import numpy as np
-from scipy.optimize import lsq_linear
 from threadpoolctl import threadpool_limits
 
 import myomorph as mm
@@ -21,12 +20,11 @@ from myomorph.identify.parts import parts_of
 from myomorph.identify.pseudo_inertia import PseudoInertiaOptions, possible_reference, solve_ridge
 from myomorph.identify.recordings import RecordingOptions, Usable, usable
 from myomorph.identify.subject import CONIC, GENERIC, Identification, IdentificationOptions
-from myomorph.identify.validation import cross_validate
 from myomorph.io.loads import read_external_loads
 from myomorph.io.osim.setup_parts import read_ik_tasks
 from myomorph.model.inertia import inertial_parameters, with_inertial_parameters
+from myomorph.motion.soft_tissue import SoftTissue
 from myomorph.report.trial.identification_tables import segment_sheet
-from myomorph.rigid.regressor import base_regressor, base_wrench
 from myomorph.study.inputs.external_forces import force_table
 from myomorph.study.subject.body_points import OWN, body_points
 from myomorph.study.subject.identifying import MAPS
@@ -34,8 +32,7 @@ from myomorph.study.subject.subject_files import BodyOptions, BodyShape
 
 CUTOFF = 6.0
 SPACING = 0.02
-PULLS = (3e-5, 1e-4, 3e-4, 1e-3, 3e-3)
-"""Pulls to the generic model that plain least squares is tried with."""
+MARKERS = "soft tissue never"
 LOOSE = 5.0
 """A prior that hardly holds masses."""
 OPENCAP, RUN = "opencap-subject4-multitask", "hamner-run-subject04"
@@ -157,7 +154,12 @@ def identified(folder: Path, subject: Subject, train: tuple[str, ...]) -> tuple[
         points |= {MAPS[name]: one for name, one in made.items()}
     seen = [part(trials, name) for name in train]
     found = mm.identify(model, seen, points, mass=subject.mass, options=IdentificationOptions())
-    A, b = parts_of(model, [one.recording for one in seen], found.base.base).rows(found.noise)
+    never = IdentificationOptions(compare=False, soft_tissue="never")
+    first = MAPS[OWN]
+    markers = mm.identify(model, seen, {first: points[first]}, mass=subject.mass, options=never)
+    tissue = found.soft_tissue
+    moved = [one.recording if tissue is None else one.recording.moved(tissue.of) for one in seen]
+    A, b = parts_of(model, moved, found.base.base).rows(found.noise)
     ridge = solve_ridge(
         A,
         b,
@@ -165,20 +167,22 @@ def identified(folder: Path, subject: Subject, train: tuple[str, ...]) -> tuple[
         mass=subject.mass,
         options=PseudoInertiaOptions(mass_sd=found.mass_sd),
     )
-    first = points[MAPS[OWN]]
-    loose = solve_mass_points(first, A, b, mass=subject.mass, options=MassPointOptions(mass_sd=LOOSE)).parameters
-    return found, {"ridge": ridge.parameters, "loose": loose, **found.parameters}
+    options = MassPointOptions(mass_sd=LOOSE)
+    loose = solve_mass_points(points[first], A, b, mass=subject.mass, options=options).parameters
+    return found, {MARKERS: markers.parameters[markers.chosen], "ridge": ridge.parameters, "loose": loose} | dict(
+        found.parameters
+    )
 
 
-def misfit(model: mm.Model, parameters: dict[str, np.ndarray], recording: Recording) -> dict[str, np.ndarray]:
+def misfit(
+    model: mm.Model, parameters: dict[str, np.ndarray], recording: Recording, tissue: SoftTissue | None
+) -> dict[str, np.ndarray]:
     """(moment, force) root mean square error of every set of parameters [N m], [N]."""
-    models = {name: with_inertial_parameters(model, one) for name, one in parameters.items() if name != "ridge"}
-    check = cross_validate(models, recording)
-    found = {name: check.rms(name) for name in models}
-    # Least squares may give negative masses, which no model holds.
     base = base_parameters(model, held=held_in(model, [recording.motion]))
-    parts = parts_of(model, [recording], base, least=1)
-    return found | {"ridge": parts.rms(parameters["ridge"])}
+    markers = parts_of(model, [recording], base, least=1)
+    parts = markers if tissue is None else parts_of(model, [recording.moved(tissue.of)], base, least=1)
+    # Least squares may give negative masses, which no model holds: parts take any parameters.
+    return {name: (markers if name in (MARKERS, GENERIC) else parts).rms(one) for name, one in parameters.items()}
 
 
 def measure(folder: Path) -> Iterator[dict[str, object]]:
@@ -196,7 +200,13 @@ def row(folder: Path, split: Split) -> dict[str, object]:
     model, trials = opened(folder, split.subject)
     found, parameters = identified(folder, split.subject, split.train)
     test = part(trials, split.test)
-    errors = misfit(model, parameters, test.recording)
+    errors = misfit(model, parameters, test.recording, found.soft_tissue)
+    forearms = [
+        [model.body_names.index(f"{body}_{side}") for body in ("ulna", "radius", "hand")]
+        for side in "rl"
+        if f"hand_{side}" in model.body_names
+    ]
+    shares = [parameters[found.chosen][arm, 0].sum() / parameters[GENERIC][arm, 0].sum() for arm in forearms]
     moment, force = errors[GENERIC]
 
     def told(name: str) -> str:
@@ -210,75 +220,22 @@ def row(folder: Path, split: Split) -> dict[str, object]:
         "held against": split.test,
         "unseen frames": int(test.use.sum()),
         "generic scaled": f"{force:.1f} N, {moment:.1f} N m",
-        "least squares": told("ridge"),
+        "least squares, a bound": told("ridge"),
+        "points, own link, soft tissue never": told(MARKERS),
         "points, own link": told("identified, own link"),
         "points, w_b": told("identified, w_b"),
         "points, w_d": told("identified, w_d"),
         "points, w_n": told("identified, w_n"),
         "pseudo-inertia": told(CONIC),
         f"points, own link, mass SD {LOOSE:g}": told("loose"),
+        "soft tissue": "none" if found.soft_tissue is None else found.soft_tissue.words,
+        "lightest forearm, of generic": min(shares) if shares else None,
         "mass SD of the prior": found.mass_sd,
         "parameters shown": f"{int(found.known.data.sum())} of {found.known.data.size}, rank {found.known.rank}",
         "model gets": "generic masses" if found.chosen == GENERIC else "identified masses",
         "warned of worse": bool(found.unseen.worse or found.unseen.losses),
         "possible": found.consistency[found.chosen].ok,
     }
-
-
-@threadpool_limits.wrap(limits=1, user_api="blas")
-def measure_prototype(folder: Path) -> Iterator[dict[str, object]]:
-    """Halves of a run by plain least squares that only keeps masses positive, about two points, beside `identify`."""
-    for subject in SUBJECTS:
-        if not subject.name.startswith("Hamner") or not (folder / subject.model).exists():
-            continue
-        model, trials = opened(folder, subject)
-        for split in (one for one in splits(subject) if one.test.startswith("run200") and "half" in one.test):
-            found, _ = identified(folder, subject, split.train)
-            seen, test = (part(trials, name).recording for name in (*split.train, split.test))
-            generic = inertial_parameters(model).ravel()
-            for point, reference in (("pelvis", None), ("ground's origin", np.zeros(3))):
-                rows, wrench = used_rows(model, test, reference)
-                misfit = partial(rms_of, rows, wrench)
-                squares = [positive_least_squares(model, *used_rows(model, seen, reference), pull) for pull in PULLS]
-                best = min(squares, key=lambda phi: float((misfit(phi) / misfit(generic)).sum()))
-                of = {"least squares, masses positive": best} | {
-                    name: found.parameters[name].ravel() for name in (found.chosen, CONIC)
-                }
-                yield {
-                    "model": subject.name,
-                    "held against": split.test,
-                    "moments about": point,
-                    "generic scaled": "{1:.1f} N, {0:.1f} N m".format(*misfit(generic)),
-                } | {name: "{1:.2f}, {0:.2f}".format(*(misfit(phi) / misfit(generic))) for name, phi in of.items()}
-
-
-def used_rows(model: mm.Model, recording: Recording, reference: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
-    """Regressor (frames, 6, parameters) and measured wrench (frames, 6) of the frames that are used."""
-    wrench = base_wrench(model, recording.motion, recording.wrenches, reference)
-    use = np.isfinite(wrench).all(axis=1) & (True if recording.use is None else np.asarray(recording.use))
-    return base_regressor(model, recording.motion, reference)[use], wrench[use]
-
-
-def rms_of(rows: np.ndarray, wrench: np.ndarray, parameters: np.ndarray) -> np.ndarray:
-    """(moment, force) root mean square misfit of parameters [N m], [N]."""
-    error = rows @ parameters - wrench
-    return np.array([np.sqrt(np.square(half).sum(axis=1).mean()) for half in (error[:, :3], error[:, 3:])])
-
-
-def positive_least_squares(model: mm.Model, rows: np.ndarray, wrench: np.ndarray, pull: float) -> np.ndarray:
-    """Parameters by least squares with a pull to the model's, that keep only the masses positive."""
-    generic = inertial_parameters(model).ravel()
-    noise = np.repeat(rms_of(rows, wrench, generic), 3)
-    size = np.abs(generic) + 0.02 * np.repeat(generic[::10], 10) + 1e-4
-    table = np.column_stack([rows.reshape(-1, rows.shape[2]) * size, (wrench - rows @ generic).ravel()])
-    factor = np.linalg.qr(table / np.tile(noise, len(rows))[:, None], mode="r")
-    weak = np.sqrt(pull * len(rows)) * np.eye(len(size))
-    least = np.full(len(size), -np.inf)
-    least[::10] = (1e-3 - generic[::10]) / size[::10]
-    found = lsq_linear(
-        np.vstack([factor[:, :-1], weak]), np.append(factor[:, -1], np.zeros(len(size))), (least, np.inf)
-    )
-    return generic + size * found.x
 
 
 def measure_segments(folder: Path, chosen: Sequence[int] = (0, 5)) -> Iterator[dict[str, object]]:

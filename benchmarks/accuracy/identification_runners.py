@@ -38,7 +38,10 @@ RESONANCES, DAMPING = (8.0, 12.0), (0.2, 0.4)
 LIMBS: Mapping[str, Mapping[str, tuple[str, ...]]] = {
     "trunk and legs": {
         "trunk": ("pelvis", "torso"),
-        **{f"leg {side}": tuple(f"{body}_{side}" for body in ("femur", "tibia", "talus", "calcn", "toes")) for side in "rl"},
+        **{
+            f"leg {side}": tuple(f"{body}_{side}" for body in ("femur", "tibia", "talus", "calcn", "toes"))
+            for side in "rl"
+        },
     },
     "thighs, shanks, feet": {
         f"{name} {side}": tuple(f"{body}_{side}" for body in bodies)

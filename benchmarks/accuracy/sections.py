@@ -155,7 +155,7 @@ PAGES: dict[str, dict[str, str]] = {
         "masspoints_grid": "accuracy.masspoints:measure_grid",
         "weight_maps": "accuracy.masspoints:measure_maps",
         "identification": "accuracy.identification:measure",
-        "identification_prototype": "accuracy.identification:measure_prototype",
+        "identification_runners": "accuracy.identification_runners:measure",
         "identification_intervals": "accuracy.identification_intervals:measure",
         "identification_segments": "accuracy.identification:measure_segments",
         "refine": "accuracy.refine:measure",

@@ -7,7 +7,7 @@ import pytest
 
 from myomorph.identify.base_parameters import base_parameters, held_in
 from myomorph.identify.least_squares import Recording
-from myomorph.identify.motion_noise import motion_noise, noisy
+from myomorph.identify.motion_noise import motion_noise, noise_of, plus
 from myomorph.identify.parts import MAX_NOISE, parts_of, without_noise
 from myomorph.io.formats import read_model
 from myomorph.io.sto import motion_from_table, read_sto
@@ -62,7 +62,7 @@ def noisy_walk(data):
     wrench = base_regressor(model, motion) @ inertial_parameters(model).ravel()
     points = reference_points(model, motion)[:, None]
     exact = Wrenches(motion.time, ("plate",), (model.body_names[0],), wrench[:, None, 3:], points, wrench[:, None, :3])
-    from_noise = noisy(motion, SD, 6.0, np.random.default_rng(5))
+    from_noise = plus(motion, noise_of(motion, SD, 6.0, np.random.default_rng(5)))
     recording = Recording(from_noise, exact)
     parts = parts_of(model, [recording], base_parameters(model, held=held_in(model, [from_noise])))
     return model, recording, parts, motion_noise(model, [recording], parts, SD)

@@ -215,7 +215,7 @@ class Finer:
     """A motion and its forces with little filter: what they make is filtered after it is made.
 
     A filter of angles and one of forces do not agree: what turns pulls by the square of its rate, which is faster than
-    the angle. Rows and forces that pass the same filter afterwards do (Gautier 1997; Janot, Vandanjon and Gautier 2014).
+    the angle. Rows and forces that pass the same filter afterwards do (Gautier 1997).
 
     Attributes
     ----------

@@ -68,8 +68,8 @@ class Parts:
     pieces : (parts,) piece of time, or `BORDER`
     least : parts that each recording was cut into
     center : (n,) base parameters of the model, about which equations with noise are corrected
-    added : (parts, 2, g + n + 1, g + n + 1) what noise of the motion added to the squares of [A, b], which fits are corrected
-        by (`motion_noise`); None corrects nothing
+    added : (parts, 2, g + n + 1, g + n + 1) what noise of the motion added to the squares of [A, b], which fits are
+        corrected by (`motion_noise`); None corrects nothing
     tissue : of the first columns; None where there are none
     alike : frames that a filter makes say the same, which count as one
     """
@@ -132,7 +132,7 @@ class Parts:
         )
 
     def unknowns(self, parameters: Array, tissue: Array | None = None) -> Array:
-        """(g + n + 1,) soft tissue, as it was linearized or (g,) beside that, base parameters of (bodies, 10), and -1."""
+        """(g + n + 1,) soft tissue (g,), by default where it was linearized, base parameters and -1."""
         first = np.zeros(self.groups) if tissue is None else tissue
         return np.concatenate([first, self.base.of(parameters), [-1.0]])
 

@@ -12,6 +12,7 @@ from myomorph.identify.base import BaseFit, BaseOptions, fit_base
 from myomorph.identify.base_parameters import BaseParameters, base_parameters, held_in
 from myomorph.identify.body.points import MassPoints
 from myomorph.identify.determined import Determined, determined
+from myomorph.identify.least_squares import Recording, correlation_times
 from myomorph.identify.mass_points import MassPointFit, MassPointOptions, solve_mass_points
 from myomorph.identify.motion_noise import MotionNoise, motion_noise
 from myomorph.identify.parts import Parts, parts_of
@@ -268,8 +269,9 @@ def identify(
     floor, names = tried[best], model.body_names
     noises = BaseOptions(moment_noise=floor[0] / np.sqrt(3.0), force_noise=floor[1] / np.sqrt(3.0))
     fit = fit_base(generic, fitted.recordings, base, noises)
+    left = [_used(values, generic, parameters[identified]) for values in fitted.recordings]
     # Frames that make one independent sample, beyond those that count as one already.
-    samples = max(1.0, float(np.mean(fit.frames / fit.samples)) / parts.alike)
+    samples = max(1.0, float(np.mean(correlation_times(left))) / parts.alike)
     return Identification(
         model=with_inertial_parameters(model, parameters[chosen]),
         chosen=chosen,
@@ -300,6 +302,14 @@ def identify(
             *(note for recording in recordings for note in recording.notes),
         ),
     )
+
+
+def _used(recording: Recording, model: Model, parameters: Array) -> Array:
+    """(frames, 6) what parameters leave of a recording's wrench, NaN where it is not used."""
+    left = recording.missing(model, parameters)
+    if recording.use is not None:
+        left[~recording.use] = np.nan
+    return left
 
 
 def _known(

@@ -22,7 +22,7 @@ from myomorph.model.inertia import inertial_parameters
 from myomorph.model.model import Model
 
 STRENGTHS = (0.02, 0.05, 0.1, 0.2)
-"""Relative standard deviations of a link's mass to choose from where none is given: as far as people differ (`LINK_SD`).
+"""Relative standard deviations of a link's mass to choose from where none is given, up to how far people differ.
 
 Looser ones predict more of the same motion and give masses that nobody has: faults of kinematics that come back
 every step are then blamed on hands and forearms.

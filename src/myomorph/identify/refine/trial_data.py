@@ -19,7 +19,7 @@ from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertial_parameters
 from myomorph.model.model import Model
-from myomorph.model.series import Motion
+from myomorph.model.series import Motion, Wrenches
 from myomorph.motion.ik import inverse_kinematics, pose_problem, tracked_markers
 from myomorph.motion.lengths import length_unit, lengths_of
 from myomorph.motion.stretch import skeleton
@@ -130,11 +130,16 @@ def gain_of(usable: Usable, mass: float) -> float:
 
 def _weighed(usable: Usable, mass: float) -> Usable:
     """A recording whose plates weigh the body, see `gain_of`."""
-    gain, wrenches = gain_of(usable, mass), usable.recording.wrenches
+    gain, recording = gain_of(usable, mass), usable.recording
     if gain == 1.0:
         return usable
-    wrenches = replace(wrenches, forces=gain * wrenches.forces, torques=gain * wrenches.torques)
-    return replace(usable, recording=replace(usable.recording, wrenches=wrenches))
+
+    def weighed(wrenches: Wrenches) -> Wrenches:
+        return replace(wrenches, forces=gain * wrenches.forces, torques=gain * wrenches.torques)
+
+    finer = recording.finer
+    finer = None if finer is None else replace(finer, wrenches=weighed(finer.wrenches))
+    return replace(usable, recording=replace(recording, wrenches=weighed(recording.wrenches), finer=finer))
 
 
 def thinned(problem: Problem) -> Problem:
@@ -194,7 +199,8 @@ def _without_gaps(values: Array) -> Array:
 
 def identified_masses(model: Model, recorded: Sequence[Usable], cutoff: float) -> Array:
     """(bodies, 10) of `identify`; the model's where it keeps these, or the recordings are too short for it."""
-    options = IdentificationOptions(compare=False)
+    # The motion of the problem is that of the markers.
+    options = IdentificationOptions(compare=False, soft_tissue="never")
     points = {"own": own_points(model, STANDING, model.mass, SPACING)}
     try:
         identification = identify(model, recorded, points, options=options, recording=RecordingOptions(cutoff=cutoff))

@@ -55,6 +55,9 @@ _SPINE = (
 )
 
 
+SOFT_TISSUE_HEAD = ("coordinate", "group", "alpha [s^2]", "standard deviation [s^2]")
+"""Of the table of soft tissue, which `id` reads."""
+
 ERRORS: Mapping[str, str] = FrozenMap(
     {
         "bias": "mean error [N m, N]",
@@ -223,6 +226,15 @@ def base_sheet(identification: Identification) -> Sheet:
     )
 
 
+def tissue_sheet(identification: Identification) -> Sheet | None:
+    """How much more each coordinate moves than the body's mass; None where nothing was taken from the motion."""
+    tissue = identification.soft_tissue
+    if tissue is None:
+        return None
+    rows = tuple(zip(tissue.names, tissue.groups, tissue.alpha.tolist(), tissue.sd.tolist(), strict=True))
+    return Sheet(SOFT_TISSUE_HEAD, rows)
+
+
 def identification_tables(
     identification: Identification, validation: Mapping[str, CrossValidation]
 ) -> dict[str, Sheet]:
@@ -235,6 +247,7 @@ def identification_tables(
         "links.csv": link_sheet(identification),
         "misfit.csv": misfit_sheet(identification),
         "base_parameters.csv": base_sheet(identification),
+        "soft_tissue.csv": tissue_sheet(identification),
         "cross_validation.csv": validation_sheet(validation),
     }
     for i, (trial, check) in enumerate(validation.items()):

@@ -21,6 +21,7 @@ INPUTS: dict[str, str] = {
     "contact points": "myomorph.study.inputs.contact_points",
     "loads": "myomorph.study.inputs.loads",
     "refined": "myomorph.study.inputs.refined",
+    "soft tissue": "myomorph.study.inputs.soft_tissue",
     "torques": "myomorph.study.inputs.torques",
     "emg": "myomorph.study.inputs.emg",
     "actuators": "myomorph.study.inputs.actuators",

@@ -19,6 +19,7 @@ from myomorph.study.inputs.emg import EmgFiles
 from myomorph.study.inputs.error_sizes import ErrorSizeTables
 from myomorph.study.inputs.reading import open_model
 from myomorph.study.inputs.refined import RefinedFile
+from myomorph.study.inputs.soft_tissue import SoftTissueFile
 from myomorph.study.plan.plan import Plan
 from myomorph.study.run.work import Graph, Recording, Work
 from myomorph.study.step.folder_steps import FolderSteps
@@ -142,6 +143,8 @@ def with_made(files: TrialFiles, made: MadeModel, maker: str, settings: Settings
     recorded = files.get(EmgFiles)
     if made.gains is not None and recorded.emg is not None:
         files = files.having(replace(recorded, emg_gains_file=made.gains))
+    if made.soft_tissue is not None and files.get(SoftTissueFile).soft_tissue is None:
+        files = files.having(SoftTissueFile(made.soft_tissue))
     refining = settings.get("refine", {})
     if made.motions is not None and with_settings(TrialMotion(), refining).use_motions:
         cutoff = with_settings(RefineOptions(), refining).cutoff

@@ -20,6 +20,7 @@ from myomorph.model.model import Model
 from myomorph.model.provenance import Provenance, Source
 from myomorph.model.series import Motion, Wrenches
 from myomorph.model.surface import Surface
+from myomorph.motion.soft_tissue import SoftTissue
 from myomorph.report.page.parts import Note, PageHead, SourceFile
 from myomorph.report.trial.identification_tables import identification_tables
 from myomorph.report.trial.report_input import IdentificationInput, Recorded, ReportInput
@@ -275,6 +276,11 @@ def _write_tables(identified: Identified, folder: Path, subject: str) -> None:
                 notes=(
                     Note("real", f"Motions: {', '.join(recording.name for recording in identification.recordings)}."),
                     Note("assumed", f"Shape of the body: {identification.points.source}."),
+                    *(
+                        (Note("assumed", f"Soft tissue: {_tissue_line(identification.soft_tissue)}."),)
+                        if identification.soft_tissue is not None
+                        else ()
+                    ),
                 ),
                 sources=sources,
                 warnings=identification.notes,
@@ -319,6 +325,8 @@ def summary(identification: Identification) -> list[str]:
     )
     if identification.chosen == GENERIC:
         lines[-1] += "; the generic masses are kept"
+    if identification.soft_tissue is not None:
+        lines.append(_tissue_line(identification.soft_tissue))
     data = identification.known.data
     lines.append(
         f"{int(data.sum())} of {data.size} parameters determined by the data (rank "
@@ -327,6 +335,13 @@ def summary(identification: Identification) -> list[str]:
     )
     lines.append(identification.consistency[identification.chosen].verdict)
     return lines
+
+
+def _tissue_line(tissue: SoftTissue) -> str:
+    return (
+        f"markers move more than the body's mass; alpha of 1 / (1 + alpha w^2): {tissue.words}; the masses are for the "
+        "motion without it"
+    )
 
 
 def _run(subject: SubjectInputs, output: FolderOutput) -> None:
@@ -358,7 +373,7 @@ STEP = Step(
     title="identification of masses",
     options=(RecordingOptions, IdentificationOptions, BodyOptions),
     tables="identification",
-    leaves=FrozenMap({"model": "identified.osim"}),
+    leaves=FrozenMap({"model": "identified.osim", "soft_tissue": "identification/soft_tissue.csv"}),
     run=_run,
     made_from=_made_from,
 )

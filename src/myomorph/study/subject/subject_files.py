@@ -110,6 +110,8 @@ class MadeModel:
     drawn : file beside which its meshes lie
     gains : of the subject's EMG channels, None where no step finds them
     motions : folder with refined coordinates of the subject's trials, None where no step finds them
+    soft_tissue : table of how much more markers move than the mass, None where no step finds it; where they do not
+        there is no such file
     sizes : tables of how far off the model may be, one of each step; where a step finds none it is not there
     """
 
@@ -117,6 +119,7 @@ class MadeModel:
     drawn: Path
     gains: Path | None = None
     motions: Path | None = None
+    soft_tissue: Path | None = None
     sizes: tuple[Path, ...] = ()
 
     def open(self) -> Model:
@@ -190,6 +193,7 @@ def made_model(files: SubjectFiles, steps: Sequence[str], folder: Path) -> MadeM
             left.get("meshes", made.drawn),
             left.get("gains", made.gains),
             left.get("motions", made.motions),
+            left.get("soft_tissue", made.soft_tissue),
             (*made.sizes, folder / step.tables / ERROR_SIZES),
         )
     return made

@@ -14,6 +14,7 @@ from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series, Table, Wrenches
 from myomorph.motion.automatic_cutoff import automatic_cutoff
 from myomorph.motion.filters import differentiate
+from myomorph.motion.soft_tissue import SoftTissue
 from myomorph.motion.sync import cut, resample_wrenches, torques_at
 from myomorph.motion.turns import floating_coordinates
 from myomorph.report.trial.report_input import Dynamics, ReportInput
@@ -107,9 +108,14 @@ def filter_effect(trial: TrialInputs, recorded: Motion, dynamics: Torques) -> tu
 def with_derivatives(trial: TrialInputs, recorded: Motion) -> tuple[Motion, tuple[str, ...]]:
     """The motion with velocities and accelerations, cut to the time that is used, with closed loops closed; and notes.
 
+    Where soft tissue is known, it is that of the body's mass; a refined motion is that already.
+
     Derivatives are taken of all frames first, as OpenSim does, so the cut leaves no edges.
     """
     motion = differentiate(recorded, cutoff_of(trial, recorded))
+    tissue = trial.get(SoftTissue)
+    if tissue is not None and trial.get(RefinedMotion) is None:
+        motion = tissue.of(motion)
     return closed_motion(trial.model, motion if trial.time is None else cut(motion, *trial.time))
 
 
@@ -255,7 +261,7 @@ STEP = Step(
     gives=Torques,
     needs=(Poses,),
     options=(Differentiation, ForceOptions, TorqueTable),
-    inputs=("loads", "laboratory", "time"),
+    inputs=("loads", "laboratory", "soft tissue", "time"),
     hashed=_hashed,
     run=_run,
     read=_read,

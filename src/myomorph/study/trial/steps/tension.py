@@ -321,7 +321,7 @@ STEP = Step(
         *(Differentiation, ForceOptions, TensionOptions, RecruitmentOptions, ContactOptions, EmgOptions),
         *(EnvelopeOptions, EmgUse, TensionTables),
     ),
-    inputs=("loads", "laboratory", "torques", "emg", "contacts", "contact points", "actuators", "time"),
+    inputs=("loads", "laboratory", "torques", "emg", "contacts", "contact points", "actuators", "soft tissue", "time"),
     hashed=_hashed,
     run=_run,
     read=_read,
