@@ -23,7 +23,7 @@ from myomorph.identify.subject import CONIC, GENERIC, Identification, Identifica
 from myomorph.io.loads import read_external_loads
 from myomorph.io.osim.setup_parts import read_ik_tasks
 from myomorph.model.inertia import inertial_parameters, with_inertial_parameters
-from myomorph.motion.soft_tissue import SoftTissue
+from myomorph.model.soft_tissue import SoftTissue
 from myomorph.report.trial.identification_tables import segment_sheet
 from myomorph.study.inputs.external_forces import force_table
 from myomorph.study.subject.body_points import OWN, body_points

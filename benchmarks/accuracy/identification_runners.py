@@ -21,7 +21,7 @@ from myomorph.identify.soft_tissue import Use
 from myomorph.identify.subject import IdentificationOptions
 from myomorph.model.arrays import Array
 from myomorph.model.inertia import inertial_parameters
-from myomorph.motion.soft_tissue import SoftTissue
+from myomorph.model.soft_tissue import SoftTissue
 from myomorph.rigid.regressor import base_regressor, reference_points
 from myomorph.study.subject.body_points import body_points
 from myomorph.study.subject.subject_files import BodyOptions, BodyShape

@@ -94,7 +94,6 @@ from .motion.filters import differentiate as differentiate
 from .motion.ik import InverseKinematicsOptions as InverseKinematicsOptions
 from .motion.ik import KinematicsFit as KinematicsFit
 from .motion.ik import inverse_kinematics as inverse_kinematics
-from .motion.soft_tissue import SoftTissue as SoftTissue
 from .motion.sync import cut as cut
 from .motion.sync import resample_wrenches as resample_wrenches
 from .motion.tasks.coordinates import CoordinateTask as CoordinateTask

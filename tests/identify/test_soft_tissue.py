@@ -13,8 +13,8 @@ from myomorph.identify.subject import IdentificationOptions, identify
 from myomorph.model.errors import BadData, BadFile
 from myomorph.model.inertia import inertial_parameters, with_inertial_parameters
 from myomorph.model.series import Motion, Wrenches
+from myomorph.model.soft_tissue import SoftTissue, coordinate_groups
 from myomorph.motion.filters import differentiate
-from myomorph.motion.soft_tissue import SoftTissue, coordinate_groups
 from myomorph.report.trial.identification_tables import identification_tables
 from myomorph.rigid.regressor import base_regressor, reference_points
 from myomorph.study.inputs.soft_tissue_file import read_soft_tissue

@@ -12,7 +12,7 @@ from myomorph.identify.parts import Parts, TissueColumns, held_out, parts_of
 from myomorph.identify.unseen import Strength
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.model import Model
-from myomorph.motion.soft_tissue import SoftTissue, coordinate_groups
+from myomorph.model.soft_tissue import SoftTissue, coordinate_groups
 
 ALPHA = 3e-4
 """Mean of alpha before anything is measured: a resonance of 9 Hz [s^2].

@@ -31,7 +31,7 @@ from myomorph.model.errors import BadData
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.inertia import PARAMETERS, inertial_parameters, with_inertial_parameters
 from myomorph.model.model import Model
-from myomorph.motion.soft_tissue import SoftTissue
+from myomorph.model.soft_tissue import SoftTissue
 
 GENERIC, SHAPE, CONIC = "generic, scaled", "shape only", "identified, pseudo-inertia"
 MAX_MASS_CHANGE, MIN_MASS_SHARE = 0.6, 0.003

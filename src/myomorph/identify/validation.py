@@ -16,7 +16,7 @@ from myomorph.model.errors import BadData, check_name
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.inertia import inertial_parameters, pseudo_inertias
 from myomorph.model.model import Model
-from myomorph.motion.soft_tissue import SoftTissue
+from myomorph.model.soft_tissue import SoftTissue
 from myomorph.rigid.regressor import base_wrench
 
 Inside = Callable[[Array], np.ndarray]

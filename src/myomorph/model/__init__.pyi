@@ -26,4 +26,5 @@ from .provenance import Estimate as Estimate
 from .provenance import Provenance as Provenance
 from .provenance import Source as Source
 from .segments import Segment as Segment
+from .soft_tissue import SoftTissue as SoftTissue
 from .spatial import Transform as Transform

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from myomorph.model.errors import BadData, BadFile
-from myomorph.motion.soft_tissue import SoftTissue
+from myomorph.model.soft_tissue import SoftTissue
 from myomorph.report.trial.identification_tables import SOFT_TISSUE_HEAD
 from myomorph.store.results import file_source
 from myomorph.study.inputs.input import Opened, Opening

@@ -19,8 +19,8 @@ from myomorph.model.inertia import with_inertial_parameters
 from myomorph.model.model import Model
 from myomorph.model.provenance import Provenance, Source
 from myomorph.model.series import Motion, Wrenches
+from myomorph.model.soft_tissue import SoftTissue
 from myomorph.model.surface import Surface
-from myomorph.motion.soft_tissue import SoftTissue
 from myomorph.report.page.parts import Note, PageHead, SourceFile
 from myomorph.report.trial.identification_tables import identification_tables
 from myomorph.report.trial.report_input import IdentificationInput, Recorded, ReportInput

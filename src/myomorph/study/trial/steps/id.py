@@ -12,9 +12,9 @@ from myomorph.io.sto import write_sto
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series, Table, Wrenches
+from myomorph.model.soft_tissue import SoftTissue
 from myomorph.motion.automatic_cutoff import automatic_cutoff
 from myomorph.motion.filters import differentiate
-from myomorph.motion.soft_tissue import SoftTissue
 from myomorph.motion.sync import cut, resample_wrenches, torques_at
 from myomorph.motion.turns import floating_coordinates
 from myomorph.report.trial.report_input import Dynamics, ReportInput
