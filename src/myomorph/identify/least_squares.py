@@ -233,7 +233,7 @@ class Finer:
         flat = values.reshape(len(values), -1)
         result = np.full(flat.shape, np.nan)
         rate = 1.0 / float(np.median(np.diff(self.motion.time)))
-        for start, stop in runs(np.isfinite(flat).all(axis=1)):
+        for start, stop in runs(np.asarray(np.isfinite(flat).all(axis=1))):
             if stop - start >= MIN_RUN:
                 result[start:stop] = lowpass(flat[start:stop], rate, self.cutoff)
         return result.reshape(values.shape)

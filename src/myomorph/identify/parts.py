@@ -157,7 +157,7 @@ class Parts:
 
     def _absorbed(self, noise: Array, parts: Sequence[int] | np.ndarray | None = None) -> Array:
         """(g + n + 1, g + n + 1) factor of chosen parts in units of noise (2,), with what is known of soft tissue."""
-        factor = np.zeros(self.factors.shape[2:])
+        factor: Array = np.zeros(self.factors.shape[2:])
         for part in np.arange(len(self)) if parts is None else np.asarray(parts):
             for kind, weight in enumerate(self.weights(noise)):
                 factor = absorb(factor, self.factors[part, kind] * weight)
