@@ -176,7 +176,7 @@ class Parts:
     def carried(self, noise: Array) -> Array:
         """(g, n) change of soft tissue that goes with a unit of each base parameter."""
         factor, g = self._absorbed(noise), self.groups
-        result: Array = np.linalg.solve(factor[:g, :g], factor[:g, g:-1])
+        result: Array = np.asarray(np.linalg.solve(factor[:g, :g], factor[:g, g:-1]), dtype=np.float64)
         return result
 
     def factor(self, noise: Array, parts: Sequence[int] | np.ndarray | None = None) -> tuple[Array, Array]:
