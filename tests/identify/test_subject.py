@@ -268,3 +268,19 @@ def test_the_weights_of_the_paper_can_be_asked_for(walk):
     np.testing.assert_allclose(result.parameters[result.chosen], by_hand.parameters, atol=1e-5)
     with pytest.raises(BadData, match="method 'points'"):
         IdentificationOptions(prior="paper", mass_sd=0.1)
+
+
+def test_weights_of_the_paper_decide_how_far_points_leave_the_shape(walk):
+    """A heavy W_rho keeps the shape; a free total is another mass than the subject's; both only with prior "paper"."""
+    model, points, found = walk
+    paper = IdentificationOptions(prior="paper", compare=False, if_worse="identified", motion_sd=0.0)
+    shape = points["own"].parameters(points["own"].reference)[:, 0]
+    stiff, loose = (
+        identify(model, [found], points, mass=MASS, options=replace(paper, **weights))
+        for weights in ({"weight_rho": 1e9}, {"weight_phi": 1e3, "keep_mass": False})
+    )
+    np.testing.assert_allclose(stiff.parameters[stiff.identified][:, 0], shape, atol=1e-3)
+    assert np.abs(loose.parameters[loose.identified][:, 0] - shape).max() > 0.5
+    assert abs(loose.parameters[loose.identified][:, 0].sum() - MASS) > 1e-4
+    with pytest.raises(BadData, match="prior 'paper'"):
+        IdentificationOptions(weight_rho=2.0)

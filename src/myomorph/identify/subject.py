@@ -24,7 +24,7 @@ from myomorph.identify.pseudo_inertia import (
 )
 from myomorph.identify.recordings import RecordingOptions, Usable, all_left_out, check_excited
 from myomorph.identify.soft_tissue import Fitted, Use, with_soft_tissue
-from myomorph.identify.unseen import Strength, Unseen, solve_as_paper, thinned, unseen_parts
+from myomorph.identify.unseen import Paper, Strength, Unseen, thinned, unseen_parts
 from myomorph.identify.validation import Consistency, Inside, consistency
 from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData
@@ -48,7 +48,10 @@ class IdentificationOptions:
     mass_sd : relative standard deviation of a link's mass before anything is measured, which says how
         much the data may change the shape's masses; by default what predicts unseen parts of the recordings best
     prior : "relative" weighs data by their noise and each link's mass by `mass_sd`; "paper" is [D]'s own setting,
-        W_phi = W_rho = 1 in its units, for masses of points
+        `weight_phi` and `weight_rho` in its units, for masses of points
+    weight_phi, weight_rho : of base parameters and of points' masses with prior "paper": W_phi, W_rho of [D] eq. 3.10
+    point_floor : least mass of a point with prior "paper", as a share of the mean; [D] asks for more than 0
+    keep_mass : with prior "paper", whether the whole mass is kept exactly, which [D] does not ask for
     compare : also solve by the other method and the other weight maps, for the tables
     motion_sd : standard deviation of the noise that the filter leaves in a coordinate, which intervals carry
         [rad or m]; 0 for a motion without noise. By default that of markers with 2 mm of noise
@@ -61,6 +64,10 @@ class IdentificationOptions:
     method: Literal["points", "pseudo-inertia"] = "points"
     mass_sd: float | None = None
     prior: Literal["relative", "paper"] = "relative"
+    weight_phi: float = 1.0
+    weight_rho: float = 1.0
+    point_floor: float = 1e-3
+    keep_mass: bool = True
     compare: bool = True
     motion_sd: float = 0.002
     if_worse: Literal["generic", "identified"] = "generic"
@@ -71,6 +78,9 @@ class IdentificationOptions:
             raise BadData(f"mass_sd is {self.mass_sd:g}: expected above 0")
         if self.prior not in ("relative", "paper"):
             raise BadData(f"prior is '{self.prior}': expected 'relative' or 'paper'")
+        weighed = (self.weight_phi, self.weight_rho, self.point_floor, self.keep_mass)
+        if self.prior != "paper" and weighed != (1.0, 1.0, 1e-3, True):
+            raise BadData("weight_phi, weight_rho, point_floor and keep_mass are of prior 'paper': give it with them")
         if self.prior == "paper" and (self.method != "points" or self.mass_sd is not None):
             raise BadData("prior 'paper' is of mass points and has no mass_sd: give it with method 'points' alone")
         if not 0.0 <= self.motion_sd < 0.2:
@@ -237,7 +247,7 @@ def identify(
     markers = parts_of(generic, used, base)
     first = next(iter(points))
     few = thinned(points[first])
-    paper = generic if options.prior == "paper" else None
+    paper = _paper(generic, mass, options) if options.prior == "paper" else None
     strength = Strength(few, inertial_parameters(generic), options.method, options.mass_sd, paper)
     fitted = Fitted(tuple(used), markers, None, strength.choose(markers))
     cutoff = recording.cutoff if recording else None
@@ -254,7 +264,7 @@ def identify(
     rows = parts.rows(noise)
     solved = _solved(points, rows, mass, best, options, advance)
     if paper is not None:
-        solved[f"identified, {first}"] = solve_as_paper(paper, points[first], parts, noise, mass)
+        solved[f"identified, {first}"] = paper.solve(points[first], parts, noise)
     shape = points[first].parameters(points[first].reference)
     identified = f"identified, {first}" if options.method == "points" else CONIC
     parameters = {name: solved[name].parameters for name in dict.fromkeys((identified, *solved))}
@@ -302,6 +312,14 @@ def identify(
             *(note for recording in recordings for note in recording.notes),
         ),
     )
+
+
+def _paper(model: Model, mass: float, options: IdentificationOptions) -> Paper:
+    """The problem of [D] with the options' weights."""
+    weights = MassPointOptions(
+        prior="paper", W_phi=options.weight_phi, W_rho=options.weight_rho, floor=options.point_floor
+    )
+    return Paper(model, weights, mass if options.keep_mass else None)
 
 
 def _used(recording: Recording, model: Model, parameters: Array) -> Array:

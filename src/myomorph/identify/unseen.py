@@ -97,6 +97,29 @@ class Unseen:
         return tuple(lost)
 
 
+@dataclass(frozen=True, eq=False)
+class Paper:
+    """The problem of [D] eq. 3.10: mass points with weights on base parameters by least squares.
+
+    Attributes
+    ----------
+    model : that holds what no frame shows, by a weak prior of 100 times its size, as in `fit_base`
+    options : weights of both terms, and the least mass of a point
+    mass : of all points, kept exactly [kg]; None leaves it free, as [D] does
+    """
+
+    model: Model
+    options: MassPointOptions
+    mass: float | None
+
+    def solve(self, points: MassPoints, parts: Parts, noise: Array, others: np.ndarray | None = None) -> MassPointFit:
+        """Masses of points from all parts, or from some."""
+        base: BaseParameters = parts.base
+        mean, spread = base.of(inertial_parameters(self.model)), 100.0 * base_sizes(self.model, base)
+        estimate = (parts if others is None else parts.only(others)).estimate(noise, mean, spread)
+        return solve_mass_points(points, base.combination, estimate, mass=self.mass, options=self.options)
+
+
 @read_only
 @dataclass(frozen=True, eq=False)
 class Strength:
@@ -108,20 +131,19 @@ class Strength:
     generic : (bodies, 10) parameters of the scaled model
     method : "points" or "pseudo-inertia"
     mass_sd : the strength to use; None chooses
-    paper : model whose base parameters are met with [D]'s own weights; None weighs by noise and prior
+    paper : how base parameters are met with weights as [D]'s; None weighs by noise and prior
     """
 
     points: MassPoints
     generic: Array
     method: str
     mass_sd: float | None
-    paper: Model | None = None
+    paper: Paper | None = None
 
     def fit(self, parts: Parts, noise: Array, sd: float, others: np.ndarray | None = None) -> Array:
         """(bodies, 10) parameters by the given strength from some parts."""
         if self.paper is not None:
-            mass = float(self.generic[:, 0].sum())
-            return solve_as_paper(self.paper, self.points, parts, noise, mass, others).parameters
+            return self.paper.solve(self.points, parts, noise, others).parameters
         return self._solved(parts.rows(noise, others), sd)
 
     def _solved(self, rows: tuple[Array, Array], sd: float) -> Array:
@@ -174,21 +196,6 @@ class Strength:
         frames = np.array([parts.frames[parts.fold(fold)].sum() for fold in parts.names])
         weights = frames / frames.sum()
         return {sd: np.sqrt(weights @ errors[sd]) for sd in sorted(errors)}, best
-
-
-def solve_as_paper(
-    model: Model, points: MassPoints, parts: Parts, noise: Array, mass: float, others: np.ndarray | None = None
-) -> MassPointFit:
-    """Mass points with the weights of [D] eq. 3.10, W_phi = W_rho = 1, on base parameters by least squares.
-
-    What no frame shows is held at the model's by a weak prior of 100 times its size, as in `fit_base`.
-    """
-    base: BaseParameters = parts.base
-    mean, spread = base.of(inertial_parameters(model)), 100.0 * base_sizes(model, base)
-    chosen = parts if others is None else parts.only(others)
-    estimate = chosen.estimate(noise, mean, spread)
-    options = MassPointOptions(prior="paper", W_phi=1.0, W_rho=1.0)
-    return solve_mass_points(points, base.combination, estimate, mass=mass, options=options)
 
 
 def _walk(scores: Callable[[float], Array], several: bool) -> float:
