@@ -48,12 +48,13 @@ RAJAGOPAL = {
 
 @dataclass(frozen=True, eq=False)
 class Walk:
-    """A motion with torques and EMG, and the times that are calibrated on and tested on."""
+    """A motion with torques, external forces and EMG, and the times that are calibrated on and tested on."""
 
     name: str
     model: mm.Model
     motion: mm.Motion
     torques: mm.Series
+    wrenches: mm.Wrenches
     emg: mm.Emg
     channels: ChannelMap
     calibrated: tuple[float, float]
@@ -73,6 +74,16 @@ def torques_of(path: Path) -> mm.Series:
     return mm.Series(table.time, names, lowpass(table.values, table.rate, CUTOFF))
 
 
+def belts(path: Path, left: str) -> mm.Wrenches:
+    """Forces of both feet, those of the left one under columns that begin so."""
+    table = mm.read_sto(path)
+    parts = [
+        np.stack([np.column_stack([table[f"{foot}ground_{kind}{x}"] for x in "xyz"]) for foot in ("", left)], axis=1)
+        for kind in ("force_v", "force_p", "torque_")
+    ]
+    return mm.Wrenches(table.time, ("right", "left"), ("calcn_r", "calcn_l"), *parts)
+
+
 def treadmill(folder: Path) -> Walk:
     """CEINMS: the generic model's forces brought to the walker's mass, as areas: (58 / 75.16)^(2/3)."""
     at = folder / "ceinms-emg-walk"
@@ -85,7 +96,8 @@ def treadmill(folder: Path) -> Walk:
     emg = mm.Emg(table.time, table.names, table.values)
     torques = torques_of(at / "walk36/id.sto")
     channels = {name: (name,) for name in emg.names}
-    return Walk("ceinms-emg-walk", model, motion, torques, emg, channels, (5.0, 25.0), (30.0, 50.0), 4)
+    wrenches = belts(at / "walk36/XLD.mot", "l_")
+    return Walk("ceinms-emg-walk", model, motion, torques, wrenches, emg, channels, (5.0, 25.0), (30.0, 50.0), 4)
 
 
 def overground(folder: Path, side: str = "r") -> Walk:
@@ -96,11 +108,10 @@ def overground(folder: Path, side: str = "r") -> Walk:
     channels = {name: tuple(f"{one}_{side}" for one in muscles) for name, muscles in RAJAGOPAL.items()}
     emg = mm.envelopes(raw_emg(at / "raw/emg_walk_raw.anc"))
     span = (0.5, 1.75)
-    torques = mm.inverse_dynamics(
-        model, motion, mm.resample_wrenches(read_external_loads(at / "grf_walk.xml"), motion.time)
-    )
+    wrenches = mm.resample_wrenches(read_external_loads(at / "grf_walk.xml"), motion.time)
+    torques = mm.inverse_dynamics(model, motion, wrenches)
     name = "rajagopal-walk-emg" if side == "r" else "rajagopal-walk-emg, on the left leg"
-    return Walk(name, model, motion, torques, emg, channels, span, span, 5)
+    return Walk(name, model, motion, torques, wrenches, emg, channels, span, span, 5)
 
 
 def loaded(folder: Path) -> Walk:
@@ -113,7 +124,8 @@ def loaded(folder: Path) -> Walk:
     channels = {name: (name.removesuffix("_activation"),) for name in emg.names if "vasint" not in name}
     channels["vaslat_l_activation"] = ("vaslat_l", "vasint_l")
     torques = torques_of(at / "results_id.sto")
-    return Walk("walk-so-jointload-emg", model, motion, torques, emg, channels, (15.0, 35.0), (35.0, 55.0), 2)
+    wrenches = belts(at / "walking_baseline1_forces.mot", "1_")
+    return Walk("walk-so-jointload-emg", model, motion, torques, wrenches, emg, channels, (15.0, 35.0), (35.0, 55.0), 2)
 
 
 WALKS = (treadmill, overground, loaded)

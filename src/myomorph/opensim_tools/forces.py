@@ -219,6 +219,7 @@ def joint_reaction(here: Analyzed, analysis: Analysis) -> Result:
         frames,
         actuators=actuators,
         accelerations="forces",
+        patella="string",
     )
     text = f"joint reactions: {len(reactions)} frames, {len(reactions.joints)} joints"
     if np.isfinite(reactions.forces).any():

@@ -26,6 +26,19 @@ def _is(body: str, words: tuple[str, ...]) -> bool:
     return any(word in body.lower() for word in words)
 
 
+def flexion_coordinate(model: Model, knee: Joint) -> str:
+    """Name of the coordinate that bends a knee, "" of one that does not turn."""
+    return next(
+        (
+            name
+            for axis in knee.axes
+            for name in axis.coordinates
+            if model.coordinate(name).motion == "rotational" and not model.coordinate(name).locked
+        ),
+        "",
+    )
+
+
 def long_axis(model: Model, joint: Joint) -> Array | None:
     """Unit vector on the joint's child from its center to that of the next joint, None where none follows."""
     center = joint.child_frame.translation
@@ -42,15 +55,7 @@ def long_axis(model: Model, joint: Joint) -> Array | None:
 def flexed(model: Model, knee: Joint) -> Poses | None:
     """Poses of the model, but for a knee at its defaults, at `FLEXIONS` of it; None of a knee that does not turn."""
     tree = compile_tree(model)
-    turning = next(
-        (
-            name
-            for axis in knee.axes
-            for name in axis.coordinates
-            if model.coordinate(name).motion == "rotational" and not model.coordinate(name).locked
-        ),
-        "",
-    )
+    turning = flexion_coordinate(model, knee)
     if not turning:
         return None
     low, high = model.coordinate(turning).range

@@ -43,7 +43,7 @@ class TrackedFrames:
 
 
 def few_frames(motion: Motion, torques: Series, every: int) -> tuple[Motion, Series]:
-    """Every so many frames of a motion with velocities, and of its torques."""
+    """Every so many frames of a motion with velocities and what else it has, and of its torques."""
     chosen = slice(None, None, every)
     assert motion.velocities is not None
     few = replace(
@@ -51,7 +51,7 @@ def few_frames(motion: Motion, torques: Series, every: int) -> tuple[Motion, Ser
         time=motion.time[chosen],
         values=motion.values[chosen],
         velocities=motion.velocities[chosen],
-        accelerations=None,
+        accelerations=None if motion.accelerations is None else motion.accelerations[chosen],
     )
     return few, Series(few.time, torques.names, torques.values[chosen])
 

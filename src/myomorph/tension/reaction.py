@@ -26,6 +26,7 @@ from myomorph.model.series import Motion, Series, Table, Wrenches
 from myomorph.model.spatial import Transform
 from myomorph.motion.sync import refuse_other_times
 from myomorph.muscles.passive import joint_forces
+from myomorph.muscles.patella import with_lever
 from myomorph.muscles.path import compile_paths
 from myomorph.rigid.closed_motion import refuse_open
 from myomorph.rigid.dynamics import external_arrays, motion_arrays
@@ -38,6 +39,7 @@ from myomorph.tension.tension import Tension
 from myomorph.tension.terms.actuators import default_reserves
 
 On = Literal["child", "parent"]
+Patella = Literal["lever", "string"]
 
 
 @read_only
@@ -108,6 +110,7 @@ def joint_reactions(
     *,
     actuators: Sequence[Actuator] | None = None,
     accelerations: Literal["motion", "forces"] = "motion",
+    patella: Patella = "lever",
 ) -> JointReactions:
     """Force and moment that every joint transmits.
 
@@ -128,6 +131,8 @@ def joint_reactions(
     accelerations : "motion": those of the motion, what forces leave unbalanced is taken as carried by the joints'
         own coordinates; "forces": those that the forces cause, as OpenSim's analysis does it. Balanced forces give
         the same either way
+    patella : "lever": below a patella the tendon has the tension that its moment arm asks for (`muscles.patella`);
+        "string": a muscle has one tension from end to end, as in OpenSim
 
     Returns
     -------
@@ -157,14 +162,14 @@ def joint_reactions(
     poses = forward_kinematics(tree, c)
     loads = _Loads(tree, motion, poses, c, cdot)
     loads.add_external(wrenches, getattr(tension, "contacts", None))
-    loads.add_tension(tension, actuators)
+    loads.add_tension(tension, actuators, patella)
     if accelerations == "forces":
         cddot, multipliers = forward_accelerations(tree, c, cdot, cddot, loads.bodies, loads.generalized())
     elif accelerations == "motion":
         multipliers = balancing_multipliers(tree, c, cdot, cddot, loads.bodies, loads.generalized())
     else:
         raise BadData(f"unknown accelerations '{accelerations}': there are 'motion', 'forces'")
-    applied = loads.bodies + loop_wrenches(tree, c, multipliers)
+    applied = loads.bodies + loads.lever + loop_wrenches(tree, c, multipliers)
     carried = joint_wrenches(tree, c, cdot, cddot, applied)
     seen = [
         _seen(tree, poses, joint, side, name, carried.forces, carried.moments)
@@ -214,6 +219,7 @@ class _Loads:
     bodies : (frames, bodies, 6) wrenches
     along : (frames, coordinates) forces of actuators of coordinates
     moved : (frames, coordinates) what muscles do through points that move in their bodies, gathered
+    lever : (frames, bodies, 6) or 0.0, what the patella as a lever changes of `bodies`: nothing that moves the model
     """
 
     tree: Tree
@@ -224,6 +230,7 @@ class _Loads:
     bodies: Array = field(init=False)
     along: Array = field(init=False)
     moved: Array = field(init=False)
+    lever: Array | float = field(init=False, default=0.0)
 
     def __post_init__(self) -> None:
         self.bodies = of_bushings(self.tree, self.poses, self.tree.model.bushings, self.cdot)
@@ -235,7 +242,9 @@ class _Loads:
                 external_arrays(self.tree, self.motion, values)
                 self.bodies += of_wrenches(self.tree, values)
 
-    def add_tension(self, tension: Tension | Series | None, actuators: Sequence[Actuator] | None) -> None:
+    def add_tension(
+        self, tension: Tension | Series | None, actuators: Sequence[Actuator] | None, patella: Patella = "string"
+    ) -> None:
         if tension is None:
             return
         refuse_other_times("tensions", tension.time, self.motion.time)
@@ -244,6 +253,8 @@ class _Loads:
             paths = compile_paths(self.tree.model)
             pulls, work = paths.pulls(self.c)
             self.bodies += of_muscles(paths, pulls, tensions)
+            if patella == "lever":
+                self.lever = of_muscles(paths, with_lever(paths, self.c, pulls, work) - pulls, tensions)
             for number in np.flatnonzero(paths.arm_free & work.any(axis=0)):
                 self.moved[:, paths.arm_coordinate[number]] += work[:, number] * tensions[:, paths.arm_muscle[number]]
         self.bodies += of_actuators(self.tree, self.poses, helpers, forces)

@@ -9,6 +9,7 @@ import numpy as np
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, BadModel, check_name
 from myomorph.model.model import Model
+from myomorph.muscles.patella import with_lever
 from myomorph.muscles.path import compile_paths
 from myomorph.rigid.tree import compile_tree
 from myomorph.tension.terms.muscles import MuscleTerm
@@ -69,7 +70,8 @@ class JointLoadTerm(Term):
     def row_values(self, rows: Rows, frames: Frames) -> tuple[Array, Array]:
         """Force per unit activation on the bodies that hang on each joint, and what else the joint carries."""
         result = self._muscles.forces(frames)
-        pulls = self._paths.pulls(frames.coordinates)[0][..., :3] / self._body_weight
+        own = self._paths.pulls(frames.coordinates)
+        pulls = with_lever(self._paths, frames.coordinates, *own)[..., :3] / self._body_weight
         values, targets = [], []
         for j, (pairs, crossing) in enumerate(zip(self._pairs, self._crossing, strict=True)):
             unit = np.zeros((len(frames), result.active.shape[1], 3))
