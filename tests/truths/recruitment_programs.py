@@ -33,7 +33,9 @@ class Criterion:
     beside: RecruitmentOptions
 
 
-def criterion(joint_load: float = 0.0, joints: str = "", co_contraction: float = 0.0, **options: object) -> Criterion:
+def criterion(
+    joint_load: float = 0.0, joints: str = "knees", co_contraction: float = 0.0, **options: object
+) -> Criterion:
     """Options of both kinds."""
     return Criterion(
         mm.TensionOptions(**options),  # type: ignore[arg-type]

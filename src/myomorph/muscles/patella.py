@@ -78,7 +78,7 @@ def extensors(paths: Paths) -> Iterator[Extensors]:
     model, tree = paths.tree.model, paths.tree
     for knee in knee_joints(model):
         coordinate = flexion_coordinate(model, knee)
-        patella = _patella(model, knee)
+        patella = patella_of(model, knee)
         if not coordinate or patella is None:
             continue
         hanging = _hanging(tree.arrays.parent, tree.body_index[knee.child])
@@ -94,8 +94,8 @@ def extensors(paths: Paths) -> Iterator[Extensors]:
             yield Extensors(knee, model.coordinate_names.index(coordinate), muscles, shank, upper)
 
 
-def _patella(model: Model, knee: Joint) -> str | None:
-    """Body called patella that hangs on the thigh of a knee."""
+def patella_of(model: Model, knee: Joint) -> str | None:
+    """Body called patella that hangs on the thigh of a knee, None where there is none."""
     return next(
         (joint.child for joint in model.joints if joint.parent == knee.parent and PATELLA in joint.child.lower()), None
     )

@@ -244,7 +244,7 @@ def tension_task(
         targets = emg_targets_of(emg, model, motion, torques, options, actuators, contacts)
     terms: tuple[Term, ...] = ()
     later = None
-    if recruitment is not None and recruitment != RecruitmentOptions():
+    if recruitment is not None and (recruitment.joint_load or recruitment.co_contraction):
         if plan is None:
             terms = recruitment_terms(model, motion, torques, wrenches, recruitment)
         else:

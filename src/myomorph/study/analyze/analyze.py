@@ -255,7 +255,7 @@ def _model(
     """The model, its file, what it calls markers that recordings call otherwise, and sentences on it."""
     if request.model is None:
         recorded = list(dict.fromkeys(label for one in everyone for label in one.found.sites))
-        model, without = generic_model(sites_of(everyone), height)
+        model, without = generic_model(sites_of(everyone), height, request.mass)
         path = out / GENERIC
         write_osim(model, path)
         text = (

@@ -21,6 +21,14 @@ from myomorph.motion.protocols import Site
 from myomorph.muscles.scaling import default_path_lengths
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
+from myomorph.study.analyze.anatomy import (
+    HEIGHT,
+    strength_of,
+    with_anatomical_knees,
+    with_architecture,
+    with_gluteal_wraps,
+    with_strength,
+)
 from myomorph.study.analyze.opensim_wraps import in_opensim_form
 
 NAME = "myolegs_abdomen"
@@ -40,21 +48,24 @@ JOINTS = {
     "mtp_angle": "mtp",
 }
 """Joints, which MuJoCo has no names for, by the body or coordinate that they are called after, without the side."""
-HEIGHT = 1.70
-"""Of a body whose bones are as long as the model's [m]."""
 LOCKED = ("mtp_angle_r", "mtp_angle_l")
 WIDENED = ("ankle_angle_r", "ankle_angle_l", "subtalar_angle_r", "subtalar_angle_l", "hip_rotation_r", "hip_rotation_l")
 FURTHER = np.radians(30.0)
 """Walkers go beyond the model's ranges of these, by so much at most [rad]: free, ankle and subtalar joint turn over."""
 
 
-def generic_model(sites: Mapping[str, Site], height: float | None = None) -> tuple[Model, tuple[str, ...]]:
+def generic_model(
+    sites: Mapping[str, Site], height: float | None = None, mass: float | None = None
+) -> tuple[Model, tuple[str, ...]]:
     """The legs and trunk of myo-sim with a marker for every label that lies on a bone of theirs.
+
+    Fibers, tendons and strengths of the muscles are anatomists' (`anatomy`), not those of myo-sim.
 
     Parameters
     ----------
     sites : label of a recording, and what it lies on
     height : of the body that its segments are those of [m], all stretched alike; None for 1.70
+    mass : of the body that its muscles are as strong as [kg]; None for 75
 
     Returns
     -------
@@ -69,6 +80,8 @@ def generic_model(sites: Mapping[str, Site], height: float | None = None) -> tup
     if height is not None:
         factor = np.full(3, height / HEIGHT)
         model = scale(model, dict.fromkeys(model.body_names, factor), model.mass, path_lengths=default_path_lengths)
+    if mass is not None:
+        model = with_strength(model, strength_of(mass, height or HEIGHT))
     return model, without
 
 
@@ -101,7 +114,7 @@ def _places() -> dict[str, tuple[str, Array]]:
 
 @cache
 def _legs() -> Model:
-    model = in_opensim_form(legs_and_trunk())
+    model = with_architecture(with_gluteal_wraps(in_opensim_form(legs_and_trunk())))
     held = [
         replace(coordinate, locked=True, default=0.0) if coordinate.name in LOCKED
         else replace(coordinate, range=(coordinate.range[0] - FURTHER, coordinate.range[1] + FURTHER), clamped=True)
@@ -115,7 +128,7 @@ def _legs() -> Model:
 def legs_and_trunk() -> Model:
     """`myo-sim`'s legs (80 muscles) under a trunk that bends (6 muscles), in a ground with x forward, y up, z right.
 
-    The pelvis moves by the six coordinates that OpenSim's gait models have: `pelvis_tilt`, `pelvis_list`
+    Knees and patellae move as anatomists measured (`anatomy`), not as in `myo-sim`. The pelvis moves by the six coordinates that OpenSim's gait models have: `pelvis_tilt`, `pelvis_list`
     and `pelvis_rotation` about z, x and y in this order, `pelvis_tx`, `pelvis_ty`, `pelvis_tz`.
 
     Joints and the coordinates of the trunk have the names of the field (`knee_r`, `lumbar_extension`).
@@ -133,12 +146,14 @@ def legs_and_trunk() -> Model:
     root = model.joints[0]
     start = poses.rotations[0, tree.body_index[root.child]].T @ poses.rotations[0, tree.body_index["pelvis"]]
     joint, coordinates = _pelvis_joint(root.child, start)
-    return replace(
-        model,
-        name="myolegs",
-        joints=(joint, *(replace(other, name=_joint_name(other.name)) for other in model.joints[1:])),
-        coordinates=(*coordinates, *model.coordinates[6:]),
-        gravity=np.array([0.0, float(model.gravity[2]), 0.0]),
+    return with_anatomical_knees(
+        replace(
+            model,
+            name="myolegs",
+            joints=(joint, *(replace(other, name=_joint_name(other.name)) for other in model.joints[1:])),
+            coordinates=(*coordinates, *model.coordinates[6:]),
+            gravity=np.array([0.0, float(model.gravity[2]), 0.0]),
+        )
     )
 
 

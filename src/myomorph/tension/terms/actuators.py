@@ -14,6 +14,7 @@ from myomorph.model.model import GROUND, Actuator, Joint, Model, index_of
 from myomorph.motion.lengths import length_unit
 from myomorph.rigid.kernels import inner, kernel
 from myomorph.rigid.kinematics import body_poses
+from myomorph.rigid.knees import THIGH
 from myomorph.rigid.tree import ROTATION, Tree, compile_tree
 from myomorph.tension.tension import RESERVE, RESIDUAL
 from myomorph.tension.terms.term import Columns, Frames, Penalties, Term, Unknowns, Variables
@@ -199,13 +200,22 @@ def free_coordinates(model: Model) -> tuple[str, ...]:
 
 RESERVE_FORCE, RESIDUAL_FORCE = 1.0, 10.0
 """Optimal force of a reserve and of a residual on a body of human size [N], [N m]."""
+ROTATOR_FORCE = 10.0
+"""Optimal force of the reserve of a hip's axial rotation where a model lacks what turns a bent thigh outward [N m].
+
+Gluteus maximus turns a thigh inward that is bent by 90 degrees. Without its antagonists hamstrings must straighten the
+hip alone, against quadriceps.
+"""
+ROTATORS = ("quadfem", "quadratus", "obturator", "obtur", "gem")
+"""How names of those muscles begin, lower case without underscores: quadratus femoris, obturators, gemelli."""
 
 
 def default_reserves(model: Model, reserve: float | None = None, residual: float | None = None) -> tuple[Actuator, ...]:
     """A weak actuator for every free coordinate, and force and torque on a body that floats.
 
     What is weak on a human is not on a mouse: where nothing is told, forces go with the cube and torques with the
-    fourth power of the body's `length_unit`, as weights and their moments do.
+    fourth power of the body's `length_unit`, as weights and their moments do. `ROTATOR_FORCE` stands in for muscles
+    that many models of the leg leave out.
 
     Parameters
     ----------
@@ -233,12 +243,23 @@ def default_reserves(model: Model, reserve: float | None = None, residual: float
                         direction=np.eye(3)[i],
                     )
                 )
+    weak = _without_rotators(model)
     for name in free_coordinates(model):
         if name not in held:
             power = 3 if model.coordinate(name).motion == "translational" else 4
-            strength = RESERVE_FORCE * unit**power if reserve is None else reserve
+            force = ROTATOR_FORCE if name in weak else RESERVE_FORCE
+            strength = force * unit**power if reserve is None else reserve
             actuators.append(Actuator(f"{RESERVE}{name}", "coordinate", strength, coordinate=name))
     return tuple(actuators)
+
+
+def _without_rotators(model: Model) -> set[str]:
+    """Coordinates of the hips' axial rotation, by name; none where the model has muscles and rotators among them."""
+    plain = [muscle.name.lower().replace("_", "") for muscle in model.muscles]
+    if not plain or any(name.startswith(ROTATORS) for name in plain):
+        return set()
+    hips = [joint for joint in model.joints if any(word in joint.child.lower() for word in THIGH)]
+    return {name for joint in hips for name in joint.coordinates if "rotation" in name.lower()}
 
 
 def floating_joints(model: Model) -> tuple[Joint, ...]:

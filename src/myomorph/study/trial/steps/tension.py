@@ -147,10 +147,10 @@ def task_of(trial: TrialInputs, recorded: Motion, torques: Torques) -> TensionTa
 
 def _recruitment(trial: TrialInputs) -> RecruitmentOptions:
     """Costs beside the effort; loads of joints need the forces on the body."""
-    result = trial.options[RecruitmentOptions]
-    if result.joint_load and trial.get(RecordedTorques) is not None:
+    chosen, alone = trial.options[RecruitmentOptions], trial.get(RecordedTorques) is not None
+    if chosen.joint_load and alone:
         raise BadData("joint_load with joint torques of a file: loads of joints need external forces (--loads)")
-    return result
+    return chosen.settled(trial.model, trial.options[TensionOptions], not alone)
 
 
 def _emg_that_takes_part(trial: TrialInputs) -> EmgRecording | None:
@@ -221,8 +221,7 @@ def _hashed(trial: TrialInputs) -> Sequence[object]:
     options = trial.options
     chosen = (
         options.get(TensionOptions),
-        # As results of earlier versions, which had no such costs.
-        None if options[RecruitmentOptions] == RecruitmentOptions() else options[RecruitmentOptions],
+        options[RecruitmentOptions],
         None if trial.get(ContactPlan) is None else options.get(ContactOptions),
         None if trial.get(RecordedEmg) is None else options.get(EmgOptions),
     )

@@ -1,0 +1,186 @@
+"""What anatomists measured, for myo-sim's legs: knees, patellae, gluteal paths, and fibers and strength of muscles."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import cache
+from importlib.resources import files
+from typing import NamedTuple
+
+import numpy as np
+
+from myomorph.model.errors import BadData
+from myomorph.model.frozen_map import FrozenMap
+from myomorph.model.functions import PiecewisePolynomial
+from myomorph.model.model import Joint, Model
+from myomorph.model.paths import Muscle, PathWrap, WrapObject
+from myomorph.model.sides import split_side
+from myomorph.model.spatial import Transform, rotation_from_euler_xyz
+from myomorph.muscles.scaling import default_path_lengths
+from myomorph.rigid.knees import knee_joints
+
+KNEE_CENTER = np.array([-0.0080895, -0.0035348, -0.0014847])
+"""Of the right knee in the tibia's frame (Rajagopal et al. 2016), in which myo-sim's tibia is too [m].
+
+myo-sim bends the knee about the tibia's origin, 9 mm from there: moment arms of hamstrings come out 8 mm too large,
+those of the patellar tendon 6 mm too small near extension.
+"""
+PATELLA_TRACK = {
+    "knee_angle_beta_translation1": (
+        0.05238345, -0.01566967, -0.02782212, -0.00178209, 0.0137605, -0.00597871, 0.00086048,
+    ),
+    "knee_angle_beta_translation2": (
+        -0.01082157, -0.04853198, 0.00796886, 0.01404748, -0.00148646, -0.00247609, 0.00067642,
+    ),
+}  # fmt: skip
+"""Polynomials of the knee's angle by the patella's coordinate, forward and up on the thigh [m].
+
+Up to 60 degrees as in Rajagopal et al. (2016), beyond up to 1.5 mm from there: so that quadriceps' moment arm over that
+of the patellar tendon is 0.68 at 75 degrees and stays at 0.6 from 90 on, as the measured ratio of their forces does
+(Buff et al. 1988). Before it fell to 0.5 and rose above 1.
+"""
+GLUTEAL_WRAPS = (
+    ("glmax1", "-x", (-0.077, -0.099, 0.061), (-0.6, 0.45, 0.0), 0.15),
+    ("glmax2", "", (-0.080, -0.083, 0.068), (-0.75, 0.39, 0.0), 0.10),
+    ("glmax3", "", (-0.083, -0.088, 0.068), (-0.1, 0.0, 0.0), 0.10),
+)
+"""Cylinders of 4 cm radius under gluteus maximus of the right side, of which myo-sim uses the last alone: muscle, side
+that counts, center in the pelvis [m], body-fixed x-y-z angles [rad], length [m] (Rajagopal et al. 2016)."""
+SPECIFIC_TENSION = 60.0
+"""Maximum isometric force of a cross-section (Rajagopal et al. 2016) [N/cm^2]."""
+MASS, HEIGHT = 75.0, 1.70
+"""Of the body whose cross-sections the table has [kg], [m]."""
+
+
+class Architecture(NamedTuple):
+    """Of one muscle: a line of `architecture.toml`.
+
+    Attributes
+    ----------
+    fiber : optimal length [cm]
+    pennation : at that length [deg]
+    section : physiological cross-section [cm^2]
+    at_zero : length of the fiber in the anatomical pose over its optimal length, on a tendon at its slack length
+    """
+
+    fiber: float
+    pennation: float
+    section: float
+    at_zero: float
+
+
+@cache
+def architectures() -> Mapping[str, Architecture]:
+    """Lines of the table by the muscle's name without its side."""
+    text = (files("myomorph.study.analyze") / "data" / "architecture.toml").read_text("utf-8")
+    return FrozenMap({name: Architecture(*map(float, line)) for name, line in tomllib.loads(text).items()})
+
+
+def with_anatomical_knees(model: Model) -> Model:
+    """The model with knees that turn about `KNEE_CENTER`, patellae on `PATELLA_TRACK`; 0 degrees look as before."""
+    knees = {joint.name for joint in knee_joints(model)}
+    joints = tuple(_centered(joint) if joint.name in knees else joint for joint in model.joints)
+    tracks = {f"{name}_{side}": np.array([values]) for name, values in PATELLA_TRACK.items() for side in "rl"}
+    couplers = tuple(
+        replace(coupler, function=PiecewisePolynomial(np.zeros(1), tracks[coupler.dependent]))
+        if coupler.dependent in tracks
+        else coupler
+        for coupler in model.couplers
+    )
+    return replace(model, joints=joints, couplers=couplers)
+
+
+def _centered(knee: Joint) -> Joint:
+    place = KNEE_CENTER * (1.0, 1.0, 1.0 if split_side(knee.child)[1] == "right" else -1.0)
+    parent, child = knee.parent_frame, knee.child_frame
+    moved = parent.rotation @ child.rotation.T @ place
+    return replace(
+        knee,
+        parent_frame=Transform(parent.rotation, parent.translation + moved),
+        child_frame=Transform(child.rotation, child.translation + place),
+    )
+
+
+def with_gluteal_wraps(model: Model) -> Model:
+    """The model with gluteus maximus around its surfaces, paths in OpenSim's form.
+
+    Without them its moment arm is gone when the hip is bent by 100 degrees, and hamstrings, which bend the knee,
+    straighten the hip instead.
+    """
+    made: dict[str, WrapObject] = {}
+    for muscle, quadrant, center, angles, length in GLUTEAL_WRAPS:
+        for side, mirror in (("r", 1.0), ("l", -1.0)):
+            turn = rotation_from_euler_xyz(np.array(angles) * (mirror, mirror, 1.0))
+            pose = Transform(turn, np.array(center) * (1.0, 1.0, mirror))
+            name = f"{muscle}_{side}"
+            made[name] = WrapObject(f"{name}_at_pelvis", "pelvis", "cylinder", pose, (0.04, length), quadrant)
+    muscles = tuple(
+        replace(muscle, path=replace(muscle.path, wraps=(PathWrap(made[muscle.name].name),)))
+        if muscle.name in made
+        else muscle
+        for muscle in model.muscles
+    )
+    return replace(model, muscles=muscles, wrap_objects=(*model.wrap_objects, *made.values()))
+
+
+def with_architecture(model: Model) -> Model:
+    """The model with fibers, pennation, tendons and strengths of the table, tendons as long as its paths ask for.
+
+        l_slack = l_path - l_opt sqrt(at_zero^2 - sin(pennation)^2)
+
+    with the path in the model's default pose.
+
+    Raises
+    ------
+    BadData
+        where the table lacks a muscle
+    """
+    lengths = default_path_lengths(model)
+    return replace(
+        model,
+        muscles=tuple(_built(muscle, float(length)) for muscle, length in zip(model.muscles, lengths, strict=True)),
+    )
+
+
+def _built(muscle: Muscle, length: float) -> Muscle:
+    table = architectures()
+    stem = split_side(muscle.name)[0]
+    if stem not in table:
+        raise BadData(f"muscle '{muscle.name}' is not in the table of muscle architecture")
+    line = table[stem]
+    fiber, pennation = 0.01 * line.fiber, np.radians(line.pennation)
+    return replace(
+        muscle,
+        max_isometric_force=SPECIFIC_TENSION * line.section,
+        optimal_fiber_length=fiber,
+        pennation_at_optimal=float(pennation),
+        tendon_slack_length=length - fiber * float(np.sqrt(line.at_zero**2 - np.sin(pennation) ** 2)),
+        parameters=FrozenMap({}),
+    )
+
+
+def strength_of(mass: float, height: float) -> float:
+    """Forces of a body's leg muscles over those of the table's.
+
+    Volumes of leg muscles grow by 47.05 cm^3 per kg m from 1289.6 cm^3; cross-sections are these over lengths.
+
+    Source: Handsfield et al. 2014.
+
+    Parameters
+    ----------
+    mass, height : [kg], [m]
+    """
+    volume, table = (47.05 * m * h + 1289.6 for m, h in ((mass, height), (MASS, HEIGHT)))
+    return volume / table * HEIGHT / height
+
+
+def with_strength(model: Model, factor: float) -> Model:
+    """The model with maximum isometric forces times a factor."""
+    return replace(
+        model,
+        muscles=tuple(
+            replace(muscle, max_isometric_force=factor * muscle.max_isometric_force) for muscle in model.muscles
+        ),
+    )
