@@ -17,6 +17,7 @@ from myomorph.model.segments import feet_of
 from myomorph.model.series import Markers
 from myomorph.motion.protocols import ProtocolTable, labels_between
 from myomorph.motion.sync import cut
+from myomorph.muscles.published_arms import arm_warnings
 from myomorph.store.settings import ForceOptions
 from myomorph.study.analyze.generic_model import generic_model
 from myomorph.study.analyze.plate_cover import LASTS, uncovered_share
@@ -286,6 +287,7 @@ def _model(
     if labels:
         shown = _list([f"{old} as {new}" for old, new in labels.items()])
         texts.append(f"{len(labels)} labels lie on the landmark of a marker of another name: {shown}.")
+    texts += [f"{request.model.name}: {line}." for line in arm_warnings(model)]
     return model, request.model, labels, texts
 
 

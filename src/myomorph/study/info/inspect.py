@@ -124,7 +124,16 @@ def inspect_model(model: Model) -> Inspection:
     kept = [one.kind for one in model.kept if one.name not in modelled]
     if kept:
         facts.append(("kept, not modelled", _counted(kept)))
-    return Inspection("model", tuple(facts), (*model.warnings, *_model_warnings(model)))
+    return Inspection("model", tuple(facts), (*model.warnings, *_model_warnings(model), *_arm_warnings(model)))
+
+
+def _arm_warnings(model: Model) -> tuple[str, ...]:
+    if not model.muscles:
+        return ()
+    # Brings Numba: loaded only where it is needed.
+    from myomorph.muscles.published_arms import arm_warnings
+
+    return arm_warnings(model)
 
 
 def _coordinates(model: Model) -> str:
