@@ -164,7 +164,7 @@ def _of_knee(model: Model, knee: Joint, coordinate: str, size: float) -> list[Kn
 
 
 def arm_warnings(model: Model) -> tuple[str, ...]:
-    """One line for every band that muscles of a model leave: which, at what angle, how far, and by whom it was measured."""
+    """One line for every band that muscles of a model leave: which, how far, at what angle, and who measured it."""
     found = knee_arms(model)
     lines = []
     for band in BANDS:
