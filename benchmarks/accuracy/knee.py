@@ -91,6 +91,9 @@ WAYS = (
     Way("default, but 6 Hz", AT_6_HZ),
     Way("activations from the model's 0.01", ("--min-activation", "model")),
     Way("passive muscle force on rigid tendons", ("--passive",)),
+    Way("effort alone, no loads of knees", ("--joint-load", "0")),
+    Way("loads of all joints", ("--joint-load", "0.02", "--joint-load-joints", "all")),
+    Way("exponent 1.5", ("--exponent", "1.5")),
     Way("exponent 3", ("--exponent", "3")),
     Way("weights by volume", ("--weights", "volume")),
     Way("min/max", ("--recruitment", "minmax")),
@@ -152,10 +155,7 @@ def measure_where(folder: Path) -> Iterator[Row]:
         error = (at_times(loads, clock) - truth)[:, 0] / BODY_WEIGHT
         share = [float((error[first:last] ** 2).sum() / (error**2).sum()) for first, last in PHASES]
         worst = int(np.argmax(np.abs(error)))
-        shifted = {
-            late: rms((at_times(loads, clock - late) - truth)[:, 0] / BODY_WEIGHT)
-            for late in np.arange(-60, 61, 5) / 1e3
-        }
+        shifted = {late: rms((at_times(loads, clock - late) - truth)[:, 0] / BODY_WEIGHT) for late in DELAYS}
         best = min(shifted, key=lambda late: shifted[late])
         yield {
             "stride": stride,
@@ -169,6 +169,8 @@ def measure_where(folder: Path) -> Iterator[Row]:
         }
 
 
+DELAYS = tuple(np.arange(-60, 61, 5) / 1e3)
+"""Of the measured force that are tried [s]."""
 PHASES = ((0, 15), (15, 55), (55, 75), (75, 101))
 """Loading, the foot flat, push-off, swing: samples of the stride."""
 
@@ -293,9 +295,8 @@ def opensim_loads(folder: Path, stride: str, cutoff: float, smooth: bool) -> mm.
     tensions = mm.Series(at, static.names, static.forces)
     points = contact_points("auto", model)
     assert points is not None
-    shared = mm.joint_contact_forces(
-        model, moved, tensions, mm.resample_wrenches(wrenches, at), [one for one in points.points if one.joint == JOINT]
-    )
+    own = [one for one in points.points if one.joint == JOINT]
+    shared = mm.joint_contact_forces(model, moved, tensions, mm.resample_wrenches(wrenches, at), own, patella="string")
     total = np.interp(at, clock, np.linalg.norm(force, axis=1))
     return mm.Series(at, PARTS, np.column_stack([total, shared.of(JOINT, "medial"), shared.of(JOINT, "lateral")]))
 
@@ -340,7 +341,21 @@ def _numbers(found: list[mm.Series], folder: Path) -> Row:
         row |= {f"{part} {stride}": one[k][0] for stride, one in zip(STRIDES, each, strict=True)}
         row[f"{part}, mean"] = float(np.mean([one[k][0] for one in each]))
         row[f"r of {part}"] = float(np.mean([one[k][1] for one in each]))
+    row["total, clock by the other stride"] = float(np.mean(_on_the_others_clock(found, folder)))
     return row
+
+
+def _on_the_others_clock(found: list[mm.Series], folder: Path) -> list[float]:
+    """RMS of the total in each stride, moved by the delay at which it fits the other stride best [BW]."""
+    errors = {
+        late: [
+            rms((at_times(loads, clock - late) - truth)[:, 0] / BODY_WEIGHT)
+            for loads, (truth, clock) in zip(found, (measured(folder, stride) for stride in STRIDES), strict=True)
+        ]
+        for late in DELAYS
+    }
+    best = [min(DELAYS, key=lambda late: errors[late][k]) for k in range(len(STRIDES))]
+    return [errors[best[1 - k]][k] for k in range(len(STRIDES))]
 
 
 def _row(name: str, found: list[mm.Series], folder: Path) -> Row:

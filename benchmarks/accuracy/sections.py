@@ -66,6 +66,8 @@ PAGES: dict[str, dict[str, str]] = {
         "knee_peaks": "accuracy.knee:measure_peaks",
         "knee_where": "accuracy.knee:measure_where",
         "knee_cutoffs": "accuracy.knee:measure_cutoffs",
+        "knee_arms": "accuracy.knee_activities:measure_arms",
+        "knee_activities": "accuracy.knee_activities:measure_forces",
     },
     "uncertainty": {
         "uncertainty_assumed": "accuracy.uncertainty:measure_assumed",

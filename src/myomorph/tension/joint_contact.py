@@ -21,7 +21,7 @@ from myomorph.model.series import Motion, Series, Table, Wrenches
 from myomorph.rigid.kinematics import Poses, forward_kinematics
 from myomorph.rigid.knees import long_axis
 from myomorph.rigid.tree import Tree, compile_tree
-from myomorph.tension.reaction import frame_in_ground, joint_reactions
+from myomorph.tension.reaction import Patella, frame_in_ground, joint_reactions
 from myomorph.tension.tension import Tension
 
 FORCE_ALONG_NORMAL = 1e3
@@ -168,6 +168,7 @@ def joint_contact_forces(
     points: Sequence[ContactPoint],
     *,
     actuators: Sequence[Actuator] | None = None,
+    patella: Patella = "lever",
 ) -> JointContactForces:
     """Forces at given contact points of joints.
 
@@ -183,7 +184,7 @@ def joint_contact_forces(
 
     Parameters
     ----------
-    model, motion, tension, wrenches, actuators : as of `joint_reactions`
+    model, motion, tension, wrenches, actuators, patella : as of `joint_reactions`
     points : at least one; see `ContactPoint`
 
     Returns
@@ -213,7 +214,8 @@ def joint_contact_forces(
     for point in points:
         check_name("joint", point.joint, known, f"contact point '{point.name}': the model")
     joints = tuple(dict.fromkeys(point.joint for point in points))
-    reactions = joint_reactions(model, motion, tension, wrenches, joints, frame="ground", actuators=actuators)
+    asked = (model, motion, tension, wrenches, joints)
+    reactions = joint_reactions(*asked, frame="ground", actuators=actuators, patella=patella)
     tree = compile_tree(model)
     poses = forward_kinematics(tree, tree.coordinates_of(motion))
     ordered, results = [], []

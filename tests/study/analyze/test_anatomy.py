@@ -26,7 +26,7 @@ def arms(model, coordinate, angles):
 
 @pytest.mark.parametrize(
     ("coordinate", "low", "high"),
-    [("hip_flexion_r", 10.0, 110.0), ("knee_angle_r", 30.0, 120.0), ("ankle_angle_r", -40.0, 30.0)],
+    [("hip_flexion_r", -20.0, 110.0), ("knee_angle_r", 0.0, 120.0), ("ankle_angle_r", -40.0, 30.0)],
 )
 def test_moment_arms_are_those_of_rajagopals_model(data, coordinate, low, high) -> None:
     """Within 5 mm, but for quadriceps beyond 60 degrees, where its patella leaves the measured ratio."""

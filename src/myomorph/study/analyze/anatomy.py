@@ -41,17 +41,43 @@ Up to 60 degrees as in Rajagopal et al. (2016), beyond up to 1.5 mm from there: 
 of the patellar tendon is 0.68 at 75 degrees and stays at 0.6 from 90 on, as the measured ratio of their forces does
 (Buff et al. 1988). Before it fell to 0.5 and rose above 1.
 """
-GLUTEAL_WRAPS = (
-    ("glmax1", "-x", (-0.077, -0.099, 0.061), (-0.6, 0.45, 0.0), 0.15),
-    ("glmax2", "", (-0.080, -0.083, 0.068), (-0.75, 0.39, 0.0), 0.10),
-    ("glmax3", "", (-0.083, -0.088, 0.068), (-0.1, 0.0, 0.0), 0.10),
-)
-"""Cylinders of 4 cm radius under gluteus maximus of the right side, of which myo-sim uses the last alone: muscle, side
-that counts, center in the pelvis [m], body-fixed x-y-z angles [rad], length [m] (Rajagopal et al. 2016)."""
 SPECIFIC_TENSION = 60.0
 """Maximum isometric force of a cross-section (Rajagopal et al. 2016) [N/cm^2]."""
 MASS, HEIGHT = 75.0, 1.70
 """Of the body whose cross-sections the table has [kg], [m]."""
+
+
+class Cylinder(NamedTuple):
+    """A surface of the right side that muscles go around, after Rajagopal et al. (2016), where myo-sim has none.
+
+    Attributes
+    ----------
+    muscles, body : names without the side, and that of the body with "_" where it has one
+    radius, length : [m]
+    side : of the surface that counts, "" for all
+    center, angles : in the body [m]; body-fixed x-y-z [rad]
+    between : numbers of the path points between which it counts, -1 for the ends
+    """
+
+    muscles: tuple[str, ...]
+    body: str
+    radius: float
+    length: float
+    side: str
+    center: tuple[float, float, float]
+    angles: tuple[float, float, float]
+    between: tuple[int, int] = (-1, -1)
+
+
+CYLINDERS = (
+    Cylinder(("glmax1",), "pelvis", 0.04, 0.15, "-x", (-0.077, -0.099, 0.061), (-0.6, 0.45, 0.0)),
+    Cylinder(("glmax2",), "pelvis", 0.04, 0.10, "", (-0.080, -0.083, 0.068), (-0.75, 0.39, 0.0)),
+    Cylinder(("glmax3",), "pelvis", 0.04, 0.10, "", (-0.083, -0.088, 0.068), (-0.1, 0.0, 0.0)),
+    Cylinder(("psoas",), "pelvis", 0.05, 0.10, "-y", (-0.074, -0.060, 0.0656), (-0.25, -0.27, 0.1), (2, 3)),
+    Cylinder(("gasmed", "gaslat"), "femur_", 0.025, 0.10, "", (0.005, -0.410, 0.0), (0.0, 0.0, 0.0)),
+)
+"""Without them gluteus maximus loses its moment arm where the hip is bent by 100 degrees, psoas half of its own where it
+is straight, and gastrocnemius half of its own where the knee is."""
 
 
 class Architecture(NamedTuple):
@@ -103,26 +129,27 @@ def _centered(knee: Joint) -> Joint:
     )
 
 
-def with_gluteal_wraps(model: Model) -> Model:
-    """The model with gluteus maximus around its surfaces, paths in OpenSim's form.
-
-    Without them its moment arm is gone when the hip is bent by 100 degrees, and hamstrings, which bend the knee,
-    straighten the hip instead.
-    """
-    made: dict[str, WrapObject] = {}
-    for muscle, quadrant, center, angles, length in GLUTEAL_WRAPS:
+def with_cylinders(model: Model) -> Model:
+    """The model with muscles around `CYLINDERS`, gluteus maximus around these alone; paths are in OpenSim's form."""
+    made: list[WrapObject] = []
+    uses: dict[str, PathWrap] = {}
+    for cylinder in CYLINDERS:
         for side, mirror in (("r", 1.0), ("l", -1.0)):
-            turn = rotation_from_euler_xyz(np.array(angles) * (mirror, mirror, 1.0))
-            pose = Transform(turn, np.array(center) * (1.0, 1.0, mirror))
-            name = f"{muscle}_{side}"
-            made[name] = WrapObject(f"{name}_at_pelvis", "pelvis", "cylinder", pose, (0.04, length), quadrant)
-    muscles = tuple(
-        replace(muscle, path=replace(muscle.path, wraps=(PathWrap(made[muscle.name].name),)))
-        if muscle.name in made
-        else muscle
-        for muscle in model.muscles
-    )
-    return replace(model, muscles=muscles, wrap_objects=(*model.wrap_objects, *made.values()))
+            body = f"{cylinder.body}{side}" if cylinder.body.endswith("_") else cylinder.body
+            turn = rotation_from_euler_xyz(np.array(cylinder.angles) * (mirror, mirror, 1.0))
+            pose = Transform(turn, np.array(cylinder.center) * (1.0, 1.0, mirror))
+            name = f"{cylinder.muscles[0]}_{side}_at_{cylinder.body.rstrip('_')}"
+            made.append(WrapObject(name, body, "cylinder", pose, (cylinder.radius, cylinder.length), cylinder.side))
+            uses |= {f"{muscle}_{side}": PathWrap(name, "hybrid", *cylinder.between) for muscle in cylinder.muscles}
+    muscles = tuple(_around(muscle, uses.get(muscle.name)) for muscle in model.muscles)
+    return replace(model, muscles=muscles, wrap_objects=(*model.wrap_objects, *made))
+
+
+def _around(muscle: Muscle, wrap: PathWrap | None) -> Muscle:
+    if wrap is None:
+        return muscle
+    kept = () if muscle.name.startswith("glmax") else muscle.path.wraps
+    return replace(muscle, path=replace(muscle.path, wraps=(*kept, wrap)))  # type: ignore[arg-type]
 
 
 def with_architecture(model: Model) -> Model:

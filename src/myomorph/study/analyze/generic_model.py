@@ -26,7 +26,7 @@ from myomorph.study.analyze.anatomy import (
     strength_of,
     with_anatomical_knees,
     with_architecture,
-    with_gluteal_wraps,
+    with_cylinders,
     with_strength,
 )
 from myomorph.study.analyze.opensim_wraps import in_opensim_form
@@ -114,7 +114,7 @@ def _places() -> dict[str, tuple[str, Array]]:
 
 @cache
 def _legs() -> Model:
-    model = with_architecture(with_gluteal_wraps(in_opensim_form(legs_and_trunk())))
+    model = with_architecture(with_cylinders(in_opensim_form(legs_and_trunk())))
     held = [
         replace(coordinate, locked=True, default=0.0) if coordinate.name in LOCKED
         else replace(coordinate, range=(coordinate.range[0] - FURTHER, coordinate.range[1] + FURTHER), clamped=True)
