@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,15 +10,19 @@ import numpy as np
 
 import myomorph as mm
 from benchmarks.accuracy.emg import WALKS, Walk
+from benchmarks.accuracy.knee import CHANNELS, CUTOFF, STRIDES, STUDY, inputs_of, raw_emg
+from myomorph.io.loads import read_external_loads
 from myomorph.model.arrays import Array
 from myomorph.motion.emg_delay import USUAL, channel_means, fit_gains, shifted
+from myomorph.tension.recruitment import RecruitmentOptions, recruitment_terms
 from myomorph.tension.tension import Tension
 
 SECONDS = 8.0
 """Of each walk: some strides, so that the table is made in a minute."""
 
+EFFORT = RecruitmentOptions(0.0)
 SETTINGS: Mapping[str, mm.TensionOptions] = {
-    "default": mm.TensionOptions(),
+    "effort alone": mm.TensionOptions(),
     "with passive force": mm.TensionOptions(passive=True),
     "activations from the model's minimum": mm.TensionOptions(min_activation="model"),
     "curves of the rigid tendon": mm.TensionOptions(curves="rigid-tendon"),
@@ -33,17 +37,51 @@ SETTINGS: Mapping[str, mm.TensionOptions] = {
 }
 
 
+LOADS: Mapping[str, RecruitmentOptions] = {
+    f"loads of {joints}, {weight:g}": RecruitmentOptions(weight, joints)
+    for joints, weights in (("knees", (0.01, 0.02, 0.05)), ("all", (0.02,)))
+    for weight in weights
+}
+"""Costs beside the effort; that of knees with 0.02 is the default."""
+BIARTICULAR = ("recfem", "rect_fem", "gas")
+"""How names of muscles begin, or hold, whose silence is a test of its own."""
+SILENT = 0.4
+"""The share of a channel's samples that count as silence, its smallest."""
+
+
+def instrumented(stride: str) -> Callable[[Path], Walk]:
+    """A stride of the man with the instrumented knee; his EMG takes no part either."""
+
+    def make(folder: Path) -> Walk:
+        model, motion, _ = inputs_of(folder, stride)
+        motion = mm.differentiate(motion, CUTOFF)
+        loads = read_external_loads(folder / STUDY / f"{stride}_grf.xml")
+        wrenches = mm.resample_wrenches(loads, motion.time, cutoff=CUTOFF)
+        torques = mm.inverse_dynamics(model, motion, wrenches)
+        span = float(motion.time[0]), float(motion.time[-1])
+        emg = mm.envelopes(raw_emg(folder, stride))
+        return Walk(f"{STUDY}, {stride}", model, motion, torques, wrenches, emg, CHANNELS, span, span, 1)
+
+    return make
+
+
 def measure_settings(folder: Path) -> Iterator[dict[str, object]]:
     """A row for every walk and setting; no setting sees EMG, and the delay is the same for all."""
-    for make in WALKS:
+    for make in (*WALKS, *(instrumented(stride) for stride in STRIDES)):
         walk = make(folder)
         start, stop = walk.tested
         walk = replace(walk, tested=(start, min(stop, start + SECONDS)))
         motion, torques = walk.part(walk.tested)
         emg = _measured(walk, motion.time)
-        for name, options in SETTINGS.items():
-            found = mm.solve_tension(walk.model, motion, torques, options)
-            r, rms = zip(*(_fit(found, walk, channel, emg[channel]) for channel in walk.channels), strict=True)
+        wrenches = mm.resample_wrenches(walk.wrenches, motion.time)
+        asked = {name: (options, EFFORT) for name, options in SETTINGS.items()}
+        asked |= {name: (mm.TensionOptions(), loads) for name, loads in LOADS.items()}
+        for name, (options, costs) in asked.items():
+            terms = recruitment_terms(walk.model, motion, torques, wrenches, costs)
+            found = mm.solve_tension(walk.model, motion, torques, options, terms=terms)
+            fits = {channel: _fit(found, walk, channel, emg[channel]) for channel in walk.channels}
+            r, rms = zip(*fits.values(), strict=True)
+            both = [channel for channel in fits if _is_biarticular(walk, channel)]
             yield {
                 "walk": walk.name,
                 "setting": name,
@@ -52,6 +90,10 @@ def measure_settings(folder: Path) -> Iterator[dict[str, object]]:
                 "correlation with EMG, mean": float(np.mean(r)),
                 "least": float(np.min(r)),
                 "RMS from EMG, mean": float(np.mean(rms)),
+                "correlation, biarticular": float(np.mean([fits[channel][0] for channel in both])),
+                "activation of these in silence": float(
+                    np.mean([_in_silence(found, walk, channel, emg[channel]) for channel in both])
+                ),
                 "largest activation, mean": float(np.nanmax(found.activations, axis=1).mean()),
                 "tension of all muscles, mean [kN]": float(found.forces.sum(axis=1).mean()) / 1e3,
                 "not optimal": int((~found.optimal).sum()),
@@ -70,4 +112,16 @@ def _fit(found: Tension, walk: Walk, channel: str, measured: Array) -> tuple[flo
     use = np.isfinite(predicted) & np.isfinite(measured)
     scale, _ = fit_gains(predicted[use, None], measured[use, None])
     rms = float(np.sqrt(np.mean((scale[0] * predicted[use] - measured[use]) ** 2)))
-    return float(np.corrcoef(predicted[use], measured[use])[0, 1]), rms
+    moves = np.std(predicted[use]) > 1e-9
+    # A channel whose muscles never work follows nothing.
+    return float(np.corrcoef(predicted[use], measured[use])[0, 1]) if moves else 0.0, rms
+
+
+def _is_biarticular(walk: Walk, channel: str) -> bool:
+    return all(any(part in muscle for part in BIARTICULAR) for muscle in walk.channels[channel])
+
+
+def _in_silence(found: Tension, walk: Walk, channel: str, measured: Array) -> float:
+    """Mean activation of a channel's muscles where its EMG is least."""
+    predicted = channel_means({channel: walk.channels[channel]}, found.muscles, found.activations)[:, 0]
+    return float(predicted[measured < np.nanquantile(measured, SILENT)].mean())

@@ -142,7 +142,8 @@ def _of_knee(model: Model, knee: Joint, coordinate: str, size: float) -> list[Kn
     flexion = np.arange(0.0, min(120.0, max(sign * low, sign * high)) + 1e-6, STEP)
     if not len(flexion):
         return []
-    motion = Motion(0.01 * np.arange(len(flexion)), (coordinate,), sign * np.radians(flexion)[:, None])
+    angles = np.asarray(sign * np.radians(flexion)[:, None], dtype=np.float64)
+    motion = Motion(0.01 * np.arange(len(flexion), dtype=np.float64), (coordinate,), angles)
     paths = compile_paths(model)
     values = paths.tree.coordinates_of(motion)
     _, _, arms = paths.evaluate(values)

@@ -86,6 +86,7 @@ class SimulationOptions:
 def simulated_trial(options: SimulationOptions | None = None) -> TrialInputs:
     """The simulated capture, ready for all steps, with its truth."""
     # Brings SciPy: loaded only where it is needed.
+    from myomorph.tension.recruitment import RecruitmentOptions, recruitment_terms
     from myomorph.tension.solve import TensionOptions, solve_tension
 
     options = options or SimulationOptions()
@@ -96,7 +97,9 @@ def simulated_trial(options: SimulationOptions | None = None) -> TrialInputs:
     wrenches = balancing_wrenches(tree, forces_motion)
     at_markers = balancing_wrenches(tree, truth)
     torques = inverse_dynamics(model, truth, at_markers)
-    tension = solve_tension(model, truth, torques, TensionOptions())
+    costs = RecruitmentOptions().settled(model, TensionOptions(), external=True)
+    terms = recruitment_terms(model, truth, torques, at_markers, costs)
+    tension = solve_tension(model, truth, torques, TensionOptions(), terms=terms)
     random = np.random.default_rng(options.seed)
     markers = measured_markers(tree, truth, options, random)
     noisy = replace(

@@ -18,7 +18,7 @@ from myomorph.tension.terms.term import Term
 
 KNEES, ALL = "knees", "all"
 KNEE_LOAD = 0.02
-"""Default weight of the load of knees (docs/decisions/0029-recruitment.md)."""
+"""Default weight of the load of knees (docs/decisions/0029-knees-that-bend.md)."""
 
 
 @dataclass(frozen=True)

@@ -76,7 +76,7 @@ CYLINDERS = (
     Cylinder(("psoas",), "pelvis", 0.05, 0.10, "-y", (-0.074, -0.060, 0.0656), (-0.25, -0.27, 0.1), (2, 3)),
     Cylinder(("gasmed", "gaslat"), "femur_", 0.025, 0.10, "", (0.005, -0.410, 0.0), (0.0, 0.0, 0.0)),
 )
-"""Without them gluteus maximus loses its moment arm where the hip is bent by 100 degrees, psoas half of its own where it
+"""Without them gluteus maximus has no moment arm where a hip is bent by 100 degrees, psoas half of its own where it
 is straight, and gastrocnemius half of its own where the knee is."""
 
 
@@ -149,7 +149,7 @@ def _around(muscle: Muscle, wrap: PathWrap | None) -> Muscle:
     if wrap is None:
         return muscle
     kept = () if muscle.name.startswith("glmax") else muscle.path.wraps
-    return replace(muscle, path=replace(muscle.path, wraps=(*kept, wrap)))  # type: ignore[arg-type]
+    return replace(muscle, path=replace(muscle.path, wraps=(*kept, wrap)))
 
 
 def with_architecture(model: Model) -> Model:
