@@ -6,7 +6,7 @@ import pytest
 from benchmarks.house import CHECKOUT, checkout_texts, count
 
 LIMITS = {
-    ("lines", "src"): 134_600,
+    ("lines", "src"): 134_700,
     ("lines", "benchmarks"): 24_000,
     ("words", "documentation"): 100_000,
     ("vague", "src"): 10,

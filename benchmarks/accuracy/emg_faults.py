@@ -46,7 +46,7 @@ def implant(folder: Path, stride: str) -> Walk:
     emg = mm.envelopes(raw_emg(folder, stride))
     torques = mm.inverse_dynamics(model, motion, wrenches)
     span = (float(motion.time[0]), float(motion.time[-1]))
-    return Walk(f"{STUDY}, {stride}", model, motion, torques, emg, CHANNELS, span, span, 2)
+    return Walk(f"{STUDY}, {stride}", model, motion, torques, wrenches, emg, CHANNELS, span, span, 2)
 
 
 def _swaps(walk: Walk) -> Row:

@@ -203,12 +203,12 @@ def _our_loads(folder: Path, stride: str, way: Way) -> mm.Series:
         if way.own_angles:
             motion = Path(work) / "ik.mot"
             told = ("--markers", here / f"{stride}.trc", "--tasks", here / "ik_tasks.xml")
-            _command("ik", "--model", model, *told, "--out", motion)
+            command("ik", "--model", model, *told, "--out", motion)
         if way.personal:
             model = personal_model(folder, stride, model, Path(work))
         emg = ("--emg", write_emg(folder, stride, Path(work))) if way.emg else ()
         files = ("--model", model, "--motion", motion, "--loads", here / f"{stride}_grf.xml", *emg)
-        _command("tension", *files, "--contact-points", "auto", "--out", out, *way.settings)
+        command("tension", *files, "--contact-points", "auto", "--out", out, *way.settings)
         return left_knee(mm.read_sto(out / "joint_contact_forces.sto"))
 
 
@@ -218,11 +218,12 @@ def personal_model(folder: Path, stride: str, model: Path, work: Path) -> Path:
     here, out = folder / STUDY, work / "personal.osim"
     files = ("--model", model, "--motion", here / f"{other}_ik.mot", "--loads", here / f"{other}_grf.xml")
     emg = ("--emg", write_emg(folder, other, work))
-    _command("personalize", *files, *emg, "--generic", folder / GENERIC, "--out", out)
+    command("personalize", *files, *emg, "--generic", folder / GENERIC, "--out", out)
     return out
 
 
-def _command(*words: object) -> None:
+def command(*words: object) -> None:
+    """Run a command of the program quietly; raises `RuntimeError` where it fails."""
     with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()) as told:
         status = main([str(one) for one in words])
     if status:

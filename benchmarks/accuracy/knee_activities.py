@@ -6,7 +6,6 @@ Nothing here has a measured force; published ranges are those of instrumented kn
 from __future__ import annotations
 
 import contextlib
-import io
 import tempfile
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -17,8 +16,7 @@ from unittest.mock import patch
 import numpy as np
 
 import myomorph as mm
-from benchmarks.accuracy.knee import Row
-from myomorph.cli import main
+from benchmarks.accuracy.knee import Row, command
 from myomorph.io.loads import read_external_loads
 from myomorph.io.mjcf.read import composed_model
 from myomorph.model.arrays import Array
@@ -174,7 +172,7 @@ def _inputs(folder: Path, activity: Activity, model_name: str) -> tuple[mm.Model
         path = _calibrated(folder, model_name == BEFORE)
         model = mm.read_model(path)
         table = path.with_name(f"{activity.file}.mot")
-        _command("ik", "--model", path, "--markers", here / f"markers/{activity.file}.trc", "--out", table)
+        command("ik", "--model", path, "--markers", here / f"markers/{activity.file}.trc", "--out", table)
         motion = mm.read_motion(table, model)
     moving = mm.differentiate(motion, CUTOFF)
     assert moving.velocities is not None
@@ -217,13 +215,6 @@ def _calibrated(folder: Path, plain: bool) -> Path:
         shipped._legs.cache_clear()
         files = (here / "markers/walking1.trc", "--static", here / "markers/static1.trc")
         loads = ("--loads", here / "grf/walking1_external_forces.xml", "--mass", MASS)
-        _command("analyze", *files, *loads, "--out", out)
+        command("analyze", *files, *loads, "--out", out)
     shipped._legs.cache_clear()
     return out / "calibrated.osim"
-
-
-def _command(*words: object) -> None:
-    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()) as told:
-        status = main([str(one) for one in words])
-    if status:
-        raise RuntimeError(f"myomorph {' '.join(map(str, words))}: {told.getvalue()}")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,8 +10,8 @@ import numpy as np
 
 import myomorph as mm
 from benchmarks.accuracy.emg import WALKS, Walk
-from benchmarks.accuracy.knee import CHANNELS, CUTOFF, STRIDES, STUDY, inputs_of, raw_emg
-from myomorph.io.loads import read_external_loads
+from benchmarks.accuracy.emg_faults import implant
+from benchmarks.accuracy.knee import STRIDES
 from myomorph.model.arrays import Array
 from myomorph.motion.emg_delay import USUAL, channel_means, fit_gains, shifted
 from myomorph.tension.recruitment import RecruitmentOptions, recruitment_terms
@@ -49,26 +49,9 @@ SILENT = 0.4
 """The share of a channel's samples that count as silence, its smallest."""
 
 
-def instrumented(stride: str) -> Callable[[Path], Walk]:
-    """A stride of the man with the instrumented knee; his EMG takes no part either."""
-
-    def make(folder: Path) -> Walk:
-        model, motion, _ = inputs_of(folder, stride)
-        motion = mm.differentiate(motion, CUTOFF)
-        loads = read_external_loads(folder / STUDY / f"{stride}_grf.xml")
-        wrenches = mm.resample_wrenches(loads, motion.time, cutoff=CUTOFF)
-        torques = mm.inverse_dynamics(model, motion, wrenches)
-        span = float(motion.time[0]), float(motion.time[-1])
-        emg = mm.envelopes(raw_emg(folder, stride))
-        return Walk(f"{STUDY}, {stride}", model, motion, torques, wrenches, emg, CHANNELS, span, span, 1)
-
-    return make
-
-
 def measure_settings(folder: Path) -> Iterator[dict[str, object]]:
     """A row for every walk and setting; no setting sees EMG, and the delay is the same for all."""
-    for make in (*WALKS, *(instrumented(stride) for stride in STRIDES)):
-        walk = make(folder)
+    for walk in (*(make(folder) for make in WALKS), *(implant(folder, stride) for stride in STRIDES)):
         start, stop = walk.tested
         walk = replace(walk, tested=(start, min(stop, start + SECONDS)))
         motion, torques = walk.part(walk.tested)
