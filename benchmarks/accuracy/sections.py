@@ -29,6 +29,7 @@ PAGES: dict[str, dict[str, str]] = {
         "inverse_dynamics": "accuracy.kinematics:measure_inverse_dynamics",
         "cutoff": "accuracy.cutoff:measure",
         "cutoff_truth": "accuracy.cutoff:measure_truth",
+        "turns": "accuracy.turns:measure",
         "loop_torques": "accuracy.loop_forces:measure_torques",
         "live": "accuracy.live:measure",
         "live_markers": "accuracy.live:measure_losses",

@@ -13,12 +13,19 @@ from myomorph.io.trc import read_trc
 from myomorph.model.functions import linear
 from myomorph.model.model import GROUND, Axis, Body, Coordinate, Joint, Marker, Model
 from myomorph.model.series import Markers, Motion
-from myomorph.model.spatial import Transform
+from myomorph.model.spatial import Transform, axis_rotation
 from myomorph.motion import ik
 from myomorph.motion.filters import differentiate
 from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics, pose_problem, tracked_markers
 from myomorph.motion.starts import nearest_turns
-from myomorph.motion.turns import floating_coordinates, of_one_branch, of_one_turn, other_branch
+from myomorph.motion.turns import (
+    floating_coordinates,
+    nearest_turn,
+    of_one_branch,
+    of_one_turn,
+    other_angles,
+    other_branch,
+)
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
@@ -190,13 +197,28 @@ def test_inverse_kinematics_that_begins_a_stretch_on_the_other_branch_does_not_j
     np.testing.assert_allclose(found.motion.values, true, atol=1e-4)
 
 
-def test_a_joint_whose_axes_are_not_perpendicular_is_left():
+@pytest.mark.parametrize("last", [(0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (-0.0846, 0.9947, -0.0584)])
+def test_two_triples_of_angles_about_any_axes_are_one_rotation(last):
+    axes = np.array([(0.0, 0.0, 1.0), (0.6, 0.8, 0.0), np.array(last) / np.linalg.norm(last)])
+
+    def rotation(angles: np.ndarray) -> np.ndarray:
+        return np.linalg.multi_dot([axis_rotation(axis, angle) for axis, angle in zip(axes, angles, strict=True)])
+
+    for angles in np.random.default_rng(0).uniform(-1.0, 1.0, (20, 3)):
+        other = other_angles(angles, axes)
+        np.testing.assert_allclose(rotation(other), rotation(angles), atol=1e-12)
+        assert np.abs(nearest_turn(other, angles) - angles).max() > 0.1
+        np.testing.assert_allclose(nearest_turn(other_angles(other, axes), angles), angles, atol=1e-9)
+
+
+def test_stretches_on_the_other_branch_come_back_where_axes_are_not_perpendicular():
     model = arm(2.0 * np.pi)
     tilted = Axis("rotation", np.array([0.6, 0.0, 0.8]), linear(1.0), ("adduction",))
     joint = replace(model.joints[0], axes=(model.joints[0].axes[0], tilted, model.joints[0].axes[2]))
-    given = through_the_side()
-    given[20:] = [other_branch(one) for one in given[20:]]
-    np.testing.assert_array_equal(branched(replace(model, joints=(joint,)), given), given)
+    true = 0.3 * through_the_side()
+    turned = true.copy()
+    turned[20:50] = [other_angles(angles, np.array([axis.vector for axis in joint.axes])) for angles in true[20:50]]
+    np.testing.assert_allclose(branched(replace(model, joints=(joint,)), turned), true, atol=1e-9)
 
 
 def free(model: Model) -> Model:

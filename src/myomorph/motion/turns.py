@@ -13,6 +13,7 @@ import numpy as np
 
 from myomorph.model.arrays import Array, runs
 from myomorph.model.model import GROUND, Joint, Model
+from myomorph.model.spatial import axis_rotation
 from myomorph.motion.pose_problem import PoseProblem
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import Tree
@@ -102,9 +103,9 @@ def _root_chains(model: Model) -> Iterator[list[Joint]]:
 def of_one_branch(tree: Tree, problem: PoseProblem, values: Array) -> Array:
     """The same poses, with the angles of every joint of three that are nearest to those of the frame before.
 
-    Angles (a, b, c) about axes each perpendicular to the next turn a body as (a + pi, pi - b, c + pi) do. Frames are
-    solved in stretches from poses that were found apart, and may begin on either. Where the nearer angles are out of
-    bounds, or a task pulls at them, they stay; so do those of a floating root, which may come back turned around.
+    Two triples of angles about three axes turn a body alike. Frames are solved in stretches from poses that were found
+    apart, and may begin on either. Where the nearer angles are out of bounds, or a task pulls at them, they stay; so do
+    those of a floating root, which may come back turned around.
 
     Parameters
     ----------
@@ -113,17 +114,17 @@ def of_one_branch(tree: Tree, problem: PoseProblem, values: Array) -> Array:
     values = values.copy()
     seen = np.flatnonzero(np.isfinite(values).all(axis=1))
     place = {int(j): i for i, j in enumerate(problem.free)}
-    for triple in _triples(tree):
+    for triple, axes in _triples(tree):
         steps = np.abs(np.diff(values[seen][:, triple], axis=0))
         if not all(j in place for j in triple) or not (steps > JUMP).any() or problem.coordinates.weight[triple].any():
             continue
-        if not _turns_alike(tree, values[seen[0]], triple):
+        if not _turns_alike(tree, values[seen[0]], triple, axes):
             continue
         low, high = (np.array([bound[place[j]] for j in triple]) for bound in (problem.lower, problem.upper))
         for before, frame in pairwise(seen):
             last, here = values[before, triple], values[frame, triple]
             if np.abs(here - last).max() > JUMP:
-                alike = (here, nearest_turn(here, last), nearest_turn(other_branch(here), last))
+                alike = (here, nearest_turn(here, last), nearest_turn(other_angles(here, axes), last))
                 inside = [angles for angles in alike if ((low <= angles) & (angles <= high)).all()]
                 values[frame, triple] = min(inside or [here], key=partial(_distance, last))
     return values
@@ -138,24 +139,52 @@ def other_branch(angles: Array) -> Array:
     return np.array([angles[0] + np.pi, np.pi - angles[1], angles[2] + np.pi])
 
 
+def other_angles(angles: Array, axes: Array) -> Array:
+    """(3,) the other angles of the same rotation about any three axes [rad].
+
+    The last axis w after the second rotation makes an angle with the first axis u that depends on cos(b - beta) alone,
+    so the middle angle may be 2 beta - b; the others follow from where u and w come to lie (Davenport angles).
+
+    Parameters
+    ----------
+    angles : (3,) [rad]
+    axes : (3, 3) unit vectors, one a row
+    """
+    first, second, last = axes
+    beta = np.arctan2(first @ np.cross(second, last), first @ last - (first @ second) * (second @ last))
+    middle = 2.0 * beta - angles[1]
+    here, there = (axis_rotation(second, angle) for angle in (angles[1], middle))
+    before = _angle_about(first, there @ last, here @ last)
+    after = _angle_about(last, there.T @ first, here.T @ first)
+    return np.array([angles[0] + before, middle, angles[2] - after])
+
+
+def _angle_about(axis: Array, start: Array, end: Array) -> float:
+    """By which a vector turns about an axis to another [rad]."""
+    return float(np.arctan2(axis @ np.cross(start, end), start @ end - (axis @ start) * (axis @ end)))
+
+
 def nearest_turn(angles: Array, reference: Array) -> Array:
     """Angles without whole turns away from a reference [rad]."""
     return np.asarray(angles - 2.0 * np.pi * np.round((angles - reference) / (2.0 * np.pi)))
 
 
-def _triples(tree: Tree) -> Iterator[list[int]]:
-    """The three angles of each joint that turns by three, but for a floating root's."""
+def _triples(tree: Tree) -> Iterator[tuple[list[int], Array]]:
+    """The three angles of each joint that turns by three, and their axes (3, 3), but for a floating root's."""
     floating = set(floating_coordinates(tree.model))
     for joint in tree.model.joints:
-        names = dict.fromkeys(name for axis in joint.axes if axis.kind == "rotation" for name in axis.coordinates)
-        if len(names) == 3 and not floating.intersection(names):
-            yield [tree.model.coordinate_names.index(name) for name in names]
+        turning = [axis for axis in joint.axes if axis.kind == "rotation" and axis.coordinates]
+        names = [name for axis in turning for name in axis.coordinates]
+        if len(turning) == len(set(names)) == 3 and not floating.intersection(names):
+            signs = [float(axis.function(np.array(1.0)) - axis.function(np.array(0.0))) for axis in turning]
+            axes = np.array([sign * axis.vector for sign, axis in zip(signs, turning, strict=True)])
+            yield [tree.model.coordinate_names.index(name) for name in names], axes
 
 
-def _turns_alike(tree: Tree, pose: Array, triple: list[int]) -> bool:
+def _turns_alike(tree: Tree, pose: Array, triple: list[int], axes: Array) -> bool:
     """Whether the other branch of three angles, and whole turns of each, give every body the same pose."""
     poses = np.tile(pose, (5, 1))
-    poses[1, triple] = other_branch(pose[triple])
+    poses[1, triple] = other_angles(pose[triple], axes)
     poses[[2, 3, 4], triple] += 2.0 * np.pi
     turned = forward_kinematics(tree, poses)
     return all(np.ptp(entries, axis=0).max() < SAME_POSE for entries in (turned.rotations, turned.origins))
