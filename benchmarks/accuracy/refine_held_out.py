@@ -24,6 +24,7 @@ from myomorph.identify.refine.trial_data import opened
 from myomorph.identify.subject import IdentificationOptions
 from myomorph.io.osim.marker_set import read_marker_set
 from myomorph.model.inertia import with_inertial_parameters
+from myomorph.model.soft_tissue import SoftTissue
 from myomorph.motion.sync import cut
 from myomorph.study.analyze.analyze import AnalyzeRequest, prepare_study
 from myomorph.study.inputs.loads import ExternalLoads
@@ -172,8 +173,11 @@ def row(person: Recorded, train: list[Part], test: Part) -> Row:
     found = refine(model, trials, person.mass)
     seconds = perf_counter() - begun
 
-    def errors(made: mm.Model) -> Errors:
-        return errors_on(made, opened(made, unseen, options), None, on_given.usable.use)
+    def errors(made: mm.Model, tissue: SoftTissue | None = None) -> Errors:
+        seen = opened(made, unseen, options)
+        if tissue is not None:
+            seen = replace(seen, usable=replace(seen.usable, recording=seen.usable.recording.moved(tissue.of)))
+        return errors_on(made, seen, None, on_given.usable.use)
 
     return {
         "subject": person.name,
@@ -181,7 +185,7 @@ def row(person: Recorded, train: list[Part], test: Part) -> Row:
         "held against": test[0],
         "frames": int(on_given.usable.use.sum()),
         "calibrated": _text(given),
-        "identify": "refused" if identified is None else _against(errors(identified), given),
+        "identify": "refused" if identified is None else _against(errors(*identified), given),
         "refine": _against(errors(found.model), given),
         "refined": refined_parts(replace(options, body=found.body, masses=found.masses)),
         "warned": bool(found.notes),
@@ -192,7 +196,7 @@ def row(person: Recorded, train: list[Part], test: Part) -> Row:
     }
 
 
-def _identified(model: mm.Model, trials: list[SubjectTrial], mass: float) -> mm.Model | None:
+def _identified(model: mm.Model, trials: list[SubjectTrial], mass: float) -> tuple[mm.Model, SoftTissue | None] | None:
     """The same by `identify` with its defaults, each link's own envelope filled with points; None where it refuses."""
     points, _, _ = body_points(model, BodyShape(), mass, BodyOptions(spacing=SPACING))
     seen = [opened(model, one, RefineOptions()).usable for one in trials]
@@ -201,7 +205,7 @@ def _identified(model: mm.Model, trials: list[SubjectTrial], mass: float) -> mm.
                          options=IdentificationOptions())  # fmt: skip
     except mm.BadData:
         return None
-    return with_inertial_parameters(model, found.parameters[found.chosen])
+    return with_inertial_parameters(model, found.parameters[found.chosen]), found.soft_tissue
 
 
 def _text(one: Errors) -> str:
