@@ -200,7 +200,7 @@ def free_coordinates(model: Model) -> tuple[str, ...]:
 
 RESERVE_FORCE, RESIDUAL_FORCE = 1.0, 10.0
 """Optimal force of a reserve and of a residual on a body of human size [N], [N m]."""
-ROTATOR_FORCE = 12.0
+ROTATOR_FORCE = 5.0
 """Optimal force of the reserve of a hip's axial rotation where a model lacks what turns a bent thigh outward [N m].
 
 Gluteus maximus turns a thigh inward that is bent by 90 degrees. Without its antagonists hamstrings must straighten the
