@@ -7,7 +7,7 @@ from benchmarks.house import CHECKOUT, checkout_texts, count
 
 LIMITS = {
     ("lines", "src"): 134_700,
-    ("lines", "benchmarks"): 24_000,
+    ("lines", "benchmarks"): 24_200,
     ("words", "documentation"): 100_000,
     ("vague", "src"): 10,
 }
