@@ -107,8 +107,8 @@ def morph_command(
             (("target-geometry", target_geometry), ("beside", beside), ("protocol", protocol or None)),
             "goes with --target",
         )
-        told = (landmarks, geometry, skin, unit, mass, together, mirror, across, _links(link or []))
-        morphed, drawn = morphing.morph_files(MorphFiles(source, bones, *told), settings), None
+        details = (landmarks, geometry, skin, unit, mass, together, mirror, across, _links(link or []))
+        morphed, drawn = morphing.morph_files(MorphFiles(source, bones, *details), settings), None
     lost = morphing.write_morphed(morphed, out, bones=drawn)
     notes = dict.fromkeys((*morphed.warnings, *morphed.morph.notes, *morphing.bone_notes(morphed), *lost))
     warn(tuple(notes), f"{tables / REPORT} lists them")

@@ -1,4 +1,4 @@
-"""How commands run a study, whatever it is of: their options, workers, what is said of each job, the exit status."""
+"""How commands run a study, whatever it is of: their options, workers, what is printed of each job, the exit status."""
 
 from __future__ import annotations
 

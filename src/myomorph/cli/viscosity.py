@@ -126,7 +126,7 @@ def viscosity_command(
     if dry_run:
         count = 1 if scheduler else workers_here(jobs, workers, memory, threads).count
         return print_dry_run(partial(graph_of, plan), out, fresh, count)
-    # What is wrong with options is said before workers begin.
+    # What is wrong with options is reported before workers begin.
     graph_of(plan, out)
     hands = workers_of(scheduler, out, jobs, workers, memory, threads)
     return ended(run_viscosity(plan, out, print_specimen, fresh=fresh, workers=hands), out)

@@ -71,7 +71,7 @@ def assign_bodies(
 
     Every stretch of time in which a plate is loaded goes to one body, or is cut where another body takes
     over. A plate that carried two bodies becomes two wrenches, named `plate_body`. Two feet on one
-    plate at once cannot be told apart by one plate: the force goes to the nearer one, with a warning.
+    plate at once cannot be separated by one plate: the force goes to the nearer one, with a warning.
 
     Parameters
     ----------
@@ -222,7 +222,7 @@ NEAR = 0.35
 class OnlineFeet:
     """Gives the forces of plates to bodies: to the one named, else to the foot that is nearest when the load begins.
 
-    While the load is small, the center of pressure tells little: the foot is asked for again until the load passes
+    While the load is small, the center of pressure shows little: the foot is asked for again until the load passes
     `SURE`, and then kept until it ends. A plate that is loaded near no foot acts on no body.
 
     Parameters

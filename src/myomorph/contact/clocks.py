@@ -34,7 +34,7 @@ class SoundClock:
     Attributes
     ----------
     shift : to be added to `Sound.start` [s]
-    ratio : mean change of velocity at the impacts over that at the next best shift; 1 tells nothing
+    ratio : mean change of velocity at the impacts over that at the next best shift; 1 shows nothing
     impacts : how many lie within the motion then
     """
 

@@ -95,7 +95,7 @@ def _changed(forces: ForceSamples | Wrenches, number: int, change: Change) -> di
 
 @dataclass(frozen=True, eq=False)
 class Inspection:
-    """Forces beside the motion they are said to belong to.
+    """Forces beside the motion that they belong to.
 
     Attributes
     ----------

@@ -36,7 +36,7 @@ class SoundPlan:
     Attributes
     ----------
     speed : of sound [m/s]
-    find_clock : whether the motion of what strikes tells when the sound began
+    find_clock : whether the sound's beginning is found from the motion of what strikes
     known : instrument to (time [s], impulse [N s]) of impacts of known impulse
     directions : of the force on what strikes, by instrument, in ground; up where it is not named
     impulse : "known": from loudness, calibrated with the known impacts; "motion": effective mass of the site times its
@@ -93,7 +93,7 @@ def heard_contacts(
         clock = sound_clock(hear_impacts(sound, plan.instruments, options), model, recorded, sites)
         sound = replace(sound, start=sound.start + clock.shift)
         result = (
-            f"the sound begins at {sound.start:.3f} s of the motion, as {clock.impacts} impacts tell "
+            f"the sound begins at {sound.start:.3f} s of the motion, as {clock.impacts} impacts show "
             f"({clock.ratio:.1f} times better than the next best time)",
         )
     heard = hear_impacts(sound, plan.instruments, options, np.asarray(recorded.time))

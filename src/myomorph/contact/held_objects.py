@@ -155,7 +155,7 @@ def raised_contacts(
 
     Parameters
     ----------
-    soles : sites under the feet, which tell how large the body is; those of other bodies count for nothing, and an
+    soles : sites under the feet, which show how large the body is; those of other bodies count for nothing, and an
         object is judged by its own height
     height : of the surface [m]; None takes `resting_height`
     """

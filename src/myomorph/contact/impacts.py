@@ -30,7 +30,7 @@ LINEAR, PRIOR = 0.5, 1.0
 impacts scatter by 10 %."""
 
 AROUND, TOUCH = 0.03, 0.006
-"""Time before and after a impact that tells a tip's velocity, and how long it touches [s]."""
+"""Time before and after an impact from which a tip's velocity is taken, and how long it touches [s]."""
 
 
 @dataclass(frozen=True)

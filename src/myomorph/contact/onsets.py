@@ -32,7 +32,7 @@ LEARNT, ORDER = 0.03, 24
 """Time before that from which linear prediction is fitted [s], and its order."""
 
 QUIET = 0.005
-"""Time before an onset that tells how loud it was before [s]."""
+"""Time before an onset in which the loudness before is taken [s]."""
 
 BLOCK = 0.002
 """Time for which one linear prediction is used [s]."""
@@ -136,7 +136,7 @@ def onsets(heard: Heard, options: SoundOptions | None = None) -> tuple[Onset, ..
     peaks = np.flatnonzero((excess > 0.0) & (excess == maximum_filter1d(excess, rest)))
     results: list[Onset] = []
     for peak in peaks:
-        # The fastest level that shows it tells the time best.
+        # The fastest level that shows it has the time best.
         signal, rate = heard.levels[int(np.argmax(table[:, peak] >= 0.5 * table[:, peak].max()))]
         time = heard.start + _first_arrival(signal, round(peak * HOP * rate), rate) / rate
         if results and time - results[-1].time < 0.5 * options.rest:
@@ -249,7 +249,7 @@ def _first_arrival(signal: Array, near: int, rate: float) -> int:
     reach, learnt = int(WINDOW * rate), max(int(LEARNT * rate), 8 * ORDER)
     first, last = max(near - reach, 0), min(near + 2 * reach, len(signal))
     part = _unforeseen(signal[max(first - learnt, 0) : last], first - max(first - learnt, 0))
-    # What follows the loudest sample is the instrument's own ringing, and tells nothing of its beginning.
+    # What follows the loudest sample is the instrument's own ringing, and shows nothing of its beginning.
     part = part[: int(np.argmax(np.abs(part))) + 2]
     n = len(part)
     if n < 16:
@@ -262,7 +262,7 @@ def _first_arrival(signal: Array, near: int, rate: float) -> int:
 
 
 def _unforeseen(signal: Array, known: int) -> Array:
-    """What the first `known` samples, continued by a linear prediction fitted to them, do not tell of the rest."""
+    """What the first `known` samples, continued by a linear prediction fitted to them, do not predict of the rest."""
     if known < 4 * ORDER:
         return signal[known:]
     later = np.lib.stride_tricks.sliding_window_view(signal[known - ORDER :], ORDER + 1)

@@ -56,7 +56,7 @@ def grip_between(
         minimise  sum_frames |(R_b x + p_b) - (R_o y + p_o)|^2 + w |x - near|^2
 
     over x in the body and y in the other: the point about which they turn on each other (Ehrig, Taylor, Duda and
-    Heller 2006), with a weak pull to a first guess along directions that the motion does not tell.
+    Heller 2006), with a weak pull to a first guess along directions that the motion does not determine.
 
     Parameters
     ----------
@@ -135,7 +135,7 @@ def action_reaction(model: Model, motion: Motion, parts: Sequence[str], measured
     ----------
     motion : with velocities and accelerations
     parts : names of the parts that `model` was joined of
-    measured : external forces on bodies of the joined model, as plates tell them, at the motion's times
+    measured : external forces on bodies of the joined model, as plates measure them, at the motion's times
 
     Raises
     ------

@@ -1,7 +1,7 @@
 """Plates whose corners a file counts from the wrong one: they stand turned by quarters in the laboratory.
 
 Who mounts a plate the other way round and leaves the corners as they were gets forces of the right size whose center of
-pressure runs across the walkway. The markers tell: the center of pressure lies under the body.
+pressure runs across the walkway. The markers show it: the center of pressure lies under the body.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ CLEARLY = 0.25
 to twice that share of what the next best one leaves: a plate that stands as its file says is never turned for less."""
 
 FIRM = 0.3
-"""Samples that carry this share of the largest force tell; below, the center of pressure is noise."""
+"""Samples that carry this share of the largest force count; below, the center of pressure is noise."""
 
 MIN_COUNT = 20
 

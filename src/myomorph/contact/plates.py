@@ -136,7 +136,7 @@ def force_plates(trial: Trial, options: PlateOptions | None = None) -> Trial:
     """The trial with `plates` made of its `plate_recordings`, and warnings about what looks wrong.
 
     Each plate's center of pressure and free torque are NaN where it is unloaded. A plate of a type that
-    is not built is left out with a warning that names it. Which way is up is told by the markers: the
+    is not built is left out with a warning that names it. Which way is up is known from the markers: the
     force of a loaded plate must point from the plate to the subject, else force and moment are
     reversed, with a warning; and its center of pressure must lie under them, else its corners are counted
     from another one where that is clearly better (`first_corner`), with a warning.
@@ -182,14 +182,15 @@ def _turned(plate: ForcePlate, state: NDArray[np.bool_], trial: Trial, warnings:
     """The plate turned under the body where its corners are clearly counted from the wrong one."""
     if trial.markers is None:
         return plate
-    told = first_corner(_while_loaded(plate, state), trial.plate_time, trial.markers)
-    if told is None or not told.clear:
+    corner = first_corner(_while_loaded(plate, state), trial.plate_time, trial.markers)
+    if corner is None or not corner.clear:
         return plate
     warnings.append(
-        f"the corners of {plate.name} were counted from its corner {told.best + 1}: so the center of pressure lies "
-        f"{told.distances[told.best]:.2g} m from the markers' middle, as the file has them {told.distances[0]:.2g} m"
+        f"the corners of {plate.name} were counted from its corner {corner.best + 1}: so the center of pressure lies "
+        f"{corner.distances[corner.best]:.2g} m from the markers' middle, as the file has them "
+        f"{corner.distances[0]:.2g} m"
     )
-    return counted_from(plate, told.best)
+    return counted_from(plate, corner.best)
 
 
 def _pulls_down(plates: Sequence[ForcePlate], states: Sequence[NDArray[np.bool_]], trial: Trial) -> bool:

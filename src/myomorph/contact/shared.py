@@ -1,4 +1,4 @@
-"""What plates tell of several sites together: two feet on a plate, a foot on several, fewer plates than contacts."""
+"""What plates measure of several sites together: two feet on a plate, a foot on several, fewer plates than contacts."""
 
 from __future__ import annotations
 
@@ -218,7 +218,7 @@ def assign_feet(
 ) -> Assignment:
     """Give each plate's force to the foot whose sole its center of pressure is under.
 
-    The bodies are those of the first site of each group: the heels. See `assign_bodies`, whose warnings tell of
+    The bodies are those of the first site of each group: the heels. See `assign_bodies`, whose warnings name
     plates that carried two feet at once; `shared_wrenches` is for these.
 
     Parameters

@@ -170,7 +170,7 @@ def rest_on_floor(
 ) -> tuple[tuple[Site, ...], Floor]:
     """Sites moved along the floor's normal so that each lies on it while its group rests, and that floor.
 
-    How thick a sole is, no model tells; shoes and markers' places make some centimetres of it. A group rests in
+    How thick a sole is, no model has; shoes and markers' places make some centimetres of it. A group rests in
     the frames in which it is low and its sites, on the mean, are slow against the floor; each site is moved by the
     median of its heights there, or, in a group that never rests, by the mean of the other groups' sites.
 

@@ -85,7 +85,7 @@ def foot_sites(
 
     Names are `heel_medial_r`, `ball_lateral_l`, ...; groups are `foot_r` and `foot_l`. Where they lie comes
     from the bones' meshes where they are given, else from the joint of the toes, in the model's default
-    posture. How thick a sole is no model tells: `rest_on_floor` fits that to a motion.
+    posture. How thick a sole is no model has: `rest_on_floor` fits that to a motion.
 
     Parameters
     ----------
@@ -146,7 +146,7 @@ def body_poses(model: Model) -> dict[str, Transform]:
 
 
 def feet_of(model: Model) -> tuple[Foot, ...]:
-    """The feet that the bodies' names tell, right before left; raises `BadData` where there is none.
+    """The feet by the bodies' names, right before left; raises `BadData` where there is none.
 
     A foot's down is the floor's in the default posture; where that is within 20 degrees of an axis of the heel's
     body, it is that axis, as models draw feet flat on the ground of their own frame. In a joined model the feet of each

@@ -1,7 +1,7 @@
 """Impacts heard by microphones: when each drum was struck, how loud, and by which site.
 
 The way from the instrument to its microphone is taken off at the speed of sound, and what one impact sends into
-several microphones is told apart by how loud it is in each.
+several microphones is separated by how loud it is in each.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Instrument:
     channel : name of the microphone's channel
     distance : from the place that is struck to that microphone [m]
     sites : contact sites of the body that may strike it, such as the tips of two sticks
-    others : distances to microphones of other channels [m], where known: they tell how loud it is there
+    others : distances to microphones of other channels [m], where known: they give how loud it is there
     """
 
     name: str
@@ -91,7 +91,7 @@ def hear_impacts(
     Parameters
     ----------
     sound : all channels on one clock, which `sound.start` ties to the motion's
-    time : (frames,) of the motion, where there is one: a sound of another length is told [s]
+    time : (frames,) of the motion, where there is one: a sound of another length is reported [s]
 
     Raises
     ------
@@ -241,11 +241,11 @@ def _energies(
     options: SoundOptions,
 ) -> Array:
     """What each instrument's microphone got (instruments,) while a group of arrivals sounded."""
-    told = {i: onset.energy for _, i, onset in reversed(group)}
+    energies = {i: onset.energy for _, i, onset in reversed(group)}
     result = np.zeros(len(instruments))
     for i, instrument in enumerate(instruments):
-        if i in told:
-            result[i] = told[i]
+        if i in energies:
+            result[i] = energies[i]
             continue
         arrival = group[0][0] + instrument.distance / options.speed
         result[i] = max(energy_after(heard[instrument.channel], arrival, options)[0], 0.0)

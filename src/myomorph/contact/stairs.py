@@ -112,7 +112,7 @@ class StairOptions:
 @read_only
 @dataclass(frozen=True, eq=False)
 class StepLoads:
-    """What the cells tell, in ground.
+    """What the cells measure, in ground.
 
     Attributes
     ----------

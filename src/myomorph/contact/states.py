@@ -1,4 +1,4 @@
-"""When sites touch: told by force plates, by how sites move over the floor, or by several sources together.
+"""When sites touch: by force plates, by how sites move over the floor, or by several sources together.
 
 How ready a site is to carry force (its activation) follows from the same motion; so does the preferred direction.
 """
@@ -24,7 +24,7 @@ from myomorph.rigid.tree import compile_tree
 Bools = NDArray[np.bool_]
 
 PLATES, KINEMATICS = "plates", "kinematics"
-"""What tells of a touch."""
+"""Sources of contact intervals."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ def find_contacts(
     model : the body, with the bodies that the sites are on
     motion : coordinates over time, filtered
     sites : places that can touch, see `model.contacts.Site` [m]
-    options : heights [m], speeds [m/s] and times [s] that tell a touch; see `ContactStateOptions`
+    options : heights [m], speeds [m/s] and times [s] that make a touch; see `ContactStateOptions`
     plates : forces on bodies (or of plates, bodies unknown), at the motion's times
 
     Returns

@@ -228,7 +228,7 @@ class Touch:
     surface : body that is touched
     start, stop : [s]
     confidence : how sure that is, 0 to 1
-    source : what tells so: "plates", "kinematics", "camera", "sound", ...
+    source : where that is known from: "plates", "kinematics", "camera", "sound", ...
     """
 
     site: str
@@ -247,7 +247,7 @@ class Touch:
 
 @dataclass(frozen=True)
 class Contacts:
-    """Which site touches what, from when to when, and how sure: the same whatever tells it.
+    """Which site touches what, from when to when, and how sure: the same whatever the source.
 
     Attributes
     ----------

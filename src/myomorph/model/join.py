@@ -57,7 +57,7 @@ def join_models(parts: Mapping[str, Model], name: str = "") -> Model:
     Raises
     ------
     BadData
-        where a part's name is no such word, tells a side (`r`, `left`), or begins another part's names
+        where a part's name is no such word, is a side (`r`, `left`), or begins another part's names
     BadModel
         where the models do not agree on gravity
     """

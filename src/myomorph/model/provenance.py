@@ -37,7 +37,7 @@ class Provenance:
     ----------
     step : "ik", "id", "muscles", "tension"
     sources : the inputs
-    options : what the step was told, by option name; values are numbers, texts, None or lists of them
+    options : of the step, by option name; values are numbers, texts, None or lists of them
     version : of Myomorph
     date : when it was made, ISO 8601 with time zone
     """

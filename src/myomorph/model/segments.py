@@ -49,7 +49,7 @@ class Segment:
 def segments_of(model: Model, stated: Mapping[str, Segment] | None = None) -> Mapping[str, Segment]:
     """The segment of every body of a human model, by the bodies' names.
 
-    A body whose name tells nothing (a massless one between two joints) belongs with its parent; one on
+    A body whose name says nothing (a massless one between two joints) belongs with its parent; one on
     the ground, with its child.
 
     Parameters
@@ -59,7 +59,7 @@ def segments_of(model: Model, stated: Mapping[str, Segment] | None = None) -> Ma
     Raises
     ------
     UnknownName : a segment is given for a body that the model does not have
-    BadData : no body's name tells a segment, or a given segment is none of `SEGMENTS`
+    BadData : no body's name is of a segment, or a given segment is none of `SEGMENTS`
     """
     segments: dict[str, Segment] = {}
     for body, segment in (stated or {}).items():

@@ -1,4 +1,4 @@
-"""Right and left, as names tell them."""
+"""Right and left, by names."""
 
 from __future__ import annotations
 
@@ -50,11 +50,11 @@ def mirror_names(names: Iterable[str]) -> Mapping[str, str]:
 
 
 def other_side(name: str, *, capitals: bool = False) -> str:
-    """The name's counterpart on the other side, "" where it tells no side: `Thigh_l` for `Thigh_r`.
+    """The name's counterpart on the other side, "" where it has no side: `Thigh_l` for `Thigh_r`.
 
     Parameters
     ----------
-    capitals : `RASI` tells a side too, as markers do; `RIBS` is then taken for one as well
+    capitals : `RASI` has a side too, as markers do; `RIBS` is then taken for one as well
     """
     apart = [i for i, letter in enumerate(name) if letter in _OTHER_LETTER and _stands_apart(name, i, whole=True)]
     if apart:
@@ -70,7 +70,7 @@ def other_side(name: str, *, capitals: bool = False) -> str:
 
 
 def _stands_apart(name: str, i: int, *, whole: bool = False) -> bool:
-    """Whether a letter may tell the side: it begins the name, or stands between underscores or dots.
+    """Whether a letter may be the side: it begins the name, or stands between underscores or dots.
 
     With `whole` the letter that begins the name must be followed by one of these too.
     """

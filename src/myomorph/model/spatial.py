@@ -25,7 +25,7 @@ def rotation_from_euler_xyz(angles: ArrayLike) -> Array:
 
 
 def euler_xyz_from_rotation(rotation: ArrayLike) -> Array:
-    """Body-fixed X, Y, Z angles [rad] of a rotation matrix; Z is 0 where X and Z cannot be told apart."""
+    """Body-fixed X, Y, Z angles [rad] of a rotation matrix; Z is 0 where X and Z cannot be separated."""
     r = np.asarray(rotation, dtype=np.float64)
     b = np.arcsin(np.clip(r[0, 2], -1.0, 1.0))
     if abs(r[0, 2]) < 1.0 - 1e-14:

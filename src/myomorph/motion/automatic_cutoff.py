@@ -38,7 +38,7 @@ TRIED = np.geomspace(0.001, 0.49, 240)
 """Cutoffs that are compared, over the rate of frames."""
 
 MIN_FRAMES, MAX_FRAMES = 30, 4096
-"""Frames in a row without a gap: fewer tell no spectrum, and of more the middle ones are enough."""
+"""Frames in a row without a gap: fewer have no spectrum, and of more the middle ones are enough."""
 
 _KNOWN: WeakKeyDictionary[Motion, float | None] = WeakKeyDictionary()
 """Of motions that still exist: coordinates, external forces and what is printed ask for the same one."""

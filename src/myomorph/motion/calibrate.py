@@ -381,8 +381,8 @@ def _notes(
     count = sum(len(angle) for angle in search.found.point.angles)
     if count < FEW_FRAMES:
         notes.append(f"only {count} frames: lengths and marker positions come mostly from the given model")
-    if not search.told:
-        notes.append(f"so few frames do not tell the noise: taken as {1e3 * search.noise:g} mm")
+    if not search.noise_found:
+        notes.append(f"so few frames do not show the noise: taken as {1e3 * search.noise:g} mm")
     if not search.found.converged:
         notes.append(
             f"not converged after {search.steps} steps, last change {search.found.change:.1g}: allow more iterations"

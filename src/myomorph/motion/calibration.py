@@ -56,7 +56,7 @@ class CalibrationOptions:
         in proportion (of the order of the 1 to 6 by which fluoroscopy finds the hip's angles from markers off,
         Fiorentino et al. 2017); without effect where `slide_sd` is 0
     independent_frames : so many frames of moving skin and clothes say as much as all, for its movement is alike
-        from frame to frame; without effect where the residual tells the noise
+        from frame to frame; without effect where the residual gives the noise
     static_sd : of the coordinates that are known in the static trial [rad]
     iterations : at most so many steps
     marker_weights : weight of each marker; those not named count 1, 0 leaves one out
@@ -103,15 +103,15 @@ class Distances:
 
     @classmethod
     def of(cls, options: CalibrationOptions, unit: float) -> Distances:
-        """As told, or those of a human body times the `length_unit` of this one."""
+        """As specified, or those of a human body times the `length_unit` of this one."""
 
-        def told(value: float | None, usual: float) -> float:
+        def specified(value: float | None, usual: float) -> float:
             return usual * unit if value is None else value
 
-        noise = told(options.noise, SLIDE)
+        noise = specified(options.noise, SLIDE)
         slide = noise if options.slide_sd is None else options.slide_sd
         turn = SLIDE_TURN * slide / (SLIDE * unit) if options.slide_turn_sd is None else options.slide_turn_sd
-        return cls(told(options.marker_sd, 0.02), told(options.fixed_sd, 0.01), noise, unit, slide, turn)
+        return cls(specified(options.marker_sd, 0.02), specified(options.fixed_sd, 0.01), noise, unit, slide, turn)
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,7 +21,7 @@ from myomorph.rigid.tree import compile_tree
 Bools = NDArray[np.bool_]
 
 NOISE_UNKNOWN, NOISE_LEAST, NOISE_AT_FIRST = 0.005, 1e-4, 0.02
-"""Of a marker along one axis: where the residual cannot tell it, at least, and of the first stage [length units]."""
+"""Of a marker along one axis: where the residual cannot show it, at least, and of the first stage [length units]."""
 
 SIDE_REPEATS = 3
 """Stages done again where the last one shows other sides that differ."""
@@ -40,7 +40,7 @@ class Search:
     found : the minimum
     start : where the first stage began
     noise : standard deviation of a marker along one axis [m]
-    told : whether the residual tells the noise
+    noise_found : whether the residual shows the noise
     costs : of the last stage's steps
     steps : of all stages together
     free : (unknowns,) which lengths, shifts and size were searched for
@@ -52,7 +52,7 @@ class Search:
     found: Minimum
     start: Point
     noise: float
-    told: bool
+    noise_found: bool
     costs: tuple[float, ...]
     steps: int
     free: Bools
@@ -69,7 +69,7 @@ def search_minimum(
     distances: Distances,
     progress: Callable[[int], None] | None,
 ) -> Search:
-    """Minimum of the problem, the noise told by its residual until both agree."""
+    """Minimum of the problem, the noise taken from its residual until both agree."""
     lengths, shifts = _may_move(problem, names, options)
     free = lengths | shifts
     x = np.zeros(problem.prior.rows.shape[1])
@@ -92,7 +92,7 @@ def search_minimum(
     start = point = settle(problem, x, angles, stages[0] ** 2)
     if not np.isfinite(point.cost(0.0)):
         raise BadData(f"calibration: the loops of model '{problem.model.name}' cannot be closed at {size:.3g} its size")
-    told, usual, repeats = True, usual_shifts(problem.model, names, distances), 0
+    known, usual, repeats = True, usual_shifts(problem.model, names, distances), 0
     sides: tuple[SideDifference, ...] = ()
     landmark = np.array([problem.model.marker(name).fixed for name in names])
     differing: frozenset[tuple[int, int]] = frozenset()
@@ -128,10 +128,10 @@ def search_minimum(
             prior = calibration_prior(problem.lengths, released, options, size, tuple(differing))
             problem = replace(problem, prior=prior)
         if not stages and not distances.noise:
-            told_noise, told = _noise(problem, minimum, free, noise**2)
-            if abs(told_noise - noise) > 0.05 * noise and steps < options.iterations:
-                stages = [told_noise]
-    return Search(problem, minimum, start, noise, told, minimum.costs, steps, free, sides, tuple(differing))
+            shown_noise, known = _noise(problem, minimum, free, noise**2)
+            if abs(shown_noise - noise) > 0.05 * noise and steps < options.iterations:
+                stages = [shown_noise]
+    return Search(problem, minimum, start, noise, known, minimum.costs, steps, free, sides, tuple(differing))
 
 
 def _may_move(problem: SharedProblem, names: Sequence[str], options: CalibrationOptions) -> tuple[Bools, Bools]:
@@ -145,7 +145,7 @@ def _may_move(problem: SharedProblem, names: Sequence[str], options: Calibration
 
 
 def _noise(problem: SharedProblem, minimum: Minimum, free: Bools, variance: float) -> tuple[float, bool]:
-    """Standard deviation of a marker along one axis from what the fit leaves, and whether that can be told."""
+    """Standard deviation of a marker along one axis from what the fit leaves, and whether that can be known."""
     squares, seen = 0.0, 0
     for errors in minimum.reduced.errors:
         squares += float(np.nansum(problem.pose.markers.weight * errors**2))
@@ -166,7 +166,7 @@ def _alternate(
     lengths: Bools,
     shifts: Bools,
     most: int,
-    told: Callable[[], None],
+    after_step: Callable[[], None],
 ) -> Minimum:
     """[D] 3.2.1: (b) angles and lengths, (c) marker positions at fixed angles, in turn, until neither moves."""
     costs: list[float] = []
@@ -175,7 +175,7 @@ def _alternate(
         x = place_at_fixed_angles(problem, minimum, variance, shifts)
         point = settle(problem, x, minimum.point.angles, variance)
         costs.append(point.cost(variance))
-        told()
+        after_step()
         if len(costs) > 1 and costs[-2] - costs[-1] <= 1e-5 * costs[-1]:
             return Minimum(point, reduce(problem, point), True, tuple(costs))
     return Minimum(point, reduce(problem, point), False, tuple(costs))

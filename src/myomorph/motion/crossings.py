@@ -20,7 +20,7 @@ from myomorph.rigid.tree import Tree, compile_tree
 Bools = NDArray[np.bool_]
 
 STEP = 1e-6
-"""Of the differences that tell how coordinates move markers, in units of the coordinates."""
+"""Of the differences by which coordinates move markers, in units of the coordinates."""
 
 BENT = 0.2
 """How far joints are bent from the default pose, where straight limbs hide what their markers show [rad]."""
@@ -36,7 +36,7 @@ class CrossingOptions:
     Attributes
     ----------
     only : use only the passes through the capture volume: parts of the recording in which enough markers are seen
-    min_visible : a frame shows enough where its markers tell this share of what all markers of the model tell: of the
+    min_visible : a frame shows enough where its markers determine this share of what all of the model's do: of the
         independent directions in which coordinates move markers; without a model, of the markers themselves
     max_gap : shorter stretches that show less are bridged [s]
     min_duration : shorter parts are left out [s]
@@ -125,7 +125,7 @@ def within_crossings(markers: Markers, spans: tuple[tuple[float, float], ...]) -
 
 
 def shown_shares(markers: Markers, model: Model | None = None) -> Array:
-    """(frames,) the share of what could be told that the markers of each frame tell."""
+    """(frames,) the share of what could be determined that the markers of each frame determine."""
     seen = np.asarray(np.isfinite(markers.values).all(axis=2))
     if model is None:
         ever = int(seen.any(axis=0).sum())

@@ -91,12 +91,12 @@ def envelope_faults(emg: Emg) -> tuple[EmgFault, ...]:
             continue
         negative = known & (column < -NEGATIVE * np.abs(column[known]).max())
         if negative.any():
-            told = f"is negative in {_share(negative)}, down to {column[negative].min():.3g}; taken as 0"
-            faults.append(_fault(emg, name, "negative", negative, told))
+            what = f"is negative in {_share(negative)}, down to {column[negative].min():.3g}; taken as 0"
+            faults.append(_fault(emg, name, "negative", negative, what))
         large = known & (column > BEYOND_ONE)
         if large.any():
-            told = f"reaches {column[large].max():.3g}: an envelope is a share of a maximum; normalise it"
-            faults.append(_fault(emg, name, "large", large, told))
+            what = f"reaches {column[large].max():.3g}: an envelope is a share of a maximum; normalise it"
+            faults.append(_fault(emg, name, "large", large, what))
         dead = _dead(emg, name, column, DEAD_ENVELOPE)
         faults += dead or [*_cut(emg, name, column), *_fast(emg, name, column)]
         before = emg.values[:, : emg.names.index(name)].T
@@ -121,7 +121,7 @@ def without_faults(emg: Emg, faults: Iterable[EmgFault]) -> Emg:
 def noise_faults(emg: Emg, channels: Iterable[str] | None = None) -> tuple[EmgFault, ...]:
     """Channels whose envelope hardly changes while others burst: noise, hum, or an electrode that is on no muscle.
 
-    A contraction that is held looks the same, so that nothing is said where no channel bursts.
+    A contraction that is held looks the same, so that nothing is reported where no channel bursts.
 
     Parameters
     ----------
@@ -197,8 +197,8 @@ def _unknown(series: Series, name: str, column: Array) -> list[EmgFault]:
     unknown = ~np.isfinite(column)
     if not unknown.any():
         return []
-    told = "has no known value" if unknown.all() else f"is unknown in {_share(unknown)}"
-    return [_fault(series, name, "unknown", unknown, told)]
+    what = "has no known value" if unknown.all() else f"is unknown in {_share(unknown)}"
+    return [_fault(series, name, "unknown", unknown, what)]
 
 
 def _dead(series: Series, name: str, column: Array, least: float) -> list[EmgFault]:
@@ -223,8 +223,8 @@ def _clipped(series: Series, name: str, column: Array) -> list[EmgFault]:
                 at[first:end] = True
     if at.mean() < CLIPPED_SHARE:
         return []
-    told = f"stands at its largest or smallest value in {_share(at)}: the amplifier clips"
-    return [_fault(series, name, "clipped", at, told)]
+    what = f"stands at its largest or smallest value in {_share(at)}: the amplifier clips"
+    return [_fault(series, name, "clipped", at, what)]
 
 
 def _cut(emg: Emg, name: str, column: Array) -> list[EmgFault]:
@@ -254,8 +254,8 @@ def _fast(emg: Emg, name: str, column: Array) -> list[EmgFault]:
     share = fast_share(column, emg.rate)
     if not share > FAST_SHARE:
         return []
-    told = f"has {100.0 * share:.0f} % of its variance above {FAST:g} Hz: rectified or raw with an offset, no envelope"
-    return [_fault(emg, name, "fast", np.ones(len(column), dtype=bool), told)]
+    what = f"has {100.0 * share:.0f} % of its variance above {FAST:g} Hz: rectified or raw with an offset, no envelope"
+    return [_fault(emg, name, "fast", np.ones(len(column), dtype=bool), what)]
 
 
 def _off_rate(series: Series, name: str, column: Array) -> list[EmgFault]:
@@ -275,17 +275,17 @@ def _off_rate(series: Series, name: str, column: Array) -> list[EmgFault]:
     low, high = MEDIAN_FREQUENCY
     if low <= median <= high:
         return []
-    told = (
+    what = (
         f"has a median frequency of {median:.0f} Hz at its {series.rate:.4g} Hz: the rate is wrong, or it is no raw EMG"
     )
-    return [_fault(series, name, "rate", np.ones(len(column), dtype=bool), told)]
+    return [_fault(series, name, "rate", np.ones(len(column), dtype=bool), what)]
 
 
 def _share(flags: np.ndarray) -> str:
     return f"{int(flags.sum())} of {len(flags)} samples"
 
 
-def _fault(series: Series, name: str, kind: str, where: np.ndarray, told: str) -> EmgFault:
+def _fault(series: Series, name: str, kind: str, where: np.ndarray, what: str) -> EmgFault:
     places = np.flatnonzero(where)
     start, stop = float(series.time[places[0]]), float(series.time[places[-1]])
-    return EmgFault(name, kind, start, stop, f"EMG channel '{name}' {told} ({start:.3f} to {stop:.3f} s)")
+    return EmgFault(name, kind, start, stop, f"EMG channel '{name}' {what} ({start:.3f} to {stop:.3f} s)")

@@ -71,7 +71,7 @@ def independent_samples(first: Array, second: Array) -> float:
 
 
 ChannelMap = Mapping[str, Sequence[str]]
-"""EMG channel to the muscles it tells of; muscles may be told of by several channels."""
+"""EMG channel to the muscles that it records; a muscle may be recorded by several channels."""
 
 STRAIGHT = 1e-6
 """Shape factors nearer to zero than this make no difference."""
@@ -122,7 +122,7 @@ class EmgCalibration:
     warnings : one line each
     shapes : (channels,) shape factor, 0 for a straight line
     intervals : (channels, 2) 95 % interval of the gains; NaN where they were not fitted
-    by_torque : (channels,) whether torques tell the gain; where they do not it is the usual one
+    by_torque : (channels,) whether torques determine the gain; where they do not it is the usual one
     synergies : what the channels say of muscles that nobody measured
     weight, others_weight : of soft targets, and of what synergies say, chosen on channels that were left out
     held_out : (channels, 2) correlation of each channel, left out, with its muscles: without EMG, and with that of the
@@ -154,7 +154,7 @@ class EmgCalibration:
             raise BadData(f"EMG gains {self.gains.tolist()}, offsets {self.offsets.tolist()}: expected 0 or more")
 
     def applied(self, emg: Emg, time: Array) -> Series:
-        """Activations (frames, channels) at `time`, NaN where the EMG tells nothing; raises `UnknownName`."""
+        """Activations (frames, channels) at `time`, NaN where the EMG has nothing; raises `UnknownName`."""
         activations = self.gains * shaped(self._moved(emg, time), self.shapes) + self.offsets
         return Series(time, self.channels, np.clip(activations, 0.0, 1.0))
 

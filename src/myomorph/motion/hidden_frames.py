@@ -109,7 +109,7 @@ def _lost(fit: KinematicsFit, lost: np.ndarray) -> Iterator[Finding]:
     spans = spans_of(fit.motion.time, lost)
     fewest = int(np.isfinite(fit.errors[lost]).sum(axis=1).min())
     text = (
-        f"{int(lost.sum())} of {len(lost)} frames show too few markers to tell where the body is (as few as "
+        f"{int(lost.sum())} of {len(lost)} frames show too few markers to determine where the body is (as few as "
         f"{fewest} of {len(fit.marker_names)}, first at {spans[0][0]:.2f} s)"
     )
     repair = Repair(partial(_without, lost=lost), "left empty", "poses there are guesses")

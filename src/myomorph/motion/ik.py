@@ -59,7 +59,7 @@ class InverseKinematicsOptions:
 
     @property
     def settings(self) -> Settings:
-        """What the Newton loop is told of them."""
+        """What the Newton loop takes of them."""
         return self.posture_weight, self.tolerance, self.iterations
 
 

@@ -54,7 +54,7 @@ def lengths_of(model: Model, symmetric: bool = False) -> tuple[Length, ...]:
     """Three lengths for every segment of a model: the one from joint to joint, and the two across it.
 
     Bodies belong to one segment where no coordinate of their own lets them move apart (welds, couplers,
-    paths driven by a neighbor's angle) and, in a model of a human body, where their names tell the same
+    paths driven by a neighbor's angle) and, in a model of a human body, where their names say the same
     segment: heel, ankle bone and toes are a foot, ulna and radius a forearm, all vertebrae and ribs above
     the pelvis a trunk. The axes of a segment are those of its first body; other bodies' axes follow the
     one they lie nearest to in the default pose.

@@ -167,7 +167,7 @@ class SteadyKinematics:
         left = np.where(common[:, None], self._positions, np.nan)
         values, _ = self._inverse.from_start(self._time, left, self._found.copy(), self._found)
         self._offset -= values - self._found
-        # From here on the markers that are left tell where the body is.
+        # From here on the markers that are left determine where the body is.
         if self._before is not None:
             self._before = self._before + (values - self._found)
         self._found = values

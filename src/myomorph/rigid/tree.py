@@ -129,7 +129,7 @@ class Tree:
 
     @cached_property
     def roots(self) -> Ints:
-        """(bodies,) the body next to the ground that each hangs on, which tells subjects and objects apart."""
+        """(bodies,) the body next to the ground that each hangs on, which separates subjects and objects."""
         roots = np.arange(len(self.arrays.parent))
         for body, parent in enumerate(self.arrays.parent):
             if parent > 0:

@@ -1,4 +1,4 @@
-"""Which frames tell most of a body, and how large it is before anything else is known."""
+"""Which frames show most of a body, and how large it is before anything else is known."""
 
 from __future__ import annotations
 

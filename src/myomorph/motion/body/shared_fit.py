@@ -181,7 +181,7 @@ def minimise(
     free: NDArray[np.bool_],
     iterations: int,
     tolerance: float = 1e-5,
-    told: Callable[[], None] | None = None,
+    after_step: Callable[[], None] | None = None,
 ) -> Minimum:
     """Levenberg-Marquardt steps of the shared unknowns, every frame settled again after each.
 
@@ -189,7 +189,7 @@ def minimise(
     ----------
     free : (unknowns,) which of them may move
     tolerance : largest last change of a factor, and of a marker position in the problem's unit
-    told : called once a step
+    after_step : called once a step
     """
     rows, right = problem.prior.rows[:, free], problem.prior.right
     point, damping, costs = start, 1e-6, [start.cost(variance)]
@@ -219,8 +219,8 @@ def minimise(
                 trial = settle(problem, x, point.angles, variance)
                 accepted = trial.cost(variance) <= point.cost(variance) * (1.0 + 1e-12)
             damping = max(damping * 0.1, 1e-9) if accepted else damping * 10.0
-        if told:
-            told()
+        if after_step:
+            after_step()
         change = float(np.abs(step / units).max(initial=0.0))
         if not accepted:
             return Minimum(point, reduced, small or promised <= KINK, tuple(costs), change)
