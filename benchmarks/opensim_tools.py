@@ -93,3 +93,36 @@ def inverse_dynamics(model_path: Path, motion: Path, loads: Path | None, start: 
         tool.run()
         seconds = time.perf_counter() - began
         return ToolResult(*read_table(Path(folder) / "id.sto"), seconds)
+
+
+def imu_inverse_kinematics(
+    model_path: Path, placement: Path, walking: Path, base: tuple[str, str], span: tuple[float, float], folder: Path
+) -> ToolResult:
+    """Sensors placed by a calibration pose, and their inverse kinematics; the placed model is `placed.osim`.
+
+    Parameters
+    ----------
+    base : sensor that tells the heading, and its axis that points forward
+    """
+    turned = opensim.Vec3(-np.pi / 2, 0, 0)
+    placer = opensim.IMUPlacer()
+    placer.set_model_file(str(model_path))
+    placer.set_orientation_file_for_calibration(str(placement))
+    placer.set_sensor_to_opensim_rotations(turned)
+    placer.set_base_imu_label(base[0])
+    placer.set_base_heading_axis(base[1])
+    placer.run(False)
+    placer.getCalibratedModel().printToXML(str(folder / "placed.osim"))
+    tool = opensim.IMUInverseKinematicsTool()
+    tool.set_model_file(str(folder / "placed.osim"))
+    tool.set_orientations_file(str(walking))
+    tool.set_sensor_to_opensim_rotations(turned)
+    tool.set_time_range(0, span[0])
+    tool.set_time_range(1, span[1])
+    tool.set_results_directory(str(folder))
+    tool.set_output_motion_file("angles.sto")
+    tool.set_report_errors(False)
+    began = time.process_time()
+    tool.run(False)
+    seconds = time.process_time() - began
+    return ToolResult(*read_table(folder / "angles.sto"), seconds)

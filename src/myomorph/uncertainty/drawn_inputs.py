@@ -14,6 +14,7 @@ from myomorph.model.model import Model
 from myomorph.model.segments import segments_of
 from myomorph.model.series import Emg, Markers, Motion, Series, Wrenches
 from myomorph.model.spatial import rotation_from_vector
+from myomorph.motion.ik import InverseKinematicsOptions
 from myomorph.motion.turns import floating_coordinates
 from myomorph.uncertainty.bodies import Draw
 
@@ -100,6 +101,20 @@ def drawn_rotations(rotations: Array, sensors: Sequence[str], time: Array, draw:
     width = _width(time, draw.sources.skin_time)
     noise = draw.normals.processes(draw.number, "sensor", sensors, len(time), width)
     return np.asarray(rotations @ rotation_from_vector(draw.sources.sensor_noise * noise))
+
+
+def drawn_places(
+    options: InverseKinematicsOptions, spreads: Mapping[str, float], draw: Draw
+) -> InverseKinematicsOptions:
+    """Options of inverse kinematics whose likely angles, in the place of lost sensors, are others [rad]."""
+    places = options.coordinates
+    if places is None or not spreads or not draw.sources.sensor_noise:
+        return options
+    width, values = _width(places.time, draw.sources.skin_time), np.array(places.values)
+    for name, spread in spreads.items():
+        process = draw.normals.process(draw.number, "lost sensor", name, len(values), width, 1)[:, 0]
+        values[:, places.names.index(name)] += spread * process
+    return replace(options, coordinates=replace(places, values=values))
 
 
 def drawn_angles(model: Model, motion: Motion, draw: Draw) -> Motion:

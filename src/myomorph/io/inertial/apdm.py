@@ -40,7 +40,10 @@ def read_apdm(path: Path) -> InertialSensors:
     outcome = run_guarded(f"{__name__}:read_through", [path.resolve()], seconds_for(path), MEMORY)
     if outcome.status != "done":
         raise BadFile(path, f"cannot be read ({outcome.message})", HINT)
-    return beside(_sensors(path))
+    sensors = _sensors(path)
+    if not sensors:
+        raise BadFile(path, "holds no sensor", HINT)
+    return beside(sensors)
 
 
 def read_through(path: str | os.PathLike[str]) -> None:
@@ -60,38 +63,34 @@ def _sensors(path: Path) -> list[InertialSensors]:
 
 
 def _new(file: Any, path: Path) -> list[InertialSensors]:
-    sensors = []
+    sensors, start = [], _start(file["Sensors"])
     for key, group in file["Sensors"].items():
         settings = group["Configuration"].attrs if "Configuration" in group else group.attrs
         name = _text(settings.get("Label 0", key)) or key
         processed = file.get(f"Processed/{key}", {})
-        sensors.append(_sensor(name, group, {**dict(group.items()), **dict(processed.items())}, 0.0, path))
-    return _all(sensors, path)
+        sensors.append(_sensor(name, {**dict(group.items()), **dict(processed.items())}, start, 0.0, path))
+    return sensors
 
 
 def _old(file: Any, path: Path) -> list[InertialSensors]:
     lists = (file.attrs.get(name, ()) for name in ("CaseIdList", "MonitorLabelList"))
     labels = dict(zip(*(map(_text, texts) for texts in lists), strict=False))
-    sensors = []
+    sensors, start = [], _start(file)
     for key, group in file.items():
         if "Calibrated" in group:
             rate = float(np.ravel(group.attrs.get("SampleRate", np.nan))[0])
             name = labels.get(key, "") or key
             parts = {**dict(group["Calibrated"].items()), **({"Time": group["Time"]} if "Time" in group else {})}
-            sensors.append(_sensor(name, group, parts, rate, path))
-    return _all(sensors, path)
+            sensors.append(_sensor(name, parts, start, rate, path))
+    return sensors
 
 
-def _all(sensors: list[InertialSensors], path: Path) -> list[InertialSensors]:
-    if not sensors:
-        raise BadFile(path, "holds no sensor", HINT)
-    start = min(float(sensor.time[0]) for sensor in sensors)
-    return [
-        InertialSensors(sensor.time - start, sensor.names, **sensor.signals, source=str(path)) for sensor in sensors
-    ]
+def _start(groups: Any) -> int:
+    """First time of any sensor [microseconds]."""
+    return min((int(group["Time"][0]) for group in groups.values() if "Time" in group), default=0)
 
 
-def _sensor(name: str, group: Any, parts: dict[str, Any], rate: float, path: Path) -> InertialSensors:
+def _sensor(name: str, parts: dict[str, Any], start: int, rate: float, path: Path) -> InertialSensors:
     signals: dict[str, Array] = {}
     for kind, titles in SIGNALS.items():
         dataset = next((parts[title] for title in titles if title in parts), None)
@@ -107,7 +106,8 @@ def _sensor(name: str, group: Any, parts: dict[str, Any], rate: float, path: Pat
         raise BadFile(path, f"sensor '{name}' has none of {', '.join(SIGNALS)}", HINT)
     frames = min(len(values) for values in signals.values())
     if "Time" in parts and len(parts["Time"]) >= frames:
-        time = np.asarray(parts["Time"], dtype=np.float64)[:frames] * 1e-6
+        # Microseconds since 1970: told from the first of all sensors, for a float's sake.
+        time = (np.asarray(parts["Time"], dtype=np.int64)[:frames] - start) * 1e-6
     elif rate > 0.0:
         time = np.arange(frames) / rate
     else:

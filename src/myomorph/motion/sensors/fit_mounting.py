@@ -19,22 +19,23 @@ from myomorph.model.inertial_sensors import InertialSensors
 from myomorph.model.series import Markers
 from myomorph.model.spatial import rotation_from_vector, vector_from_rotation
 from myomorph.motion.ik import InverseKinematicsOptions, pose_problem
-from myomorph.motion.marker_influence import STEP, marker_frames
+from myomorph.motion.marker_influence import marker_frames
 from myomorph.motion.newton import solve_poses
 from myomorph.motion.pose_problem import PoseProblem
 from myomorph.motion.sensors.first_guess import CalibrationPose, Guess
 from myomorph.motion.sensors.mounting import SensorMounting, SensorOptions, orientation_tasks
-from myomorph.motion.turns import floating_coordinates
+from myomorph.motion.sensors.undetermined import body_slopes, joint_angles
 from myomorph.rigid.coordinates import Ints
 from myomorph.rigid.couplers import couple_frames
-from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import Tree
 
-STEPS = 12
+STEPS = 30
 SETTLED = 1e-4
 """The steps end when no mounting or heading moves further [rad]."""
 CORRELATED = 0.5
 """Frames nearer than this to each other err alike, so that they count as one [s]."""
+INDEPENDENT = 20.0
+"""A recording counts as so many frames at most: skin that follows the movement errs alike in every stride."""
 KNOTS = 20.0
 """Time between knots of the headings [s]."""
 FRAMES, FRAMES_PER_KNOT = 240, 12
@@ -187,7 +188,7 @@ class MountingFit:
     ) -> None:
         chosen, sizes = self.chosen, self.sizes
         problem = pose_problem(self.tree, chosen.marker_names, chosen.marker_weights, self.options)
-        rotations, slopes = self._body_slopes(values, problem)
+        rotations, slopes = self._slopes(values, problem)
         clock = (
             vector_from_rotation(
                 mounting.body_rotations(self.sensors, chosen.time + 0.005, self.tree.model)
@@ -231,11 +232,13 @@ class MountingFit:
         """
         if len(followed) < 2:
             return
-        joints = self._joints(free)
+        joints = joint_angles(self.tree, free)
         means = [tuple(np.mean([part[i] for part in parts], axis=0)[joints] for i in range(2)) for parts in followed]
         angle, slope = (np.mean([mean[i] for mean in means], axis=0) for i in range(2))
         for own, follows in means:
             X = (follows - slope) / TREND
+            # A mounting does not change: what it makes of the means is none of a trend's.
+            X[:, : 3 * len(self.bodies)] = 0.0
             normal += X.T @ X
             right -= X.T @ ((own - angle) / TREND)
 
@@ -245,7 +248,7 @@ class MountingFit:
         """The calibration pose as one more frame; returns which coordinates move with what is unknown, and how."""
         assert self.pose is not None
         problem = pose_problem(self.tree, (), np.empty(0), self.options)
-        rotations, slopes = self._body_slopes(pose[None], problem)
+        rotations, slopes = self._slopes(pose[None], problem)
         heading = mounting.heading_at(np.array([self.pose.time]))[0]
         turned = rotation_from_vector(heading[:, None] * mounting.up) @ self.pose.rotations
         reported = turned @ np.swapaxes(mounting.rotations, 1, 2)
@@ -254,19 +257,17 @@ class MountingFit:
         columns = [
             self._sensor_columns(index, reported[index], share, np.zeros(3), len(right)) for index in range(len(errors))
         ]
-        joints = self._joints(problem.free)
+        joints = joint_angles(self.tree, problem.free)
         # The root: its inclination is as uncertain as a joint, its heading is that of the model by convention.
         stiffness = np.where(joints, 1.0 / self.sizes.imu_pose_error, 1.0 / POSE_NOISE)
-        # Cauchy's weights.
-        scale = 1.0 / POSE_NOISE / np.sqrt(1.0 + (errors**2).sum(axis=1, keepdims=True) / SLIP**2)
-        J = np.concatenate([*(scale[:, :, None] * slopes[0]), np.diag(stiffness)])
-        X = np.concatenate(
-            [
-                *(weight * column for weight, column in zip(scale, columns, strict=True)),
-                np.zeros((len(problem.free), len(right))),
-            ]
-        )
-        r = np.concatenate([(scale * errors).ravel(), stiffness * (pose - self.pose.coordinates)[problem.free]])
+        # Cauchy's weights along the way that a sensor slipped; across it the pose counts as before.
+        sizes = np.linalg.norm(errors, axis=1)[:, None, None]
+        along = errors[:, :, None] * errors[:, None, :] / np.maximum(sizes, 1e-12) ** 2
+        scale = (np.eye(3) + (1.0 / np.sqrt(1.0 + (sizes / SLIP) ** 2) - 1.0) * along) / POSE_NOISE
+        J = np.concatenate([*(scale @ slopes[0]), np.diag(stiffness)])
+        X = np.concatenate([*(scale @ np.array(columns)), np.zeros((len(problem.free), len(right)))])
+        away = stiffness * (pose - self.pose.coordinates)[problem.free]
+        r = np.concatenate([(scale @ errors[:, :, None]).ravel(), away])
         return problem.free, *_eliminate(J, X, r, normal, right)
 
     def _sensor_columns(self, index: int, reported: Array, share: Array, clock: Array, width: int) -> Array:
@@ -279,25 +280,9 @@ class MountingFit:
         columns[:, -1] = -np.nan_to_num(clock)
         return columns
 
-    def _joints(self, free: Ints) -> np.ndarray:
-        """(variables,) which are angles of joints, not of the root."""
-        floating, coordinates = floating_coordinates(self.tree.model), self.tree.model.coordinates
-        return np.array([coordinates[j].motion == "rotational" and coordinates[j].name not in floating for j in free])
-
-    def _body_slopes(self, values: Array, problem: PoseProblem) -> tuple[Array, Array]:
-        """Rotations of the sensors' bodies (frames, sensors, 3, 3), and slopes (frames, sensors, 3, variables)."""
-        free, frames, count = problem.free, len(values), len(problem.free)
-        stacked = np.repeat(values[:, None], count + 1, axis=1)
-        for i, j in enumerate(free):
-            stacked[:, i + 1, j] += STEP * problem.unit[j]
-        flat = np.ascontiguousarray(stacked.reshape(-1, values.shape[1]))
-        couple_frames(self.tree.arrays, flat)
-        bodies = [self.tree.body_number(body) for body in self.bodies]
-        rotations = forward_kinematics(self.tree, flat).rotations[:, bodies].reshape(frames, count + 1, -1, 3, 3)
-        steps = vector_from_rotation(rotations[:, 1:] @ np.swapaxes(rotations[:, :1], 3, 4)) / STEP
-        held = (values[:, free] <= problem.lower + 1e-9) | (values[:, free] >= problem.upper - 1e-9)
-        steps[held] = 0.0
-        return rotations[:, 0], np.moveaxis(steps, 1, 3)
+    def _slopes(self, values: Array, problem: PoseProblem) -> tuple[Array, Array]:
+        bodies = np.array([self.tree.body_number(body) for body in self.bodies], np.int64)
+        return body_slopes(self.tree, problem, values, bodies)
 
 
 def _eliminate(J: Array, X: Array, r: Array, normal: Array, right: Array) -> tuple[Array, Array]:

@@ -8,13 +8,20 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from myomorph.model.arrays import Array
-from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.errors import BadData, UnknownName, few
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.inertial_sensors import InertialSensors
 from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion
 from myomorph.model.spatial import vector_from_rotation
-from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit, inverse_kinematics, tracked_markers
+from myomorph.motion.ik import (
+    InverseKinematicsOptions,
+    KinematicsFit,
+    inverse_kinematics,
+    pose_problem,
+    tracked_markers,
+)
+from myomorph.motion.turns import floating_coordinates
 from myomorph.motion.sensors.first_guess import (
     MIN_LIKENESS,
     RATE,
@@ -28,7 +35,15 @@ from myomorph.motion.sensors.first_guess import (
     named_headings,
     speeds_of,
 )
-from myomorph.motion.sensors.fit_mounting import CORRELATED, FRAMES, FRAMES_PER_KNOT, KNOTS, Chosen, MountingFit
+from myomorph.motion.sensors.fit_mounting import (
+    CORRELATED,
+    FRAMES,
+    FRAMES_PER_KNOT,
+    INDEPENDENT,
+    KNOTS,
+    Chosen,
+    MountingFit,
+)
 from myomorph.motion.sensors.mounting import (
     SensorMounting,
     SensorOptions,
@@ -37,6 +52,7 @@ from myomorph.motion.sensors.mounting import (
     weights_seen,
 )
 from myomorph.motion.sensors.orientation import rotations_at, with_orientations
+from myomorph.motion.sensors.undetermined import LikelyAngles, Seen, joint_angles, likely_angles, undetermined
 from myomorph.motion.sync import take_frames
 from myomorph.motion.tasks.coordinates import CoordinateTask
 from myomorph.motion.tasks.orientations import OrientationTask
@@ -44,6 +60,8 @@ from myomorph.motion.turns import floating_coordinates
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 
+ENOUGH = 0.2
+"""Share of the frames that show all sensors, from which on only these say how the sensors are mounted."""
 STILL, STILL_TIME = 0.25, 0.5
 """A body that turns slower [rad/s] for so long [s] at the start stands in its calibration pose."""
 AMBIGUOUS = 1.3
@@ -54,6 +72,8 @@ DRIFTED = 0.09
 """A heading that turns further in a recording is reported [rad]."""
 SEARCH = 2.0
 """The sensors' clock may differ from that of the markers by so much [s]."""
+LOST = 0.02
+"""A sensor that is missing in a larger share of the frames is reported."""
 BRIDGE = 1e-6
 """Weight of the root's place in frames in which no marker shows it [1/m^2]."""
 
@@ -89,8 +109,9 @@ class SensorFit:
     fit : of markers and sensors
     mounting : of the sensors
     sensors : as used, with orientations
-    bridges : pulls of the root's place in gaps of the markers
+    bridges : pulls of coordinates in gaps: of the root's place without markers, of joints whose sensor is lost
     places : towards these, None where there is no gap
+    spreads : standard deviation of what such a joint may be away from there [rad]
     """
 
     fit: KinematicsFit
@@ -98,6 +119,7 @@ class SensorFit:
     sensors: InertialSensors
     bridges: tuple[CoordinateTask, ...] = ()
     places: Motion | None = None
+    spreads: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
 
     def added(self, options: InverseKinematicsOptions, tasks: Sequence[OrientationTask]) -> InverseKinematicsOptions:
         """Options of inverse kinematics with tasks of sensors, and what bridges gaps."""
@@ -145,8 +167,42 @@ def sensor_kinematics(
     bridges, places = _bridges(model, marked) if marked is not None and not marked.seen.all() else ((), None)
     tasks = orientation_tasks(mounting, reported, seen, sizes)
     fit = inverse_kinematics(model, markers, _with_tasks(options, tasks, bridges, places), progress)
-    mounting = replace(mounting, notes=(*sensors.warnings, *mounting.notes))
-    return SensorFit(fit, mounting, sensors, bridges, places)
+    spreads: Mapping[str, float] = FrozenMap({})
+    notes = (*sensors.warnings, *mounting.notes)
+    if not seen.any():
+        likely, more = _lost(model, mounting, fit, np.isfinite(reported).all(axis=(2, 3)), options)
+        notes = (*notes, *more)
+        if likely is not None:
+            names = [model.coordinate_names[j] for j in likely.columns]
+            spreads = FrozenMap(dict(zip(names, likely.spread.tolist(), strict=True)))
+            weights = (sizes.imu_marker_noise / likely.spread) ** 2
+            bridges = tuple(CoordinateTask(*part) for part in zip(names, weights.tolist(), strict=True))
+            places = Motion(fit.motion.time, tuple(names), likely.values)
+            fit = inverse_kinematics(model, markers, _with_tasks(options, tasks, bridges, places), progress)
+    return SensorFit(fit, replace(mounting, notes=notes), sensors, bridges, places, spreads)
+
+
+def _lost(
+    model: Model, mounting: SensorMounting, fit: KinematicsFit, known: np.ndarray, options: InverseKinematicsOptions
+) -> tuple[LikelyAngles | None, tuple[str, ...]]:
+    """Likely angles of joints whose sensor is lost, and what is said of these and of joints without any sensor."""
+    tree = compile_tree(model)
+    problem = pose_problem(tree, (), np.empty(0), options)
+    bodies = np.array([tree.body_number(body) for body in mounting.bodies], np.int64)
+    values = np.where(np.isfinite(fit.motion.values), fit.motion.values, tree.defaults)
+    seen = Seen(values, known, bodies, joint_angles(tree, problem.free))
+    likely = likely_angles(tree, problem, seen, fit.motion.time)
+    notes, ever = list[str](), known.any(axis=0)
+    blind = undetermined(tree, problem, seen, ever, int(np.argmax(known.sum(axis=1)))) & seen.joints
+    if blind.any():
+        names = [model.coordinate_names[j] for j in problem.free[blind]]
+        notes.append(f"no sensor determines {few(names)}: they stay near their defaults")
+    for index, name in enumerate(mounting.sensors):
+        lost = float(np.mean(~known[:, index]))
+        if lost > LOST and ever[index]:
+            how = "not determined there" if likely is None else "filled by how they went with the others before"
+            notes.append(f"sensor '{name}' is missing in {100 * lost:.0f} % of the frames: angles beside it are {how}")
+    return likely, tuple(notes)
 
 
 def _with_tasks(
@@ -293,6 +349,10 @@ class _Finder:
         usable = (time + delay >= sensors.time[0]) & (time + delay <= sensors.time[-1])
         if self.marked is not None:
             usable &= self.marked.seen
+        # Frames that show all sensors say most, where there are enough.
+        reported = np.isfinite(rotations_at(sensors, time + delay, self.model)).all(axis=(1, 2, 3))
+        if (usable & reported).sum() > ENOUGH * usable.sum():
+            usable &= reported
         frames = np.flatnonzero(usable)
         if not len(frames):
             raise BadData(f"{sensors.source or 'sensors'}: no time in common with the markers")
@@ -302,8 +362,8 @@ class _Finder:
         shown = self.marked is not None
         names, weights = tracked_markers(self.model, self.markers, self.options) if shown else ((), np.empty(0))
         markers = take_frames(self.markers, frames)
-        step = duration / max(len(frames) - 1, 1)
-        return Chosen(time[frames], markers, names, weights, min(1.0, max(step, 1e-3) / CORRELATED))
+        independent = min(duration / CORRELATED, INDEPENDENT)
+        return Chosen(time[frames], markers, names, weights, min(1.0, max(independent, 1.0) / len(frames)))
 
     def _cost(self, fit: MountingFit, guess: Guess, delay: float) -> float:
         """Mean over some frames of the squared angles between sensors and bodies, in squares of the noise."""

@@ -43,6 +43,7 @@ from myomorph.uncertainty.drawn_inputs import (
     drawn_angles,
     drawn_emg,
     drawn_markers,
+    drawn_places,
     drawn_rotations,
     drawn_sites,
     drawn_wrenches,
@@ -203,7 +204,7 @@ class Chain:
         reported = drawn_rotations(reported, mounting.sensors, markers.time, draw)
         seen = weights_seen(self.trial.model, markers, options.marker_weights, options.only_weighted)
         tasks = orientation_tasks(mounting, reported, seen, self.trial.options[SensorOptions])
-        return self.sensors.added(options, tasks)
+        return drawn_places(self.sensors.added(options, tasks), self.sensors.spreads, draw)
 
     def _made(
         self, trial: TrialInputs, recorded: Motion, torques: Torques | None, step: int, draw: Draw | None = None
