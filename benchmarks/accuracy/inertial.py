@@ -25,13 +25,11 @@ import myomorph as mm
 from benchmarks.recordings import RECORDINGS
 from myomorph.cli import main
 from myomorph.io.inertial.read import read_inertial
-from myomorph.io.sto import table_from_motion
 from myomorph.model.inertial_sensors import InertialSensors
 from myomorph.model.spatial import (
     axis_rotation,
     quaternion_from_rotation,
     rotation_from_quaternion,
-    rotation_from_vector,
     vector_from_rotation,
 )
 from myomorph.motion.ik import KinematicsFit, inverse_kinematics
@@ -42,6 +40,8 @@ from myomorph.motion.sync import cut
 from myomorph.rigid.marker_positions import marker_positions
 from myomorph.rigid.tree import compile_tree
 from myomorph.simulate.sensors import SensorErrors, SimulatedSensors, simulated_sensors
+from myomorph.store.results import read_result
+from myomorph.store.stored import get_markers
 from myomorph.uncertainty.sources import Sources
 from sensor_files import write_orientations
 
@@ -312,21 +312,38 @@ def _limits(
 
 
 def measure_vicon() -> Iterator[Row]:
-    """A walk with markers, plates and two sensors in one file; see `_vicon`."""
+    """A recorded walk with markers and a sensor on each shank: knees while markers below them are hidden for a second.
+
+    The truth is inverse kinematics of all markers.
+    """
     folder = outside("vicon")
-    return iter(()) if folder is None else _vicon(folder)
-
-
-def _vicon(folder: Path) -> Iterator[Row]:
-    raise NotImplementedError
-
-
-__all__ = [
-    "measure_angles",
-    "measure_filter",
-    "measure_fusion",
-    "measure_intervals",
-    "measure_opensense",
-    "measure_vicon",
-]
-_UNUSED = (table_from_motion, rotation_from_vector)
+    if folder is None:
+        return
+    files, bodies = [folder / "Cal 01.c3d", folder / "Walking 01.c3d"], {"imu": "tibia_r", "imu_2": "tibia_l"}
+    with tempfile.TemporaryDirectory() as name:
+        command = ["analyze", *files, "--mass", 75, "--workers", 1, "--out", Path(name) / "out"]
+        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+            assert main([str(word) for word in command]) == 0
+        model = mm.read_model(Path(name) / "out" / "calibrated.osim")
+        markers = get_markers(read_result(next((Path(name) / "out").rglob("Walking_01.nc"))))
+    assert markers is not None
+    truth = inverse_kinematics(model, markers)
+    knees = [one for one in model.coordinate_names if one in ("knee_angle_r", "knee_angle_l")]
+    below = np.array(
+        [name in model.marker_names and model.marker(name).body.startswith(("tibia", "talus", "calcn", "toes"))
+         for name in markers.names]
+    )  # fmt: skip
+    for start in np.arange(markers.time[0] + 0.5, markers.time[-1] - 1.5, 0.5):
+        gap = (markers.time >= start) & (markers.time < start + 1.0)
+        values = np.array(markers.values)
+        values[np.ix_(gap, below)] = np.nan
+        shown = replace(markers, values=values)
+        alone = inverse_kinematics(model, shown)
+        recording = SensorRecording(read_inertial(files[1]), bodies, same_clock=True)
+        fused = sensor_kinematics(model, recording, shown, alone)
+        row: Row = {"hidden from [s]": float(start)}
+        for title, fit in (("markers alone", alone), ("markers and sensors", fused.fit)):
+            away = np.array([(fit.motion[knee] - truth.motion[knee])[gap] for knee in knees])
+            row[f"knee, {title} [deg]"] = float(np.degrees(np.sqrt(np.mean(away**2))))
+        row["sensors to bodies [deg]"] = float(np.degrees(np.sqrt(np.nanmean(fused.fit.sensor_errors[~gap] ** 2))))
+        yield row

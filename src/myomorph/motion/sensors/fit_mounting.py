@@ -38,7 +38,7 @@ INDEPENDENT = 20.0
 """A recording counts as so many frames at most: skin that follows the movement errs alike in every stride."""
 KNOTS = 20.0
 """Time between knots of the headings [s]."""
-FRAMES, FRAMES_PER_KNOT = 240, 12
+FRAMES, FRAMES_PER_KNOT = 160, 12
 """Of a recording that take part."""
 FREE = 1.5
 """Standard deviation of a mounting before anything is known of it [rad]."""
@@ -48,6 +48,8 @@ SLIP = 0.1
 """A sensor that the recording turns further from the pose than this has slipped since: its pose counts less [rad]."""
 TREND = 0.07
 """Standard deviation of the mean of a joint angle about a knot, against that over the recording [rad]."""
+SHORT = 0.005
+"""Time over which speeds of rotation are taken [s]."""
 CLOCK_ERROR = 0.05
 """Standard deviation of the delay about the one that speeds of rotation show [s]."""
 
@@ -189,13 +191,8 @@ class MountingFit:
         chosen, sizes = self.chosen, self.sizes
         problem = pose_problem(self.tree, chosen.marker_names, chosen.marker_weights, self.options)
         rotations, slopes = self._slopes(values, problem)
-        clock = (
-            vector_from_rotation(
-                mounting.body_rotations(self.sensors, chosen.time + 0.005, self.tree.model)
-                @ np.swapaxes(reported, 2, 3)
-            )
-            / 0.005
-        )
+        later = mounting.body_rotations(self.sensors, chosen.time + SHORT, self.tree.model)
+        clock = np.nan_to_num(vector_from_rotation(later @ np.swapaxes(reported, 2, 3)) / SHORT)
         errors = vector_from_rotation(rotations @ np.swapaxes(reported, 2, 3))
         marked = None
         if chosen.marker_names:
@@ -277,7 +274,7 @@ class MountingFit:
         columns[:, 3 * index : 3 * index + 3] = reported
         for knot in np.flatnonzero(share):
             columns[:, 3 * count + knot * count + index] = -share[knot] * np.asarray(self.tree.model.up)
-        columns[:, -1] = -np.nan_to_num(clock)
+        columns[:, -1] = -clock
         return columns
 
     def _slopes(self, values: Array, problem: PoseProblem) -> tuple[Array, Array]:

@@ -367,7 +367,7 @@ class _Finder:
 
     def _cost(self, fit: MountingFit, guess: Guess, delay: float) -> float:
         """Mean over some frames of the squared angles between sensors and bodies, in squares of the noise."""
-        markers = take_frames(fit.chosen.markers, slice(None, None, 4))
+        markers = take_frames(fit.chosen.markers, slice(None, None, 5))
         thin = replace(fit, chosen=fit.chosen._replace(time=markers.time, markers=markers))
         _, _, cost = thin.poses(thin.at(guess, delay), np.tile(fit.tree.defaults, (len(thin.chosen.time), 1)))
         return float(np.mean(cost[np.isfinite(cost)])) / self.sizes.imu_marker_noise**2

@@ -18,7 +18,9 @@ from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import Tree
 
 DETERMINED = 0.9
-"""A coordinate of which the sensors show a smaller share is not determined by them."""
+"""A coordinate of whose usual variance the sensors explain a smaller share is not determined by them."""
+NOISE, USUAL = 0.05, 0.35
+"""Standard deviations of a sensor and of a coordinate, for that [rad]."""
 RIDGE = 1e-3
 """Of the regression, relative to the variance of what explains."""
 MIN_FRAMES = 10
@@ -93,12 +95,9 @@ def body_slopes(
 def undetermined(tree: Tree, problem: PoseProblem, seen: Seen, known: np.ndarray, frame: int) -> np.ndarray:
     """(variables,) which free coordinates the sensors that report (sensors,) do not determine at a frame."""
     _, slopes = body_slopes(tree, problem, seen.values[frame : frame + 1], seen.bodies, bounded=False)
-    rows = slopes[0, known].reshape(-1, len(problem.free))
-    if not len(rows):
-        return np.ones(len(problem.free), dtype=bool)
-    _, sizes, directions = np.linalg.svd(rows, full_matrices=False)
-    kept = directions[sizes > 1e-6 * max(sizes.max(initial=0.0), 1.0)]
-    return np.asarray((kept**2).sum(axis=0) < DETERMINED)
+    rows = slopes[0, known].reshape(-1, len(problem.free)) / NOISE
+    left = np.linalg.inv(rows.T @ rows + np.eye(len(problem.free)) / USUAL**2)
+    return np.asarray(1.0 - np.diag(left) / USUAL**2 < DETERMINED)
 
 
 def likely_angles(tree: Tree, problem: PoseProblem, seen: Seen, time: Array) -> LikelyAngles | None:
