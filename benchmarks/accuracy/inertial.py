@@ -266,7 +266,7 @@ def measure_intervals(folder: Path) -> Iterator[Row]:
     """Share of true joint angles within the limits that `ik --imu --draws` writes, and how wide these are."""
     model_file = folder / RECORDINGS[WALK].model
     model, motion = _walk(folder)
-    truth = cut(motion, motion.time[0], motion.time[0] + 20.0)
+    truth = cut(motion, motion.time[0], motion.time[0] + 12.0)
     counts: dict[tuple[str, str], list[tuple[float, float]]] = {}
     for seed in SEEDS:
         made = simulated_sensors(model, truth, BODIES, SensorErrors(), seed)
@@ -298,7 +298,7 @@ def _limits(
             noise = 0.003 * np.random.default_rng(seed).normal(size=plain.values.shape)
             mm.write_trc(replace(plain, values=plain.values + noise), home / "walk.trc")
             options = ["--markers", home / "walk.trc"]
-        command = ["ik", "--model", model_file, "--imu", home / "walk.sto", *options, "--draws", 60, "--out"]
+        command = ["ik", "--model", model_file, "--imu", home / "walk.sto", *options, "--draws", 40, "--out"]
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
             assert main([str(word) for word in [*command, home / "q.mot"]]) == 0
         low, high = (mm.read_motion(home / f"q_{end}.mot", model) for end in ("low", "high"))
@@ -311,7 +311,7 @@ def _limits(
         return result
 
 
-def measure_vicon() -> Iterator[Row]:
+def measure_hidden() -> Iterator[Row]:
     """A recorded walk with markers and a sensor on each shank: knees while markers below them are hidden for a second.
 
     The truth is inverse kinematics of all markers.

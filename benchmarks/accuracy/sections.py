@@ -34,6 +34,14 @@ PAGES: dict[str, dict[str, str]] = {
         "live": "accuracy.live:measure",
         "live_markers": "accuracy.live:measure_losses",
     },
+    "inertial-sensors": {
+        "inertial_filter": "accuracy.inertial:measure_filter",
+        "inertial_opensense": "accuracy.inertial:measure_opensense",
+        "inertial_angles": "accuracy.inertial:measure_angles",
+        "inertial_fusion": "accuracy.inertial:measure_fusion",
+        "inertial_hidden": "accuracy.inertial:measure_hidden",
+        "inertial_intervals": "accuracy.inertial:measure_intervals",
+    },
     "raw-recordings": {
         "analyze": "accuracy.analyze:measure",
         "vendors": "accuracy.vendors:measure",

@@ -107,7 +107,7 @@ def _sensor(name: str, parts: dict[str, Any], start: int, rate: float, path: Pat
     frames = min(len(values) for values in signals.values())
     if "Time" in parts and len(parts["Time"]) >= frames:
         # Microseconds since 1970: told from the first of all sensors, for a float's sake.
-        time = (np.asarray(parts["Time"], dtype=np.int64)[:frames] - start) * 1e-6
+        time = np.asarray(1e-6 * (np.asarray(parts["Time"], dtype=np.int64)[:frames] - start), dtype=np.float64)
     elif rate > 0.0:
         time = np.arange(frames) / rate
     else:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -155,33 +155,37 @@ def by_trying(tree: Tree, bodies: tuple[str, ...], pose: CalibrationPose, cost: 
     return guess._replace(ambiguity=(refined(min(away))[0] + FLOOR) / (least + FLOOR))
 
 
-def from_motion(bodies: Array, earth: Array, up: Array) -> Guess:
+def from_motion(bodies: Array, earth: Array, up: Array, together: bool) -> Guess:
     """Mountings and headings with which sensors follow bodies whose motion is known.
 
     Parameters
     ----------
     bodies, earth : (frames, sensors, 3, 3) from bodies, and from sensors, to ground; NaN where unknown
+    together : all sensors have one heading, else each its own
     """
     count = bodies.shape[1]
-    rotations, headings = np.tile(np.eye(3), (count, 1, 1)), np.zeros(count)
-    for index in range(count):
-        known = np.isfinite(bodies[:, index]).all((1, 2)) & np.isfinite(earth[:, index]).all((1, 2))
-        if not known.any():
-            continue
-        inverse, own = np.swapaxes(bodies[known, index], 1, 2), earth[known, index]
+    known = np.asarray(np.isfinite(bodies).all((2, 3)) & np.isfinite(earth).all((2, 3)))
 
-        def mounted(angle: float, inverse: Array = inverse, own: Array = own) -> tuple[float, Array]:
-            seen = inverse @ axis_rotation(up, angle) @ own
-            mean = mean_rotation(seen)
-            return float((vector_from_rotation(seen @ mean.T) ** 2).sum()), mean
+    def mounted(index: int, angle: float) -> tuple[float, Array]:
+        own, seen = earth[known[:, index], index], np.swapaxes(bodies[known[:, index], index], 1, 2)
+        if not len(own):
+            return 0.0, np.eye(3)
+        turned = seen @ axis_rotation(up, angle) @ own
+        mean = mean_rotation(turned)
+        return float((vector_from_rotation(turned @ mean.T) ** 2).sum()), mean
 
+    def heading(sensors: Sequence[int]) -> float:
         step = 2.0 * np.pi / TRIED
-        angle = min(step * np.arange(TRIED), key=lambda angle: mounted(angle)[0])
-        for _ in range(20):
+        tried = min((sum(mounted(i, step * k)[0] for i in sensors), step * k) for k in range(TRIED))
+        for _ in range(4 * REFINED):
             step *= 0.5
-            angle = min((angle - step, angle, angle + step), key=lambda angle: mounted(angle)[0])
-        rotations[index], headings[index] = mounted(angle)[1], (angle + np.pi) % (2.0 * np.pi) - np.pi
-    return Guess(rotations, headings)
+            beside = (tried[1] - step, tried[1] + step)
+            tried = min(tried, *((sum(mounted(i, angle)[0] for i in sensors), angle) for angle in beside))
+        return (tried[1] + np.pi) % (2.0 * np.pi) - np.pi
+
+    groups = [range(count)] if together else [[index] for index in range(count)]
+    headings = np.concatenate([np.full(len(group), heading(group)) for group in groups])
+    return Guess(np.array([mounted(i, headings[i])[1] for i in range(count)]), headings)
 
 
 def speeds_of(time: Array, rotations: Array, at: Array) -> Array:

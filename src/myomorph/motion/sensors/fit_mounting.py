@@ -143,9 +143,14 @@ class MountingFit:
                 couple_frames(self.tree.arrays, pose[None])
             if np.abs(step[:-1]).max() < SETTLED:
                 break
-        covariance = np.linalg.inv(normal)[:-1, :-1]
-        sizes, directions = np.linalg.eigh(covariance)
-        return replace(mounting, factor=directions * np.sqrt(np.maximum(sizes, 0.0)))
+        return replace(mounting, factor=_factor(normal))
+
+    def by_pose(self, start: SensorMounting) -> SensorMounting:
+        """A mounting that is taken from the pose as it is, with what that leaves open."""
+        assert self.pose is not None
+        normal, right = self._priors(start, start, False, False)
+        self._add_pose(normal, right, start, np.array(self.pose.coordinates))
+        return replace(start, factor=_factor(normal))
 
     def _stepped(self, mounting: SensorMounting, step: Array) -> SensorMounting:
         count = len(self.bodies)
@@ -227,7 +232,7 @@ class MountingFit:
         ----------
         followed : by knot, of each frame its coordinates and how they follow what is unknown
         """
-        if len(followed) < 2:
+        if len(followed) < 2 or self.chosen.marker_names:
             return
         joints = joint_angles(self.tree, free)
         means = [tuple(np.mean([part[i] for part in parts], axis=0)[joints] for i in range(2)) for parts in followed]
@@ -280,6 +285,12 @@ class MountingFit:
     def _slopes(self, values: Array, problem: PoseProblem) -> tuple[Array, Array]:
         bodies = np.array([self.tree.body_number(body) for body in self.bodies], np.int64)
         return body_slopes(self.tree, problem, values, bodies)
+
+
+def _factor(normal: Array) -> Array:
+    """Factor of the covariance of mountings and headings; the clock is left out."""
+    sizes, directions = np.linalg.eigh(np.linalg.inv(normal)[:-1, :-1])
+    return np.asarray(directions * np.sqrt(np.maximum(sizes, 0.0)))
 
 
 def _eliminate(J: Array, X: Array, r: Array, normal: Array, right: Array) -> tuple[Array, Array]:

@@ -21,7 +21,6 @@ from myomorph.motion.ik import (
     pose_problem,
     tracked_markers,
 )
-from myomorph.motion.turns import floating_coordinates
 from myomorph.motion.sensors.first_guess import (
     MIN_LIKENESS,
     RATE,
@@ -170,7 +169,7 @@ def sensor_kinematics(
     spreads: Mapping[str, float] = FrozenMap({})
     notes = (*sensors.warnings, *mounting.notes)
     if not seen.any():
-        likely, more = _lost(model, mounting, fit, np.isfinite(reported).all(axis=(2, 3)), options)
+        likely, more = _lost(model, mounting, fit, np.asarray(np.isfinite(reported).all(axis=(2, 3))), options)
         notes = (*notes, *more)
         if likely is not None:
             names = [model.coordinate_names[j] for j in likely.columns]
@@ -192,7 +191,7 @@ def _lost(
     values = np.where(np.isfinite(fit.motion.values), fit.motion.values, tree.defaults)
     seen = Seen(values, known, bodies, joint_angles(tree, problem.free))
     likely = likely_angles(tree, problem, seen, fit.motion.time)
-    notes, ever = list[str](), known.any(axis=0)
+    notes, ever = list[str](), np.asarray(known.any(axis=0))
     blind = undetermined(tree, problem, seen, ever, int(np.argmax(known.sum(axis=1)))) & seen.joints
     if blind.any():
         names = [model.coordinate_names[j] for j in problem.free[blind]]
@@ -246,7 +245,7 @@ class _Finder:
         delay, notes = self._delay()
         fit = MountingFit(tree, sensors, self.bodies, self._chosen(delay), self.options, self.sizes, pose)
         if self.marked is not None and kind == "recording":
-            guess, azimuth = self._from_markers(delay), True
+            guess, azimuth = self._from_markers(delay, not anywhere), True
         elif pose is None:
             raise BadData(
                 f"{sensors.source or 'sensors'}: nothing says how they are mounted: record the calibration pose "
@@ -268,7 +267,7 @@ class _Finder:
         start = fit.at(guess, delay)
         notes += _of_heading(guess)
         if kind == "pose":
-            return replace(start, factor=self._open(start), notes=notes)
+            return replace(fit.by_pose(start), notes=notes)
         found = fit.fitted(start, azimuth, anywhere)
         if pose is None:
             return replace(found, notes=(*notes, *_of_mounting(found, None)))
@@ -281,15 +280,12 @@ class _Finder:
             if name not in frames:
                 raise UnknownName("frame", name, tuple(frames), "--imu-mounting model: the model")
         rotations = np.array([frames[name].pose.rotation for name in sensors.names])
-        still, up, none = np.zeros((1, len(sensors.names))), np.asarray(self.model.up), np.zeros((1, 1))
-        start = SensorMounting(sensors.names, self.bodies, rotations, sensors.time[:1], still, 0.0, none, up)
-        return replace(start, factor=self._open(start))
-
-    def _open(self, start: SensorMounting) -> Array:
-        """What a pose leaves open: a joint angle's error of every sensor; nothing is known of headings that drift."""
-        count = len(start.sensors)
-        sizes = [self.sizes.imu_pose_error] * 3 * count + [0.0] * start.headings.size
-        return np.diag(sizes)
+        count, up = len(sensors.names), np.asarray(self.model.up)
+        # As uncertain as a joint angle in the pose that placed the frames.
+        factor = np.diag([self.sizes.imu_pose_error] * 3 * count + [0.0] * count)
+        return SensorMounting(
+            sensors.names, self.bodies, rotations, sensors.time[:1], np.zeros((1, count)), 0.0, factor, up
+        )
 
     def _pose(self) -> CalibrationPose | None:
         """The calibration pose: recorded apart, at the time stated, or at the start where the body stands still."""
@@ -337,11 +333,11 @@ class _Finder:
         values = np.where(np.isfinite(self.marked.motion.values), self.marked.motion.values, tree.defaults)
         return forward_kinematics(tree, values).rotations[:, [tree.body_number(body) for body in self.bodies]]
 
-    def _from_markers(self, delay: float) -> Guess:
+    def _from_markers(self, delay: float, together: bool) -> Guess:
         assert self.marked is not None
         seen = np.flatnonzero(self.marked.seen)[:: max(1, int(self.marked.seen.sum()) // FRAMES)]
         earth = rotations_at(self.recording.sensors, self.markers.time[seen] + delay, self.model)
-        return from_motion(self._bodies()[seen], earth, np.asarray(self.model.up))
+        return from_motion(self._bodies()[seen], earth, np.asarray(self.model.up), together)
 
     def _chosen(self, delay: float) -> Chosen:
         """Frames, spread over the time that sensors and markers share."""

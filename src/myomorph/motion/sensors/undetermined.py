@@ -105,8 +105,7 @@ def likely_angles(tree: Tree, problem: PoseProblem, seen: Seen, time: Array) -> 
 
     None where no sensor is lost, or it was not there for long enough to learn from.
     """
-    whole = seen.known.all(axis=1)
-    ever = seen.known.any(axis=0)
+    whole, ever = np.asarray(seen.known.all(axis=1)), np.asarray(seen.known.any(axis=0))
     if whole.all() or not ever.all() or not whole.any():
         return None
     free, joints = problem.free, seen.joints
