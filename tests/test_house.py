@@ -6,9 +6,9 @@ import pytest
 from benchmarks.house import CHECKOUT, checkout_texts, count
 
 LIMITS = {
-    ("lines", "src"): 134_700,
-    ("lines", "benchmarks"): 24_200,
-    ("words", "documentation"): 100_000,
+    ("lines", "src"): 134_950,
+    ("lines", "benchmarks"): 24_550,
+    ("words", "documentation"): 101_550,
     ("vague", "src"): 10,
 }
 
