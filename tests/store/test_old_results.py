@@ -1,4 +1,5 @@
-"""Results that version 0.1 wrote are read by this one, and a run reuses them while nothing has changed.
+"""Results that version 0.1 wrote are read by this one, and a run reuses them while nothing has changed,
+defaults included.
 
 `old_results/reach.nc` was written by commit 34e3048 from the files of the example arm: steps ik, id, muscles and
 tension, `cutoff = 6`.
@@ -65,7 +66,10 @@ def test_they_are_reused_as_long_as_nothing_has_changed(arm, monkeypatch):
     home = arm.folder / "there"
     home.mkdir()
     shutil.copy(OLD, home / "reach.nc")
-    assert TrialSteps(trial, STEPS, home).all_reasons(STEPS) == dict.fromkeys(STEPS, ())
+    reasons = TrialSteps(trial, STEPS, home).all_reasons(STEPS)
+    assert {name: reasons[name] for name in ("ik", "id", "muscles")} == dict.fromkeys(("ik", "id", "muscles"), ())
+    # The criterion weighs loads of knees since (decision 29), so tensions are computed again, and it is said why.
+    assert "tension.joint_load_joints None -> knees" in reasons["tension"]
     monkeypatch.setattr("myomorph.store.results.__version__", "99.0")
     version = read_result(OLD).provenance["ik"].version
     assert all(

@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.model import Joint, Model
 from myomorph.muscles.path import Paths
 from myomorph.rigid.body_motion import body_motion
@@ -34,6 +34,7 @@ MIN_ARM = 0.01
 """A tendon nearer to the knee's axis says nothing of a ratio [m]."""
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class Extensors:
     """Muscles of a model that reach the shank over the patella of one knee.

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.model import Joint, Model
 from myomorph.model.series import Motion
 from myomorph.muscles.patella import extensors, tendon_arms
@@ -75,6 +75,7 @@ BANDS = (
 )  # fmt: skip
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class KneeArms:
     """Moment arms of what a band is of, on one knee.

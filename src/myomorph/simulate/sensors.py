@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.inertial_sensors import InertialSensors
 from myomorph.model.model import Model
 from myomorph.model.series import Motion
@@ -62,6 +62,7 @@ class SensorErrors:
 NO_ERRORS = SensorErrors(**dict.fromkeys(("skin", "noise", "pose", "heading", "drift", "axes"), 0.0))
 
 
+@read_only
 @dataclass(frozen=True, eq=False)
 class SimulatedSensors:
     """Sensors, and the truth about them.

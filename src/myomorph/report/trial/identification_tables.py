@@ -226,11 +226,11 @@ def base_sheet(identification: Identification) -> Sheet:
     )
 
 
-def tissue_sheet(identification: Identification) -> Sheet | None:
-    """How much more each coordinate moves than the body's mass; None where nothing was taken from the motion."""
+def tissue_sheet(identification: Identification) -> Sheet:
+    """How much more each coordinate moves than the body's mass; no row where nothing was taken from the motion."""
     tissue = identification.soft_tissue
     if tissue is None:
-        return None
+        return Sheet(SOFT_TISSUE_HEAD, ())
     rows = tuple(zip(tissue.names, tissue.groups, tissue.alpha.tolist(), tissue.sd.tolist(), strict=True))
     return Sheet(SOFT_TISSUE_HEAD, rows)
 
@@ -238,7 +238,7 @@ def tissue_sheet(identification: Identification) -> Sheet | None:
 def identification_tables(
     identification: Identification, validation: Mapping[str, CrossValidation]
 ) -> dict[str, Sheet]:
-    """Every table that has a row, by the name of the file to write it to."""
+    """Every table that has a row, by the name of the file to write it to; that of soft tissue, which later steps read."""
     sheets = {
         "masses.csv": mass_sheet(identification),
         "parameters.csv": parameter_sheet(identification),
@@ -247,10 +247,10 @@ def identification_tables(
         "links.csv": link_sheet(identification),
         "misfit.csv": misfit_sheet(identification),
         "base_parameters.csv": base_sheet(identification),
-        "soft_tissue.csv": tissue_sheet(identification),
         "cross_validation.csv": validation_sheet(validation),
     }
     for i, (trial, check) in enumerate(validation.items()):
         name = re.sub(r"[^A-Za-z0-9_.-]+", "_", trial)
         sheets[f"wrench_{name or i + 1}.csv"] = wrench_sheet(check)
-    return {name: sheet for name, sheet in sheets.items() if sheet is not None and sheet.rows}
+    tables = {name: sheet for name, sheet in sheets.items() if sheet is not None and sheet.rows}
+    return tables | {"soft_tissue.csv": tissue_sheet(identification)}

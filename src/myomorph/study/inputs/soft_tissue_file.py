@@ -28,7 +28,7 @@ def read_soft_tissue(path: Path) -> SoftTissue:
             head, *rows = csv.reader(stream)
         if tuple(head) != SOFT_TISSUE_HEAD:
             raise BadFile(path, f"has the columns {', '.join(head[:4])}, not {', '.join(SOFT_TISSUE_HEAD)}", hint)
-        names, groups, alpha, sd = zip(*rows, strict=True)
+        names, groups, alpha, sd = zip(*rows, strict=True) if rows else ((), (), (), ())
         return SoftTissue(names, groups, np.array(alpha, float), np.array(sd, float))
     except (OSError, ValueError, BadData) as error:
         raise BadFile(path, f"cannot be read as soft tissue ({error})", hint) from error
@@ -37,11 +37,12 @@ def read_soft_tissue(path: Path) -> SoftTissue:
 def opened(settings: SoftTissueFile, opening: Opening) -> Opened:
     """Soft tissue of a trial's subject."""
     path = settings.soft_tissue
-    # `identify` leaves none where markers move as the mass.
-    if path is None or not path.is_file():
+    tissue = None if path is None else read_soft_tissue(path)
+    # The table of `identify` is empty where markers move as the mass does.
+    if path is None or tissue is None or not tissue.names:
         return Opened()
     return Opened(
-        (read_soft_tissue(path),),
+        (tissue,),
         (file_source("soft tissue", path),),
         assumed=(f"Forces are of the motion without soft tissue, as {path.name} says it",),
     )

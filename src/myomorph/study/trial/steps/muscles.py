@@ -34,7 +34,9 @@ BLOCK = 512
 """Frames that are in memory at a time."""
 
 
-def write_muscles(model: Model, motion: Motion, writer: ResultWriter, folder: Path, title: str) -> str:
+def write_muscles(
+    model: Model, motion: Motion, recorded: Motion, writer: ResultWriter, folder: Path, title: str
+) -> str:
     """Write `lengths.sto`, `velocities.sto` and `moment_arms_<coordinate>.sto`, and the same into a result.
 
     Only pairs of a muscle and a coordinate that can have a moment arm are computed and written; a
@@ -42,7 +44,9 @@ def write_muscles(model: Model, motion: Motion, writer: ResultWriter, folder: Pa
 
     Parameters
     ----------
-    motion : with velocities
+    motion : with velocities; moment arms belong to it, as tensions do
+    recorded : the same frames, of which the lengths are: a filter cuts off turning points, and noise shows in
+        velocities alone
 
     Returns
     -------
@@ -59,7 +63,8 @@ def write_muscles(model: Model, motion: Motion, writer: ResultWriter, folder: Pa
     with progress(title, len(motion)) as advance:
         for start in range(0, len(motion), BLOCK):
             part = slice(start, min(start + BLOCK, len(motion)))
-            lengths[part], velocities[part], stored[part] = paths.evaluate(motion, part, advance)
+            _, velocities[part], stored[part] = paths.evaluate(motion, part, advance)
+            lengths[part] = paths.evaluate(recorded, part)[0]
     by_muscle = ("time", "muscle")
     writer.put("muscle_length", by_muscle, lengths, "m", "length of the muscle-tendon path")
     writer.put("muscle_velocity", by_muscle, velocities, "m/s", "lengthening velocity of the muscle-tendon path")
@@ -121,11 +126,11 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques 
         store.put_derivatives(output.writer, motion, trial.model)
     else:
         motion = torques.motion
-    # A filter cuts off turning points, and noise shows in velocities alone: lengths are those of the poses as recorded.
     recorded = poses.recorded if trial.time is None else cut(poses.recorded, *trial.time)
     exact = closed_motion(trial.model, Motion(recorded.time, recorded.names, recorded.values))[0].values
-    motion = replace(motion, values=np.where(np.isfinite(motion.values), exact, np.nan))
-    kinematics = write_muscles(trial.model, motion, output.writer, output.folder, f"{trial.name}: muscle paths")
+    recorded = replace(motion, values=np.where(np.isfinite(motion.values), exact, np.nan))
+    title = f"{trial.name}: muscle paths"
+    kinematics = write_muscles(trial.model, motion, recorded, output.writer, output.folder, title)
     return MuscleLengths(notes=notes, summary=kinematics)
 
 
