@@ -238,7 +238,7 @@ def tissue_sheet(identification: Identification) -> Sheet:
 def identification_tables(
     identification: Identification, validation: Mapping[str, CrossValidation]
 ) -> dict[str, Sheet]:
-    """Every table that has a row, by the name of the file to write it to; that of soft tissue, which later steps read."""
+    """Every table that has a row, and soft tissue, which later steps read, by the name of the file to write it to."""
     sheets = {
         "masses.csv": mass_sheet(identification),
         "parameters.csv": parameter_sheet(identification),
