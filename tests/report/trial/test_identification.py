@@ -217,7 +217,7 @@ def test_files_hold_what_was_given() -> None:
     text = {name: sheet.csv() for name, sheet in tables.items()}
     assert set(text) == {
         "masses.csv", "parameters.csv", "segments.csv", "links.csv", "misfit.csv", "base_parameters.csv",
-        "cross_validation.csv", "wrench_walk_2.csv",
+        "cross_validation.csv", "wrench_walk_2.csv", "soft_tissue.csv",
     }  # fmt: skip
     for row, parameters in zip(rows(text["parameters.csv"]), inertial_parameters(walker()), strict=False):
         assert float(row["I_zx [kg m^2]"]) == parameters[8]
