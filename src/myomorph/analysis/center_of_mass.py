@@ -19,15 +19,8 @@ def centroid(model: Model, motion: Motion) -> Series:
 
     x = sum_b m_b x_b / sum_b m_b, from the poses of the bodies.
 
-    Parameters
-    ----------
-    model : with masses
-    motion : coordinates over time
-
-    Returns
-    -------
-    Series of (frames, 3) `center_of_mass_x`, `_y`, `_z` [m], NaN where the motion is NaN or the model
-    weighs nothing
+    `model`: with masses; `motion`: coordinates over time. Returns Series of (frames, 3) `center_of_mass_x`, `_y`, `_z`
+    [m], NaN where the motion is NaN or the model weighs nothing.
     """
     if model.mass <= 0.0:
         return Series(motion.time, NAMES, np.full((len(motion), 3), np.nan))

@@ -12,21 +12,14 @@ from myomorph.model.series import Series
 
 @dataclass(frozen=True)
 class Comparison:
-    """An estimate beside what is known to be true.
+    """An estimate beside what is known to be true."""
 
-    Attributes
-    ----------
-    name : of the column
-    rmse, worst : root mean square and largest difference
-    span : largest minus smallest true value
-    correlation : of the two, nan where one does not vary
-    """
-
-    name: str
+    name: str  # of the column
+    # rmse, worst: root mean square and largest difference
     rmse: float
     worst: float
-    span: float
-    correlation: float
+    span: float  # largest minus smallest true value
+    correlation: float  # of the two, nan where one does not vary
 
 
 def compared(estimate: Series, truth: Series) -> list[Comparison]:

@@ -18,42 +18,28 @@ from myomorph.model.arrays import Array, read_only
 @read_only
 @dataclass(frozen=True, eq=False)
 class MeanCurves:
-    """Signals over the cycle, as the mean of several subjects or trials.
-
-    Attributes
-    ----------
-    mean, deviation, low, high : (samples, names); standard deviation with ddof = 1, and the interval of the mean; NaN
-        with fewer than two
-    count : (samples, names) subjects or trials that are known there
-    """
+    """Signals over the cycle, as the mean of several subjects or trials."""
 
     names: tuple[str, ...]
+    # mean, deviation, low, high: (samples, names); standard deviation with ddof = 1, and the interval of the mean; NaN
+    # with fewer than two
     mean: Array
     deviation: Array
     low: Array
     high: Array
-    count: Array
+    count: Array  # (samples, names) subjects or trials that are known there
 
 
 @dataclass(frozen=True, eq=False)
 class Condition:
-    """One condition of a study.
-
-    Attributes
-    ----------
-    subjects : each with the means of its trials
-    trials : how many went well
-    cycle : what curves go over: "stride" or "trial"
-    unit : what the curves' spread is of: "subjects", or "trials" where there is one subject
-    curves : by family
-    """
+    """One condition of a study."""
 
     name: str
-    subjects: tuple[Animal, ...]
-    trials: int
-    cycle: str
-    unit: str
-    curves: Mapping[str, MeanCurves]
+    subjects: tuple[Animal, ...]  # each with the means of its trials
+    trials: int  # how many went well
+    cycle: str  # what curves go over: "stride" or "trial"
+    unit: str  # what the curves' spread is of: "subjects", or "trials" where there is one subject
+    curves: Mapping[str, MeanCurves]  # by family
 
 
 def mean_curves(

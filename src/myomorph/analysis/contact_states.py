@@ -72,10 +72,7 @@ def _told(name: str, who: Sequence[Subject]) -> tuple[str, str, str]:
 
 def measured_contacts(wrenches: Wrenches, up: Array, weight: float | None) -> Contacts:
     """Contacts that forces tell: vertical force over 3 % of body weight, see `phases.contacts`.
-
-    Parameters
-    ----------
-    weight : of the body [N]; without it a third of the peak stands in
+    `weight`: of the body [N]; without it a third of the peak stands in.
     """
     options = PhaseOptions()
     vertical = np.nan_to_num(wrenches.forces @ up)

@@ -186,16 +186,10 @@ MAX_GAP = 0.1
 @read_only
 @dataclass(frozen=True, eq=False)
 class Cycles:
-    """Signals of many cycles, each from 0 to 100 %.
+    """Signals of many cycles, each from 0 to 100 %."""
 
-    Attributes
-    ----------
-    names : of the signals
-    values : (cycles, samples, names), NaN where not known
-    """
-
-    names: tuple[str, ...]
-    values: Array
+    names: tuple[str, ...]  # of the signals
+    values: Array  # (cycles, samples, names), NaN where not known
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "values", frozen_array(self.values, (-1, -1, len(self.names))))
@@ -209,33 +203,20 @@ class Cycles:
 @read_only
 @dataclass(frozen=True, eq=False)
 class Band:
-    """A mean curve with its interval.
+    """A mean curve with its interval."""
 
-    Attributes
-    ----------
-    mean, low, high : (samples, ...); the limits are NaN with fewer than two curves
-    spread : (samples, ...) population standard deviation of the curves
-    count : (samples, ...) curves that are known there
-    """
-
+    # mean, low, high: (samples, ...); the limits are NaN with fewer than two curves
     mean: Array
     low: Array
     high: Array
-    spread: Array
-    count: Array
+    spread: Array  # (samples, ...) population standard deviation of the curves
+    count: Array  # (samples, ...) curves that are known there
 
 
 def over_cycles(series: Series, spans: Sequence[tuple[float, float]], samples: int = SAMPLES) -> Cycles:
     """Signals resampled over cycles by straight lines between frames.
-
-    Parameters
-    ----------
-    series : values (frames, names), NaN where not known
-    spans : start and end of each cycle [s]; a part outside of the series is NaN
-
-    Raises
-    ------
-    BadData : a span that does not go forward, or signals that are vectors
+    `series`: values (frames, names), NaN where not known; `spans`: start and end of each cycle [s]; a part outside of
+    the series is NaN.
     """
     if series.values.ndim != 2:
         raise BadData(f"curves over the cycle are of single numbers, but these have shape {series.values.shape}")

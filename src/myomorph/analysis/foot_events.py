@@ -65,21 +65,14 @@ class StrideOptions:
 @read_only
 @dataclass(frozen=True, eq=False)
 class FootTrack:
-    """A foot and its events.
+    """A foot and its events."""
 
-    Attributes
-    ----------
-    place : (frames, 3) of what tells strikes [m], NaN where unseen
-    strikes, lifts : (events,) [s]
-    seen : (frames,)
-    source : "markers", "running", "events" or "plates"
-    """
-
-    place: Array
+    place: Array  # (frames, 3) of what tells strikes [m], NaN where unseen
+    # strikes, lifts: (events,) [s]
     strikes: Array
     lifts: Array
-    seen: np.ndarray
-    source: str = "markers"
+    seen: np.ndarray  # (frames,)
+    source: str = "markers"  # "markers", "running", "events" or "plates"
 
 
 def direction_of(
@@ -92,10 +85,7 @@ def direction_of(
     facing: Array | None = None,
 ) -> tuple[Array, bool]:
     """Direction of travel, and whether the body goes over the ground rather than in place on a belt.
-
-    Parameters
-    ----------
-    facing : (3,) where the feet point, for a body in place whose feet are as fast backward as forward, as a sprinter's
+    `facing` (3,) where the feet point, for a body in place whose feet are as fast backward as forward, as a sprinter's.
     """
     flat = np.eye(3) - np.outer(up, up)
     seen = np.isfinite(trunk[:, 0])

@@ -56,19 +56,14 @@ class GroupOptions:
 @read_only
 @dataclass(frozen=True, eq=False)
 class Animal:
-    """One animal or subject.
-
-    Attributes
-    ----------
-    scalars : by parameter, one value a stride, NaN where unknown
-    curves : by family ("angle [°]", "muscle length [mm]"), signals over the cycles
-    strides : how many
-    """
+    """One animal or subject."""
 
     name: str
+    # by parameter, one value a stride, NaN where unknown
     scalars: Mapping[str, Array] = field(default_factory=lambda: FrozenMap({}))
+    # by family ("angle [°]", "muscle length [mm]"), signals over the cycles
     curves: Mapping[str, Cycles] = field(default_factory=lambda: FrozenMap({}))
-    strides: int = 0
+    strides: int = 0  # how many
 
     def curve(self, family: str, name: str) -> Array:
         """(samples,) mean over its cycles, NaN where no cycle is known."""
@@ -91,26 +86,21 @@ class Group:
 
 @dataclass(frozen=True)
 class ScalarDifference:
-    """One parameter of two groups, animals' means.
-
-    Attributes
-    ----------
-    first, second : mean, standard deviation (of animals, ddof = 1) and number of animals
-    difference, low, high : first less second and its interval (Welch)
-    g, g_low, g_high : Hedges' g and its interval
-    p : of this parameter alone; holm, q : corrected for all parameters
-    """
+    """One parameter of two groups, animals' means."""
 
     name: str
+    # first, second: mean, standard deviation (of animals, ddof = 1) and number of animals
     first: tuple[float, float, int]
     second: tuple[float, float, int]
+    # difference, low, high: first less second and its interval (Welch)
     difference: float
     low: float
     high: float
+    # g, g_low, g_high: Hedges' g and its interval
     g: float
     g_low: float
     g_high: float
-    p: float = float("nan")
+    p: float = float("nan")  # of this parameter alone; holm, q : corrected for all parameters
     holm: float = float("nan")
     q: float = float("nan")
 
@@ -118,31 +108,24 @@ class ScalarDifference:
 @read_only
 @dataclass(frozen=True, eq=False)
 class CurveDifference:
-    """One signal of two groups over the cycle, animals' means.
-
-    Attributes
-    ----------
-    first, second : mean and interval of each group
-    each : by group, (animals, samples)
-    difference, low, high : (samples,) first less second and its interval (Welch, sample by sample)
-    g, g_low, g_high : (samples,) Hedges' g
-    p : (samples,) corrected for all samples of all signals of the family; NaN where not tested
-    regions : parts of the cycle that differ, (start, stop) [%]
-    """
+    """One signal of two groups over the cycle, animals' means."""
 
     family: str
     name: str
+    # first, second: mean and interval of each group
     first: Band
     second: Band
-    each: tuple[Array, Array]
+    each: tuple[Array, Array]  # by group, (animals, samples)
+    # difference, low, high: (samples,) first less second and its interval (Welch, sample by sample)
     difference: Array
     low: Array
     high: Array
+    # g, g_low, g_high: (samples,) Hedges' g
     g: Array
     g_low: Array
     g_high: Array
-    p: Array
-    regions: tuple[tuple[float, float], ...]
+    p: Array  # (samples,) corrected for all samples of all signals of the family; NaN where not tested
+    regions: tuple[tuple[float, float], ...]  # parts of the cycle that differ, (start, stop) [%]
 
     @property
     def least_p(self) -> float:
@@ -152,29 +135,19 @@ class CurveDifference:
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Two groups side by side.
+    """Two groups side by side."""
 
-    Attributes
-    ----------
-    names : of the groups, first and second
-    animals : by group, name and number of strides of each
-    tested : whether the groups are large enough
-    exact : whether all relabellings were taken
-    floor : least p that these groups can reach
-    notes : what should be known before anything is believed, one line each
-    paired : whether both groups are the same animals or subjects, each beside itself
-    """
-
-    names: tuple[str, str]
+    names: tuple[str, str]  # of the groups, first and second
+    # by group, name and number of strides of each
     animals: tuple[tuple[tuple[str, int], ...], tuple[tuple[str, int], ...]]
     scalars: tuple[ScalarDifference, ...]
     curves: tuple[CurveDifference, ...]
     options: GroupOptions
-    tested: bool
-    exact: bool
-    floor: float
-    notes: tuple[str, ...] = ()
-    paired: bool = False
+    tested: bool  # whether the groups are large enough
+    exact: bool  # whether all relabellings were taken
+    floor: float  # least p that these groups can reach
+    notes: tuple[str, ...] = ()  # what should be known before anything is believed, one line each
+    paired: bool = False  # whether both groups are the same animals or subjects, each beside itself
 
     def family(self, name: str) -> tuple[CurveDifference, ...]:
         """Curves of one family."""
@@ -192,10 +165,6 @@ def compare_groups(first: Group, second: Group, options: GroupOptions | None = N
     Parameters are tested one by one by relabelling and corrected for their number (Holm; Benjamini and Hochberg beside
     it); the curves of a family together by the largest statistic over all of them and the whole cycle. With fewer than
     three animals in a group nothing is tested.
-
-    Raises
-    ------
-    BadData : an empty group, or an animal in both
     """
     options = options or GroupOptions()
     for group in (first, second):
@@ -219,10 +188,6 @@ def compare_paired(first: Group, second: Group, options: GroupOptions | None = N
     interval is that of their mean (Student's t), the effect size their mean over their standard deviation with Hedges'
     correction, and the test turns differences round instead of exchanging subjects. Subjects that only one of the
     conditions has are left out, by name.
-
-    Raises
-    ------
-    BadData : no subject has both
     """
     options = options or GroupOptions()
     by_name = {animal.name: animal for animal in second.animals}

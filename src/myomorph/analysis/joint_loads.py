@@ -14,25 +14,16 @@ from myomorph.model.sides import split_side
 
 @dataclass(frozen=True)
 class StrideLoad:
-    """What one stride does to a joint or to one of its contact points.
+    """What one stride does to a joint or to one of its contact points."""
 
-    Attributes
-    ----------
-    load : name of the force
-    stride : 1, 2, ... of the joint's own leg; 0 for the whole recording, where it has no strides
-    start, stop : of the stride [s]
-    peak : [N]
-    peak_time : [s]
-    impulse : force added up over the time [N s]
-    """
-
-    load: str
-    stride: int
+    load: str  # name of the force
+    stride: int  # 1, 2, ... of the joint's own leg; 0 for the whole recording, where it has no strides
+    # start, stop: of the stride [s]
     start: float
     stop: float
-    peak: float
-    peak_time: float
-    impulse: float
+    peak: float  # [N]
+    peak_time: float  # [s]
+    impulse: float  # force added up over the time [N s]
 
     @property
     def peak_percent(self) -> float:
@@ -54,10 +45,7 @@ def stride_loads(loads: Series, strides: Strides | None) -> tuple[StrideLoad, ..
 
     Strides in which a force is known in less than two frames are left out.
 
-    Parameters
-    ----------
-    loads : forces over time (frames, loads) [N]
-    strides : of the recording; None where it has none
+    `loads`: forces over time (frames, loads) [N]; `strides`: of the recording; None where it has none.
     """
     if len(loads) < 2:
         return ()

@@ -28,27 +28,20 @@ MIN_STRIDES = 2
 
 @dataclass(frozen=True)
 class MuscleRange:
-    """What a muscle-tendon unit does in a stride, means over the strides.
-
-    Attributes
-    ----------
-    strides : that show it whole
-    shortest, longest : [m]
-    shortest_at, longest_at : where the mean curve is so [% of the stride]
-    standing : length on the standing animal [m]
-    fiber : optimal fiber length [m]
-    shortening, lengthening : fastest [optimal fiber lengths/s]; nan where velocities are not known
-    """
+    """What a muscle-tendon unit does in a stride, means over the strides."""
 
     muscle: str
     limb: str
-    strides: int
+    strides: int  # that show it whole
+    # shortest, longest: [m]
     shortest: float
     longest: float
+    # shortest_at, longest_at: where the mean curve is so [% of the stride]
     shortest_at: float
     longest_at: float
-    standing: float
-    fiber: float
+    standing: float  # length on the standing animal [m]
+    fiber: float  # optimal fiber length [m]
+    # shortening, lengthening: fastest [optimal fiber lengths/s]; nan where velocities are not known
     shortening: float
     lengthening: float
 
@@ -61,21 +54,15 @@ class MuscleRange:
 @read_only
 @dataclass(frozen=True, eq=False)
 class LengthAnalysis:
-    """Lengths of all muscle-tendon units over the strides of their limbs.
-
-    Attributes
-    ----------
-    limbs : of each muscle
-    strides : by limb, those analysed
-    lengths, rates : by limb, over its strides [m], [m/s]; `rates` is empty where velocities are not known
-    standing, fiber : (muscles,) length in the model's default pose, optimal fiber length [m]
-    """
+    """Lengths of all muscle-tendon units over the strides of their limbs."""
 
     muscles: tuple[str, ...]
-    limbs: tuple[str, ...]
-    strides: Mapping[str, tuple[Stride, ...]]
+    limbs: tuple[str, ...]  # of each muscle
+    strides: Mapping[str, tuple[Stride, ...]]  # by limb, those analysed
+    # lengths, rates: by limb, over its strides [m], [m/s]; `rates` is empty where velocities are not known
     lengths: Mapping[str, Cycles]
     rates: Mapping[str, Cycles]
+    # standing, fiber: (muscles,) length in the model's default pose, optimal fiber length [m]
     standing: Array
     fiber: Array
 
@@ -120,14 +107,7 @@ def length_analysis(model: Model, lengths: Series, strides: Strides, rates: Seri
     A muscle belongs to the limb that any of its points or surfaces is on; one that is on none (of the trunk)
     goes with the first limb's strides.
 
-    Parameters
-    ----------
-    lengths : (frames, muscles) [m], NaN where not known
-    rates : (frames, muscles) their velocities [m/s]
-
-    Raises
-    ------
-    BadData : no limb has a stride
+    `lengths` (frames, muscles) [m], NaN where not known; `rates` (frames, muscles) their velocities [m/s].
     """
     owners = _owners(model, tuple(lengths.names))
     by_limb = {name: strides.of(name) for name in strides.strikes}

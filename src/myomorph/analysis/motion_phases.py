@@ -54,23 +54,16 @@ class Cutting:
 @read_only
 @dataclass(frozen=True, eq=False)
 class Cuttable:
-    """What phases are made from.
+    """What phases are made from."""
 
-    Attributes
-    ----------
-    span : first and last time [s]
-    contact_names, touching : what can touch, and (frames, names) whether it does, at `time`
-    nothing : what no contact is called
-    period : of the center of gravity [s], nan where it has none
-    """
-
-    span: tuple[float, float]
+    span: tuple[float, float]  # first and last time [s]
     time: Array
     events: tuple[Event, ...] = ()
+    # contact_names, touching: what can touch, and (frames, names) whether it does, at `time`
     contact_names: tuple[str, ...] = ()
     touching: np.ndarray | None = None
-    nothing: str = "no contact"
-    period: float = float("nan")
+    nothing: str = "no contact"  # what no contact is called
+    period: float = float("nan")  # of the center of gravity [s], nan where it has none
 
 
 def cut(what: Cuttable, cuts: Sequence[Cut], phases: Sequence[Phase] = ()) -> Cutting:
@@ -191,37 +184,27 @@ def _parts(what: Cuttable) -> tuple[Stage, ...]:
 @read_only
 @dataclass(frozen=True, eq=False)
 class StageMeasures:
-    """What a stage is like.
-
-    Attributes
-    ----------
-    mean, range, variance : (3,) of the center of gravity along the ground's axes [m], [m], [m^2]; range and
-        variance are those within a phase, their means over the phases of a stage
-    activity, peak : mean over time and muscles, and largest activation; nan where none is known
-    strongest : index of the muscle of the largest mean activation, -1 where none is known
-    contact : (names,) share of its time that each limb touches; empty where contacts are not known
-    """
+    """What a stage is like."""
 
     stage: Stage
+    # mean, range, variance: (3,) of the center of gravity along the ground's axes [m], [m], [m^2]; range and variance
+    # are those within a phase, their means over the phases of a stage
     mean: Array
     range: Array
     variance: Array
+    # activity, peak: mean over time and muscles, and largest activation; nan where none is known
     activity: float
     peak: float
-    strongest: int
-    contact: Array
+    strongest: int  # index of the muscle of the largest mean activation, -1 where none is known
+    contact: Array  # (names,) share of its time that each limb touches; empty where contacts are not known
 
 
 def measure(
     stage: Stage, center: Series | None, activations: Series | None, time: Array, touching: np.ndarray | None
 ) -> StageMeasures:
     """Measures of one stage; NaN where it has no frames.
-
-    Parameters
-    ----------
-    center : center of gravity (frames, 3) [m]
-    activations : (frames, muscles)
-    time, touching : (frames,) and (frames, limbs)
+    `center`: center of gravity (frames, 3) [m]; `activations` (frames, muscles); `time`, `touching` (frames,) and
+    (frames, limbs).
     """
     unknown = np.full(3, np.nan)
     mean, reach, variance = unknown, unknown, unknown

@@ -37,24 +37,14 @@ SAME = 1e-9
 @read_only
 @dataclass(frozen=True, eq=False)
 class PermutationTest:
-    """What relabelling tells.
+    """What relabelling tells."""
 
-    Attributes
-    ----------
-    statistic : (...) the first group less the second, see above
-    p : (...) corrected for all numbers looked at together
-    alone : (...) of each number, as if it were the only one
-    relabellings : how many, the observed one among them
-    exact : whether they are all there are
-    floor : least p that groups of this size can reach
-    """
-
-    statistic: Array
-    p: Array
-    alone: Array
-    relabellings: int
-    exact: bool
-    floor: float
+    statistic: Array  # (...) the first group less the second, see above
+    p: Array  # (...) corrected for all numbers looked at together
+    alone: Array  # (...) of each number, as if it were the only one
+    relabellings: int  # how many, the observed one among them
+    exact: bool  # whether they are all there are
+    floor: float  # least p that groups of this size can reach
 
 
 def labellings(first: int, second: int, most: int = 10000, seed: int = 0) -> tuple[NDArray[np.bool_], bool]:
@@ -85,16 +75,9 @@ def permutation_test(
 
     Groups are relabelled; differences within pairs are turned round: under no difference each is as likely to be.
 
-    Parameters
-    ----------
-    first, second : (members,) numbers, (members, samples) a curve or (members, curves, samples) several; without
-        `second`, differences within pairs; a number that is NaN for any member is left out
-    most : relabellings above which random ones are drawn
-    seed : of these
-
-    Raises
-    ------
-    BadData : shapes that differ, or fewer than three in a group, or pairs
+    `first`, `second` (members,) numbers, (members, samples) a curve or (members, curves, samples) several; without
+    `second`, differences within pairs; a number that is NaN for any member is left out; `most`: relabellings above
+    which random ones are drawn; `seed`: of these.
     """
     groups = [np.asarray(sample, dtype=np.float64) for sample in (first, second) if sample is not None]
     sizes, shape = [len(group) for group in groups], groups[0].shape[1:]
@@ -171,13 +154,8 @@ def hedges_g(first: ArrayLike, second: ArrayLike | None = None) -> Array:
     Of two groups the difference of means over the pooled standard deviation; of differences within pairs, given alone,
     their mean over their standard deviation.
 
-    Parameters
-    ----------
-    first, second : (members, ...); NaN where unknown
-
-    Returns
-    -------
-    (...), NaN with fewer than two members in a group, fewer than three pairs, or without any spread
+    `first`, `second` (members, ...); NaN where unknown. Returns (...), NaN with fewer than two members in a group,
+    fewer than three pairs, or without any spread.
     """
     groups = [np.asarray(sample, dtype=np.float64) for sample in (first, second) if sample is not None]
     freedom = sum(len(group) - 1 for group in groups)
@@ -200,10 +178,7 @@ def g_interval(g: float, *sizes: int, confidence: float = 0.95) -> tuple[float, 
 
     It is exact for the effect itself, so that the ends are not corrected for the bias of the estimate.
 
-    Parameters
-    ----------
-    g : estimate without bias
-    sizes : of the two groups, or the number of pairs
+    `g`: estimate without bias; `sizes`: of the two groups, or the number of pairs.
     """
     if not np.isfinite(g) or min(sizes) < 2:
         return float("nan"), float("nan")

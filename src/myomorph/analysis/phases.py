@@ -58,18 +58,11 @@ class Measure:
 
 @dataclass(frozen=True)
 class Movement:
-    """What a recording shows.
+    """What a recording shows."""
 
-    Attributes
-    ----------
-    kind : "gait", "jump", "contact" or "" where no force tells
-    events : in order of time
-    measures : numbers that usually go with such a movement
-    """
-
-    kind: str = ""
-    events: tuple[Event, ...] = ()
-    measures: tuple[Measure, ...] = ()
+    kind: str = ""  # "gait", "jump", "contact" or "" where no force tells
+    events: tuple[Event, ...] = ()  # in order of time
+    measures: tuple[Measure, ...] = ()  # numbers that usually go with such a movement
 
 
 def side_of(name: str, body: str = "") -> str:
@@ -96,11 +89,8 @@ def find_movement(
     al. 2018: onset, start of braking, lowest point, take-off, landing. Otherwise every side that touches
     and leaves the ground gets foot strikes and foot offs.
 
-    Parameters
-    ----------
-    up : (3,) unit vector against gravity
-    weight : of the body [N]; without it, the largest quiet force or a third of the peak stands in
-    height : center of mass over time; its largest column along `up` gives the lowest point
+    `up` (3,) unit vector against gravity; `weight`: of the body [N]; without it, the largest quiet force or a third of
+    the peak stands in; `height`: center of mass over time; its largest column along `up` gives the lowest point.
     """
     options = options or PhaseOptions()
     vertical = np.nan_to_num(wrenches.forces @ up)
@@ -125,11 +115,7 @@ def contacts(time: Array, force: Array, threshold: float, shortest: float) -> tu
     unloaded plate does not touch it; it must reach three times the threshold and last `shortest`, and a
     gap shorter than that does not end it.
 
-    Parameters
-    ----------
-    time, force : (samples,) [s], [N]
-    threshold : [N]
-    shortest : [s]
+    `time`, `force` (samples,) [s], [N]; `threshold` [N]; `shortest` [s].
     """
     width = max(1, round(0.01 / max(float(np.median(np.diff(time))), 1e-9)))
     smooth = np.convolve(np.pad(force, width, mode="edge"), np.ones(width) / width, mode="same")[width:-width]

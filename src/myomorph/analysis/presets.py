@@ -35,11 +35,7 @@ def named_muscles(
 
     Parts of one muscle are members of one pair.
 
-    Parameters
-    ----------
-    names : of the model's muscles
-    wanted : of `MUSCLES`
-    prefix : what the names of one subject begin with
+    `names`: of the model's muscles; `wanted`: of `MUSCLES`; `prefix`: what the names of one subject begin with.
     """
     bare = {name: split_side(name.removeprefix(prefix).rsplit("__", 1)[-1]) for name in names}
     pairs, lacking = [], []
@@ -71,22 +67,13 @@ into four equal parts."""
 
 @dataclass(frozen=True)
 class Preset:
-    """Which muscles and phases the analysis of one kind of motion has.
+    """Which muscles and phases the analysis of one kind of motion has."""
 
-    Attributes
-    ----------
-    name : as study files and the command line say it
-    title : in print
-    muscles : of `MUSCLES`, from top to bottom
-    cuts : of `CUTS`, the first that cuts the motion at all is taken
-    pictures : in the strip
-    """
-
-    name: str
-    title: str
-    muscles: tuple[str, ...]
-    cuts: tuple[Cut, ...]
-    pictures: int = 9
+    name: str  # as study files and the command line say it
+    title: str  # in print
+    muscles: tuple[str, ...]  # of `MUSCLES`, from top to bottom
+    cuts: tuple[Cut, ...]  # of `CUTS`, the first that cuts the motion at all is taken
+    pictures: int = 9  # in the strip
 
     def __post_init__(self) -> None:
         for kind, names, known in (
@@ -139,13 +126,8 @@ def preset_of(name: str) -> Preset:
 
 def fitting_preset(walks: bool, sources: tuple[str, ...], persons: int, holds: bool) -> Preset:
     """The preset that a recording asks for by itself.
-
-    Parameters
-    ----------
-    walks : whether feet strike the ground one after the other
-    sources : where the contacts come from
-    persons : subjects with muscles
-    holds : whether an object without muscles is in the recording
+    `walks`: whether feet strike the ground one after the other; `sources`: where the contacts come from; `persons`:
+    subjects with muscles; `holds`: whether an object without muscles is in the recording.
     """
     if persons > 1:
         return PRESETS["judo"]

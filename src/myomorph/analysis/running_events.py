@@ -25,10 +25,7 @@ MIN_FRAMES = 24
 
 def vertical_force(model: Model, motion: Motion) -> Array:
     """Vertical force on the whole body over its weight (frames,): 1 + a / g, with a of the center of mass [m/s^2].
-
-    Parameters
-    ----------
-    motion : coordinates (frames, coordinates) [rad or m], none missing
+    `motion`: coordinates (frames, coordinates) [rad or m], none missing.
     """
     g = float(np.linalg.norm(model.gravity))
     height = centroid(model, motion).values @ np.asarray(model.up)
@@ -49,10 +46,7 @@ def running_contacts(
     a foot goes on backward after it has left the ground. Between two flights one foot carries the body, the lower one.
     The force's slope where it passes half the weight leads to where it begins and ends.
 
-    Parameters
-    ----------
-    motion : coordinates (frames, coordinates) [rad or m]
-    feet : bodies
+    `motion`: coordinates (frames, coordinates) [rad or m]; `feet`: bodies.
     """
     known = np.isfinite(motion.values).all(axis=1)
     if known.sum() < MIN_FRAMES or not known.all() or model.mass <= 0.0 or not np.linalg.norm(model.gravity) > 0.0:

@@ -80,16 +80,10 @@ COORDINATE_ORDER: tuple[str, ...] = (
 
 @dataclass(frozen=True)
 class Pair:
-    """One thing on the two sides of the body, or in the middle.
+    """One thing on the two sides of the body, or in the middle."""
 
-    Attributes
-    ----------
-    label : what it is called in print
-    members : side ("right", "left" or "") to the names that make it up
-    """
-
-    label: str
-    members: Mapping[str, tuple[str, ...]]
+    label: str  # what it is called in print
+    members: Mapping[str, tuple[str, ...]]  # side ("right", "left" or "") to the names that make it up
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -162,10 +156,7 @@ def coordinate_pairs(model: Model, ranges: Mapping[str, float], most: int = 12) 
     Left out are the root's, locked ones, those that follow others and those that do not move. The
     usual ones come first, then the others by how far they move.
 
-    Parameters
-    ----------
-    ranges : how far each coordinate moved [rad or m]
-    most : figures at most
+    `ranges`: how far each coordinate moved [rad or m]; `most`: figures at most.
     """
     root = {name for group in root_coordinates(model) for name in group}
     following = set(model.dependent_coordinates)
@@ -193,10 +184,7 @@ def major_muscles(names: Sequence[str], mean_force: Array | None = None, most: i
     Known leg muscles where at least six are found or most are known (the parts of one muscle together);
     otherwise, or to fill up, the muscles that pull hardest on average.
 
-    Parameters
-    ----------
-    names : of the muscles
-    mean_force : (muscles,) mean tension [N], or None
+    `names`: of the muscles; `mean_force` (muscles,) mean tension [N], or None.
     """
     bare = {name: split_side(name) for name in names}
     known = ((label, spelled(bare, pattern)) for label, pattern in MAJOR_MUSCLES)
@@ -240,20 +228,12 @@ MIN_SHARE = 1e-3
 
 @dataclass(frozen=True)
 class Subject:
-    """One body or object of a model.
+    """One body or object of a model."""
 
-    Attributes
-    ----------
-    name : as printed, "" for the only one
-    prefix : what its names begin with in a model of several
-    bodies : names
-    muscles : names of the muscles on its bodies
-    """
-
-    name: str
-    prefix: str
-    bodies: tuple[str, ...]
-    muscles: tuple[str, ...]
+    name: str  # as printed, "" for the only one
+    prefix: str  # what its names begin with in a model of several
+    bodies: tuple[str, ...]  # names
+    muscles: tuple[str, ...]  # names of the muscles on its bodies
 
 
 def subjects(model: Model) -> tuple[Subject, ...]:

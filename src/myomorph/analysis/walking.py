@@ -98,12 +98,8 @@ def walking_strides(
     events: Sequence[Event] = (),
 ) -> Strides | None:
     """Strides of a motion, or None where it is no walk: no feet, feet that stand, no stride, or none like another.
-
-    Parameters
-    ----------
-    motion : coordinates (frames, coordinates) [rad or m]
-    wrenches : on the feet: strikes and lifts that they show go before all others
-    events : of the recording, which go before those of the motion
+    `motion`: coordinates (frames, coordinates) [rad or m]; `wrenches`: on the feet: strikes and lifts that they show go
+    before all others; `events`: of the recording, which go before those of the motion.
     """
     limbs = walking_limbs(model)
     if len(limbs) < 2 or not len(motion):

@@ -37,22 +37,16 @@ class AssignOptions:
 
 @dataclass(frozen=True)
 class Contact:
-    """One stretch of time in which a plate carried one body.
+    """One stretch of time in which a plate carried one body."""
 
-    Attributes
-    ----------
-    plate, body : names
-    start, stop : first and last frame's time [s]
-    distance : mean distance of the center of pressure to the body's nearest point, weighted by force [m]
-    other_distance : the same for the body that is second nearest, inf if there is none [m]
-    """
-
+    # plate, body: names
     plate: str
     body: str
+    # start, stop: first and last frame's time [s]
     start: float
     stop: float
-    distance: float
-    other_distance: float
+    distance: float  # mean distance of the center of pressure to the body's nearest point, weighted by force [m]
+    other_distance: float  # the same for the body that is second nearest, inf if there is none [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,16 +67,9 @@ def assign_bodies(
     over. A plate that carried two bodies becomes two wrenches, named `plate_body`. Two feet on one
     plate at once cannot be separated by one plate: the force goes to the nearer one, with a warning.
 
-    Parameters
-    ----------
-    wrenches : of plates, bodies unknown; zero force where unloaded
-    positions : candidate body to points fixed to it, (frames, 3) or (frames, points, 3), on the clock of
-        `wrenches`, NaN where unseen [m]
-    options : see `AssignOptions`
-
-    Raises
-    ------
-    BadData : there is no candidate, or positions are on another clock
+    `wrenches`: of plates, bodies unknown; zero force where unloaded; `positions`: candidate body to points fixed to it,
+    (frames, 3) or (frames, points, 3), on the clock of `wrenches`, NaN where unseen [m]; `options`: see
+    `AssignOptions`.
     """
     options = options or AssignOptions()
     names = tuple(positions)
@@ -225,20 +212,9 @@ class OnlineFeet:
     While the load is small, the center of pressure shows little: the foot is asked for again until the load passes
     `SURE`, and then kept until it ends. A plate that is loaded near no foot acts on no body.
 
-    Parameters
-    ----------
-    plates : names
-    bodies : that the plates act on, "" where the nearest foot is to be found
-
-    Attributes
-    ----------
-    bodies : on which forces may act, in the order of the wrenches
-    nobody : (plates,) samples so far of load near no foot
-    up : (3,) against gravity
-
-    Raises
-    ------
-    BadData : a foot is to be found, and the model has none
+    `plates`: names; `bodies`: that the plates act on, "" where the nearest foot is to be found. `bodies`: on which
+    forces may act, in the order of the wrenches; `nobody` (plates,) samples so far of load near no foot; `up` (3,)
+    against gravity.
     """
 
     def __init__(self, model: Model, plates: Sequence[str], bodies: Sequence[str]):
@@ -267,15 +243,8 @@ class OnlineFeet:
 
     def given(self, wrenches: Array, coordinates: Array | None) -> Array:
         """Wrenches on the bodies.
-
-        Parameters
-        ----------
-        wrenches : (samples, plates, 6) moment about the ground's origin and force [N m], [N]
-        coordinates : (coordinates,) of the newest pose, None where there is none yet
-
-        Returns
-        -------
-        (samples, bodies, 6)
+        `wrenches` (samples, plates, 6) moment about the ground's origin and force [N m], [N]; `coordinates`
+        (coordinates,) of the newest pose, None where there is none yet. Returns (samples, bodies, 6).
         """
         result = np.zeros((len(wrenches), len(self.bodies), 6))
         for plate in range(len(self.plates)):

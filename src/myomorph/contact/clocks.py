@@ -29,36 +29,18 @@ MIN_COUNT = 3
 
 @dataclass(frozen=True)
 class SoundClock:
-    """How much later on the motion's clock a sound starts than it was said to.
+    """How much later on the motion's clock a sound starts than it was said to."""
 
-    Attributes
-    ----------
-    shift : to be added to `Sound.start` [s]
-    ratio : mean change of velocity at the impacts over that at the next best shift; 1 shows nothing
-    impacts : how many lie within the motion then
-    """
-
-    shift: float
-    ratio: float
-    impacts: int
+    shift: float  # to be added to `Sound.start` [s]
+    ratio: float  # mean change of velocity at the impacts over that at the next best shift; 1 shows nothing
+    impacts: int  # how many lie within the motion then
 
 
 def sound_clock(
     heard: HeardImpacts, model: Model, motion: Motion, sites: Sequence[Site], reach: float = 5.0
 ) -> SoundClock:
     """The shift at which impacts fall on the largest changes of velocity of the sites that make them.
-
-    Parameters
-    ----------
-    sites : at least those that the instruments name
-    reach : largest shift either way [s]
-
-    Raises
-    ------
-    UnknownName
-        where an instrument names a site that is not among `sites`
-    BadData
-        where fewer than `MIN_COUNT` impacts are on instruments with sites
+    `sites`: at least those that the instruments name; `reach`: largest shift either way [s].
     """
     by_name = {site.name: site for site in sites}
     changes: dict[str, Array] = {}
@@ -96,18 +78,11 @@ def _changes(time: Array, places: Array) -> Array:
 
 @dataclass(frozen=True)
 class CameraClock:
-    """What a camera's time is on the motion's clock: t_motion = start + pace t_camera.
+    """What a camera's time is on the motion's clock: t_motion = start + pace t_camera."""
 
-    Attributes
-    ----------
-    start : time of the camera's zero on the motion's clock [s]
-    pace : seconds of the motion per second of the camera
-    error : largest distance of the events seen by both from this line [s]
-    """
-
-    start: float = 0.0
-    pace: float = 1.0
-    error: float = 0.0
+    start: float = 0.0  # time of the camera's zero on the motion's clock [s]
+    pace: float = 1.0  # seconds of the motion per second of the camera
+    error: float = 0.0  # largest distance of the events seen by both from this line [s]
 
 
 def camera_clock(seen: Sequence[float], known: Sequence[float], drift: float = 1e-3) -> CameraClock:
@@ -115,14 +90,8 @@ def camera_clock(seen: Sequence[float], known: Sequence[float], drift: float = 1
 
     One event gives the start; two or more give the pace too, by least squares, so they should lie far apart.
 
-    Parameters
-    ----------
-    seen, known : times of the events on the camera's and on the motion's clock, in the same order [s]
-    drift : greatest difference of the pace from 1 that is believed
-
-    Raises
-    ------
-    BadData : no event, not as many of both, or clocks that drift more than is believed
+    `seen`, `known`: times of the events on the camera's and on the motion's clock, in the same order [s]; `drift`:
+    greatest difference of the pace from 1 that is believed.
     """
     a, b = np.asarray(seen, dtype=np.float64), np.asarray(known, dtype=np.float64)
     if not len(a) or len(a) != len(b):

@@ -25,29 +25,22 @@ LEAST_NOISE = 1e-4
 @read_only
 @dataclass(frozen=True, eq=False)
 class FeetOnSteps:
-    """Loads of the steps at the times of a motion, and the sites that stand on each.
-
-    Attributes
-    ----------
-    forces, moments : (frames, steps, 3) in ground, moments about the tread's middle; NaN where not measured
-    standing : (frames, steps, sites) whether a site is on a step while it is loaded
-    places : (frames, sites, 3) of the sites [m]
-    weight, height : of the body [N], of its center of mass over its lowest site [m]
-    notes : loadings that nobody stands on and steps that carry several bodies, one line each
-    """
+    """Loads of the steps at the times of a motion, and the sites that stand on each."""
 
     time: Array
     steps: tuple[Step, ...]
     sites: tuple[Site, ...]
+    # forces, moments: (frames, steps, 3) in ground, moments about the tread's middle; NaN where not measured
     forces: Array
     moments: Array
     loaded: np.ndarray
-    standing: np.ndarray
-    places: Array
+    standing: np.ndarray  # (frames, steps, sites) whether a site is on a step while it is loaded
+    places: Array  # (frames, sites, 3) of the sites [m]
     noise: Array
+    # weight, height: of the body [N], of its center of mass over its lowest site [m]
     weight: float
     height: float
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # loadings that nobody stands on and steps that carry several bodies, one line each
 
 
 def feet_on_steps(
@@ -57,14 +50,7 @@ def feet_on_steps(
 
     A site is on the step that it is nearest to, within reach, and stands there while it is slow.
 
-    Parameters
-    ----------
-    sites : of feet that may stand on steps
-    loads : of the steps, on their own clock
-
-    Raises
-    ------
-    BadData : no site is given
+    `sites`: of feet that may stand on steps; `loads`: of the steps, on their own clock.
     """
     options = options or StairOptions()
     if not sites:
@@ -171,14 +157,8 @@ def stair_wrenches(feet: FeetOnSteps, unmeasured: Unmeasured = "unknown") -> tup
     A force acts at the center of pressure where the cell measures moments, else where the foot is. Two bodies on a step
     share its force so that the center of pressure is kept, or evenly where it is not known.
 
-    Parameters
-    ----------
-    unmeasured : "zero" takes components that a cell does not measure for zero; with "unknown" such a step has no force
-        here: `shared_stairs` passes what is measured on to muscle tensions
-
-    Returns
-    -------
-    wrenches named `step_body`, and notes
+    `unmeasured`: "zero" takes components that a cell does not measure for zero; with "unknown" such a step has no force
+    here: `shared_stairs` passes what is measured on to muscle tensions. Returns wrenches named `step_body`, and notes.
     """
     notes = list(feet.notes)
     columns: dict[tuple[str, str], tuple[Array, Array, Array]] = {}
@@ -274,9 +254,7 @@ def shared_stairs(feet: FeetOnSteps, leave_out: Collection[str] = ()) -> tuple[S
     Frames in which other sites stand on a step make a wrench of their own, NaN in all others. Muscle tensions find the
     rest within the friction cones of the sites (`ContactTask.measured`).
 
-    Parameters
-    ----------
-    leave_out : steps whose force is known otherwise
+    `leave_out`: steps whose force is known otherwise.
     """
     results = []
     for index, step in enumerate(feet.steps):
@@ -305,18 +283,12 @@ def shared_stairs(feet: FeetOnSteps, leave_out: Collection[str] = ()) -> tuple[S
 
 @dataclass(frozen=True, eq=False)
 class Stairs:
-    """Loads of the steps of a recording, and who may stand on them.
-
-    Attributes
-    ----------
-    paws : contact sites of the model
-    recording : file of the channels
-    """
+    """Loads of the steps of a recording, and who may stand on them."""
 
     path: Path
     loads: StepLoads
-    paws: tuple[Site, ...]
-    recording: Path
+    paws: tuple[Site, ...]  # contact sites of the model
+    recording: Path  # file of the channels
     options: StairOptions
     unmeasured: Unmeasured
 

@@ -27,22 +27,15 @@ TIP = 1.35
 @read_only
 @dataclass(frozen=True, eq=False)
 class FootPoses:
-    """Feet and center of mass of a model at the times of a motion.
+    """Feet and center of mass of a model at the times of a motion."""
 
-    Attributes
-    ----------
-    model, tree, poses : the model and where its bodies are
-    time : (frames,) [s]
-    feet : of the model, right before left
-    owners : body to the number of the foot that it belongs to: talus, heel bone and toes
-    """
-
+    # model, tree, poses: the model and where its bodies are
     model: Model
     tree: Tree
     poses: Poses
-    time: Array
-    feet: tuple[Foot, ...]
-    owners: dict[str, int]
+    time: Array  # (frames,) [s]
+    feet: tuple[Foot, ...]  # of the model, right before left
+    owners: dict[str, int]  # body to the number of the foot that it belongs to: talus, heel bone and toes
 
     @property
     def unit(self) -> float:

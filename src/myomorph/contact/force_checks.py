@@ -33,15 +33,10 @@ LONGEST = 0.1
 
 @dataclass(frozen=True, eq=False)
 class CheckedForces:
-    """External forces, put right where that was safe, and what was found.
-
-    Attributes
-    ----------
-    findings : with `mended` where `wrenches` have it put right
-    """
+    """External forces, put right where that was safe, and what was found."""
 
     wrenches: Wrenches
-    findings: tuple[Finding, ...]
+    findings: tuple[Finding, ...]  # with `mended` where `wrenches` have it put right
 
 
 def check_forces(wrenches: Wrenches, model: Model, motion: Motion) -> tuple[Finding, ...]:
@@ -57,15 +52,9 @@ def checked_forces(wrenches: Wrenches, model: Model, motion: Motion, mend: bool 
     point than the center of pressure, a wrong foot, two feet on one plate, forces under no foot, a mass that is not the
     model's, and a clock that is not the motion's. Models without feet are not looked at.
 
-    Parameters
-    ----------
-    wrenches : in ground, at their own times; a body that is not known is ""
-    motion : (frames, coordinates) [rad or m]
-    mend : put right what is safe to put right
-
-    Returns
-    -------
-    the wrenches, as they were where nothing was mended, and the findings
+    `wrenches`: in ground, at their own times; a body that is not known is ""; `motion` (frames, coordinates) [rad or
+    m]; `mend`: put right what is safe to put right. Returns the wrenches, as they were where nothing was mended, and
+    the findings.
     """
     inside = np.zeros(len(motion), bool)
     if len(wrenches):

@@ -40,17 +40,12 @@ chair carries a part."""
 
 
 class Lag(NamedTuple):
-    """A lag of forces behind a motion.
+    """A lag of forces behind a motion."""
 
-    Attributes
-    ----------
-    lag, sd : of the least disagreement, and its standard deviation [s]
-    explained : share of the measured forces' variance that the center of mass explains then
-    """
-
+    # lag, sd: of the least disagreement, and its standard deviation [s]
     lag: float
     sd: float
-    explained: float
+    explained: float  # share of the measured forces' variance that the center of mass explains then
 
 
 def check_clock(inspection: Inspection) -> Iterator[Finding]:

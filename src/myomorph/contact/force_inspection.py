@@ -34,18 +34,13 @@ Change: TypeAlias = Callable[[Array, Array, Array], tuple[Array, Array, Array]]
 @read_only
 @dataclass(frozen=True, eq=False)
 class ForceSamples:
-    """External forces at the times of a motion.
+    """External forces at the times of a motion."""
 
-    Attributes
-    ----------
-    forces, points, torques : (frames, wrenches, 3) [N, m, N m]; zero where unknown
-    loaded : (frames, wrenches) forces large enough for their center of pressure to be believed
-    """
-
+    # forces, points, torques: (frames, wrenches, 3) [N, m, N m]; zero where unknown
     forces: Array
     points: Array
     torques: Array
-    loaded: NDArray[np.bool_]
+    loaded: NDArray[np.bool_]  # (frames, wrenches) forces large enough for their center of pressure to be believed
 
     def centers(self, up: Array) -> Array:
         """Where each wrench meets the height of its points without horizontal moment (frames, wrenches, 3) [m]."""
@@ -61,10 +56,7 @@ class ForceSamples:
 
 def sampled(wrenches: Wrenches, time: Array, least: float) -> ForceSamples:
     """The nearest samples of wrenches at some times; nothing acts at times that they do not cover.
-
-    Parameters
-    ----------
-    least : force from which a wrench counts as loaded [N]
+    `least`: force from which a wrench counts as loaded [N].
     """
     after = np.clip(np.searchsorted(wrenches.time, time), 1, max(len(wrenches) - 1, 1))
     before = after - 1
@@ -95,18 +87,11 @@ def _changed(forces: ForceSamples | Wrenches, number: int, change: Change) -> di
 
 @dataclass(frozen=True, eq=False)
 class Inspection:
-    """Forces beside the motion that they belong to.
+    """Forces beside the motion that they belong to."""
 
-    Attributes
-    ----------
-    wrenches : with what earlier checks found put right
-    feet : where the feet are
-    findings : of earlier checks
-    """
-
-    wrenches: Wrenches
-    feet: FootPoses
-    findings: tuple[Finding, ...] = ()
+    wrenches: Wrenches  # with what earlier checks found put right
+    feet: FootPoses  # where the feet are
+    findings: tuple[Finding, ...] = ()  # of earlier checks
 
     @cached_property
     def numbers(self) -> list[int]:

@@ -40,18 +40,11 @@ AGAINST = 0.06
 
 
 class Mirror(NamedTuple):
-    """A reflection of the points of a plate.
+    """A reflection of the points of a plate."""
 
-    Attributes
-    ----------
-    axes : horizontal directions that are reversed (axes, 3)
-    middle : that stays where it is, along each of the axes [m]
-    distance : of the centers of pressure to the feet that carry them afterwards, mean [m]
-    """
-
-    axes: Array
-    middle: Array
-    distance: float
+    axes: Array  # horizontal directions that are reversed (axes, 3)
+    middle: Array  # that stays where it is, along each of the axes [m]
+    distance: float  # of the centers of pressure to the feet that carry them afterwards, mean [m]
 
 
 def check_mirrors(inspection: Inspection) -> Iterator[Finding]:

@@ -245,11 +245,7 @@ def _lost(inspection: Inspection, number: int, spans: list[slice], distances: Ar
 
 def on_carriers(wrenches: Wrenches, name: str, carriers: tuple[str, ...], edges: list[float]) -> Wrenches:
     """Wrenches with each step of one of them on its own body, as a wrench for each of these.
-
-    Parameters
-    ----------
-    carriers : body of each step
-    edges : times between the steps [s]
+    `carriers`: body of each step; `edges`: times between the steps [s].
     """
     index, met = wrenches.names.index(name), tuple(dict.fromkeys(carriers))
     acts = np.array([[carrier == body for body in met] for carrier in carriers])[np.searchsorted(edges, wrenches.time)]

@@ -56,35 +56,19 @@ class SoundPlan:
 
 @dataclass(frozen=True, eq=False)
 class Heard:
-    """Impacts as contacts and forces.
-
-    Attributes
-    ----------
-    impacts : forces on bodies at the motion's times
-    sites : names of the sites that strike
-    """
+    """Impacts as contacts and forces."""
 
     contacts: Contacts
-    impacts: Wrenches
-    sites: tuple[str, ...]
+    impacts: Wrenches  # forces on bodies at the motion's times
+    sites: tuple[str, ...]  # names of the sites that strike
 
 
 def heard_contacts(
     plan: SoundPlan, model: Model, motion: Motion, sites: Sequence[Site], recorded: Motion, cutoff: float | None
 ) -> Heard:
     """Impacts during a motion, each at the site that struck.
-
-    Parameters
-    ----------
-    recorded : the motion before it was filtered: a filter takes most of a impact's change of velocity away
-    cutoff : of that filter, which the forces go through too [Hz]
-
-    Raises
-    ------
-    UnknownName
-        where an instrument names a channel or a site that does not exist
-    BadData
-        where sound and motion have no time in common, or no known impact of an instrument was heard
+    `recorded`: the motion before it was filtered: a filter takes most of a impact's change of velocity away; `cutoff`:
+    of that filter, which the forces go through too [Hz].
     """
     options = SoundOptions(speed=plan.speed)
     sound = plan.sound

@@ -62,15 +62,7 @@ def find_holds(model: Model, motion: Motion, sites: Sequence[Site], options: Hol
     An object that nothing else drives moves only while it is held, so the site's place on it then (the median) is
     where it is held; it is held before and after for as long as the site stays there.
 
-    Parameters
-    ----------
-    model : of body and objects together (`join_models`)
-    sites : on the hands, each against the body of an object
-
-    Raises
-    ------
-    BadData
-        where a site is against the ground, its object never moves, or there are fewer than two frames
+    `model`: of body and objects together (`join_models`); `sites`: on the hands, each against the body of an object.
     """
     options = options or HoldOptions()
     if len(motion) < 2:
@@ -107,21 +99,9 @@ def needed_wrench(model: Model, motion: Motion, body: str, known: Wrenches | Non
     By Newton's and Euler's equations of these bodies: for a free object, what hands and floor give it together;
     for the trunk, what passes through its joint with the pelvis, muscles included.
 
-    Parameters
-    ----------
-    motion : with velocities and accelerations
-    known : other external forces, at the motion's times; those on bodies that it does not carry have no effect
-
-    Returns
-    -------
-    Wrenches with one force on `body`, at the center of its joint, with the moment about it as the torque
-
-    Raises
-    ------
-    UnknownName
-        where `body`, or one that a known force acts on, does not exist
-    BadData
-        where derivatives are missing, or the forces' clock is not the motion's
+    `motion`: with velocities and accelerations; `known`: other external forces, at the motion's times; those on bodies
+    that it does not carry have no effect. Returns Wrenches with one force on `body`, at the center of its joint, with
+    the moment about it as the torque.
     """
     tree = compile_tree(model)
     check_name("body", body, model.body_names)
@@ -152,12 +132,8 @@ def raised_contacts(
     model: Model, motion: Motion, site: Site, soles: Sequence[Site], height: float | None = None
 ) -> tuple[Contacts, Array]:
     """When a site touches a surface of its own, and how ready it is to carry force (frames,).
-
-    Parameters
-    ----------
-    soles : sites under the feet, which show how large the body is; those of other bodies count for nothing, and an
-        object is judged by its own height
-    height : of the surface [m]; None takes `resting_height`
+    `soles`: sites under the feet, which show how large the body is; those of other bodies count for nothing, and an
+    object is judged by its own height; `height`: of the surface [m]; None takes `resting_height`.
     """
     height = resting_height(model, motion, site) if height is None else height
     tree = compile_tree(model)

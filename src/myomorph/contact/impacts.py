@@ -35,23 +35,15 @@ AROUND, TOUCH = 0.03, 0.006
 
 @dataclass(frozen=True)
 class ImpulseLaw:
-    """Impulse of a impact from the energy of its sound: p = scale E^exponent.
+    """Impulse of a impact from the energy of its sound: p = scale E^exponent."""
 
-    Attributes
-    ----------
-    scale : impulse at an energy of 1 [N s]
-    exponent : 1/2 for an instrument that answers linearly
-    error : standard deviation of log p about the law: a share, 0.1 for 10 %
-    lowest, highest : energies of the calibration impacts
-    impacts : how many there were
-    """
-
-    scale: float
-    exponent: float
-    error: float
+    scale: float  # impulse at an energy of 1 [N s]
+    exponent: float  # 1/2 for an instrument that answers linearly
+    error: float  # standard deviation of log p about the law: a share, 0.1 for 10 %
+    # lowest, highest: energies of the calibration impacts
     lowest: float
     highest: float
-    impacts: int
+    impacts: int  # how many there were
 
     def impulse(self, energy: ArrayLike) -> Array:
         """[N s], of energies of any shape; 0 of 0."""
@@ -64,16 +56,8 @@ class ImpulseLaw:
 
 def calibrate_impulse(energies: ArrayLike, impulses: ArrayLike, exponent: float | None = None) -> ImpulseLaw:
     """The law through impacts of known impulse, a straight line of log p over log E.
-
-    Parameters
-    ----------
-    energies, impulses : (impacts,) of one instrument [full scale^2 s], [N s]
-    exponent : None fits it, drawn towards 1/2 where the impacts hardly differ
-
-    Raises
-    ------
-    BadData
-        without a impact, with numbers that differ, or values that are not above 0
+    `energies`, `impulses` (impacts,) of one instrument [full scale^2 s], [N s]; `exponent`: None fits it, drawn towards
+    1/2 where the impacts hardly differ.
     """
     E, p = np.atleast_1d(np.asarray(energies, float)), np.atleast_1d(np.asarray(impulses, float))
     if E.shape != p.shape or not len(E):
@@ -95,17 +79,7 @@ def calibrate_impulse(energies: ArrayLike, impulses: ArrayLike, exponent: float 
 
 def calibration_pairs(heard: HeardImpacts, known: Mapping[str, Sequence[tuple[float, float]]]) -> dict[str, ImpulseLaw]:
     """A law for each instrument from impacts of known time and impulse.
-
-    Parameters
-    ----------
-    known : instrument to (time [s], impulse [N s]) of each impact; the nearest heard one within 50 ms is it
-
-    Raises
-    ------
-    UnknownName
-        where an instrument does not exist
-    BadData
-        where none of an instrument's known impacts was heard
+    `known`: instrument to (time [s], impulse [N s]) of each impact; the nearest heard one within 50 ms is it.
     """
     laws = {}
     for name, entries in known.items():
@@ -127,17 +101,7 @@ def effective_mass(model: Model, motion: Motion, body: str, point: ArrayLike, di
     1 / (d^T J M^-1 J^T d) over the coordinates that are free, couplers and loops kept, joints taken as loose:
     over a few milliseconds an impact outruns what muscles hold. It is inf where the point cannot move that way.
 
-    Parameters
-    ----------
-    point : (3,) in the body's frame [m]
-    direction : (3,) or (frames, 3) in ground
-
-    Raises
-    ------
-    UnknownName
-        where the model lacks the body
-    BadModel
-        where coordinates move no mass
+    `point` (3,) in the body's frame [m]; `direction` (3,) or (frames, 3) in ground.
     """
     tree = compile_tree(model)
     b = tree.body_number(body)
@@ -163,20 +127,12 @@ def effective_mass(model: Model, motion: Motion, body: str, point: ArrayLike, di
 @read_only
 @dataclass(frozen=True, eq=False)
 class Impact:
-    """A short force on a body at one of its sites.
+    """A short force on a body at one of its sites."""
 
-    Attributes
-    ----------
-    site : name
-    time : when it begins [s]
-    impulse : [N s]
-    direction : (3,) of the force on the body, in ground (made a unit vector)
-    """
-
-    site: str
-    time: float
-    impulse: float
-    direction: Array
+    site: str  # name
+    time: float  # when it begins [s]
+    impulse: float  # [N s]
+    direction: Array  # (3,) of the force on the body, in ground (made a unit vector)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "direction", unit_vector(self.direction, "direction", f"an impact on '{self.site}'"))
@@ -188,11 +144,6 @@ def striking_sites(heard: HeardImpacts, model: Model, motion: Motion, sites: Seq
     """Site that made each impact, by its place in `heard.impacts`: the one whose velocity changed most then.
 
     Impacts outside the motion, or on an instrument without a site, are left out.
-
-    Raises
-    ------
-    UnknownName
-        where an instrument names a site that is not among `sites`
     """
     by_name = {site.name: site for site in sites}
     possible = {instrument.name: instrument.sites for instrument in heard.instruments}
@@ -224,17 +175,8 @@ def impacts_from_sound(
     heard: HeardImpacts, laws: Mapping[str, ImpulseLaw], sites: Mapping[int, str], normals: Mapping[str, ArrayLike]
 ) -> tuple[tuple[Impact, ...], tuple[str, ...]]:
     """Impacts heard whose site is known, and warnings, one line each.
-
-    Parameters
-    ----------
-    laws : of each instrument
-    sites : by place in `heard.impacts`, as `striking_sites` finds
-    normals : instrument to the direction in which it pushes back, in ground; y where it is not named
-
-    Raises
-    ------
-    UnknownName
-        where an instrument has no law
+    `laws`: of each instrument; `sites`: by place in `heard.impacts`, as `striking_sites` finds; `normals`: instrument
+    to the direction in which it pushes back, in ground; y where it is not named.
     """
     result, beyond = [], []
     for name, site in sites.items():
@@ -264,17 +206,9 @@ def impact_wrenches(
     cutoff: float | None = None,
 ) -> Wrenches:
     """Blows as external loads at the motion's times, one for each site that was struck.
-
-    Parameters
-    ----------
-    duration : of a half-sine pulse [s]; on a slower clock the pulse is as wide as the clock can carry
-    cutoff : low-pass that the motion went through [Hz]: its accelerations are spread over an impact, and so must the
-        force be that balances them; None for none
-
-    Raises
-    ------
-    UnknownName
-        where an impact is on a site that is not among `sites`
+    `duration`: of a half-sine pulse [s]; on a slower clock the pulse is as wide as the clock can carry; `cutoff`:
+    low-pass that the motion went through [Hz]: its accelerations are spread over an impact, and so must the force be
+    that balances them; None for none.
     """
     by_name = {site.name: site for site in sites}
     for impact in impacts:
@@ -300,10 +234,7 @@ def pulse(time: Array, start: float, impulse: float, duration: float) -> Array:
     of F and t F are the integrals exactly, whatever the frame rate; a pulse between two frames becomes the
     two forces that balance at its middle. What lies beyond the clock's ends is lost.
 
-    Parameters
-    ----------
-    time : (frames,) ascending [s]
-    start, impulse, duration : [s], [N s], [s]
+    `time` (frames,) ascending [s]; `start`, `impulse`, `duration` [s], [N s], [s].
     """
     if not duration > 0.0:
         raise BadData(f"a pulse of {duration:g} s: expected above 0")

@@ -77,35 +77,23 @@ class SoundOptions:
 
 @dataclass(frozen=True)
 class Onset:
-    """One arrival in one channel.
-
-    Attributes
-    ----------
-    time : at the microphone [s]
-    energy : sum of the squared signal over `SoundOptions.heard`, background taken off [full scale^2 s]
-    background : the same of what was heard before
-    """
+    """One arrival in one channel."""
 
     channel: str
-    time: float
-    energy: float
-    background: float
+    time: float  # at the microphone [s]
+    energy: float  # sum of the squared signal over `SoundOptions.heard`, background taken off [full scale^2 s]
+    background: float  # the same of what was heard before
 
 
 @read_only
 @dataclass(frozen=True, eq=False)
 class Heard:
-    """One channel without rumble, at its own rate and thinned by 4 again and again, as long as that holds drums.
-
-    Attributes
-    ----------
-    levels : signal (samples,) and rate [Hz]; soft impacts on a large drum show in the slow ones only
-    start : time of the first sample [s]
-    """
+    """One channel without rumble, at its own rate and thinned by 4 again and again, as long as that holds drums."""
 
     channel: str
+    # signal (samples,) and rate [Hz]; soft impacts on a large drum show in the slow ones only
     levels: tuple[tuple[Array, float], ...]
-    start: float
+    start: float  # time of the first sample [s]
 
 
 def listen(sound: Sound, channel: str, options: SoundOptions | None = None) -> Heard:

@@ -26,18 +26,11 @@ PULL = 1e-3
 @read_only
 @dataclass(frozen=True, eq=False)
 class Grip:
-    """Where one body holds another.
+    """Where one body holds another."""
 
-    Attributes
-    ----------
-    site : its point is fixed to the body that grips
-    place : (3,) the point of the other body that is held [m]
-    apart : (frames,) distance of the two points over the whole motion [m]
-    """
-
-    site: Site
-    place: Array
-    apart: Array
+    site: Site  # its point is fixed to the body that grips
+    place: Array  # (3,) the point of the other body that is held [m]
+    apart: Array  # (frames,) distance of the two points over the whole motion [m]
 
 
 def grip_between(
@@ -58,19 +51,9 @@ def grip_between(
     over x in the body and y in the other: the point about which they turn on each other (Ehrig, Taylor, Duda and
     Heller 2006), with a weak pull to a first guess along directions that the motion does not determine.
 
-    Parameters
-    ----------
-    name : of the site; "<body>_on_<other>" by default
-    near : (3,) first guess in the body's frame [m]; its mass center by default
-    span : from when to when they hold together [s]; the whole motion by default
-    cone : which forces can pass; any by default
-
-    Raises
-    ------
-    UnknownName
-        where the model has no such body
-    BadData
-        where no frame lies in the span
+    `name`: of the site; "<body>_on_<other>" by default; `near` (3,) first guess in the body's frame [m]; its mass
+    center by default; `span`: from when to when they hold together [s]; the whole motion by default; `cone`: which
+    forces can pass; any by default.
     """
     tree = compile_tree(model)
     for values in (body, other):
@@ -104,17 +87,12 @@ class ActionReaction:
     """What each of several parts needs beyond what was measured on it, and what is left when all are added.
 
     Rows of wrenches are moment about the ground's origin [N m], then force [N], in ground.
-
-    Attributes
-    ----------
-    time : (frames,) [s]
-    parts : names
-    passed : (frames, parts, 6) external wrench that a part's motion and weight need, less what was measured on it: what
-        the others do to it
     """
 
-    time: Array
-    parts: tuple[str, ...]
+    time: Array  # (frames,) [s]
+    parts: tuple[str, ...]  # names
+    # (frames, parts, 6) external wrench that a part's motion and weight need, less what was measured on it: what the
+    # others do to it
     passed: Array
 
     @property
@@ -130,19 +108,8 @@ class ActionReaction:
 
 def action_reaction(model: Model, motion: Motion, parts: Sequence[str], measured: Wrenches) -> ActionReaction:
     """Check the parts of a joined model against the forces measured on them, by the root equations of each.
-
-    Parameters
-    ----------
-    motion : with velocities and accelerations
-    parts : names of the parts that `model` was joined of
-    measured : external forces on bodies of the joined model, as plates measure them, at the motion's times
-
-    Raises
-    ------
-    UnknownName
-        where no body is a part's
-    BadData
-        where the motion has no derivatives, or times differ
+    `motion`: with velocities and accelerations; `parts`: names of the parts that `model` was joined of; `measured`:
+    external forces on bodies of the joined model, as plates measure them, at the motion's times.
     """
     origin = np.zeros((len(motion), 3))
     owners = np.array([[own_name(body.name, part) is not None for body in model.bodies] for part in parts])

@@ -19,28 +19,21 @@ FOREVER = 1e9
 
 @dataclass(frozen=True, eq=False)
 class ContactPlan:
-    """What is known of the contacts of a recording before anything is computed.
+    """What is known of the contacts of a recording before anything is computed."""
 
-    Attributes
-    ----------
-    feet : whether the soles of the model's feet are sites
-    sites : beside the soles
-    when : of each of `sites` what determines when it touches: "always", the "motion", or the "file" of its intervals
-    surfaces : height of what a site rests on where that is not the floor [m], None for the lowest that it gets
-    reported : contact intervals of a file; of the soles too where it names them
-    sound : impacts that microphones recorded, whose forces are known by their loudness or motion
-    stairs : load cells of steps that show who stands on them and, together, what force they carry
-    measured : what measured loads are used for: "exact": they act as measured, and contacts are estimated where
-        none was measured; "shared": each is known for the sites on it together; "hidden": not at all
-    """
-
-    feet: bool = True
-    sites: tuple[Site, ...] = ()
+    feet: bool = True  # whether the soles of the model's feet are sites
+    sites: tuple[Site, ...] = ()  # beside the soles
+    # of each of `sites` what determines when it touches: "always", the "motion", or the "file" of its intervals
     when: Mapping[str, When] = field(default_factory=lambda: FrozenMap({}))
+    # height of what a site rests on where that is not the floor [m], None for the lowest that it gets
     surfaces: Mapping[str, float | None] = field(default_factory=lambda: FrozenMap({}))
-    reported: Contacts | None = None
+    reported: Contacts | None = None  # contact intervals of a file; of the soles too where it names them
+    # impacts that microphones recorded, whose forces are known by their loudness or motion
     sound: SoundPlan | None = None
+    # what measured loads are used for: "exact": they act as measured, and contacts are estimated where none was
+    # measured; "shared": each is known for the sites on it together; "hidden": not at all
     measured: Literal["exact", "shared", "hidden"] = "exact"
+    # load cells of steps that show who stands on them and, together, what force they carry
     stairs: Stairs | None = None
 
     @property

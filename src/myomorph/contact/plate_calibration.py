@@ -54,36 +54,23 @@ __all__ = [
 @read_only
 @dataclass(frozen=True, eq=False)
 class PlateCalibration:
-    """A plate's pose in the laboratory and how well the placements agree on it.
+    """A plate's pose in the laboratory and how well the placements agree on it."""
 
-    Attributes
-    ----------
-    rotation : (3, 3) the plate's axes as columns
-    center : (3,) of the top surface [m]
-    covariance : (6, 6) of a rotation vector about the laboratory's axes [rad] and the center [m], from the residuals;
-        zero in directions that are not shown
-    unknown : (6, k) unit directions of rotation (times 0.2 m) and center that no placement shows
-    names : of the placements used
-    distances : (placements,) from the marked point to the measured line [m]
-    angles : (placements,) between marked and measured direction [rad]
-    left_out_distances, left_out_angles : the same, each placement against the pose that the others give
-    left_out_shifts : (placements,) how far the center moves when one is left out [m]
-    scale : mean share of measured in expected forces, NaN where no mass is known
-    notes : what is not shown, was left out or looks wrong, one line each
-    """
-
-    rotation: Array
-    center: Array
+    rotation: Array  # (3, 3) the plate's axes as columns
+    center: Array  # (3,) of the top surface [m]
+    # (6, 6) of a rotation vector about the laboratory's axes [rad] and the center [m], from the residuals; zero in
+    # directions that are not shown
     covariance: Array
-    unknown: Array
-    names: tuple[str, ...]
-    distances: Array
-    angles: Array
+    unknown: Array  # (6, k) unit directions of rotation (times 0.2 m) and center that no placement shows
+    names: tuple[str, ...]  # of the placements used
+    distances: Array  # (placements,) from the marked point to the measured line [m]
+    angles: Array  # (placements,) between marked and measured direction [rad]
+    # left_out_distances, left_out_angles: the same, each placement against the pose that the others give
     left_out_distances: Array
     left_out_angles: Array
-    left_out_shifts: Array
-    scale: float
-    notes: tuple[str, ...] = ()
+    left_out_shifts: Array  # (placements,) how far the center moves when one is left out [m]
+    scale: float  # mean share of measured in expected forces, NaN where no mass is known
+    notes: tuple[str, ...] = ()  # what is not shown, was left out or looks wrong, one line each
 
     @property
     def distance_rms(self) -> float:
@@ -109,26 +96,16 @@ class PlateCalibration:
 @read_only
 @dataclass(frozen=True, eq=False)
 class PlateCheck:
-    """An existing calibration against placements.
+    """An existing calibration against placements."""
 
-    Attributes
-    ----------
-    distances, angles : (placements,) residuals with the pose as it is [m], [rad]
-    shift : (3,) that the center should move by [m]
-    turn : (3,) rotation vector that the axes should turn by [rad]
-    shift_sd, turn_sd : (3,) standard deviations [m], [rad]
-    chance : probability of so large a correction if the calibration were right
-    calibration : the pose that the placements give
-    """
-
-    distances: Array
-    angles: Array
-    shift: Array
-    turn: Array
-    shift_sd: Array
-    turn_sd: Array
-    chance: float
-    calibration: PlateCalibration
+    distances: Array  # (placements,) residuals with the pose as it is [m]
+    angles: Array  # (placements,) residuals with the pose as it is [rad]
+    shift: Array  # (3,) that the center should move by [m]
+    turn: Array  # (3,) rotation vector that the axes should turn by [rad]
+    shift_sd: Array  # (3,) standard deviations [m]
+    turn_sd: Array  # (3,) standard deviations [rad]
+    chance: float  # probability of so large a correction if the calibration were right
+    calibration: PlateCalibration  # the pose that the placements give
 
     @property
     def significant(self) -> bool:
@@ -151,15 +128,8 @@ def calibrate_plate(
     placements: Sequence[Placement], nominal: PlateRecording | None = None, options: PlateFitOptions | None = None
 ) -> PlateCalibration:
     """Pose of a plate from placements of marked weights and pushes of marked rods.
-
-    Parameters
-    ----------
-    placements : of one plate, at least three
-    nominal : where the plate was thought to be, kept in what the placements do not show
-
-    Raises
-    ------
-    BadData : fewer than three placements of weights at rest, or all on one spot
+    `placements`: of one plate, at least three; `nominal`: where the plate was thought to be, kept in what the
+    placements do not show.
     """
     options = options or PlateFitOptions()
     kept, notes = believed(placements, options)
@@ -198,12 +168,7 @@ def calibrate_plate(
 def check_plate(
     recording: PlateRecording, placements: Sequence[Placement], options: PlateFitOptions | None = None
 ) -> PlateCheck:
-    """How far the calibration in a file is off, and whether the placements are good enough to say so.
-
-    Raises
-    ------
-    BadData : as `calibrate_plate`
-    """
+    """How far the calibration in a file is off, and whether the placements are good enough to say so."""
     calibration = calibrate_plate(placements, recording, options)
     axes, center = plate_axes(recording.corners), recording.corners.mean(axis=0)
     used, _ = believed(placements, options or PlateFitOptions())

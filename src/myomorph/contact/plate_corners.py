@@ -25,16 +25,11 @@ MIN_COUNT = 20
 
 @dataclass(frozen=True)
 class FirstCorner:
-    """How far the center of pressure is from the body, for each corner of a plate counted as the first.
+    """How far the center of pressure is from the body, for each corner of a plate counted as the first."""
 
-    Attributes
-    ----------
-    distances : median horizontal distance from the middle of the markers seen, corner 1 to 4 first [m]
-    best : how many corners further the first one is, 0 to 3
-    """
-
+    # median horizontal distance from the middle of the markers seen, corner 1 to 4 first [m]
     distances: tuple[float, float, float, float]
-    best: int
+    best: int  # how many corners further the first one is, 0 to 3
 
     @property
     def clear(self) -> bool:
@@ -67,11 +62,8 @@ def plate_axes(corners: Array) -> Array:
 
 def first_corner(plate: ForcePlate, plate_time: Array, markers: Markers) -> FirstCorner | None:
     """Which corner of a plate is probably its first; None where too little is known.
-
-    Parameters
-    ----------
-    plate : forces as the file's corners give them, center of pressure NaN where unloaded
-    markers : of what stands on it, in the same laboratory
+    `plate`: forces as the file's corners give them, center of pressure NaN where unloaded; `markers`: of what stands on
+    it, in the same laboratory.
     """
     axes = plate_axes(plate.corners)
     normal = axes[:, 2]

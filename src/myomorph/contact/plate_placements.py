@@ -18,24 +18,17 @@ from myomorph.model.series import Markers, PlateRecording
 
 @dataclass(frozen=True)
 class MarkedWeight:
-    """A weight that stands on the plate, or a rod that is pushed onto it.
+    """A weight that stands on the plate, or a rod that is pushed onto it."""
 
-    Attributes
-    ----------
-    name : for messages; placements of one name are of one mass
-    markers : on the weight
-    shares : of each marker in the mass center, summing to 1; None for their mean (a dumbbell's two ends, a bar's)
-    mass : [kg]; None if unknown, then only the direction of the force is used
-    axis : two of the markers, the lower first, on the line of a rod; the force passes along it. None for a weight
-        at rest, whose force is vertical and passes through its mass center
-    tip : from the rod's lower marker down to its tip [m]; the tip then lies on the plate's surface
-    """
-
-    name: str
-    markers: tuple[str, ...]
+    name: str  # for messages; placements of one name are of one mass
+    markers: tuple[str, ...]  # on the weight
+    # of each marker in the mass center, summing to 1; None for their mean (a dumbbell's two ends, a bar's)
     shares: tuple[float, ...] | None = None
-    mass: float | None = None
+    mass: float | None = None  # [kg]; None if unknown, then only the direction of the force is used
+    # two of the markers, the lower first, on the line of a rod; the force passes along it. None for a weight at rest,
+    # whose force is vertical and passes through its mass center
     axis: tuple[str, str] | None = None
+    # from the rod's lower marker down to its tip [m]; the tip then lies on the plate's surface
     tip: float | None = None
 
     def __post_init__(self) -> None:
@@ -77,35 +70,21 @@ class PlacementOptions:
 @read_only
 @dataclass(frozen=True, eq=False)
 class Placement:
-    """One rest of a weight, or one piece of a push with a rod.
+    """One rest of a weight, or one piece of a push with a rod."""
 
-    Attributes
-    ----------
-    name : for messages
-    force, moment : (3,) mean, of the plate on the weight, about the center of the top surface, in the plate's axes
-        [N], [N m]
-    point : (3,) through which the force passes, in the laboratory [m]
-    direction : (3,) unit, of the force on the weight, in the laboratory
-    weight : name of the weight
-    expected : size the force should have, NaN if unknown [N]
-    contact : (3,) where the plate's surface is touched, in the laboratory [m], or None
-    pushed : a rod's push, which need not be steady
-    tared : whether what the unloaded plate reads was subtracted, or needed not to be
-    moved : how far the weight moved while it should have rested [m]
-    unsteady : standard deviation of the force, low-passed by averaging over a tenth of a second, as a share of it
-    """
-
-    name: str
-    force: Array
+    name: str  # for messages
+    force: Array  # (3,) mean, of the plate on the weight, about the center of the top surface, in the plate's axes [N]
+    # (3,) mean, of the plate on the weight, about the center of the top surface, in the plate's axes [N m]
     moment: Array
-    point: Array
-    direction: Array
-    weight: str = ""
-    expected: float = float("nan")
-    contact: Array | None = None
-    pushed: bool = False
-    tared: bool = True
-    moved: float = 0.0
+    point: Array  # (3,) through which the force passes, in the laboratory [m]
+    direction: Array  # (3,) unit, of the force on the weight, in the laboratory
+    weight: str = ""  # name of the weight
+    expected: float = float("nan")  # size the force should have, NaN if unknown [N]
+    contact: Array | None = None  # (3,) where the plate's surface is touched, in the laboratory [m], or None
+    pushed: bool = False  # a rod's push, which need not be steady
+    tared: bool = True  # whether what the unloaded plate reads was subtracted, or needed not to be
+    moved: float = 0.0  # how far the weight moved while it should have rested [m]
+    # standard deviation of the force, low-passed by averaging over a tenth of a second, as a share of it
     unsteady: float = 0.0
 
     def __post_init__(self) -> None:
@@ -143,15 +122,8 @@ def find_placements(
 
     A weight that never rests while the plate carries it becomes a placement that says how far it moved.
 
-    Parameters
-    ----------
-    plate_time : (samples,) on the markers' clock [s]
-    intervals : (start, end) of the placements [s]; None looks for them
-
-    Raises
-    ------
-    UnknownName : a marker of the weight that was not recorded
-    BadData : the plate is never loaded, or markers are unseen in an interval
+    `plate_time` (samples,) on the markers' clock [s]; `intervals` (start, end) of the placements [s]; None looks for
+    them.
     """
     options = options or PlacementOptions()
     lacking = [name for name in weight.markers if name not in markers.names]

@@ -64,21 +64,15 @@ class PlateFitOptions:
 @read_only
 @dataclass(frozen=True, eq=False)
 class PlatePose:
-    """A pose and what is known of it.
+    """A pose and what is known of it."""
 
-    Attributes
-    ----------
-    rotation, center : (3, 3) the plate's axes as columns, (3,) of its top surface [m]
-    covariance : (6, 6) of rotation vector [rad] and center [m] about the laboratory's axes, zero where not shown
-    unknown : (6, k) unit directions of (0.2 m times the rotation vector, center) that no placement shows
-    cost : sum of squared residuals in standard deviations
-    """
-
+    # rotation, center: (3, 3) the plate's axes as columns, (3,) of its top surface [m]
     rotation: Array
     center: Array
+    # (6, 6) of rotation vector [rad] and center [m] about the laboratory's axes, zero where not shown
     covariance: Array
-    unknown: Array
-    cost: float
+    unknown: Array  # (6, k) unit directions of (0.2 m times the rotation vector, center) that no placement shows
+    cost: float  # sum of squared residuals in standard deviations
 
 
 def across(directions: Array) -> Array:

@@ -52,12 +52,7 @@ class PlateOptions:
 
 
 def plate_wrench(plate: PlateRecording, samples: Array | None = None) -> tuple[Array, Array]:
-    """Force and moment about the center of the top surface, (samples, 3) each, in the plate's axes [N, N m].
-
-    Raises
-    ------
-    BadData : a type of plate that is not built
-    """
+    """Force and moment about the center of the top surface, (samples, 3) each, in the plate's axes [N, N m]."""
     channels = plate.channels if samples is None else samples
     if plate.kind not in (1, 2, 3, 4):
         what = f" ({REFUSED[plate.kind]})" if plate.kind in REFUSED else ""
@@ -96,10 +91,6 @@ def force_plate(plate: PlateRecording, flip: bool = False, samples: Array | None
 
     `flip` reverses force and moment, for files that hold the force of the subject on the plate. The
     center of pressure is NaN only where the normal force is zero: see `force_plates` for loading.
-
-    Raises
-    ------
-    BadData : a type of plate that is not built
     """
     force, moment = plate_wrench(plate, samples)
     if flip:
@@ -306,10 +297,6 @@ def wrenches_from_plates(plates: Sequence[ForcePlate], plate_time: Array, time: 
     Force and moment about each plate's center are interpolated and the center of pressure is made of
     them anew, so an edge of loading carries no stray point. Where a plate is unloaded, or `time` lies
     outside the recording, force and torque are zero and the point is the plate's center.
-
-    Raises
-    ------
-    BadData : there is no plate, or its samples do not match `plate_time`
     """
     if not plates:
         raise BadData("there is no force plate to make wrenches of")

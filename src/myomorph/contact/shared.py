@@ -58,14 +58,8 @@ def shared_wrenches(
     joins these: their sum is known for the sites of both. Of wrenches without an outline a site belongs to that which
     acts on a body of its group, or, where bodies are not known, to those whose center of pressure its group is near.
 
-    Parameters
-    ----------
-    plates : with outlines, or wrenches at the motion's times
-    plate_time : clock of plates with outlines (samples,) [s]
-
-    Raises
-    ------
-    BadData : plates with outlines but without their clock, or wrenches at other times than the motion's
+    `plates`: with outlines, or wrenches at the motion's times; `plate_time`: clock of plates with outlines (samples,)
+    [s].
     """
     options = options or SharedOptions()
     moving = site_motion(model, motion, sites)
@@ -153,10 +147,8 @@ def without_measured(
     A force counts as carrying between the shares of the weight in `SharedOptions`, so that what a filter makes of
     an unloaded plate does not silence a foot that steps beside it.
 
-    Parameters
-    ----------
-    ready : activations (frames, sites) at the times of `measured`
-    measured : forces on bodies that act as they were measured
+    `ready`: activations (frames, sites) at the times of `measured`; `measured`: forces on bodies that act as they were
+    measured.
     """
     options = options or SharedOptions()
     weight = model.weight
@@ -221,9 +213,7 @@ def assign_feet(
     The bodies are those of the first site of each group: the heels. See `assign_bodies`, whose warnings name
     plates that carried two feet at once; `shared_wrenches` is for these.
 
-    Parameters
-    ----------
-    wrenches : at the motion's times; the bodies they name are not regarded
+    `wrenches`: at the motion's times; the bodies they name are not regarded.
     """
     places = site_motion(model, motion, sites).places
     positions = {}
@@ -239,9 +229,7 @@ def misplaced_forces(model: Model, motion: Motion, sites: Sequence[Site], wrench
     A force counts as misplaced where the mean distance of its center of pressure to the soles of its own foot,
     weighted by the force, is more than twice that to another foot.
 
-    Parameters
-    ----------
-    wrenches : at the motion's times, with the bodies that the file names
+    `wrenches`: at the motion's times, with the bodies that the file names.
     """
     places, bodies = site_motion(model, motion, sites).places, group_bodies(model, sites)
     members = _groups(sites)

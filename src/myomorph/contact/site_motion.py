@@ -33,26 +33,17 @@ CLUSTER = 0.25
 @read_only
 @dataclass(frozen=True, eq=False)
 class SiteMotion:
-    """Sites over a motion, in ground.
-
-    Attributes
-    ----------
-    up : (3,) against gravity
-    places : (frames, sites, 3) mean of each site's points [m]
-    lowest : (frames, sites) height of each site's lowest point along `up` [m]
-    velocities : (frames, sites, 3) of `places` [m/s]
-    height : of the center of mass over the lowest site, median of all frames: the length that thresholds are
-        relative to, so that a mouse and a man are judged alike [m]
-    carried : (frames,) vertical force that the center of mass needs, over the weight of the model
-    """
+    """Sites over a motion, in ground."""
 
     time: Array
-    up: Array
-    places: Array
-    lowest: Array
-    velocities: Array
+    up: Array  # (3,) against gravity
+    places: Array  # (frames, sites, 3) mean of each site's points [m]
+    lowest: Array  # (frames, sites) height of each site's lowest point along `up` [m]
+    velocities: Array  # (frames, sites, 3) of `places` [m/s]
+    # of the center of mass over the lowest site, median of all frames: the length that thresholds are relative to, so
+    # that a mouse and a man are judged alike [m]
     height: float
-    carried: Array
+    carried: Array  # (frames,) vertical force that the center of mass needs, over the weight of the model
 
     @property
     def pace(self) -> float:
@@ -79,10 +70,6 @@ def site_motion(model: Model, motion: Motion, sites: Sequence[Site]) -> SiteMoti
     """Places and speeds of sites; frames in which the motion is NaN are NaN.
 
     In a model of several subjects and objects only those count whose the sites are.
-
-    Raises
-    ------
-    BadData : no frame of the motion is whole
     """
     if not np.isfinite(motion.values).all(axis=1).any():
         raise BadData("no frame of the motion is without gaps: contacts cannot be found")
@@ -122,9 +109,7 @@ def floor_under(sites: SiteMotion, height: float | None = None) -> Floor:
     that neither a swing, nor a toe that a stiff model foot pushes through the floor, moves it. A belt's velocity is the
     median horizontal one of the lowest sites; below `BELT` sqrt(g height) the floor is at rest.
 
-    Parameters
-    ----------
-    height : of the floor where it is known, as from plates [m]
+    `height`: of the floor where it is known, as from plates [m].
     """
     known = np.isfinite(sites.lowest).all(axis=1)
     rows = np.flatnonzero(known)

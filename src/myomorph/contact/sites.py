@@ -59,23 +59,15 @@ class FootOptions:
 @read_only
 @dataclass(frozen=True, eq=False)
 class Foot:
-    """One foot of a model in its default posture.
+    """One foot of a model in its default posture."""
 
-    Attributes
-    ----------
-    name : of the group of its sites, as "foot_r"
-    heel, toes : bodies; the same one where the foot has no joint between
-    axes : (3, 3) columns forwards, up and outwards, in ground
-    origin : (3,) under which the heel stands, in ground [m]
-    length : from the heel to the toes' joint [m]
-    """
-
-    name: str
+    name: str  # of the group of its sites, as "foot_r"
+    # heel, toes: bodies; the same one where the foot has no joint between
     heel: str
     toes: str
-    axes: Array
-    origin: Array
-    length: float
+    axes: Array  # (3, 3) columns forwards, up and outwards, in ground
+    origin: Array  # (3,) under which the heel stands, in ground [m]
+    length: float  # from the heel to the toes' joint [m]
 
 
 def foot_sites(

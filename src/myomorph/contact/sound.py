@@ -30,20 +30,13 @@ def speed_of_sound(celsius: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Instrument:
-    """Something that sounds when it is struck, and the microphone that stands nearest to it.
-
-    Attributes
-    ----------
-    channel : name of the microphone's channel
-    distance : from the place that is struck to that microphone [m]
-    sites : contact sites of the body that may strike it, such as the tips of two sticks
-    others : distances to microphones of other channels [m], where known: they give how loud it is there
-    """
+    """Something that sounds when it is struck, and the microphone that stands nearest to it."""
 
     name: str
-    channel: str
-    distance: float = 0.0
-    sites: tuple[str, ...] = ()
+    channel: str  # name of the microphone's channel
+    distance: float = 0.0  # from the place that is struck to that microphone [m]
+    sites: tuple[str, ...] = ()  # contact sites of the body that may strike it, such as the tips of two sticks
+    # distances to microphones of other channels [m], where known: they give how loud it is there
     others: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
 
     def __post_init__(self) -> None:
@@ -54,19 +47,12 @@ class Instrument:
 
 @dataclass(frozen=True)
 class HeardImpact:
-    """One impact on one instrument.
-
-    Attributes
-    ----------
-    time : at the instrument, on the motion's clock [s]
-    energy : what its own microphone got of it [full scale^2 s]
-    confidence : 0 to 1: the part of what was heard then in its microphone that is this impact
-    """
+    """One impact on one instrument."""
 
     instrument: str
-    time: float
-    energy: float
-    confidence: float
+    time: float  # at the instrument, on the motion's clock [s]
+    energy: float  # what its own microphone got of it [full scale^2 s]
+    confidence: float  # 0 to 1: the part of what was heard then in its microphone that is this impact
 
 
 @dataclass(frozen=True)
@@ -87,18 +73,8 @@ def hear_impacts(
     sound: Sound, instruments: Sequence[Instrument], options: SoundOptions | None = None, time: Array | None = None
 ) -> HeardImpacts:
     """Impacts on every instrument, each heard once.
-
-    Parameters
-    ----------
-    sound : all channels on one clock, which `sound.start` ties to the motion's
-    time : (frames,) of the motion, where there is one: a sound of another length is reported [s]
-
-    Raises
-    ------
-    UnknownName
-        where an instrument's channel does not exist
-    BadData
-        without an instrument, where two share a name, or sound and motion have no time in common
+    `sound`: all channels on one clock, which `sound.start` ties to the motion's; `time` (frames,) of the motion, where
+    there is one: a sound of another length is reported [s].
     """
     options = options or SoundOptions()
     names = tuple(instrument.name for instrument in instruments)
@@ -122,13 +98,7 @@ def hear_impacts(
 
 
 def sound_faults(sound: Sound, time: Array | None = None) -> tuple[str, ...]:
-    """What is wrong with a recording: silent and clipped channels, another length than the motion's.
-
-    Raises
-    ------
-    BadData
-        where sound and motion have no time in common
-    """
+    """What is wrong with a recording: silent and clipped channels, another length than the motion's."""
     results = []
     for name in sound.names:
         channel = sound[name]
@@ -164,17 +134,8 @@ def contacts_heard(
     heard: HeardImpacts, sites: Mapping[int, str] | None = None, duration: float = 0.01, all_sites: Sequence[str] = ()
 ) -> Contacts:
     """Impacts as contacts: each site touches its instrument for `duration` seconds.
-
-    Parameters
-    ----------
-    sites : site that made each impact, by its place in `heard.impacts`, as `impacts.striking_sites` finds;
-        None where every instrument has one site
-    all_sites : names of sites that were looked at beside those of the instruments
-
-    Raises
-    ------
-    BadData
-        where an instrument has no site, or several and nothing says which struck
+    `sites`: site that made each impact, by its place in `heard.impacts`, as `impacts.striking_sites` finds; None where
+    every instrument has one site; `all_sites`: names of sites that were looked at beside those of the instruments.
     """
     owners = {instrument.name: instrument for instrument in heard.instruments}
     known = tuple(dict.fromkeys([*(name for instrument in heard.instruments for name in instrument.sites), *all_sites]))

@@ -30,27 +30,19 @@ SQUARE = 1e-6
 @read_only
 @dataclass(frozen=True, eq=False)
 class Step:
-    """A tread or a rung and its load cell.
-
-    Attributes
-    ----------
-    pose : of the tread in ground: origin in the middle of its surface, z out of it, x and y along its edges
-    size : extents of the surface along x and y [m]
-    measures : which of `COMPONENTS` the cell gives, in the order of its channels (or of the rows of `matrix`)
-    channels : names of its channels
-    matrix : (components, channels) from channels to [N] and [N m], with cross-talk; None for one to one
-    origin : (3,) point of the tread's frame about which the cell's moments are [m]
-    sense : 1 where the cell gives the force on the animal, -1 where that on the step
-    """
+    """A tread or a rung and its load cell."""
 
     name: str
-    pose: Transform
-    size: tuple[float, float]
+    pose: Transform  # of the tread in ground: origin in the middle of its surface, z out of it, x and y along its edges
+    size: tuple[float, float]  # extents of the surface along x and y [m]
+    # which of `COMPONENTS` the cell gives, in the order of its channels (or of the rows of `matrix`)
     measures: tuple[str, ...]
-    channels: tuple[str, ...]
+    channels: tuple[str, ...]  # names of its channels
+    # (components, channels) from channels to [N] and [N m], with cross-talk; None for one to one
     matrix: Array | None = None
+    # (3,) point of the tread's frame about which the cell's moments are [m]
     origin: Array = field(default_factory=lambda: np.zeros(3))
-    sense: Literal[1, -1] = 1
+    sense: Literal[1, -1] = 1  # 1 where the cell gives the force on the animal, -1 where that on the step
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "origin", frozen_array(self.origin, (3,)))
@@ -112,42 +104,25 @@ class StairOptions:
 @read_only
 @dataclass(frozen=True, eq=False)
 class StepLoads:
-    """What the cells measure, in ground.
+    """What the cells measure, in ground."""
 
-    Attributes
-    ----------
-    time : (samples,) [s]
-    forces, moments : (samples, steps, 3) on the animal, moments about the tread's middle [N], [N m]; NaN where the
-        cell does not measure them
-    pressing : (samples, steps) along the tread's normal, the part of it that is measured [N]
-    loaded : (samples, steps)
-    noise : (steps,) standard deviation of `pressing` while nothing is on the step [N]
-    notes : what looks wrong, one line each
-    """
-
-    time: Array
+    time: Array  # (samples,) [s]
     steps: tuple[Step, ...]
+    # forces, moments: (samples, steps, 3) on the animal, moments about the tread's middle [N], [N m]; NaN where the
+    # cell does not measure them
     forces: Array
     moments: Array
-    pressing: Array
-    loaded: np.ndarray
-    noise: Array
-    notes: tuple[str, ...] = ()
+    pressing: Array  # (samples, steps) along the tread's normal, the part of it that is measured [N]
+    loaded: np.ndarray  # (samples, steps)
+    noise: Array  # (steps,) standard deviation of `pressing` while nothing is on the step [N]
+    notes: tuple[str, ...] = ()  # what looks wrong, one line each
 
 
 def step_loads(
     steps: Sequence[Step], channels: Series, weight: float, options: StairOptions | None = None
 ) -> StepLoads:
     """Forces and moments on each step, and when it is loaded.
-
-    Parameters
-    ----------
-    channels : (samples, channels) as recorded; those of all steps among them
-    weight : of the body [N]
-
-    Raises
-    ------
-    BadData : there is no step, two have one name, a channel is missing, or a step measures no force along its normal
+    `channels` (samples, channels) as recorded; those of all steps among them; `weight`: of the body [N].
     """
     options = options or StairOptions()
     _check(steps, channels, weight)

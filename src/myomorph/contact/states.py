@@ -190,10 +190,6 @@ def by_plates(
 
     A plate is loaded from `loaded` of the model's weight on, until less than `unloaded` is left. Of the group, the
     sites touch that are less than `high` above the lowest of them.
-
-    Raises
-    ------
-    BadData : the plates' times are not the motion's
     """
     options = options or ContactStateOptions()
     refuse_other_times("forces of plates", plates.time, moving.time)

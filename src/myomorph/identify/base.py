@@ -75,18 +75,13 @@ class BaseOptions:
 @read_only
 @dataclass(frozen=True, eq=False)
 class Tare:
-    """A constant wrench that fits the data beside the parameters: a plate's offset or tare.
+    """A constant wrench that fits the data beside the parameters: a plate's offset or tare."""
 
-    Attributes
-    ----------
-    constant, sd : (6,) moment about the ground's origin [N m] and force [N], as recorded less as true
-    rms_without, rms_with : (6,) residuals of both fits [N m], [N]
-    """
-
+    # constant, sd: (6,) moment about the ground's origin [N m] and force [N], as recorded less as true
     constant: Array
     sd: Array
-    rms_without: Array
-    rms_with: Array
+    rms_without: Array  # (6,) residuals of both fits [N m]
+    rms_with: Array  # (6,) residuals of both fits [N]
 
     @property
     def significant(self) -> bool:
@@ -172,14 +167,8 @@ def fit_base(
     the six rows keeps a factor of its own: their noise is estimated from the residuals, and weighed,
     without going through the frames again. A second, cheap pass gives the residuals' autocorrelation.
 
-    Parameters
-    ----------
-    base : by default those of the model, with coordinates that are locked (and, on a base that is fixed,
-        those of its joint to the ground) where the recordings have them
-
-    Raises
-    ------
-    BadData : no frame can be used, a fixed base moves, or `base` is of another model or holds other values
+    `base`: by default those of the model, with coordinates that are locked (and, on a base that is fixed, those of its
+    joint to the ground) where the recordings have them.
     """
     options = options or BaseOptions()
     if base is None:

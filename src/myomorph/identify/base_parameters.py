@@ -32,29 +32,18 @@ class BaseParameters:
     """The combinations phi_B = Z phi that the base wrench is made of, [D] eq. 3.2.
 
     Y phi = Y[:, columns] Z phi for every motion of the model.
-
-    Attributes
-    ----------
-    bodies : names
-    columns : (n,) the standard parameter that each base parameter is named after, 10 body + parameter
-    combination : (n, 10 bodies) Z; 1 in its own column, in the others what is lumped with it
-    names : such as "femur_r m c_y + 0.41 tibia_r m", at most four terms
-    never : standard parameters that no motion shows at all, such as "toes_r I_xx"
-    held : coordinates that do not move, with their values [rad or m]
-    tree_count : number of base parameters by the structure of the tree
-    rank : number by random states, which is n
-    tared : (n, k) combinations of base parameters that show as constants only, so that a force plate that
-        was tared with the body on it hides them; none where the base moves freely
     """
 
-    bodies: tuple[str, ...]
-    columns: np.ndarray
-    combination: Array
-    names: tuple[str, ...]
-    never: tuple[str, ...]
-    held: Mapping[str, float]
-    tree_count: int
-    rank: int
+    bodies: tuple[str, ...]  # names
+    columns: np.ndarray  # (n,) the standard parameter that each base parameter is named after, 10 body + parameter
+    combination: Array  # (n, 10 bodies) Z; 1 in its own column, in the others what is lumped with it
+    names: tuple[str, ...]  # such as "femur_r m c_y + 0.41 tibia_r m", at most four terms
+    never: tuple[str, ...]  # standard parameters that no motion shows at all, such as "toes_r I_xx"
+    held: Mapping[str, float]  # coordinates that do not move, with their values [rad or m]
+    tree_count: int  # number of base parameters by the structure of the tree
+    rank: int  # number by random states, which is n
+    # (n, k) combinations of base parameters that show as constants only, so that a force plate that was tared with the
+    # body on it hides them; none where the base moves freely
     tared: Array
 
     def __post_init__(self) -> None:
@@ -97,16 +86,9 @@ def base_parameters(model: Model, fixed: bool = False, held: Mapping[str, float]
     The null space of the tree (`tree_null_space`) goes first; what is then still dependent on random
     states, which happens where the base cannot move freely, is found by QR with column pivoting.
 
-    Parameters
-    ----------
-    fixed : the base does not move, as on a force plate that it is bolted to: its joint to the ground
-        stands at its default or held value
-    held : coordinates that do not move, with their values [rad or m]; by default the locked ones
-
-    Raises
-    ------
-    UnknownName : a held coordinate is not the model's
-    BadModel : no motion shows any parameter
+    `fixed`: the base does not move, as on a force plate that it is bolted to: its joint to the ground stands at its
+    default or held value; `held`: coordinates that do not move, with their values [rad or m]; by default the locked
+    ones.
     """
     still = held_values(model, held)
     if fixed:
@@ -162,14 +144,7 @@ def root_coordinates(model: Model) -> tuple[str, ...]:
 
 def held_in(model: Model, motions: Sequence[Motion], fixed: bool = False) -> dict[str, float]:
     """Locked coordinates that indeed rest in every motion, with the values they rest at [rad or m].
-
-    Parameters
-    ----------
-    fixed : the coordinates of joints to the ground must rest too
-
-    Raises
-    ------
-    BadData : a base that is fixed moves by more than 1e-6
+    `fixed`: the coordinates of joints to the ground must rest too.
     """
     held: dict[str, float] = {}
     roots = root_coordinates(model) if fixed else ()

@@ -60,16 +60,11 @@ def determined(
     scores: Array | None = None,
 ) -> Determined:
     """What rows A x = b of unit noise say of the parameters x of every link.
-
-    Parameters
-    ----------
-    A : (rows, 10 bodies) that were fitted
-    mass : of the body, known exactly [kg]
-    mass_sd : relative standard deviation of a link's mass with which was fitted
-    samples : frames that make one independent sample; noise that repeats itself counts so much less
-    forces : (rows, 10 bodies) the rows in units of the noise that is not the motion's; `A` itself where None
-    scores : (draws, 10 bodies) how noise of the motion pulls at the estimate (`MotionNoise.scores`), which adds to its
-        standard deviation; more than three draws
+    `A` (rows, 10 bodies) that were fitted; `mass`: of the body, known exactly [kg]; `mass_sd`: relative standard
+    deviation of a link's mass with which was fitted; `samples`: frames that make one independent sample; noise that
+    repeats itself counts so much less; `forces` (rows, 10 bodies) the rows in units of the noise that is not the
+    motion's; `A` itself where None; `scores` (draws, 10 bodies) how noise of the motion pulls at the estimate
+    (`MotionNoise.scores`), which adds to its standard deviation; more than three draws.
     """
     links = len(points.links.names)
     covariance = prior_covariance(points, LINK_SD)

@@ -92,13 +92,8 @@ def fold_rows(R, new, rows):
 @kernel
 def fold_frames(R, i, Y, columns, constants, wrench, used, rows):
     """Turn row i of the base wrench in some frames into a factor (n + 7, n + 7), in place.
-
-    Parameters
-    ----------
-    Y, constants, wrench : (frames, 6, 10 bodies), (frames, 6, 6), (frames, 6)
-    columns : (n,) those of Y that count
-    used : the frames that count
-    rows : (6, n + 7), used up
+    `Y`, `constants`, `wrench` (frames, 6, 10 bodies), (frames, 6, 6), (frames, 6); `columns` (n,) those of Y that
+    count; `used`: the frames that count; `rows` (6, n + 7), used up.
     """
     n = columns.shape[0]
     for first in range(0, used.shape[0], 6):
@@ -115,11 +110,7 @@ def fold_frames(R, i, Y, columns, constants, wrench, used, rows):
 
 def absorb(factor: Array, rows: Array) -> Array:
     """The factor R of the QR decomposition of [factor; rows], (k, k) upper triangular.
-
-    Parameters
-    ----------
-    factor : (k, k) upper triangular
-    rows : (m, k); leading zeros of a row cost nothing
+    `factor` (k, k) upper triangular; `rows` (m, k); leading zeros of a row cost nothing.
     """
     triangle = np.array(factor, dtype=np.float64, order="C")
     fold_rows(triangle, np.array(rows, dtype=np.float64, order="C"), np.empty((6, triangle.shape[1])))
@@ -156,16 +147,11 @@ def rank_and_condition(R: Array, tolerance: float = 1e-6) -> tuple[int, float]:
 @read_only
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """A least-squares problem in triangular form, and its solution with a prior.
+    """A least-squares problem in triangular form, and its solution with a prior."""
 
-    Attributes
-    ----------
-    R, z : (k, k), (k,) with R x = z, data alone, in units of noise
-    solution, sd : (k,) with the prior
-    """
-
-    R: Array
-    z: Array
+    R: Array  # (k, k) with R x = z, data alone, in units of noise
+    z: Array  # (k,) with R x = z, data alone, in units of noise
+    # solution, sd: (k,) with the prior
     solution: Array
     sd: Array
 
@@ -182,10 +168,7 @@ class Solution:
 
 def solve(factors: Array, sigma: Array, mean: Array, sd: Array) -> Solution:
     """Weigh triangular factors (m, k + 1, k + 1) by the noise (m,) of their rows, with a prior on the first n unknowns.
-
-    Parameters
-    ----------
-    mean, sd : (n,) of the prior
+    `mean`, `sd` (n,) of the prior.
     """
     size = factors.shape[2] - 1
     data = np.zeros((size + 1, size + 1))
@@ -216,17 +199,11 @@ class Finer:
 
     A filter of angles and one of forces do not agree: what turns pulls by the square of its rate, which is faster than
     the angle. Rows and forces that pass the same filter afterwards do (Gautier 1997).
-
-    Attributes
-    ----------
-    motion : with velocities and accelerations
-    wrenches : through the same filter as the motion
-    cutoff : of the filter for rows and forces [Hz]
     """
 
-    motion: Motion
-    wrenches: Wrenches
-    cutoff: float
+    motion: Motion  # with velocities and accelerations
+    wrenches: Wrenches  # through the same filter as the motion
+    cutoff: float  # of the filter for rows and forces [Hz]
 
     def passed(self, values: Array) -> Array:
         """What the filter leaves of values (frames, ...), each unbroken run of finite frames by itself."""
@@ -308,18 +285,11 @@ class Recording:
 @read_only
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """What all frames say, condensed.
+    """What all frames say, condensed."""
 
-    Attributes
-    ----------
-    factors : (6, n + 7, n + 7) triangular factor of [Y_B, constants, wrench] for each row of the wrench
-    frames : that were used
-    left_out : number of frames left out, by reason
-    """
-
-    factors: Array
-    frames: int
-    left_out: dict[str, int]
+    factors: Array  # (6, n + 7, n + 7) triangular factor of [Y_B, constants, wrench] for each row of the wrench
+    frames: int  # that were used
+    left_out: dict[str, int]  # number of frames left out, by reason
 
     @cached_property
     def plain(self) -> Array:
@@ -355,12 +325,7 @@ def gather(
     reference: tuple[float, float, float] | None,
     block: int,
 ) -> Rows:
-    """Condense recordings by QR, so that memory does not grow with the frames.
-
-    Raises
-    ------
-    BadData : no frame can be used, or the base parameters hold coordinates that move or rest elsewhere
-    """
+    """Condense recordings by QR, so that memory does not grow with the frames."""
     n = len(base)
     factors = np.zeros((6, n + CONSTANTS + 1, n + CONSTANTS + 1))
     left_out = {UNWANTED: 0, UNSEEN: 0, UNMEASURED: 0}

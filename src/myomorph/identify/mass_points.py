@@ -67,26 +67,18 @@ class MassPointOptions:
 
 @dataclass(frozen=True)
 class Optimality:
-    """How well the conditions of the optimum (Karush, Kuhn, Tucker) hold, of masses rho and misses y.
+    """How well the conditions of the optimum (Karush, Kuhn, Tucker) hold, of masses rho and misses y."""
 
-    Attributes
-    ----------
-    balance : greatest |sqrt(W_phi) (b - A W rho) - y| [units of noise], over the greatest miss where that is
-        above 1; the duality gap is half the square of this imbalance
-    stationarity : greatest |rho_j - rho_ref_j - v_j (W^T A^T y + multiplier)_j| of free points, over the mean
-        reference mass
-    complementarity : the same where a point on its bound would rather leave it, 0 if none would
-    positivity : greatest bound minus mass, over the mean; 0 if no mass is below its bound
-    total : |sum rho - mass| / mass, 0 without a given mass
-    distance : no mass is farther than this from the optimum of the same total, over the mean: the problem is
-        strongly convex, so sum_j (rho_j - optimum_j)^2 / v_j is at most the squared norm of the imbalance
-    """
-
+    # greatest |sqrt(W_phi) (b - A W rho) - y| [units of noise], over the greatest miss where that is above 1; the
+    # duality gap is half the square of this imbalance
     balance: float
+    # greatest |rho_j - rho_ref_j - v_j (W^T A^T y + multiplier)_j| of free points, over the mean reference mass
     stationarity: float
-    complementarity: float
-    positivity: float
-    total: float
+    complementarity: float  # the same where a point on its bound would rather leave it, 0 if none would
+    positivity: float  # greatest bound minus mass, over the mean; 0 if no mass is below its bound
+    total: float  # |sum rho - mass| / mass, 0 without a given mass
+    # no mass is farther than this from the optimum of the same total, over the mean: the problem is strongly convex, so
+    # sum_j (rho_j - optimum_j)^2 / v_j is at most the squared norm of the imbalance
     distance: float
 
     @property
@@ -98,29 +90,18 @@ class Optimality:
 @read_only
 @dataclass(frozen=True, eq=False)
 class MassPointFit:
-    """Masses of points, the inertial parameters they make, and the proof that they are the optimum.
+    """Masses of points, the inertial parameters they make, and the proof that they are the optimum."""
 
-    Attributes
-    ----------
-    masses : (points,) rho [kg]
-    parameters : (links, 10) W rho, in [D] order
-    misfit, misfit_before : |b - A phi|^2 of the solution and of the reference masses
-    link_sd : (links,) standard deviation of each link's mass that the prior amounts to [kg]
-    optimality : residuals of the optimality conditions at `masses`
-    on_bound : how many points have the least mass
-    iterations : Newton steps
-    converged : whether the masses are proven to be the optimum within the tolerance
-    """
-
-    masses: Array
-    parameters: Array
+    masses: Array  # (points,) rho [kg]
+    parameters: Array  # (links, 10) W rho, in [D] order
+    # misfit, misfit_before: |b - A phi|^2 of the solution and of the reference masses
     misfit: float
     misfit_before: float
-    link_sd: Array
-    optimality: Optimality
-    on_bound: int
-    iterations: int
-    converged: bool
+    link_sd: Array  # (links,) standard deviation of each link's mass that the prior amounts to [kg]
+    optimality: Optimality  # residuals of the optimality conditions at `masses`
+    on_bound: int  # how many points have the least mass
+    iterations: int  # Newton steps
+    converged: bool  # whether the masses are proven to be the optimum within the tolerance
     options: MassPointOptions = field(repr=False)
 
 
@@ -159,19 +140,9 @@ def solve_mass_points(
     options: MassPointOptions | None = None,
 ) -> MassPointFit:
     """Positive masses of points that meet measured parameters and stay near their reference, [D] eq. 3.10.
-
-    Parameters
-    ----------
-    points : with weights and reference masses
-    A : (rows, 10 links) what was measured of the parameters, in units of its noise (`BaseFit.rows`); the
-        paper's setting is A = Z and b = phi_B
-    b : (rows,)
-    mass : total [kg] that the points must have, or None
-
-    Raises
-    ------
-    BadData : shapes that do not belong together, numbers that are not finite, a total that positive
-        masses cannot have
+    `points`: with weights and reference masses; `A` (rows, 10 links) what was measured of the parameters, in units of
+    its noise (`BaseFit.rows`); the paper's setting is A = Z and b = phi_B; `b` (rows,); `mass`: total [kg] that the
+    points must have, or None.
     """
     options = options or MassPointOptions()
     problem = _Problem.of(points, np.asarray(A, float), np.asarray(b, float), mass, options)

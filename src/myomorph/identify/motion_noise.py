@@ -37,20 +37,12 @@ STILL = 1e-6
 @read_only
 @dataclass(frozen=True, eq=False)
 class MotionNoise:
-    """What noise of the motion adds to squares of rows [A, b] of base parameters.
+    """What noise of the motion adds to squares of rows [A, b] of base parameters."""
 
-    Attributes
-    ----------
-    sd : of the noise of a coordinate after filtering [rad or m]
-    parts : that it was added to
-    squares : (parts, 2, n + 1, n + 1) added on the mean, moments and forces apart [(N m)^2], [N^2]
-    draws : (draws, 2, n + 1, n + 1) squares of all parts together, with noise added once more
-    """
-
-    sd: float
-    parts: Parts
-    squares: Array
-    draws: Array
+    sd: float  # of the noise of a coordinate after filtering [rad or m]
+    parts: Parts  # that it was added to
+    squares: Array  # (parts, 2, n + 1, n + 1) added on the mean, moments and forces apart [(N m)^2], [N^2]
+    draws: Array  # (draws, 2, n + 1, n + 1) squares of all parts together, with noise added once more
 
     @property
     def corrected(self) -> Parts:
@@ -96,12 +88,8 @@ def motion_noise(
     draws: int = DRAWS,
 ) -> MotionNoise:
     """What noise of the motion adds to the parts made of these recordings.
-
-    Parameters
-    ----------
-    parts : of `parts_of` from the same model and recordings
-    sd : of the noise of a coordinate after filtering [rad or m]
-    cutoff : of its low-pass filter [Hz]; `CUTOFF` where None
+    `parts`: of `parts_of` from the same model and recordings; `sd`: of the noise of a coordinate after filtering [rad
+    or m]; `cutoff`: of its low-pass filter [Hz]; `CUTOFF` where None.
     """
     random = np.random.default_rng(0)
     made = []
@@ -134,12 +122,7 @@ def noise_of(motion: Motion, sd: float, cutoff: float, random: np.random.Generat
 
 
 def plus(motion: Motion, noise: Motion) -> Motion:
-    """A motion with noise.
-
-    Raises
-    ------
-    BadData : the motion has no derivatives
-    """
+    """A motion with noise."""
     if motion.velocities is None or motion.accelerations is None:
         raise BadData("noise can be added to a motion with derivatives only: differentiate it first")
     return replace(

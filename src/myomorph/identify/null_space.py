@@ -31,32 +31,20 @@ _PREFERENCE = np.array([9.0, *[3.0] * 3, *[1.0] * 6])
 
 
 class NullSpace(NamedTuple):
-    """Changes of the inertial parameters that no base wrench shows.
+    """Changes of the inertial parameters that no base wrench shows."""
 
-    Attributes
-    ----------
-    vectors : (10 bodies, k) a basis; vectors[dependent] is invertible
-    dependent : (k,) the standard parameters that are left out, their part given to others
-    gap : by random states, the smallest pivot that counts and the largest that does not, relative to the
-        largest of all; the tolerance lies between
-    """
-
-    vectors: Array
-    dependent: np.ndarray
+    vectors: Array  # (10 bodies, k) a basis; vectors[dependent] is invertible
+    dependent: np.ndarray  # (k,) the standard parameters that are left out, their part given to others
+    # by random states, the smallest pivot that counts and the largest that does not, relative to the largest of all;
+    # the tolerance lies between
     gap: tuple[float, float] = (1.0, 0.0)
 
 
 class Cluster(NamedTuple):
-    """Bodies whose joints share coordinates, so that they must be looked at together.
+    """Bodies whose joints share coordinates, so that they must be looked at together."""
 
-    Attributes
-    ----------
-    bodies : numbers in the tree's arrays (the ground is 0)
-    ancestor : the one body they all hang on
-    """
-
-    bodies: tuple[int, ...]
-    ancestor: int
+    bodies: tuple[int, ...]  # numbers in the tree's arrays (the ground is 0)
+    ancestor: int  # the one body they all hang on
 
 
 def tree_null_space(model: Model, held: Mapping[str, float] | None = None) -> NullSpace:
@@ -69,9 +57,7 @@ def tree_null_space(model: Model, held: Mapping[str, float] | None = None) -> Nu
     together. The sum is the whole null space where the base is free to move; where it is not, more is
     hidden (`base_parameters` finds that from random states).
 
-    Parameters
-    ----------
-    held : coordinates that do not move, with their values; by default those that are locked, at theirs
+    `held`: coordinates that do not move, with their values; by default those that are locked, at theirs.
     """
     tree = compile_tree(model)
     fixed = held_values(model, held)
@@ -108,12 +94,8 @@ def numerical_null_space(
     tolerance: float = TOLERANCE,
 ) -> NullSpace:
     """Null space of the base rows from random states, by QR with column pivoting.
-
-    Parameters
-    ----------
-    held : as in `tree_null_space`
-    columns : the standard parameters to look at; all by default
-    tolerance : diagonal entries of R below this share of the largest are zero, columns scaled to length 1
+    `held`: as in `tree_null_space`; `columns`: the standard parameters to look at; all by default; `tolerance`:
+    diagonal entries of R below this share of the largest are zero, columns scaled to length 1.
     """
     size = 10 * len(model.bodies)
     looked_at = np.arange(size) if columns is None else np.asarray(columns)
@@ -271,10 +253,7 @@ def _nicest(vectors: Array) -> np.ndarray:
 
 def parameters_in_parent(rotation: Array, origin: Array) -> Array:
     """(..., 10, 10) L: inertial parameters in a parent's frame from those in a child's.
-
-    Parameters
-    ----------
-    rotation, origin : (..., 3, 3), (..., 3) pose of the child in the parent [m]
+    `rotation`, `origin` (..., 3, 3), (..., 3) pose of the child in the parent [m].
     """
     pose = np.zeros((*rotation.shape[:-2], 4, 4))
     pose[..., :3, :3], pose[..., :3, 3], pose[..., 3, 3] = rotation, origin, 1.0

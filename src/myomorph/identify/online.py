@@ -45,26 +45,15 @@ class OnlineOptions:
 @read_only
 @dataclass(frozen=True, eq=False)
 class OnlineState:
-    """What is known by now, for a display.
+    """What is known by now, for a display."""
 
-    Attributes
-    ----------
-    time : of the newest frame that was folded in [s]
-    fit : the estimate
-    levels : (bodies,) how well each link is identified, 0..1
-    left_out : reason to number of frames
-    frames : that arrived
-    proposals : movements that would show more, the best first
-    pose : (coordinates,) of the newest frame; the default before there is one
-    """
-
-    time: float
-    fit: SequentialState
-    levels: Array
-    left_out: Mapping[str, int]
-    frames: int
-    proposals: tuple[Proposal, ...]
-    pose: Array
+    time: float  # of the newest frame that was folded in [s]
+    fit: SequentialState  # the estimate
+    levels: Array  # (bodies,) how well each link is identified, 0..1
+    left_out: Mapping[str, int]  # reason to number of frames
+    frames: int  # that arrived
+    proposals: tuple[Proposal, ...]  # movements that would show more, the best first
+    pose: Array  # (coordinates,) of the newest frame; the default before there is one
 
     @property
     def error(self) -> Array:
@@ -74,13 +63,9 @@ class OnlineState:
 
 class OnlineIdentification:
     """Takes coordinates and total external wrenches as they come; see `OnlineOptions`.
-
-    Parameters
-    ----------
-    rate : of the motion's frames [Hz]
-    force_rate : of the forces' samples [Hz]
-    mass : of the subject, to tell contacts beside the plates; the model's by default [kg]
-    held : coordinates that do not move, with their values; by default the locked ones
+    `rate`: of the motion's frames [Hz]; `force_rate`: of the forces' samples [Hz]; `mass`: of the subject, to tell
+    contacts beside the plates; the model's by default [kg]; `held`: coordinates that do not move, with their values; by
+    default the locked ones.
     """
 
     def __init__(
@@ -220,10 +205,6 @@ def total_wrench(forces: Array, points: Array, torques: Array) -> Array:
     """(..., 6) moment about the ground's origin [N m] and force [N] of wrenches (..., wrenches, 3).
 
     A plate with less than `UNLOADED` may have no point of application; a loaded one without makes the total NaN.
-
-    Raises
-    ------
-    BadData : shapes that do not fit
     """
     forces, points, torques = (np.asarray(values, dtype=np.float64) for values in (forces, points, torques))
     if not forces.shape == points.shape == torques.shape or forces.shape[-1] != 3:

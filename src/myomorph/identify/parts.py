@@ -37,53 +37,35 @@ BORDER = -1
 @read_only
 @dataclass(frozen=True, eq=False)
 class TissueColumns:
-    """Unknowns beside the base parameters: by how much soft tissue moves more than the body's mass (`SoftTissue`).
+    """Unknowns beside the base parameters: by how much soft tissue moves more than the body's mass (`SoftTissue`)."""
 
-    Attributes
-    ----------
-    slopes : of each recording (frames, 6, groups), what a unit of each unknown adds to the measured wrench [N m], [N]
-    least : (groups,) lowest value of each, where the mass moves as the markers
-    mean : (groups,) before anything is measured
-    root : (groups, groups) whose square is the inverse of their covariance then
-    """
-
+    # of each recording (frames, 6, groups), what a unit of each unknown adds to the measured wrench [N m], [N]
     slopes: tuple[Array, ...]
-    least: Array
-    mean: Array
-    root: Array
+    least: Array  # (groups,) lowest value of each, where the mass moves as the markers
+    mean: Array  # (groups,) before anything is measured
+    root: Array  # (groups, groups) whose square is the inverse of their covariance then
 
 
 @read_only
 @dataclass(frozen=True, eq=False)
 class Parts:
-    """What parts of recordings say of the base parameters, moments and forces apart.
+    """What parts of recordings say of the base parameters, moments and forces apart."""
 
-    Attributes
-    ----------
-    base : what the factors are of
-    factors : (parts, 2, g + n + 1, g + n + 1) triangular, |R (t, x, -1)|^2 is the squared misfit of soft tissue t, of
-        g groups, and base parameters x in the moments [N m] and the forces [N] of a part
-    frames : (parts,)
-    folds : (parts,) what is held out together: the recording where there are several, else the piece of time
-    pieces : (parts,) piece of time, or `BORDER`
-    least : parts that each recording was cut into
-    center : (n,) base parameters of the model, about which equations with noise are corrected
-    added : (parts, 2, g + n + 1, g + n + 1) what noise of the motion added to the squares of [A, b], which fits are
-        corrected by (`motion_noise`); None corrects nothing
-    tissue : of the first columns; None where there are none
-    alike : frames that a filter makes say the same, which count as one
-    """
-
-    base: BaseParameters
+    base: BaseParameters  # what the factors are of
+    # (parts, 2, g + n + 1, g + n + 1) triangular, |R (t, x, -1)|^2 is the squared misfit of soft tissue t, of g groups,
+    # and base parameters x in the moments [N m] and the forces [N] of a part
     factors: Array
-    frames: np.ndarray
+    frames: np.ndarray  # (parts,)
+    # (parts,) what is held out together: the recording where there are several, else the piece of time
     folds: np.ndarray
-    pieces: np.ndarray
-    least: int
-    center: Array
+    pieces: np.ndarray  # (parts,) piece of time, or `BORDER`
+    least: int  # parts that each recording was cut into
+    center: Array  # (n,) base parameters of the model, about which equations with noise are corrected
+    # (parts, 2, g + n + 1, g + n + 1) what noise of the motion added to the squares of [A, b], which fits are corrected
+    # by (`motion_noise`); None corrects nothing
     added: Array | None = None
-    tissue: TissueColumns | None = None
-    alike: float = 1.0
+    tissue: TissueColumns | None = None  # of the first columns; None where there are none
+    alike: float = 1.0  # frames that a filter makes say the same, which count as one
 
     def __post_init__(self) -> None:
         size = self.groups + len(self.base) + 1
@@ -222,13 +204,7 @@ def parts_of(
     Whole recordings are held out where there are several: halves of one motion are too much alike to tell how masses
     do on another.
 
-    Parameters
-    ----------
-    tissue : beside the base parameters, of the same recordings
-
-    Raises
-    ------
-    BadData : no frame can be used
+    `tissue`: beside the base parameters, of the same recordings.
     """
     g = 0 if tissue is None else len(tissue.mean)
     n = g + len(base)
@@ -274,12 +250,8 @@ def without_noise(R: Array, z: Array, added: Array, center: Array) -> tuple[Arra
     The pull of the data at x is corrected in full. Their hold on x is only where noise made up to `MAX_NOISE` of it:
     beyond, it keeps the rest, since a hold that is not positive has no least misfit.
 
-    Parameters
-    ----------
-    R : (n, n)
-    z : (n,)
-    added : (n + 1, n + 1) to the squares of [R, z]
-    center : (n,) where x is expected, from which the pull is counted
+    `R` (n, n); `z` (n,); `added` (n + 1, n + 1) to the squares of [R, z]; `center` (n,) where x is expected, from which
+    the pull is counted.
     """
     _, sizes, right = np.linalg.svd(R)
     seen = sizes > SEEN * sizes[0]
@@ -308,11 +280,8 @@ def _pieces(time: Array, use: np.ndarray, pieces: int) -> np.ndarray:
 
 def held_out(parts: Parts, fit: Callable[[int], Array], noise: Array) -> Array:
     """(folds, 2) mean square misfit of each fold by what was fitted to the others: moment, force [(N m)^2], [N^2].
-
-    Parameters
-    ----------
-    fit : parameters (bodies, 10) fitted without a fold
-    noise : (2,) of moments and forces, that soft tissue is fitted with, without the fold too
+    `fit`: parameters (bodies, 10) fitted without a fold; `noise` (2,) of moments and forces, that soft tissue is fitted
+    with, without the fold too.
     """
     return np.square([predicted(parts, fold, fit(fold), noise) for fold in parts.names])
 

@@ -57,29 +57,19 @@ class PseudoInertiaOptions:
 @read_only
 @dataclass(frozen=True, eq=False)
 class PseudoInertiaFit:
-    """Parameters of the links, and how far to trust the solution.
+    """Parameters of the links, and how far to trust the solution."""
 
-    Attributes
-    ----------
-    parameters : (links, 10) in [D] order
-    misfit, misfit_before : |b - A phi|^2 of the solution and of the reference
-    smallest : (links,) least eigenvalue of each link's pseudo-inertia relative to the reference's; NaN where kept
-    kept : (links,) links that stayed at their reference because they have hardly any mass
-    status : the solver's word
-    converged : whether the solver proved the optimum
-    residual : greatest of the solver's primal and dual residuals
-    iterations : of the solver; 0 where the problem has a closed form
-    """
-
-    parameters: Array
+    parameters: Array  # (links, 10) in [D] order
+    # misfit, misfit_before: |b - A phi|^2 of the solution and of the reference
     misfit: float
     misfit_before: float
+    # (links,) least eigenvalue of each link's pseudo-inertia relative to the reference's; NaN where kept
     smallest: Array
-    kept: np.ndarray
-    status: str
-    converged: bool
-    residual: float
-    iterations: int
+    kept: np.ndarray  # (links,) links that stayed at their reference because they have hardly any mass
+    status: str  # the solver's word
+    converged: bool  # whether the solver proved the optimum
+    residual: float  # greatest of the solver's primal and dual residuals
+    iterations: int  # of the solver; 0 where the problem has a closed form
     options: PseudoInertiaOptions = field(repr=False)
 
 
@@ -92,16 +82,8 @@ def solve_pseudo_inertia(
     options: PseudoInertiaOptions | None = None,
 ) -> PseudoInertiaFit:
     """Physically possible parameters that meet measured ones and stay near a reference.
-
-    Parameters
-    ----------
-    A : (rows, 10 links), b (rows,) what was measured, in units of its noise (`BaseFit.rows`)
-    reference : (links, 10) parameters before anything is measured; those of massless links are kept
-    mass : total [kg], or None
-
-    Raises
-    ------
-    BadData : shapes that do not belong together, numbers that are not finite, a reference that no body can have
+    `A` (rows, 10 links), b (rows,) what was measured, in units of its noise (`BaseFit.rows`); `reference` (links, 10)
+    parameters before anything is measured; those of massless links are kept; `mass`: total [kg], or None.
     """
     problem = _Changes.of(A, b, reference, mass, options or PseudoInertiaOptions())
     free = _least_squares(problem, mass)

@@ -47,53 +47,37 @@ _SAMPLES = 20
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """A movement that would show more.
+    """A movement that would show more."""
 
-    Attributes
-    ----------
-    coordinate : to move, about half a radian up and down once a second
-    body : the body that it moves first
-    gain : information it would add, in nats: 0.35 halves the variance of one parameter
-    """
-
-    coordinate: str
-    body: str
-    gain: float
+    coordinate: str  # to move, about half a radian up and down once a second
+    body: str  # the body that it moves first
+    gain: float  # information it would add, in nats: 0.35 halves the variance of one parameter
 
 
 @read_only
 @dataclass(frozen=True, eq=False)
 class SequentialState:
-    """What is known after some frames.
+    """What is known after some frames."""
 
-    Attributes
-    ----------
-    frames : folded in so far; with forgetting, older ones count less
-    left_out : frames with something missing
-    estimate, sd, relative_sd : (n,) base parameters, standard deviations, and sd / |estimate|
-    levels : (n,) share of what is known of each base parameter that comes from the motion rather than from
-        the model, 1 - var / (var without data), 0 to 1
-    rank, condition : of the data's information, columns scaled to length 1
-    link_levels : level of every body, the mean over the base parameters named after it; a body without
-        any has its parent's
-    innovation_rms : (6,) RMS of the last frames' errors of the predicted base wrench [N m], [N]
-    expected_rms : (6,) what it should be by the noise and by what is not known yet, at the last frame; far
-        below `innovation_rms`, the noise was given too small or the kinematics are wrong [N m], [N]
-    wrench_rms : (6,) RMS of what was measured over the same frames
-    """
-
-    frames: int
-    left_out: int
+    frames: int  # folded in so far; with forgetting, older ones count less
+    left_out: int  # frames with something missing
+    # estimate, sd, relative_sd: (n,) base parameters, standard deviations, and sd / |estimate|
     estimate: Array
     sd: Array
     relative_sd: Array
+    # (n,) share of what is known of each base parameter that comes from the motion rather than from the model, 1 - var
+    # / (var without data), 0 to 1
     levels: Array
+    # rank, condition: of the data's information, columns scaled to length 1
     rank: int
     condition: float
+    # level of every body, the mean over the base parameters named after it; a body without any has its parent's
     link_levels: Mapping[str, float]
-    innovation_rms: Array
+    innovation_rms: Array  # (6,) RMS of the last frames' errors of the predicted base wrench [N m], [N]
+    # (6,) what it should be by the noise and by what is not known yet, at the last frame; far below `innovation_rms`,
+    # the noise was given too small or the kinematics are wrong [N m], [N]
     expected_rms: Array
-    wrench_rms: Array
+    wrench_rms: Array  # (6,) RMS of what was measured over the same frames
 
     @property
     def progress(self) -> float:
@@ -120,17 +104,10 @@ class SequentialFit:
     A frame's six rows are turned into the triangular factor by Householder reflections, which is the
     batch's QR decomposition continued: both end in the same numbers. `update` changes this object.
 
-    Parameters
-    ----------
-    base : by default the model's, its locked coordinates at rest
-    sigma : (6,) or one number, noise of the rows of the base wrench [N m], [N]. Where successive frames
-        are not independent (filtered, sampled fast), times the root of the frames that make one sample
-    forgetting : below 1, frames T ago weigh forgetting^T: for bodies or plates that change
-
-    Attributes
-    ----------
-    base : what is estimated
-    sizes : (n,) how large each base parameter is in the model
+    `base`: by default the model's, its locked coordinates at rest; `sigma` (6,) or one number, noise of the rows of the
+    base wrench [N m], [N]. Where successive frames are not independent (filtered, sampled fast), times the root of the
+    frames that make one sample; `forgetting`: below 1, frames T ago weigh forgetting^T: for bodies or plates that
+    change. `base`: what is estimated; `sizes` (n,) how large each base parameter is in the model.
     """
 
     def __init__(
@@ -165,10 +142,7 @@ class SequentialFit:
         The prediction uses an estimate that lags by at most a tenth of the frames, and 100 of them. A frame with
         anything missing is left out and its error is NaN.
 
-        Parameters
-        ----------
-        rows : (6, 10 bodies) of `base_regressor`
-        wrench : (6,) of `base_wrench`
+        `rows` (6, 10 bodies) of `base_regressor`; `wrench` (6,) of `base_wrench`.
         """
         columns = rows[:, self.base.columns]
         if not (np.isfinite(wrench).all() and np.isfinite(columns).all()):

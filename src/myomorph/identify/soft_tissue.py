@@ -40,18 +40,12 @@ Use = Literal["auto", "always", "never"]
 @read_only
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """Parts of recordings, with the noise and strength of the prior that were chosen on them.
+    """Parts of recordings, with the noise and strength of the prior that were chosen on them."""
 
-    Attributes
-    ----------
-    recordings : whose motion is that of the body's mass
-    tissue : that was taken from the motion of the markers; None for none
-    choice : of `Strength.choose`: noise (2,), held-out misfit (2,) by strength, strength
-    """
-
-    recordings: tuple[Recording, ...]
+    recordings: tuple[Recording, ...]  # whose motion is that of the body's mass
     parts: Parts
-    tissue: SoftTissue | None
+    tissue: SoftTissue | None  # that was taken from the motion of the markers; None for none
+    # of `Strength.choose`: noise (2,), held-out misfit (2,) by strength, strength
     choice: tuple[Array, dict[float, Array], float]
 
     def misfits(self, strength: Strength) -> Array:
@@ -72,12 +66,9 @@ def with_soft_tissue(
     Alphas of groups of coordinates are unknowns beside the base parameters, and the wrench is linearized in them until
     they settle.
 
-    Parameters
-    ----------
-    model : whose masses the prior is about
-    markers : fitted to the motion of the markers
-    use : "auto" takes it where it makes the misfit on unseen parts smaller by `GAIN`, and no force or moment of a whole
-        recording larger by `LOSS`
+    `model`: whose masses the prior is about; `markers`: fitted to the motion of the markers; `use`: "auto" takes it
+    where it makes the misfit on unseen parts smaller by `GAIN`, and no force or moment of a whole recording larger by
+    `LOSS`.
     """
     if use == "never":
         return markers

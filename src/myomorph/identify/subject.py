@@ -339,11 +339,8 @@ def _known(
     samples: float,
 ) -> Determined:
     """What the data determine: noise of the motion apart from what else is left of the misfit.
-
-    Parameters
-    ----------
-    fitted : noise of moments and forces (2,), mass of the body [kg], strength of the prior
-    samples : frames that make one independent sample
+    `fitted`: noise of moments and forces (2,), mass of the body [kg], strength of the prior; `samples`: frames that
+    make one independent sample.
     """
     noise, mass, mass_sd = fitted
     rows, _ = parts.rows(noise)

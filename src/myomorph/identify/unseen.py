@@ -99,18 +99,11 @@ class Unseen:
 
 @dataclass(frozen=True, eq=False)
 class Paper:
-    """The problem of [D] eq. 3.10: mass points with weights on base parameters by least squares.
+    """The problem of [D] eq. 3.10: mass points with weights on base parameters by least squares."""
 
-    Attributes
-    ----------
-    model : that holds what no frame shows, by a weak prior of 100 times its size, as in `fit_base`
-    options : weights of both terms, and the least mass of a point
-    mass : of all points, kept exactly [kg]; None leaves it free, as [D] does
-    """
-
-    model: Model
-    options: MassPointOptions
-    mass: float | None
+    model: Model  # that holds what no frame shows, by a weak prior of 100 times its size, as in `fit_base`
+    options: MassPointOptions  # weights of both terms, and the least mass of a point
+    mass: float | None  # of all points, kept exactly [kg]; None leaves it free, as [D] does
 
     def solve(self, points: MassPoints, parts: Parts, noise: Array, others: np.ndarray | None = None) -> MassPointFit:
         """Masses of points from all parts, or from some."""
@@ -123,22 +116,13 @@ class Paper:
 @read_only
 @dataclass(frozen=True, eq=False)
 class Strength:
-    """The problem of choosing how far data may move masses.
+    """The problem of choosing how far data may move masses."""
 
-    Attributes
-    ----------
-    points : few points that stand for all
-    generic : (bodies, 10) parameters of the scaled model
-    method : "points" or "pseudo-inertia"
-    mass_sd : the strength to use; None chooses
-    paper : how base parameters are met with weights as [D]'s; None weighs by noise and prior
-    """
-
-    points: MassPoints
-    generic: Array
-    method: str
-    mass_sd: float | None
-    paper: Paper | None = None
+    points: MassPoints  # few points that stand for all
+    generic: Array  # (bodies, 10) parameters of the scaled model
+    method: str  # "points" or "pseudo-inertia"
+    mass_sd: float | None  # the strength to use; None chooses
+    paper: Paper | None = None  # how base parameters are met with weights as [D]'s; None weighs by noise and prior
 
     def fit(self, parts: Parts, noise: Array, sd: float, others: np.ndarray | None = None) -> Array:
         """(bodies, 10) parameters by the given strength from some parts."""
@@ -226,11 +210,7 @@ def _walk(scores: Callable[[float], Array], several: bool) -> float:
 
 def unseen_parts(parts: Parts, strength: Strength, names: tuple[str, ...], markers: Parts) -> Unseen:
     """Every fold predicted by what was fitted, and chosen, without it.
-
-    Parameters
-    ----------
-    names : of the recordings
-    markers : the same parts with the motion of the markers, for the generic model
+    `names`: of the recordings; `markers`: the same parts with the motion of the markers, for the generic model.
     """
     identified, generic, frames = [], [], []
     for fold in parts.names:

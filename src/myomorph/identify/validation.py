@@ -32,20 +32,12 @@ ROUNDING = 1e-9
 @read_only
 @dataclass(frozen=True, eq=False)
 class CrossValidation:
-    """The base wrench on a motion that identification did not see, by several models, [D] figure 3.3.
+    """The base wrench on a motion that identification did not see, by several models, [D] figure 3.3."""
 
-    Attributes
-    ----------
-    time : (frames,) [s]
-    measured : (frames, 6) moment about the base body's origin [N m] and force [N]; NaN where left out
-    predicted : (frames, 6) by name
-    weight : of the body [N]
-    """
-
-    time: Array
-    measured: Array
-    predicted: Mapping[str, Array]
-    weight: float
+    time: Array  # (frames,) [s]
+    measured: Array  # (frames, 6) moment about the base body's origin [N m] and force [N]; NaN where left out
+    predicted: Mapping[str, Array]  # (frames, 6) by name
+    weight: float  # of the body [N]
 
     @property
     def errors(self) -> Mapping[str, Array]:
@@ -53,12 +45,7 @@ class CrossValidation:
         return {name: wrench - self.measured for name, wrench in self.predicted.items()}
 
     def rms(self, name: str) -> Array:
-        """(2,) root mean square of the moment's and the force's error vectors [N m], [N].
-
-        Raises
-        ------
-        UnknownName : no model of that name was compared
-        """
+        """(2,) root mean square of the moment's and the force's error vectors [N m], [N]."""
         check_name("model", name, self.predicted, "the cross-validation")
         error = self.errors[name]
         error = error[np.isfinite(error).all(axis=1)]
@@ -89,15 +76,8 @@ def cross_validate(
     models: Mapping[str, Model], recording: Recording, tissues: Mapping[str, SoftTissue] | None = None
 ) -> CrossValidation:
     """Measured and predicted base wrench of models that share their bodies and joints.
-
-    Parameters
-    ----------
-    recording : motion with derivatives and wrenches through the same filter, on the same clock
-    tissues : of models whose masses are for a motion without it, by name
-
-    Raises
-    ------
-    BadData : no model, or models with other bodies
+    `recording`: motion with derivatives and wrenches through the same filter, on the same clock; `tissues`: of models
+    whose masses are for a motion without it, by name.
     """
     if not models:
         raise BadData("cross-validation needs at least one model")
@@ -124,29 +104,18 @@ def cross_validate(
 @read_only
 @dataclass(frozen=True, eq=False)
 class LinkConsistency:
-    """One link's parameters, as a body.
+    """One link's parameters, as a body."""
 
-    Attributes
-    ----------
-    name : of the link
-    mass : [kg]
-    center : (3,) mass center in the link's frame [m]; NaN without mass
-    second_moments : (3,) principal second moments of mass about the mass center, ascending [kg m^2]; a body
-        of positive mass has none below 0, which is the triangle inequality of the moments of inertia
-    moments : (3,) principal moments of inertia about the mass center, ascending [kg m^2]
-    eigenvalues : (4,) of the pseudo-inertia in the link's frame, ascending
-    inside : whether the mass center is inside the body; None where nothing says so
-    faults : in words; none in a link that a body can have
-    """
-
-    name: str
-    mass: float
-    center: Array
+    name: str  # of the link
+    mass: float  # [kg]
+    center: Array  # (3,) mass center in the link's frame [m]; NaN without mass
+    # (3,) principal second moments of mass about the mass center, ascending [kg m^2]; a body of positive mass has none
+    # below 0, which is the triangle inequality of the moments of inertia
     second_moments: Array
-    moments: Array
-    eigenvalues: Array
-    inside: bool | None
-    faults: tuple[str, ...]
+    moments: Array  # (3,) principal moments of inertia about the mass center, ascending [kg m^2]
+    eigenvalues: Array  # (4,) of the pseudo-inertia in the link's frame, ascending
+    inside: bool | None  # whether the mass center is inside the body; None where nothing says so
+    faults: tuple[str, ...]  # in words; none in a link that a body can have
 
     @property
     def ok(self) -> bool:
@@ -203,17 +172,9 @@ def consistency(
     points: MassPoints | None = None,
 ) -> Consistency:
     """Check each link: mass above 0, pseudo-inertia positive definite, mass center inside the body.
-
-    Parameters
-    ----------
-    names, parameters : (links, 10) in [D] order
-    links : their poses, to tell mass centers in ground; those of `points` where these are given
-    inside : tells whether points in ground are inside the skin, in the pose of `links`
-    points : without `inside`, a mass center counts as inside within a cell of the grid of a mass point
-
-    Raises
-    ------
-    BadData : shapes that do not belong together, or `inside` without `links`
+    `names`, `parameters` (links, 10) in [D] order; `links`: their poses, to tell mass centers in ground; those of
+    `points` where these are given; `inside`: tells whether points in ground are inside the skin, in the pose of
+    `links`; `points`: without `inside`, a mass center counts as inside within a cell of the grid of a mass point.
     """
     table = np.asarray(parameters, float)
     if table.shape != (len(names), 10) or not np.isfinite(table).all():

@@ -23,17 +23,8 @@ _Value = TypeVar("_Value")
 
 def checked_array(values: ArrayLike, shape: tuple[int | str, ...], name: str, *, finite: bool = False) -> Array:
     """`values` as a contiguous float64 array, copied only where it has to be.
-
-    Parameters
-    ----------
-    shape : wanted size of each dimension; a word, e.g. "frames", stands for any size
-    name : of the values, for the message
-    finite : whether NaN and infinity are refused
-
-    Raises
-    ------
-    BadData
-        where the shape is another, or a value is not finite though it must be
+    `shape`: wanted size of each dimension; a word, e.g. "frames", stands for any size; `name`: of the values, for the
+    message; `finite`: whether NaN and infinity are refused.
     """
     array = np.ascontiguousarray(values, dtype=np.float64)
     fits = np.ndim(values) == len(shape) and all(
@@ -65,13 +56,7 @@ def frozen_array(values: ArrayLike, shape: tuple[int, ...] | None = None) -> Arr
 
 
 def unit_vector(values: ArrayLike, what: str, of: str) -> Array:
-    """Read-only (3,) vector of length 1 along `values`.
-
-    Raises
-    ------
-    BadData
-        where they have no direction; `what` names them, `of` what they belong to
-    """
+    """Read-only (3,) vector of length 1 along `values`."""
     vector = frozen_array(values, (3,))
     length = float(np.linalg.norm(vector))
     if not (np.isfinite(length) and length > 0.0):
@@ -116,10 +101,7 @@ def read_only(cls: _Class) -> _Class:
 
 def changed(value: _Value, **fields: Any) -> _Value:
     """`dataclasses.replace` without the checks of the class, where fields are surely right: ten times as fast.
-
-    Parameters
-    ----------
-    fields : arrays among them have been made for this alone; they become read-only
+    `fields`: arrays among them have been made for this alone; they become read-only.
     """
     made = object.__new__(type(value))
     for field in fields.values():

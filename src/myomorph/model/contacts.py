@@ -159,13 +159,7 @@ def register_law(name: str, law: type[Cone]) -> None:
 
 
 def contact_law(name: str) -> type[Cone]:
-    """The class of a contact law by its name in files.
-
-    Raises
-    ------
-    UnknownName
-        where there is none
-    """
+    """The class of a contact law by its name in files."""
     check_name("contact law", name, tuple(CONTACT_LAWS), "Myomorph")
     law = CONTACT_LAWS[name]
     if isinstance(law, str):

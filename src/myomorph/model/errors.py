@@ -78,13 +78,7 @@ def check_name(kind: str, name: str, existing: Collection[str], where: str = "th
 
 
 def from_extra(extra: str, module: str, package: str = "") -> Any:
-    """A module that an extra brings, imported when it is first needed.
-
-    Raises
-    ------
-    MissingPackage
-        where its package is not installed
-    """
+    """A module that an extra brings, imported when it is first needed."""
     try:
         return importlib.import_module(module)
     except ImportError:
@@ -147,12 +141,8 @@ def listing(name: str, existing: Iterable[str], most: int = MAX_NAMES) -> str:
 
 def unknown(kind: str, name: str, existing: Iterable[str], where: str = "") -> str:
     """The line that answers an unknown name: the nearest that exist, and how many do.
-
-    Parameters
-    ----------
-    kind : of name: marker, body, key, option, file
-    existing : the names that there are
-    where : what has them; "" says "there are"
+    `kind`: of name: marker, body, key, option, file; `existing`: the names that there are; `where`: what has them; ""
+    says "there are".
     """
     return f"unknown {kind} '{name}': {f'{where} has' if where else 'there are'} {listing(name, existing)}"
 

@@ -21,18 +21,11 @@ Checked = TypeVar("Checked")
 
 @dataclass(frozen=True)
 class Repair:
-    """How what a check found is put right.
+    """How what a check found is put right."""
 
-    Attributes
-    ----------
-    apply : from what was checked to the same put right
-    done : what was done, for the finding's text
-    advice : what helps instead where it is only reported
-    """
-
-    apply: Callable[[Any], Any]
-    done: str
-    advice: str = ""
+    apply: Callable[[Any], Any]  # from what was checked to the same put right
+    done: str  # what was done, for the finding's text
+    advice: str = ""  # what helps instead where it is only reported
 
 
 @dataclass(frozen=True)
@@ -69,10 +62,7 @@ class Finding:
 
 def repaired(checked: Checked, findings: Iterable[Finding], mend: bool = True) -> tuple[Checked, tuple[Finding, ...]]:
     """What was checked with all repairs applied one after the other, and the findings as they are reported.
-
-    Parameters
-    ----------
-    mend : apply the repairs; else nothing changes, and the findings' texts say what helps
+    `mend`: apply the repairs; else nothing changes, and the findings' texts say what helps.
     """
     reported = []
     for finding in findings:

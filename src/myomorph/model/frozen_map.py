@@ -11,10 +11,7 @@ Value_co = TypeVar("Value_co", covariant=True)
 
 class FrozenMap(Mapping[Key, Value_co]):
     """A read-only copy of a mapping; unlike `types.MappingProxyType` it can be pickled and copied.
-
-    Parameters
-    ----------
-    entries : what it holds from now on, in this order
+    `entries`: what it holds from now on, in this order.
 
     Examples
     --------

@@ -22,15 +22,10 @@ class PiecewisePolynomial:
 
     Left of the first break the first piece holds. A single piece at break 0 is a polynomial; a
     first break given twice makes its first piece the continuation to the left.
-
-    Attributes
-    ----------
-    breaks : (pieces,) ascending
-    coefficients : (pieces, degree + 1), the constant term first
     """
 
-    breaks: Array
-    coefficients: Array
+    breaks: Array  # (pieces,) ascending
+    coefficients: Array  # (pieces, degree + 1), the constant term first
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "breaks", frozen_array(self.breaks, (-1,)))
@@ -120,10 +115,7 @@ def simm_spline(x: ArrayLike, y: ArrayLike) -> PiecewisePolynomial:
     (Forsythe, Malcolm and Moler 1977); with two points it is a line, with three a parabola-like
     cubic with equal second derivatives.
 
-    Parameters
-    ----------
-    x : (points,) strictly ascending abscissae
-    y : (points,) ordinates
+    `x` (points,) strictly ascending abscissae; `y` (points,) ordinates.
     """
     x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
     n = len(x)

@@ -64,14 +64,7 @@ def pseudo_inertias(parameters: ArrayLike) -> Array:
 
 def with_inertial_parameters(model: Model, parameters: ArrayLike) -> Model:
     """The model with other masses, mass centers and inertias.
-
-    Parameters
-    ----------
-    parameters : (bodies, 10) as `inertial_parameters` gives them
-
-    Raises
-    ------
-    BadData : another shape, a number that is not finite, or a negative mass
+    `parameters` (bodies, 10) as `inertial_parameters` gives them.
     """
     values = np.asarray(parameters, dtype=np.float64)
     if values.shape != (len(model.bodies), 10) or not np.isfinite(values).all():
@@ -100,22 +93,10 @@ def free_object(
     gravity: ArrayLike = EARTH,
 ) -> Model:
     """One rigid body that moves freely: coordinates `tx`, `ty`, `tz` of its origin, then `rx`, `ry`, `rz`.
-
-    Parameters
-    ----------
-    name : of the body
-    mass : [kg]
-    size : (3,) of a solid box about the mass center, which gives the inertia where none is given [m]
-    inertia : (3, 3), or (3,) its diagonal, about the mass center in the body's axes [kg m^2]
-    mass_center : (3,) in the body's frame [m]
-    markers : places (3,) in the body's frame by name [m]
-    mesh : file that draws it instead of a box of `size`
-    gravity : (3,) in ground [m/s^2]
-
-    Raises
-    ------
-    BadData
-        where mass or size is not positive, or the inertia is none of a body
+    `name`: of the body; `mass` [kg]; `size` (3,) of a solid box about the mass center, which gives the inertia where
+    none is given [m]; `inertia` (3, 3), or (3,) its diagonal, about the mass center in the body's axes [kg m^2];
+    `mass_center` (3,) in the body's frame [m]; `markers`: places (3,) in the body's frame by name [m]; `mesh`: file
+    that draws it instead of a box of `size`; `gravity` (3,) in ground [m/s^2].
     """
     body = _body(name, mass, size, inertia, mass_center, mesh)
     axes = [Axis("translation", np.eye(3)[i], linear(1.0), (coordinate,)) for i, coordinate in enumerate(SLIDES)]
@@ -142,18 +123,9 @@ def hinged_object(
     gravity: ArrayLike = EARTH,
 ) -> Model:
     """One rigid body that turns about an axle of the ground, by the coordinate `angle`.
-
-    Parameters
-    ----------
-    axis : (3,) of the axle in ground, which is also the body's z axis
-    center : (3,) of the axle in ground, where the body has its origin [m]
-    inertia, mass_center, markers : as for `free_object`, in axes that are the ground's turned as little as brings z
-        onto `axis`
-
-    Raises
-    ------
-    BadData
-        as `free_object`, or where the axis has no length
+    `axis` (3,) of the axle in ground, which is also the body's z axis; `center` (3,) of the axle in ground, where the
+    body has its origin [m]; `inertia`, `mass_center`, `markers`: as for `free_object`, in axes that are the ground's
+    turned as little as brings z onto `axis`.
     """
     along = np.asarray(axis, dtype=np.float64)
     length = float(np.linalg.norm(along))

@@ -20,28 +20,17 @@ SIGNALS = {"angular_velocities": "rad/s", "accelerations": "m/s^2", "magnetic_fi
 @read_only
 @dataclass(frozen=True, eq=False)
 class InertialSensors(Labelled):
-    """Inertial sensors on one clock; what was not recorded is None, what is missing NaN.
+    """Inertial sensors on one clock; what was not recorded is None, what is missing NaN."""
 
-    Attributes
-    ----------
-    time : (frames,) ascending [s]
-    names : one per sensor
-    orientations : (frames, sensors, 4) quaternions w, x, y, z from the sensor to the earth, whose z points up
-    angular_velocities : (frames, sensors, 3) in the sensor [rad/s]
-    accelerations : (frames, sensors, 3) in the sensor, gravity included: upwards at rest [m/s^2]
-    magnetic_fields : (frames, sensors, 3) in the sensor, in any unit
-    warnings : what looks wrong, one line each
-    source : path of the file, "" for sensors made in memory
-    """
-
-    time: Array
-    names: tuple[str, ...]
+    time: Array  # (frames,) ascending [s]
+    names: tuple[str, ...]  # one per sensor
+    # (frames, sensors, 4) quaternions w, x, y, z from the sensor to the earth, whose z points up
     orientations: Array | None = None
-    angular_velocities: Array | None = None
-    accelerations: Array | None = None
-    magnetic_fields: Array | None = None
-    warnings: tuple[str, ...] = ()
-    source: str = ""
+    angular_velocities: Array | None = None  # (frames, sensors, 3) in the sensor [rad/s]
+    accelerations: Array | None = None  # (frames, sensors, 3) in the sensor, gravity included: upwards at rest [m/s^2]
+    magnetic_fields: Array | None = None  # (frames, sensors, 3) in the sensor, in any unit
+    warnings: tuple[str, ...] = ()  # what looks wrong, one line each
+    source: str = ""  # path of the file, "" for sensors made in memory
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "time", frozen_array(self.time, (-1,)))
@@ -85,12 +74,7 @@ class InertialSensors(Labelled):
         return replace(self, names=tuple(names), **{what: part[:, columns] for what, part in self.signals.items()})
 
     def between(self, start: float, end: float) -> InertialSensors:
-        """Frames from `start` to `end` [s].
-
-        Raises
-        ------
-        BadData : there is none
-        """
+        """Frames from `start` to `end` [s]."""
         some = (self.time >= start - 1e-9) & (self.time <= end + 1e-9)
         if not some.any():
             raise BadData(
@@ -101,12 +85,7 @@ class InertialSensors(Labelled):
 
 
 def beside(parts: Sequence[InertialSensors]) -> InertialSensors:
-    """Sensors of several files on the clock of the first, as far as all reach; files of one sensor each are usual.
-
-    Raises
-    ------
-    BadData : they have no time in common, or one lacks what others have
-    """
+    """Sensors of several files on the clock of the first, as far as all reach; files of one sensor each are usual."""
     if len(parts) == 1:
         return parts[0]
     start, end = max(part.time[0] for part in parts), min(part.time[-1] for part in parts)

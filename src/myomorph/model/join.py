@@ -49,17 +49,8 @@ def join_models(parts: Mapping[str, Model], name: str = "") -> Model:
     their meaning, so motions and torques of the parts are columns of those of the whole. Names of mesh files stay, to
     be looked up beside every part's own file.
 
-    Parameters
-    ----------
-    parts : models by the names of their parts, each a word of letters, digits and lines
-    name : of the whole; the parts' names with lines between by default
-
-    Raises
-    ------
-    BadData
-        where a part's name is no such word, is a side (`r`, `left`), or begins another part's names
-    BadModel
-        where the models do not agree on gravity
+    `parts`: models by the names of their parts, each a word of letters, digits and lines; `name`: of the whole; the
+    parts' names with lines between by default.
     """
     _check_parts(tuple(parts))
     renamed = [_renamed(model, part) for part, model in parts.items()]
@@ -82,13 +73,7 @@ def join_models(parts: Mapping[str, Model], name: str = "") -> Model:
 
 
 def join_motions(parts: Mapping[str, Motion]) -> Motion:
-    """Motions of the parts as one of the joined model; rates are kept where every part has them.
-
-    Raises
-    ------
-    BadData
-        where the parts' times differ, see `check_clocks`
-    """
+    """Motions of the parts as one of the joined model; rates are kept where every part has them."""
     check_clocks(parts)
     motions = list(parts.values())
     rates = [
@@ -135,11 +120,6 @@ def part_of(whole: Timed, part: str) -> Timed:
     """Columns of one part by their own names: of a motion, torques, markers, forces or activations of a joined model.
 
     Reserves and residuals (`reserve_tori_knee_angle_r`) belong to the part that they name.
-
-    Raises
-    ------
-    UnknownName
-        where no column is that part's
     """
     columns_of_part = [
         (index, short) for index, name in enumerate(whole.names) if (short := own_name(name, part)) is not None
@@ -177,13 +157,7 @@ def check_clocks(parts: Mapping[str, Series] | Mapping[str, Wrenches]) -> None:
 
 
 def clock_difference(parts: Mapping[str, Series] | Mapping[str, Wrenches]) -> str:
-    """What is different in the times of the first two parts that do not agree; "" where all have the same times.
-
-    Raises
-    ------
-    BadData
-        where a part has no frames
-    """
+    """What is different in the times of the first two parts that do not agree; "" where all have the same times."""
     for name, series in parts.items():
         if not len(series):
             raise BadData(f"'{name}' has no frames")
@@ -231,10 +205,7 @@ def _renamed(model: Model, part: str) -> Model:
 
 def renamed_model(model: Model, new_name: Callable[[str], str]) -> Model:
     """The model with other names of its bodies, joints, coordinates, muscles and all that refers to them.
-
-    Parameters
-    ----------
-    new_name : the new name of an old one; an old name may be that of parts of different kinds, which then go together
+    `new_name`: the new name of an old one; an old name may be that of parts of different kinds, which then go together.
     """
 
     def renamed(item: Any, texts: tuple[str, ...]) -> Any:

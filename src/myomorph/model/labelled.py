@@ -36,13 +36,7 @@ class Labelled:
         raise TypeError(f"{type(self).__name__} names no labels")
 
     def to_xarray(self) -> xarray.Dataset:
-        """All arrays as one `xarray.Dataset`, with units as attributes.
-
-        Raises
-        ------
-        MissingPackage
-            where xarray is not installed
-        """
+        """All arrays as one `xarray.Dataset`, with units as attributes."""
         # Only here: it brings pandas, which takes longer to import than most steps take to run.
         xarray = from_extra("xarray", "xarray")
         variables = self.variables()
@@ -67,11 +61,6 @@ class Labelled:
         """All arrays over time as one `pandas.DataFrame`, a row a frame.
 
         Columns are the names of a single variable, else pairs of variable and name; vectors have one column an axis.
-
-        Raises
-        ------
-        MissingPackage
-            where pandas is not installed
         """
         pandas = from_extra("xarray", "pandas")
         labels = self.labels()

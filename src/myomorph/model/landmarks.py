@@ -14,22 +14,11 @@ from myomorph.model.errors import BadData
 @read_only
 @dataclass(frozen=True, eq=False)
 class LandmarkPairs:
-    """Landmarks of one body as a table gives them; `FeaturePoints(names, source, target)` makes maps of them.
+    """Landmarks of one body as a table gives them; `FeaturePoints(names, source, target)` makes maps of them."""
 
-    Attributes
-    ----------
-    names : of the landmarks, none twice
-    source : (n, 3) in the source body's frame [m]
-    target : (n, 3) in the frame of the target's bone [m]
-
-    Raises
-    ------
-    BadData : shapes that do not fit, a name twice, or places that are not finite
-    """
-
-    names: tuple[str, ...]
-    source: Array
-    target: Array
+    names: tuple[str, ...]  # of the landmarks, none twice
+    source: Array  # (n, 3) in the source body's frame [m]
+    target: Array  # (n, 3) in the frame of the target's bone [m]
 
     def __post_init__(self) -> None:
         count = len(self.names)
@@ -48,17 +37,11 @@ class LandmarkPairs:
 
 @dataclass(frozen=True)
 class Measurement:
-    """Distances between markers of a model and of a person, whose ratio scales bodies.
-
-    Attributes
-    ----------
-    pairs : the two markers of each distance; the ratios of several are averaged
-    bodies : the axes along which each body is stretched: some of "x", "y" and "z"
-    """
+    """Distances between markers of a model and of a person, whose ratio scales bodies."""
 
     name: str
-    pairs: tuple[tuple[str, str], ...]
-    bodies: Mapping[str, str]
+    pairs: tuple[tuple[str, str], ...]  # the two markers of each distance; the ratios of several are averaged
+    bodies: Mapping[str, str]  # the axes along which each body is stretched: some of "x", "y" and "z"
 
     def __post_init__(self) -> None:
         for body, axes in self.bodies.items():

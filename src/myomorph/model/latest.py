@@ -13,13 +13,7 @@ Made = TypeVar("Made")
 
 
 class Latest(Generic[Made]):
-    """A function of a model whose last few results are kept.
-
-    Parameters
-    ----------
-    make : the function
-    kept : results
-    """
+    """A function of a model whose last few results are kept. `make`: the function; `kept`: results."""
 
     def __init__(self, make: Callable[[Model], Made], kept: int = 8):
         self._make, self._kept = make, kept

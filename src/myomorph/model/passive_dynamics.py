@@ -33,23 +33,11 @@ def with_passive_dynamics(
     muscle's viscosity what it had. All of it is written into `.osim` in forms that OpenSim honours
     (SpringGeneralizedForce, BushingForce, ExpressionBasedPathForce) and read back.
 
-    Parameters
-    ----------
-    damping : of coordinates [N m s/rad or N s/m]; `identify.coordinate_damping.coordinate_damping` makes them from the
-        damping of a ball joint
-    stiffness, rest : of coordinates [N m/rad or N/m], [rad or m]; at rest by default where the coordinate's
-        default is
-    viscosity : of muscles [N s/m]; see `line_viscosity`
-    bushings : `identify.joint_bushing.joint_bushing` makes one of the damping of a ball joint, which expresses
-        it better than dampers of coordinates
-
-    Raises
-    ------
-    UnknownName
-        for a coordinate or muscle that the model does not have
-    BadData
-        for a value that is negative or not finite, a coordinate that follows others, or a rest position
-        without a stiffness
+    `damping`: of coordinates [N m s/rad or N s/m]; `identify.coordinate_damping.coordinate_damping` makes them from the
+    damping of a ball joint; `stiffness`, `rest`: of coordinates [N m/rad or N/m], [rad or m]; at rest by default where
+    the coordinate's default is; `viscosity`: of muscles [N s/m]; see `line_viscosity`; `bushings`:
+    `identify.joint_bushing.joint_bushing` makes one of the damping of a ball joint, which expresses it better than
+    dampers of coordinates.
     """
     for what, values in (("damping", damping), ("stiffness", stiffness), ("viscosity", viscosity)):
         for name, value in values.items():
@@ -88,16 +76,7 @@ def _spring(
 
 def line_viscosity(viscosity: Mapping[str, float], lines: Mapping[str, Sequence[str]]) -> dict[str, float]:
     """Viscosity of each line of action: those that are one muscle share its viscosity evenly.
-
-    Parameters
-    ----------
-    viscosity : by muscle [N s/m]
-    lines : the lines of action (muscles of the model) that each muscle is made of
-
-    Raises
-    ------
-    BadData
-        where a muscle has no lines of action, or two muscles share one
+    `viscosity`: by muscle [N s/m]; `lines`: the lines of action (muscles of the model) that each muscle is made of.
     """
     result: dict[str, float] = {}
     for muscle, value in viscosity.items():

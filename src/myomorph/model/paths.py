@@ -95,21 +95,14 @@ class PathWrap:
 @read_only
 @dataclass(frozen=True, eq=False)
 class TendonWrap:
-    """A tendon's wrap in the way of MuJoCo: between path points `after` and `after + 1`.
+    """A tendon's wrap in the way of MuJoCo: between path points `after` and `after + 1`."""
 
-    Attributes
-    ----------
-    wrap_object : name of a sphere or (infinite) cylinder
-    after : index of the path point before the surface
-    side_body, side : the side site that chooses the way around; inside the surface it wraps inward
-    version : of MuJoCo whose rule of side sites it follows: 4, or 3 for all before
-    """
-
-    wrap_object: str
-    after: int
+    wrap_object: str  # name of a sphere or (infinite) cylinder
+    after: int  # index of the path point before the surface
+    # side_body, side: the side site that chooses the way around; inside the surface it wraps inward
     side_body: str = ""
     side: Array | None = None
-    version: int = 4
+    version: int = 4  # of MuJoCo whose rule of side sites it follows: 4, or 3 for all before
 
 
 @dataclass(frozen=True, eq=False)

@@ -48,20 +48,12 @@ def scale(
     of joints that follow an angle, by a function or a coupler, grow with the parent's factors weighted
     by the axis; a translation that is a degree of freedom of its own does not.
 
-    Parameters
-    ----------
-    factors : (3,) for each body, along its x, y and z; bodies without one keep their size
-    mass : of the whole model afterwards [kg]; by default what the scaling gives
-    preserve_mass_distribution : masses keep their ratios; otherwise they grow with the volume
-    inertia : "cylinder" takes a body whose factors differ for a cylinder, as OpenSim does; "affine"
-        stretches its second moments of mass exactly
-    path_lengths : gives the lengths (muscles,) of a model's muscle paths in its default pose [m]; with
-        it optimal fiber and slack lengths keep their ratio to the path, without it they stay
-
-    Raises
-    ------
-    UnknownName : factors of a body that the model does not have
-    BadData : a factor that is not a positive number, or a mass that is not positive
+    `factors` (3,) for each body, along its x, y and z; bodies without one keep their size; `mass`: of the whole model
+    afterwards [kg]; by default what the scaling gives; `preserve_mass_distribution`: masses keep their ratios;
+    otherwise they grow with the volume; `inertia`: "cylinder" takes a body whose factors differ for a cylinder, as
+    OpenSim does; "affine" stretches its second moments of mass exactly; `path_lengths`: gives the lengths (muscles,) of
+    a model's muscle paths in its default pose [m]; with it optimal fiber and slack lengths keep their ratio to the
+    path, without it they stay.
     """
     sizes = _checked(model, factors, mass)
     moved_axes = {name: factor for joint in model.joints for name, factor in _travel(joint, sizes).items()}
@@ -95,10 +87,7 @@ def scale(
 
 def taut_ligaments(before: Model, after: Model, path_lengths: Callable[[Model], ArrayLike]) -> tuple[Ligament, ...]:
     """The ligaments of a model that has become another, with slack lengths that keep their ratio to the path.
-
-    Parameters
-    ----------
-    path_lengths : as of `scale`
+    `path_lengths`: as of `scale`.
     """
     if not after.ligaments:
         return ()

@@ -52,14 +52,7 @@ def segments_of(model: Model, stated: Mapping[str, Segment] | None = None) -> Ma
     A body whose name says nothing (a massless one between two joints) belongs with its parent; one on
     the ground, with its child.
 
-    Parameters
-    ----------
-    stated : segments that go before the names
-
-    Raises
-    ------
-    UnknownName : a segment is given for a body that the model does not have
-    BadData : no body's name is of a segment, or a given segment is none of `SEGMENTS`
+    `stated`: segments that go before the names.
     """
     segments: dict[str, Segment] = {}
     for body, segment in (stated or {}).items():

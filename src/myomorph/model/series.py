@@ -336,24 +336,14 @@ class Trial:
 @read_only
 @dataclass(frozen=True, eq=False)
 class Sound:
-    """Channels of one recording, all on one clock.
+    """Channels of one recording, all on one clock."""
 
-    Attributes
-    ----------
-    rate : samples per second [Hz]
-    names : one per channel
-    samples : (samples, channels) in shares of full scale, -1 to 1; single precision
-    start : time of the first sample on the motion's clock [s]
-    warnings : what looks wrong, one line each
-    source : path of the file, "" for a sound made in memory
-    """
-
-    rate: float
-    names: tuple[str, ...]
-    samples: np.ndarray
-    start: float = 0.0
-    warnings: tuple[str, ...] = ()
-    source: str = ""
+    rate: float  # samples per second [Hz]
+    names: tuple[str, ...]  # one per channel
+    samples: np.ndarray  # (samples, channels) in shares of full scale, -1 to 1; single precision
+    start: float = 0.0  # time of the first sample on the motion's clock [s]
+    warnings: tuple[str, ...] = ()  # what looks wrong, one line each
+    source: str = ""  # path of the file, "" for a sound made in memory
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "names", tuple(self.names))

@@ -51,10 +51,7 @@ def mirror_names(names: Iterable[str]) -> Mapping[str, str]:
 
 def other_side(name: str, *, capitals: bool = False) -> str:
     """The name's counterpart on the other side, "" where it has no side: `Thigh_l` for `Thigh_r`.
-
-    Parameters
-    ----------
-    capitals : `RASI` has a side too, as markers do; `RIBS` is then taken for one as well
+    `capitals`: `RASI` has a side too, as markers do; `RIBS` is then taken for one as well.
     """
     apart = [i for i, letter in enumerate(name) if letter in _OTHER_LETTER and _stands_apart(name, i, whole=True)]
     if apart:

@@ -39,18 +39,11 @@ Speeds = Literal["opensim", "coordinates"]
 
 @dataclass(frozen=True, eq=False)
 class LoopGroup:
-    """Coordinates that loops tie together, with those that couplers tie to them.
+    """Coordinates that loops tie together, with those that couplers tie to them."""
 
-    Attributes
-    ----------
-    coordinates : indices, ascending
-    leading : those among `coordinates` that no coupler drives, as places in it
-    stays : (coordinates,) whether each is locked or prescribed
-    """
-
-    coordinates: Ints
-    leading: Ints
-    stays: np.ndarray
+    coordinates: Ints  # indices, ascending
+    leading: Ints  # those among `coordinates` that no coupler drives, as places in it
+    stays: np.ndarray  # (coordinates,) whether each is locked or prescribed
 
 
 def loop_groups(tree: Tree) -> tuple[LoopGroup, ...]:
@@ -82,16 +75,9 @@ def loop_groups(tree: Tree) -> tuple[LoopGroup, ...]:
 
 def loop_couplings(tree: Tree, group: LoopGroup, coordinates: Array, speeds: Speeds = "opensim") -> Array:
     """How fast a group's leading coordinates move per unit speed of each of its coordinates.
-
-    Parameters
-    ----------
-    coordinates : (frames, coordinates) consistent values
-    speeds : "opensim" for OpenSim's speeds; "coordinates" for the rates of all coordinates, whose arms are -dl/dq
-
-    Returns
-    -------
-    (frames, leading, group) column k holds P e_k / (P e_k)_k of the formula above, of what leads; where k cannot
-    move, its own motion alone
+    `coordinates` (frames, coordinates) consistent values; `speeds`: "opensim" for OpenSim's speeds; "coordinates" for
+    the rates of all coordinates, whose arms are -dl/dq. Returns (frames, leading, group) column k holds P e_k / (P
+    e_k)_k of the formula above, of what leads; where k cannot move, its own motion alone.
     """
     members, leading = group.coordinates, group.leading
     frames, n = len(coordinates), len(members)

@@ -31,14 +31,9 @@ STEEPEST = 1e9
 
 
 class Shape(NamedTuple):
-    """An elementary function in a piece: size f(z) with z = (a + b x) / (c + d x).
+    """An elementary function in a piece: size f(z) with z = (a + b x) / (c + d x)."""
 
-    Attributes
-    ----------
-    form : which f, `RATIO` ... `LOGISTIC`
-    """
-
-    form: int
+    form: int  # which f, `RATIO` ... `LOGISTIC`
     size: float
     a: float = 0.0
     b: float = 1.0
@@ -47,37 +42,24 @@ class Shape(NamedTuple):
 
 
 class Piece(NamedTuple):
-    """A curve from `start` to where the next piece starts.
+    """A curve from `start` to where the next piece starts."""
 
-    Attributes
-    ----------
-    start : x where it begins, or minus infinity
-    y, x : power coefficients in u of the polynomial part and of x, at most six; without x they are those of x - start
-    shapes : what is added to the polynomial
-    """
-
-    start: float
+    start: float  # x where it begins, or minus infinity
+    # y, x: power coefficients in u of the polynomial part and of x, at most six; without x they are those of x - start
     y: tuple[float, ...] = ()
     x: tuple[float, ...] = ()
-    shapes: tuple[Shape, ...] = ()
+    shapes: tuple[Shape, ...] = ()  # what is added to the polynomial
 
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """A function made of pieces, continued by straight lines and held within bounds.
+    """A function made of pieces, continued by straight lines and held within bounds."""
 
-    Attributes
-    ----------
-    pieces : in the order of x
-    end : x where the last one ends, or infinity
-    slopes : (left, right) of the lines that continue it; None for the tangent
-    bounds : least and greatest value; the slope beyond is 0
-    """
-
-    pieces: tuple[Piece, ...]
-    end: float = np.inf
+    pieces: tuple[Piece, ...]  # in the order of x
+    end: float = np.inf  # x where the last one ends, or infinity
+    # (left, right) of the lines that continue it; None for the tangent
     slopes: tuple[float | None, float | None] = (0.0, 0.0)
-    bounds: tuple[float, float] = (-np.inf, np.inf)
+    bounds: tuple[float, float] = (-np.inf, np.inf)  # least and greatest value; the slope beyond is 0
 
     def __call__(self, x: ArrayLike) -> Array:
         """Values at x, any shape; NaN stays NaN."""
@@ -103,13 +85,7 @@ class Curve:
         return Curve(self.pieces, self.end, self.slopes, (low, high))
 
     def inverse(self) -> Curve:
-        """X over y, of a rising curve that is made of polynomials.
-
-        Raises
-        ------
-        ValueError
-            where a piece has shapes: their inverse must be written down
-        """
+        """X over y, of a rising curve that is made of polynomials."""
         if any(piece.shapes for piece in self.pieces):
             raise ValueError("only polynomials are inverted")
         pieces = tuple(Piece(piece.y[0], _line(piece), piece.y) for piece in self.pieces)
@@ -163,21 +139,13 @@ def _jet_of(piece: Piece, x: float) -> tuple[float, float]:
 
 
 class CurveArrays(NamedTuple):
-    """Curves one after another, as the kernels read them; few arrays, as a call counts the users of each.
+    """Curves one after another, as the kernels read them; few arrays, as a call counts the users of each."""
 
-    Attributes
-    ----------
-    ends : (curves, 8) x, y and slope of the line on the left, the same on the right, least and greatest value
-    pieces : (pieces, 13) x where a piece begins, power coefficients of x and of y
-    shapes : (shapes, 6) form, size, a, b, c, d
-    of_curve : (curves, 2) index of a curve's first and last piece
-    of_piece : (pieces, 3) whether the polynomial is more than a number; index of the first shape, and after the last
-    """
-
-    ends: Array
-    pieces: Array
-    shapes: Array
-    of_curve: NDArray[np.int64]
+    ends: Array  # (curves, 8) x, y and slope of the line on the left, the same on the right, least and greatest value
+    pieces: Array  # (pieces, 13) x where a piece begins, power coefficients of x and of y
+    shapes: Array  # (shapes, 6) form, size, a, b, c, d
+    of_curve: NDArray[np.int64]  # (curves, 2) index of a curve's first and last piece
+    # (pieces, 3) whether the polynomial is more than a number; index of the first shape, and after the last
     of_piece: NDArray[np.int64]
 
 

@@ -37,16 +37,8 @@ def nearest_in_plane(a, p, plane):
 @inner
 def nearest_on_ellipsoid(a, p):
     """Nearest point of the ellipsoid with half axes a around the origin to p.
-
-    Parameters
-    ----------
-    a : half axes, about 1
-    p : the given point
-
-    Returns
-    -------
-    found : false where Newton's iteration did not end
-    nearest : (3,)
+    `a`: half axes, about 1; `p`: the given point. Returns `found`: false where Newton's iteration did not end;
+    `nearest` (3,).
     """
     plane, narrowest = -1, math.inf
     for i in range(3):
@@ -111,12 +103,7 @@ MAX_TRIES = 1000
 @inner
 def tangent_point(p, r, a, n, d):
     """Point of the ellipsoid, in the plane n . x + d = 0, where a line from p touches it.
-
-    Parameters
-    ----------
-    p : point outside
-    r : where the search starts
-    a : half axes, about 1
+    `p`: point outside; `r`: where the search starts; `a`: half axes, about 1.
     """
     w = (2.0 / (a[0] * a[0]), 2.0 / (a[1] * a[1]), 2.0 / (a[2] * a[2]))
     h = -_weighted(w, r, r)

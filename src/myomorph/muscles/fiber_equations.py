@@ -19,32 +19,22 @@ BUCKLED = EPS**0.875
 
 @dataclass(frozen=True, eq=False)
 class Fibers:
-    """One muscle over time, every array (frames,); several muscles are a `fiber_states.FiberStates`.
+    """One muscle over time, every array (frames,); several muscles are a `fiber_states.FiberStates`."""
 
-    Attributes
-    ----------
-    activation : as the class clamps it
-    fiber_length, tendon_length : [m]
-    pennation : angle between fibers and tendon [rad]
-    fiber_velocity : lengthening [m/s]
-    normalized_velocity : by the maximum contraction velocity
-    pennation_velocity : [rad/s]
-    active_force, passive_force, fiber_force : along the fibers [N]
-    tendon_force : along the tendon, what the muscle pulls with [N]
-    active_power, passive_power, tendon_power, muscle_power : positive where force does work on the outside [W]
-    """
-
-    activation: Array
+    activation: Array  # as the class clamps it
+    # fiber_length, tendon_length: [m]
     fiber_length: Array
     tendon_length: Array
-    pennation: Array
-    fiber_velocity: Array
-    normalized_velocity: Array
-    pennation_velocity: Array
+    pennation: Array  # angle between fibers and tendon [rad]
+    fiber_velocity: Array  # lengthening [m/s]
+    normalized_velocity: Array  # by the maximum contraction velocity
+    pennation_velocity: Array  # [rad/s]
+    # active_force, passive_force, fiber_force: along the fibers [N]
     active_force: Array
     passive_force: Array
     fiber_force: Array
-    tendon_force: Array
+    tendon_force: Array  # along the tendon, what the muscle pulls with [N]
+    # active_power, passive_power, tendon_power, muscle_power: positive where force does work on the outside [W]
     active_power: Array
     passive_power: Array
     tendon_power: Array
@@ -57,12 +47,9 @@ class FiberMuscle(MuscleModel):
     `fibers` and `equilibrium` are those of fibers that have a least length, at which they are stuck
     (Thelen2003Muscle, Millard2012EquilibriumMuscle); a class without one replaces both.
 
-    Attributes
-    ----------
-    state : the state beside activation, `FIBER_LENGTH`, `TENDON_FORCE` or none
-    activated : whether activation is a state
-    first_activation : its value where no file gives it
-    rests_when_stuck : whether fibers at their least length have no passive force
+    `state`: the state beside activation, `FIBER_LENGTH`, `TENDON_FORCE` or none; `activated`: whether activation is a
+    state; `first_activation`: its value where no file gives it; `rests_when_stuck`: whether fibers at their least
+    length have no passive force.
     """
 
     state: str = FIBER_LENGTH
@@ -98,11 +85,7 @@ class FiberMuscle(MuscleModel):
         self, muscle: Muscle, a: Array, active: Array, passive: Array, pull: Array
     ) -> tuple[Array, Array]:
         """Normalized fiber velocity at which the fibers pull as the tendon does, and f_V there.
-
-        Parameters
-        ----------
-        a, active, passive : (frames,) activation, f_L and f_PE
-        pull : (frames,) normalized force along the fibers
+        `a`, `active`, `passive` (frames,) activation, f_L and f_PE; `pull` (frames,) normalized force along the fibers.
         """
         raise NotImplementedError
 
@@ -112,12 +95,8 @@ class FiberMuscle(MuscleModel):
 
     def fibers(self, muscle: Muscle, length: Array, speed: Array, a: Array, state: Array | None) -> Fibers:
         """Fibers and tendon.
-
-        Parameters
-        ----------
-        length, speed : (frames,) of the path [m], [m/s]
-        a : (frames,) activation within the class's bounds
-        state : (frames,) fiber length [m] or normalized tendon force; None for a rigid tendon
+        `length`, `speed` (frames,) of the path [m], [m/s]; `a` (frames,) activation within the class's bounds; `state`
+        (frames,) fiber length [m] or normalized tendon force; None for a rigid tendon.
         """
         sizes, curves = self.sizes(muscle), self.curves(muscle)
         shortest, slack, force = self.shortest_fiber(muscle), sizes.tendon, sizes.force

@@ -19,15 +19,7 @@ NUDGE = EPS**0.5
 
 class FiberLengthSearch:
     """The search for a muscle's fiber length, with fibers at rest.
-
-    Parameters
-    ----------
-    length, speed : (frames,) of the path [m], [m/s]
-    activation : (frames,)
-
-    Attributes
-    ----------
-    steps : most Newton steps
+    `length`, `speed` (frames,) of the path [m], [m/s]; `activation` (frames,). `steps`: most Newton steps.
     """
 
     steps = 200

@@ -33,15 +33,8 @@ def tendon_jet(E, m, f):
 @inner(counted=False, forceinline=True)
 def fiber_jet(E, m, x, u, a, out):
     """P of muscle m and its derivatives.
-
-    Parameters
-    ----------
-    x, u, a : fibers' part along the tendon [m], its velocity [m/s], activation
-    out : (10,) filled with P, P_x, P_u, P_a, P_xx, P_xu, P_uu, P_xa, P_ua, P_aa
-
-    Returns
-    -------
-    l, v : normalized fiber length and velocity
+    `x`, `u`, `a`: fibers' part along the tendon [m], its velocity [m/s], activation; `out` (10,) filled with P, P_x,
+    P_u, P_a, P_xx, P_xu, P_uu, P_xa, P_ua, P_aa. Returns `l`, `v`: normalized fiber length and velocity.
     """
     H = E.hill
     h, fiber, speed = H.height[m], H.fiber[m], H.speed[m]

@@ -27,15 +27,10 @@ from myomorph.muscles.model_table import MODELS, loaded, muscle_model
 
 @dataclass(frozen=True, eq=False)
 class FiberStates(Fibers):
-    """Fibers and tendons over time, every array (frames, muscles).
-
-    Attributes
-    ----------
-    in_balance : False where equilibrium was asked for and none was found
-    """
+    """Fibers and tendons over time, every array (frames, muscles)."""
 
     muscles: tuple[str, ...]
-    in_balance: np.ndarray
+    in_balance: np.ndarray  # False where equilibrium was asked for and none was found
 
     def __post_init__(self) -> None:
         for field in fields(Fibers):
@@ -69,12 +64,8 @@ def default_states(model: Model) -> dict[tuple[str, str], float]:
 
 def fibers_of(muscle: Muscle, length: Array, speed: Array, activation: Array, state: Array | None) -> Fibers:
     """Fibers and tendon of one muscle whose class has states.
-
-    Parameters
-    ----------
-    length, speed : (frames,) of the path [m], [m/s]
-    activation : (frames,)
-    state : (frames,) fiber length [m] or normalized tendon force; None for a rigid tendon
+    `length`, `speed` (frames,) of the path [m], [m/s]; `activation` (frames,); `state` (frames,) fiber length [m] or
+    normalized tendon force; None for a rigid tendon.
     """
     model = _fiber_muscle(muscle)
     # A state far from any balance, which a file may hold, gives infinite numbers as it does in OpenSim.
@@ -104,18 +95,9 @@ def fiber_states(
     balanced: bool = False,
 ) -> tuple[FiberStates, Mapping[tuple[str, str], Array]]:
     """Fibers and tendons of all muscles, and the states (muscle, name) that they have.
-
-    Parameters
-    ----------
-    lengths, speeds : (frames, muscles) of the muscle paths [m], [m/s]
-    states : (frames,) by muscle and name of `state_names`; what is missing stands at the model's default
-    balanced : take fiber lengths and tendon forces from equilibrium instead, as OpenSim finds it; where it finds
-        none, what was given stands
-
-    Raises
-    ------
-    BadData
-        where the model has muscles of a class that is not built, or arrays do not have one column a muscle
+    `lengths`, `speeds` (frames, muscles) of the muscle paths [m], [m/s]; `states` (frames,) by muscle and name of
+    `state_names`; what is missing stands at the model's default; `balanced`: take fiber lengths and tendon forces from
+    equilibrium instead, as OpenSim finds it; where it finds none, what was given stands.
     """
     for muscle in model.muscles:
         _fiber_muscle(muscle)

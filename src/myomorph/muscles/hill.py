@@ -26,28 +26,17 @@ from myomorph.rigid.kernels import inner, kernel
 
 @dataclass(frozen=True, eq=False)
 class HillForces:
-    """What muscles can pull with, along their tendons.
+    """What muscles can pull with, along their tendons."""
 
-    Attributes
-    ----------
-    active : (frames, muscles) force per unit activation [N]
-    passive : (frames, muscles) passive elastic force [N]
-    viscous : (frames, muscles) force of the muscles' viscosity, alike in both conventions [N]
-    """
-
-    active: Array
-    passive: Array
-    viscous: Array
+    active: Array  # (frames, muscles) force per unit activation [N]
+    passive: Array  # (frames, muscles) passive elastic force [N]
+    viscous: Array  # (frames, muscles) force of the muscles' viscosity, alike in both conventions [N]
 
 
 @inner(counted=False, forceinline=True)
 def rigid_forces(H, m, length, speed, wanted):
     """Active force per unit activation and passive force of muscle m, along the tendon [N].
-
-    Parameters
-    ----------
-    length, speed : of the path [m], [m/s]
-    wanted : whether the passive force is; else it is 0
+    `length`, `speed`: of the path [m], [m/s]; `wanted`: whether the passive force is; else it is 0.
     """
     h, curve = H.height[m], H.curve[m]
     along = length - H.tendon[m]
@@ -171,29 +160,14 @@ def fill_hill_forces(
 
 def hill_forces(model: Model, lengths: Array, velocities: Array, convention: Convention = "rigid-tendon") -> HillForces:
     """Force per unit activation and passive force of every muscle, along its tendon.
-
-    Parameters
-    ----------
-    lengths, velocities : (frames, muscles) of the muscle paths, in the model's order [m], [m/s]
-    convention : "rigid-tendon" is the formula at the top of this file for every class. "opensim" is
-        what OpenSim 4.6 takes in its static optimization, which departs from it in some classes
-        (`MuscleModel.static_optimization`): Millard2012EquilibriumMuscle (pennation from the normalized
-        length, so its cosine is nearly 1), DeGrooteFregly2016Muscle (no pennation cosine), RigidTendonMuscle
-        (the fibers' velocity is the path's), and the two deprecated classes (force of a resting muscle in
-        equilibrium with its elastic tendon, passive force included, times a generic force-velocity curve;
-        their `passive` is then 0).
-
-    Returns
-    -------
-    HillForces
-        NaN where a length or velocity is NaN
-
-    Raises
-    ------
-    BadData
-        where the arrays do not have one column a muscle
-    BadModel
-        for a class whose curves are not known
+    `lengths`, `velocities` (frames, muscles) of the muscle paths, in the model's order [m], [m/s]; `convention`:
+    "rigid-tendon" is the formula at the top of this file for every class. "opensim" is what OpenSim 4.6 takes in its
+    static optimization, which departs from it in some classes (`MuscleModel.static_optimization`):
+    Millard2012EquilibriumMuscle (pennation from the normalized length, so its cosine is nearly 1),
+    DeGrooteFregly2016Muscle (no pennation cosine), RigidTendonMuscle (the fibers' velocity is the path's), and the two
+    deprecated classes (force of a resting muscle in equilibrium with its elastic tendon, passive force included, times
+    a generic force-velocity curve; their `passive` is then 0). Returns HillForces: NaN where a length or velocity is
+    NaN.
     """
     if convention not in CONVENTIONS:
         raise BadData(f"unknown convention '{convention}': there are {', '.join(CONVENTIONS)}")

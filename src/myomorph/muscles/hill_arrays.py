@@ -23,18 +23,7 @@ CONVENTIONS: tuple[Convention, ...] = ("rigid-tendon", "opensim")
 
 
 class HillArrays(NamedTuple):
-    """Muscles as the kernels read them.
-
-    Attributes
-    ----------
-    force, ..., speed : (muscles,) see `FiberSizes`
-    least_along : (muscles,) least part of the fibers along the tendon [m]
-    ends : (muscles,) whether fibers have no active force there
-    turning : (muscles,) whether the path's velocity is projected on the fibers
-    pennation_by : (muscles,) see `StaticOptimization`, -1 for None
-    curve : (muscles, 3) active, velocity and passive curve
-    resting : (muscles,) curve of the tendon with which a muscle is in equilibrium at rest, -1 for a rigid one
-    """
+    """Muscles as the kernels read them. `force`, `...`, `speed` (muscles,) see `FiberSizes`."""
 
     force: Array
     fiber: Array
@@ -44,33 +33,26 @@ class HillArrays(NamedTuple):
     shortest_along: Array
     cos_optimal: Array
     speed: Array
-    least_along: Array
-    ends: NDArray[np.bool_]
-    turning: NDArray[np.bool_]
-    pennation_by: Array
-    curve: NDArray[np.int64]
+    least_along: Array  # (muscles,) least part of the fibers along the tendon [m]
+    ends: NDArray[np.bool_]  # (muscles,) whether fibers have no active force there
+    turning: NDArray[np.bool_]  # (muscles,) whether the path's velocity is projected on the fibers
+    pennation_by: Array  # (muscles,) see `StaticOptimization`, -1 for None
+    curve: NDArray[np.int64]  # (muscles, 3) active, velocity and passive curve
+    # (muscles,) curve of the tendon with which a muscle is in equilibrium at rest, -1 for a rigid one
     resting: NDArray[np.int64]
     curves: CurveArrays
 
 
 class ElasticArrays(NamedTuple):
-    """Muscles and their tendons as the kernels read them; rows of muscles without an elastic tendon are not used.
+    """Muscles and their tendons as the kernels read them; rows of muscles without an elastic tendon are not used."""
 
-    Attributes
-    ----------
-    hill : sizes
-    curve : (muscles, 4) active, velocity and passive curve, and stretch of the tendon over normalized force
-    damping : (muscles,) of the fibers, normalized
-    passive : (muscles,) 1 where the passive force of the fibers takes part, else 0
-    slowed : (muscles,) how far activation slows the fibers
-    """
-
-    hill: HillArrays
+    hill: HillArrays  # sizes
+    # (muscles, 4) active, velocity and passive curve, and stretch of the tendon over normalized force
     curve: NDArray[np.int64]
     curves: CurveArrays
-    damping: Array
-    passive: Array
-    slowed: Array
+    damping: Array  # (muscles,) of the fibers, normalized
+    passive: Array  # (muscles,) 1 where the passive force of the fibers takes part, else 0
+    slowed: Array  # (muscles,) how far activation slows the fibers
 
 
 def muscle_models(model: Model) -> list[MuscleModel]:
@@ -79,22 +61,13 @@ def muscle_models(model: Model) -> list[MuscleModel]:
 
 
 def compile_hill(model: Model, convention: Convention = "rigid-tendon") -> HillArrays:
-    """The model's muscles as flat arrays, in the model's order; the same model compiles once.
-
-    Raises
-    ------
-    BadModel
-        for a class whose curves are not known, or parameters no curve can be made of
-    """
+    """The model's muscles as flat arrays, in the model's order; the same model compiles once."""
     return _latest[convention](model)
 
 
 def compile_hill_as(model: Model, like: Model) -> HillArrays:
     """`compile_hill` of a model made of another by changing forces, fiber and tendon lengths of its muscles alone.
-
-    Parameters
-    ----------
-    like : the other one, with the same muscles in the same order; what was compiled of it is used again
+    `like`: the other one, with the same muscles in the same order; what was compiled of it is used again.
     """
     sizes = _size_arrays(model)
     made = compile_hill(like)._replace(**sizes, least_along=sizes["shortest_along"])
@@ -110,15 +83,7 @@ def has_elastic_tendon(muscle: Muscle) -> bool:
 @lru_cache(maxsize=8)
 def compile_elastic(model: Model, passive: bool) -> ElasticArrays:
     """The model's muscles and tendons as flat arrays, in the model's order.
-
-    Parameters
-    ----------
-    passive : whether the passive force of the fibers takes part
-
-    Raises
-    ------
-    BadModel
-        for a class whose curves are not known, or parameters no curve can be made of
+    `passive`: whether the passive force of the fibers takes part.
     """
     count = len(model.muscles)
     table = _Numbered()

@@ -22,13 +22,7 @@ MODELS: dict[str, str] = {
 
 
 def muscle_model(muscle: Muscle) -> MuscleModel:
-    """The class of a muscle.
-
-    Raises
-    ------
-    BadModel
-        where its curves are not known
-    """
+    """The class of a muscle."""
     if muscle.kind not in MODELS:
         raise BadModel(f"muscle '{muscle.name}' is a {muscle.kind}: curves are known for {', '.join(MODELS)}")
     return loaded(MODELS[muscle.kind])

@@ -19,71 +19,48 @@ NO_PENNATION = float("inf")
 
 
 class FiberCurves(NamedTuple):
-    """Curves of a muscle's fibers.
+    """Curves of a muscle's fibers."""
 
-    Attributes
-    ----------
-    active, passive : f_L and f_PE over the normalized fiber length
-    velocity : f_V over the normalized fiber velocity, negative where fibers shorten
-    """
-
+    # active, passive: f_L and f_PE over the normalized fiber length
     active: Curve
-    velocity: Curve
+    velocity: Curve  # f_V over the normalized fiber velocity, negative where fibers shorten
     passive: Curve
 
 
 class FiberSizes(NamedTuple):
-    """Sizes of a muscle.
+    """Sizes of a muscle."""
 
-    Attributes
-    ----------
-    force, fiber, tendon : maximum isometric force [N], optimal fiber length [m], tendon slack length [m]
-    height : constant height of the fibers over the tendon's line [m]
-    shortest, shortest_along : least fiber length [m] and its part along the tendon [m]
-    cos_optimal : cosine of the pennation at optimal length
-    speed : maximum contraction velocity [m/s]
-    """
-
+    # force, fiber, tendon: maximum isometric force [N], optimal fiber length [m], tendon slack length [m]
     force: float
     fiber: float
     tendon: float
-    height: float
+    height: float  # constant height of the fibers over the tendon's line [m]
+    # shortest, shortest_along: least fiber length [m] and its part along the tendon [m]
     shortest: float
     shortest_along: float
-    cos_optimal: float
-    speed: float
+    cos_optimal: float  # cosine of the pennation at optimal length
+    speed: float  # maximum contraction velocity [m/s]
 
 
 @dataclass(frozen=True)
 class StaticOptimization:
-    """How the forces that OpenSim 4.6 takes in its static optimization differ from those of a rigid tendon.
+    """How the forces that OpenSim 4.6 takes in its static optimization differ from those of a rigid tendon."""
 
-    Attributes
-    ----------
-    bounded : whether fibers end where their part along the tendon is 0
-    turning : whether the path's velocity is projected on the fibers
-    pennation_by : what the normalized fiber length is multiplied with, where the sine of the pennation is the fibers'
-        height over it [m]; None for the pennation as it is, `NO_PENNATION` for none
-    """
-
-    bounded: bool = True
-    turning: bool = True
+    bounded: bool = True  # whether fibers end where their part along the tendon is 0
+    turning: bool = True  # whether the path's velocity is projected on the fibers
+    # what the normalized fiber length is multiplied with, where the sine of the pennation is the fibers' height over it
+    # [m]; None for the pennation as it is, `NO_PENNATION` for none
     pennation_by: float | None = None
 
 
 class MuscleModel:
     """A class of muscles with rigid tendons, and with elastic ones where `tendon` is given.
-
-    Attributes
-    ----------
-    times : time constants of activation and deactivation [s], where the muscle has none
-    smooth : whether activation switches smoothly between the two (De Groote et al. 2016)
-    slowed : how far activation slows the fibers: v_max (1 - slowed (1 - a))
-    damping, undamped : normalized damping of the fibers where the muscle gives none, and below which they have none
-    elastic : whether `tendon` is given
-    obeys_flags : whether the parameters `ignore_tendon_compliance` and `ignore_activation_dynamics` count
-    passive_strain : parameter with the strain of the fibers at which the passive force is 1, and its default
-    static_optimization : where OpenSim's differs
+    `times`: time constants of activation and deactivation [s], where the muscle has none; `smooth`: whether activation
+    switches smoothly between the two (De Groote et al. 2016); `slowed`: how far activation slows the fibers: v_max (1 -
+    slowed (1 - a)); `damping`, `undamped`: normalized damping of the fibers where the muscle gives none, and below
+    which they have none; `elastic`: whether `tendon` is given; `obeys_flags`: whether the parameters
+    `ignore_tendon_compliance` and `ignore_activation_dynamics` count; `passive_strain`: parameter with the strain of
+    the fibers at which the passive force is 1, and its default; `static_optimization`: where OpenSim's differs.
     """
 
     times: tuple[float, float] = (0.015, 0.060)
@@ -97,13 +74,7 @@ class MuscleModel:
     static_optimization: StaticOptimization = StaticOptimization()
 
     def curves(self, muscle: Muscle) -> FiberCurves:
-        """Curves of the fibers; equal parameters give the same curves.
-
-        Raises
-        ------
-        BadModel
-            where no curve can be made of the parameters
-        """
+        """Curves of the fibers; equal parameters give the same curves."""
         raise NotImplementedError
 
     def smooth_curves(self, muscle: Muscle) -> FiberCurves:

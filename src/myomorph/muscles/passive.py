@@ -18,11 +18,8 @@ from myomorph.rigid.tree import Tree, compile_tree
 
 def joint_forces(tree: Tree, coordinates: Array, rates: Array, without: Collection[str] = ()) -> Array:
     """What passive torques and bushings do at every coordinate, (frames, coordinates) [N m or N].
-
-    Parameters
-    ----------
-    coordinates, rates : (frames, coordinates) consistent
-    without : names that are left out, see `passive_generalized_forces`
+    `coordinates`, `rates` (frames, coordinates) consistent; `without`: names that are left out, see
+    `passive_generalized_forces`.
     """
     model, left_out = tree.model, set(without)
     tau = np.zeros_like(coordinates)
@@ -44,20 +41,9 @@ def passive_generalized_forces(model: Model, motion: Motion, without: Collection
     Every coordinate keeps its own share, as in `inverse_dynamics`: taken off its torques, this leaves what
     muscles and reserves have to give. Elastic passive force of muscles is not part of it.
 
-    Parameters
-    ----------
-    motion : with velocities; a coordinate it lacks rests at its default
-    without : names of passive torques (a limit's, with or without "_upper" or "_lower"), bushings and muscles'
-        dampers ("<muscle>_viscosity") that are left out
-
-    Returns
-    -------
-    Series of (frames, coordinates) [N m or N]
-
-    Raises
-    ------
-    BadData
-        where the motion has no velocities
+    `motion`: with velocities; a coordinate it lacks rests at its default; `without`: names of passive torques (a
+    limit's, with or without "_upper" or "_lower"), bushings and muscles' dampers ("<muscle>_viscosity") that are left
+    out. Returns Series of (frames, coordinates) [N m or N].
     """
     tree = compile_tree(model)
     coordinates, rates = rates_of(tree, motion)

@@ -37,18 +37,11 @@ MIN_ARM = 0.01
 @read_only
 @dataclass(frozen=True, eq=False)
 class Extensors:
-    """Muscles of a model that reach the shank over the patella of one knee.
+    """Muscles of a model that reach the shank over the patella of one knee."""
 
-    Attributes
-    ----------
-    knee : the joint
-    coordinate : number of the coordinate that bends it
-    muscles : (muscles,) their numbers
-    """
-
-    knee: Joint
-    coordinate: int
-    muscles: Ints
+    knee: Joint  # the joint
+    coordinate: int  # number of the coordinate that bends it
+    muscles: Ints  # (muscles,) their numbers
     shank: Ints
     """(pairs,) of `Paths.pull_muscle` on the shank and what hangs on it"""
     patella: Ints
@@ -56,16 +49,10 @@ class Extensors:
 
 
 class TendonArms(NamedTuple):
-    """Moment arms of extensors about their knee (frames, muscles) [m], below 0 as of all extensors that bend it less.
+    """Moment arms of extensors about their knee (frames, muscles) [m], below 0 as they all bend it less."""
 
-    Attributes
-    ----------
-    path : -dl/dq of the whole path, of quadriceps as it acts
-    tendon : of the part between patella and shank about the knee's axis
-    """
-
-    path: Array
-    tendon: Array
+    path: Array  # -dl/dq of the whole path, of quadriceps as it acts
+    tendon: Array  # of the part between patella and shank about the knee's axis
 
     @property
     def ratio(self) -> Array:
@@ -113,11 +100,7 @@ def _hanging(parent: Ints, child: int) -> np.ndarray:
 
 def tendon_arms(paths: Paths, group: Extensors, coordinates: Array, pulls: Array, work: Array) -> TendonArms:
     """Moment arms of quadriceps and of its tendon below the patella, by virtual work.
-
-    Parameters
-    ----------
-    coordinates : (frames, coordinates) in the model's order [rad or m]
-    pulls, work : of `Paths.pulls`
+    `coordinates` (frames, coordinates) in the model's order [rad or m]; `pulls`, `work`: of `Paths.pulls`.
     """
     tree = paths.tree
     c, rates = np.array(coordinates, dtype=np.float64), np.zeros_like(coordinates)
@@ -147,13 +130,7 @@ def with_lever(paths: Paths, coordinates: Array, pulls: Array, work: Array) -> A
 
     What the tendon pulls less at the shank it pulls less at the patella; all other muscles stay as they are.
 
-    Parameters
-    ----------
-    coordinates, pulls, work : as of `tendon_arms`
-
-    Returns
-    -------
-    (frames, pairs, 6) as `Paths.pulls` has them
+    `coordinates`, `pulls`, `work`: as of `tendon_arms`. Returns (frames, pairs, 6) as `Paths.pulls` has them.
     """
     result = pulls
     for group in extensors(paths):

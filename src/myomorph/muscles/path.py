@@ -44,16 +44,10 @@ from myomorph.rigid.tree import Tree, compile_tree
 
 @dataclass(frozen=True, eq=False)
 class Paths:
-    """The muscle paths of a model, compiled.
+    """The muscle paths of a model, compiled."""
 
-    Attributes
-    ----------
-    tree : the model and its arrays
-    arrays : of the paths
-    """
-
-    tree: Tree
-    arrays: PathArrays = field(repr=False)
+    tree: Tree  # the model and its arrays
+    arrays: PathArrays = field(repr=False)  # of the paths
 
     @property
     def muscles(self) -> tuple[str, ...]:
@@ -88,19 +82,11 @@ class Paths:
         progress: Callable[[int], None] | None = None,
     ) -> tuple[Array, Array, Array]:
         """Lengths, velocities and moment arms of all muscles.
-
-        Parameters
-        ----------
-        coordinates : (frames, coordinates) in the model's order; dependent ones are set here [rad or m]
-        speeds : (frames, coordinates) of which dependent ones are not read; None for rest [per s]
-        progress : called with the number of frames just done
-
-        Returns
-        -------
-        lengths, velocities : (frames, muscles) [m, m/s]
-        arms : (frames, moment arms) in the order of `arm_muscle` and `arm_coordinate` [m/rad or m/m]. A
-            coordinate that others follow has what reaches the muscle through them included; one that
-            follows has its own share.
+        `coordinates` (frames, coordinates) in the model's order; dependent ones are set here [rad or m]; `speeds`
+        (frames, coordinates) of which dependent ones are not read; None for rest [per s]; `progress`: called with the
+        number of frames just done. Returns `lengths`, `velocities` (frames, muscles) [m, m/s]; `arms` (frames, moment
+        arms) in the order of `arm_muscle` and `arm_coordinate` [m/rad or m/m]. A coordinate that others follow has what
+        reaches the muscle through them included; one that follows has its own share.
         """
         coordinates = np.array(coordinates, dtype=np.float64)
         wanted = (len(coordinates), len(self.tree.model.coordinates))
@@ -146,15 +132,9 @@ class Paths:
         Forces act at the path's points and where it leaves surfaces, along its straight parts. What they do through
         points that move in their bodies acts on no body, but on the coordinates that move the points.
 
-        Parameters
-        ----------
-        coordinates, progress : as of `evaluate`
-
-        Returns
-        -------
-        pulls : (frames, pairs, 6) force and its moment about the ground's origin, in ground, in the order of
-            `pull_muscle` and `pull_body` [1, m]
-        work : (frames, moment arms) the part of the moment arms that moving points have [m/rad or m/m]
+        `coordinates`, `progress`: as of `evaluate`. Returns `pulls` (frames, pairs, 6) force and its moment about the
+        ground's origin, in ground, in the order of `pull_muscle` and `pull_body` [1, m]; `work` (frames, moment arms)
+        the part of the moment arms that moving points have [m/rad or m/m].
         """
         c = np.array(coordinates, dtype=np.float64)
         frames, muscles = len(c), len(self.muscles)
@@ -172,15 +152,8 @@ class Paths:
 
     def nodes(self, coordinates: Array) -> Array:
         """The points that each path runs through, those where it meets and leaves surfaces included.
-
-        Parameters
-        ----------
-        coordinates : as of `evaluate`
-
-        Returns
-        -------
-        (frames, muscles, nodes, 4) places in ground and the length of the arc that ends there, 0 after a straight
-        part; NaN beyond the path's last point [m]
+        `coordinates`: as of `evaluate`. Returns (frames, muscles, nodes, 4) places in ground and the length of the arc
+        that ends there, 0 after a straight part; NaN beyond the path's last point [m].
         """
         c = np.array(coordinates, dtype=np.float64)
         frames, muscles = len(c), len(self.muscles)
@@ -199,24 +172,13 @@ class Paths:
 
 
 def compile_paths(model: Model) -> Paths:
-    """The model's muscle paths as flat arrays; the same model compiles once.
-
-    Raises
-    ------
-    UnknownName
-        a path refers to a body, coordinate or wrap object that the model does not have
-    BadModel
-        a path has fewer than two points, or mixes the wraps of OpenSim and MuJoCo
-    """
+    """The model's muscle paths as flat arrays; the same model compiles once."""
     return _latest(model)
 
 
 def compile_paths_as(model: Model, like: Model) -> Paths:
     """`compile_paths` of a model made of another by moving path points and resizing surfaces, and as `compile_tree_as`.
-
-    Parameters
-    ----------
-    like : the other one, with the same parts in the same order; what was compiled of it is used again
+    `like`: the other one, with the same parts in the same order; what was compiled of it is used again.
     """
     arrays = moved_paths(compile_paths(like).arrays, model)
     made = Paths(compile_tree(model), arrays)

@@ -31,68 +31,45 @@ METHODS = {"hybrid": HYBRID, "midpoint": MIDPOINT, "axial": AXIAL}
 
 
 class PathArrays(NamedTuple):
-    """What the path kernels read.
+    """What the path kernels read."""
 
-    Attributes
-    ----------
-    start : (muscles + 1, 6) columns POINTS ... FOLLOWS: what belongs to muscle m lies in rows
-        start[m, column] ... start[m + 1, column] - 1 of `point`, `wrap`, the bodies of muscles
-        (numbered from 0 in each muscle), `axis`, `arm`, `follow`
-    point : (points, 4) columns BODY (in the tree), LOCAL (among the muscle's bodies), MOVING (row of
-        `moving`), COORDINATE (through the point only while that is in its range); -1 for none
-    place : (points, 6) columns X, Y, Z in the body [m], LOW, HIGH of the coordinate, WEIGHT: share in
-        the length of what lies between the point and the next one
-    moving : (moving points, 9) functions of x, y, z; their coordinates; the places of those among the
-        muscle's moment arms; -1 for none
-    moving_range : (moving points, 6) low and high of each coordinate, to which it is clamped
-    functions : of the moving points, then of the couplers
-    wrap : (wraps, 7) columns OBJECT, OBJECT_LOCAL (its body among the muscle's), METHOD, FIRST and
-        LAST point between which the path may touch it (OpenSim), AFTER: the point before it (MuJoCo;
-        -1 for OpenSim's rules), SIDE_BODY (-1 for no side point)
-    wrap_side : (wraps, 3) side point in its body [m]
-    object : (surfaces, 5) columns KIND (index in `KINDS`), OBJECT_BODY, AXIS and SIDE of the
-        constrained half (SIDE 0 for all), ACTIVE
-    object_pose : (surfaces, 12) rotation row by row and place in the body [m]
-    object_size : (surfaces, 3) [m]
-    axis : (muscle axes, 6) columns TREE_AXIS: a moving axis of the tree on which some of the muscle's
-        bodies hang and some do not, ROTATES, SLOT_1, SLOT_2: places of its coordinates among the
-        moment arms (-1 for none), SUPPORT, SUPPORT_STOP: range in `support`
-    support : numbers, among the muscle's, of the bodies that hang on the axes
-    arm : (moment arms, 2) the pattern: a coordinate that can move the muscle; 1 if it follows no other
-    follow : (follows, 4) coupler, place of the dependent's moment arm, places of those it follows
-    coupler : (couplers, 3) function, and the coordinates it follows
-    sizes : (3,) most points (with those on surfaces), wraps and bodies of a muscle
-    """
-
+    # (muscles + 1, 6) columns POINTS ... FOLLOWS: what belongs to muscle m lies in rows start[m, column] ... start[m +
+    # 1, column] - 1 of `point`, `wrap`, the bodies of muscles (numbered from 0 in each muscle), `axis`, `arm`, `follow`
     start: Ints
+    # (points, 4) columns BODY (in the tree), LOCAL (among the muscle's bodies), MOVING (row of `moving`), COORDINATE
+    # (through the point only while that is in its range); -1 for none
     point: Ints
+    # (points, 6) columns X, Y, Z in the body [m], LOW, HIGH of the coordinate, WEIGHT: share in the length of what lies
+    # between the point and the next one
     place: Array
+    # (moving points, 9) functions of x, y, z; their coordinates; the places of those among the muscle's moment arms; -1
+    # for none
     moving: Ints
-    moving_range: Array
-    functions: FunctionArrays
+    moving_range: Array  # (moving points, 6) low and high of each coordinate, to which it is clamped
+    functions: FunctionArrays  # of the moving points, then of the couplers
+    # (wraps, 7) columns OBJECT, OBJECT_LOCAL (its body among the muscle's), METHOD, FIRST and LAST point between which
+    # the path may touch it (OpenSim), AFTER: the point before it (MuJoCo; -1 for OpenSim's rules), SIDE_BODY (-1 for no
+    # side point)
     wrap: Ints
-    wrap_side: Array
+    wrap_side: Array  # (wraps, 3) side point in its body [m]
+    # (surfaces, 5) columns KIND (index in `KINDS`), OBJECT_BODY, AXIS and SIDE of the constrained half (SIDE 0 for
+    # all), ACTIVE
     object: Ints
-    object_pose: Array
-    object_size: Array
+    object_pose: Array  # (surfaces, 12) rotation row by row and place in the body [m]
+    object_size: Array  # (surfaces, 3) [m]
+    # (muscle axes, 6) columns TREE_AXIS: a moving axis of the tree on which some of the muscle's bodies hang and some
+    # do not, ROTATES, SLOT_1, SLOT_2: places of its coordinates among the moment arms (-1 for none), SUPPORT,
+    # SUPPORT_STOP: range in `support`
     axis: Ints
-    support: Ints
-    arm: Ints
-    follow: Ints
-    coupler: Ints
-    sizes: Ints
+    support: Ints  # numbers, among the muscle's, of the bodies that hang on the axes
+    arm: Ints  # (moment arms, 2) the pattern: a coordinate that can move the muscle; 1 if it follows no other
+    follow: Ints  # (follows, 4) coupler, place of the dependent's moment arm, places of those it follows
+    coupler: Ints  # (couplers, 3) function, and the coordinates it follows
+    sizes: Ints  # (3,) most points (with those on surfaces), wraps and bodies of a muscle
 
 
 def path_arrays(model: Model, tree: Tree) -> PathArrays:
-    """The paths of a model's muscles as flat arrays.
-
-    Raises
-    ------
-    UnknownName
-        a path refers to a body, coordinate or wrap object that the model does not have
-    BadModel
-        a path has fewer than two points, or mixes the wraps of OpenSim and MuJoCo
-    """
+    """The paths of a model's muscles as flat arrays."""
     builder = _Builder(model, tree)
     for muscle in model.muscles:
         builder.add(muscle)

@@ -55,33 +55,21 @@ SLACK = 1e-5
 
 
 class PathScratch(NamedTuple):
-    """Room to work in, one per thread.
+    """Room to work in, one per thread."""
 
-    Attributes
-    ----------
-    x : (nodes, 8) place in ground [m], NODE_WEIGHT: share in the length of what follows the node,
-        NODE_ARC: length on the surface up to a node that leaves it [m], SEEN ...: place at which
-        OpenSim takes the node to be in ground [m]
-    node : (nodes, 5) NODE_LOCAL: number of the body among the muscle's, NODE_OBJECT: surface,
-        NODE_POINT: row of `point`, NODE_WRAP: row of `wrap`, NODE_END: row of `seen`; -1 for none
-    seen : (2 wraps, 4) places first seen of the points on surfaces [m], and 1 once they are
-    turns : (2, wraps) order of the wraps, and their latest results
-    pull : (muscle's bodies, 6) force of unit tension and its moment about the ground's origin
-    pose : (surfaces, 12) rotation row by row and place in ground
-    slopes : (couplers, 2)
-    moved : (moving points, 6) place in the body [m], and its derivative in the coordinates
-    ends : (9, 3) the arguments of `wrap_tendon`
-    """
-
+    # (nodes, 8) place in ground [m], NODE_WEIGHT: share in the length of what follows the node, NODE_ARC: length on the
+    # surface up to a node that leaves it [m], SEEN ...: place at which OpenSim takes the node to be in ground [m]
     x: Array
+    # (nodes, 5) NODE_LOCAL: number of the body among the muscle's, NODE_OBJECT: surface, NODE_POINT: row of `point`,
+    # NODE_WRAP: row of `wrap`, NODE_END: row of `seen`; -1 for none
     node: Ints
-    seen: Array
-    turns: Ints
-    pull: Array
-    pose: Array
-    slopes: Array
-    moved: Array
-    ends: Array
+    seen: Array  # (2 wraps, 4) places first seen of the points on surfaces [m], and 1 once they are
+    turns: Ints  # (2, wraps) order of the wraps, and their latest results
+    pull: Array  # (muscle's bodies, 6) force of unit tension and its moment about the ground's origin
+    pose: Array  # (surfaces, 12) rotation row by row and place in ground
+    slopes: Array  # (couplers, 2)
+    moved: Array  # (moving points, 6) place in the body [m], and its derivative in the coordinates
+    ends: Array  # (9, 3) the arguments of `wrap_tendon`
 
 
 @inner
@@ -104,23 +92,16 @@ def path_scratch(P):
 @kernel
 def path_frames(T, P, surfaces, tendons, c, cdot, lengths, velocities, arms, pulls, nodes):
     """Lengths, velocities and moment arms of all muscles, frame by frame.
-
-    Parameters
-    ----------
-    T, P : `TreeArrays`, `PathArrays`
-    surfaces, tendons : 1 where a path wraps by the rules of OpenSim or of MuJoCo, else None, for which they are not
-        compiled: they are half of this kernel
-    c, cdot : (frames, coordinates) values, of which dependent ones are set here, and speeds, of which
-        dependent ones are not read
-    lengths, velocities : (frames, muscles) filled [m, m/s]
-    arms : (frames, moment arms) filled in the order of the pattern; a coordinate that others follow has
-        what reaches the muscle through them included, one that follows has its own share [m/rad or m/m]
-    pulls : (frames, muscles' bodies, 6) filled with what unit tension does to each body of each muscle, a force and
-        its moment about the ground's origin [1, m], and `arms` then holds only the work of points that move in their
-        bodies; with 0 bodies where not wanted
-    nodes : (frames, muscles, nodes, 4) filled with the places of each path's points and of both ends of its arcs in
-        ground, and the length of the arc that ends there, 0 for a straight part [m]; what is beyond the path's last
-        point is left; with 0 muscles where not wanted
+    `T`, `P`: `TreeArrays`, `PathArrays`; `surfaces`, `tendons`: 1 where a path wraps by the rules of OpenSim or of
+    MuJoCo, else None, for which they are not compiled: they are half of this kernel; `c`, `cdot` (frames, coordinates)
+    values, of which dependent ones are set here, and speeds, of which dependent ones are not read; `lengths`,
+    `velocities` (frames, muscles) filled [m, m/s]; `arms` (frames, moment arms) filled in the order of the pattern; a
+    coordinate that others follow has what reaches the muscle through them included, one that follows has its own share
+    [m/rad or m/m]; `pulls` (frames, muscles' bodies, 6) filled with what unit tension does to each body of each muscle,
+    a force and its moment about the ground's origin [1, m], and `arms` then holds only the work of points that move in
+    their bodies; with 0 bodies where not wanted; `nodes` (frames, muscles, nodes, 4) filled with the places of each
+    path's points and of both ends of its arcs in ground, and the length of the arc that ends there, 0 for a straight
+    part [m]; what is beyond the path's last point is left; with 0 muscles where not wanted.
     """
     # Taken out of the bundles once: taking them out in a loop counts references each time, which cost
     # more than the arithmetic.

@@ -17,16 +17,10 @@ ARC_PARTS = 4
 @read_only
 @dataclass(frozen=True, eq=False)
 class DrawnPaths:
-    """All paths of a model as one list of points.
+    """All paths of a model as one list of points."""
 
-    Attributes
-    ----------
-    muscle : (points,) index of the muscle that each belongs to
-    places : (frames, points, 3) in ground, NaN beyond a path's last point [m]
-    """
-
-    muscle: np.ndarray
-    places: Array
+    muscle: np.ndarray  # (points,) index of the muscle that each belongs to
+    places: Array  # (frames, points, 3) in ground, NaN beyond a path's last point [m]
 
 
 def drawn_paths(paths: Paths, coordinates: Array) -> DrawnPaths:
@@ -35,9 +29,7 @@ def drawn_paths(paths: Paths, coordinates: Array) -> DrawnPaths:
     An arc becomes `ARC_PARTS` chords of the cubic that leaves both ends along the straight parts beside them, as a
     taut string does, with the arc's length as the size of its tangents.
 
-    Parameters
-    ----------
-    coordinates : (frames, coordinates) in the model's order [rad or m]
+    `coordinates` (frames, coordinates) in the model's order [rad or m].
     """
     nodes = paths.nodes(coordinates)
     start = paths.arrays.start

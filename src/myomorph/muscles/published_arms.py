@@ -27,24 +27,16 @@ STEP = 5.0
 
 @dataclass(frozen=True)
 class Band:
-    """Measured moment arms over knee flexion: two standard deviations about the means, or all persons.
-
-    Attributes
-    ----------
-    muscles : how their names begin, lower case without underscores; () for the patellar tendon
-    bends : 1 for flexors, -1 for extensors
-    flexion : [deg]
-    low, high : there [cm]
-    source : of the numbers
-    """
+    """Measured moment arms over knee flexion: two standard deviations about the means, or all persons."""
 
     name: str
-    muscles: tuple[str, ...]
-    bends: float
-    flexion: tuple[float, ...]
+    muscles: tuple[str, ...]  # how their names begin, lower case without underscores; () for the patellar tendon
+    bends: float  # 1 for flexors, -1 for extensors
+    flexion: tuple[float, ...]  # [deg]
+    # low, high: there [cm]
     low: tuple[float, ...]
     high: tuple[float, ...]
-    source: str
+    source: str  # of the numbers
 
     def at(self, flexion: Array) -> tuple[Array, Array]:
         """Ends of the band between its flexions [m]."""
@@ -78,20 +70,13 @@ BANDS = (
 @read_only
 @dataclass(frozen=True, eq=False)
 class KneeArms:
-    """Moment arms of what a band is of, on one knee.
-
-    Attributes
-    ----------
-    name : of the muscle, or of the tendon with its knee
-    flexion : (angles,) [deg]
-    arms : (angles,) above 0 for what the band expects [m]
-    low, high : (angles,) of the band, grown with the thigh [m]
-    """
+    """Moment arms of what a band is of, on one knee."""
 
     band: Band
-    name: str
-    flexion: Array
-    arms: Array
+    name: str  # of the muscle, or of the tendon with its knee
+    flexion: Array  # (angles,) [deg]
+    arms: Array  # (angles,) above 0 for what the band expects [m]
+    # low, high: (angles,) of the band, grown with the thigh [m]
     low: Array
     high: Array
 

@@ -21,23 +21,18 @@ from myomorph.rigid.coordinates import Ints
 @read_only
 @dataclass(frozen=True, eq=False)
 class Crossings:
-    """The pairs of a muscle and a coordinate that can have a moment arm, and how to fill them.
+    """The pairs of a muscle and a coordinate that can have a moment arm, and how to fill them."""
 
-    Attributes
-    ----------
-    muscle, coordinate : (pairs,) indices; the first pairs are those of `Paths.arm_muscle`
-    followers : of each coupler, the pairs of its dependent coordinate and, for each of its two sources,
-        the pairs they follow; -1 for none
-    loops : groups of coordinates that closed loops tie together, each with (muscles, group) pairs of the muscles
-        that cross it
-    order : (pairs,) by coordinate, then muscle
-    """
-
+    # muscle, coordinate: (pairs,) indices; the first pairs are those of `Paths.arm_muscle`
     muscle: Ints
     coordinate: Ints
+    # of each coupler, the pairs of its dependent coordinate and, for each of its two sources, the pairs they follow; -1
+    # for none
     followers: tuple[tuple[Ints, tuple[Ints, Ints]], ...]
+    # groups of coordinates that closed loops tie together, each with (muscles, group) pairs of the muscles that cross
+    # it
     loops: tuple[tuple[LoopGroup, Ints], ...]
-    order: Ints
+    order: Ints  # (pairs,) by coordinate, then muscle
 
 
 def crossings(paths: Paths) -> Crossings:
@@ -101,19 +96,7 @@ def arms_as_reported(paths: Paths, pattern: Crossings, coordinates: Array, arms:
 
 class ReportedPaths:
     """The muscle paths of a model, evaluated a part of a motion at a time.
-
-    Parameters
-    ----------
-    model : with muscles
-
-    Attributes
-    ----------
-    pairs : muscle and coordinate of each column of moment arms, in order of coordinates
-
-    Raises
-    ------
-    BadModel
-        where the model has no muscles
+    `model`: with muscles. `pairs`: muscle and coordinate of each column of moment arms, in order of coordinates.
     """
 
     def __init__(self, model: Model):
@@ -133,10 +116,7 @@ class ReportedPaths:
 
         Frames without coordinates (NaN) stay NaN.
 
-        Parameters
-        ----------
-        motion : with velocities
-        advance : called with the number of frames just done
+        `motion`: with velocities; `advance`: called with the number of frames just done.
         """
         if motion.velocities is None:
             raise ValueError("the motion has no velocities")

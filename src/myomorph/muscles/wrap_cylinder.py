@@ -24,20 +24,11 @@ MAX_SLIDES = 100
 @inner
 def wrap_cylinder(a, b, radius, length, axis, side, single):
     """Where the segment from a to b meets and leaves the cylinder.
-
-    Parameters
-    ----------
-    a, b : points in the frame of the cylinder [m]
-    radius, length : [m]
-    axis, side : the path may only touch the half where sign(component `axis`) is `side`; 0 for all
-    single : the path has no other surface, so the points are not slid to tangency
-
-    Returns
-    -------
-    code : NO_WRAP, INSIDE (a point lies in the infinite cylinder), WRAPPED or MANDATORY (the segment
-        runs through the cylinder)
-    arc : length on the surface [m]
-    r, s : where the path meets and leaves the surface; only on WRAPPED and MANDATORY
+    `a`, `b`: points in the frame of the cylinder [m]; `radius`, `length` [m]; `axis`, `side`: the path may only touch
+    the half where sign(component `axis`) is `side`; 0 for all; `single`: the path has no other surface, so the points
+    are not slid to tangency. Returns `code`: NO_WRAP, INSIDE (a point lies in the infinite cylinder), WRAPPED or
+    MANDATORY (the segment runs through the cylinder); `arc`: length on the surface [m]; `r`, `s`: where the path meets
+    and leaves the surface; only on WRAPPED and MANDATORY.
     """
     rr = radius * radius
     da, db = math.sqrt(a[0] * a[0] + a[1] * a[1]), math.sqrt(b[0] * b[0] + b[1] * b[1])

@@ -27,17 +27,9 @@ MAX_CHORDS = 499
 @inner
 def wrap_ellipsoid(p, q, size, method, axis, side):
     """Where the segment from p to q meets and leaves the ellipsoid around the origin.
-
-    Parameters
-    ----------
-    p, q : points in the frame of the ellipsoid [m]
-    size : half axes [m]
-    method : HYBRID, MIDPOINT or AXIAL
-    axis, side : the half that constrains the path, as of `wrap_cylinder`; 0 for all
-
-    Returns
-    -------
-    code, arc, r, s : as of `wrap_cylinder`, but never WRAPPED
+    `p`, `q`: points in the frame of the ellipsoid [m]; `size`: half axes [m]; `method`: HYBRID, MIDPOINT or AXIAL;
+    `axis`, `side`: the half that constrains the path, as of `wrap_cylinder`; 0 for all. Returns `code`, `arc`, `r`,
+    `s`: as of `wrap_cylinder`, but never WRAPPED.
     """
     factor = 3.0 / (size[0] + size[1] + size[2])
     a = (size[0] * factor, size[1] * factor, size[2] * factor)

@@ -14,16 +14,8 @@ IN_LINE = 1e-5
 @inner
 def wrap_sphere(a, b, radius, axis, side):
     """Where the segment from a to b meets and leaves the sphere around the origin.
-
-    Parameters
-    ----------
-    a, b : points in the frame of the sphere [m]
-    radius : [m]
-    axis, side : the half that constrains the path, as of `wrap_cylinder`; 0 for all
-
-    Returns
-    -------
-    code, arc, r, s : as of `wrap_cylinder`
+    `a`, `b`: points in the frame of the sphere [m]; `radius` [m]; `axis`, `side`: the half that constrains the path, as
+    of `wrap_cylinder`; 0 for all. Returns `code`, `arc`, `r`, `s`: as of `wrap_cylinder`.
 
     Notes
     -----

@@ -26,18 +26,10 @@ TINY = 1e-15
 @kernel
 def wrap_tendon(p0, p1, kind, radius, R, x, side, rule, out):
     """Arc length on the surface between two points, or -1 where the path does not touch it.
-
-    Parameters
-    ----------
-    p0, p1 : (3,) the points before and after the surface [m]
-    kind : SPHERE or CYLINDER (infinite, its axis is the third column of `R`)
-    radius : [m]
-    R, x : (3, 3), (3,) pose of the surface
-    side : (3,) the side point; not read without one
-    rule : NO_SIDE, BEFORE_FOUR or FOUR
-    out : (2, 3) filled with the points where the path meets and leaves the surface
-
-    All in one frame. On -1 `out` is left as it was.
+    `p0`, `p1` (3,) the points before and after the surface [m]; `kind`: SPHERE or CYLINDER (infinite, its axis is the
+    third column of `R`); `radius` [m]; `R`, `x` (3, 3), (3,) pose of the surface; `side` (3,) the side point; not read
+    without one; `rule`: NO_SIDE, BEFORE_FOUR or FOUR; `out` (2, 3) filled with the points where the path meets and
+    leaves the surface; All in one frame. On -1 `out` is left as it was.
     """
     a0, a1, a2 = p0[0] - x[0], p0[1] - x[1], p0[2] - x[2]
     b0, b1, b2 = p1[0] - x[0], p1[1] - x[1], p1[2] - x[2]

@@ -23,18 +23,10 @@ MAX_CALLS = 500
 @inner
 def wrap_torus(a, b, inner_radius, outer, axis, side, single):
     """Where the segment from a to b meets and leaves the tube of radius `inner_radius`.
-
-    Parameters
-    ----------
-    a, b : points in the frame of the torus, whose circle of radius `outer` lies in z = 0 [m]
-    inner_radius, outer : [m]
-    axis, side : the half of the circle that may be touched, as of `wrap_cylinder`; 0 for all
-    single : as of `wrap_cylinder`
-
-    Returns
-    -------
-    code, arc, r, s : as of `wrap_cylinder`, but never MANDATORY; arc is NaN where the code is WRAPPED
-        although the cylinder was missed, which only matters to the order of several surfaces
+    `a`, `b`: points in the frame of the torus, whose circle of radius `outer` lies in z = 0 [m]; `inner_radius`,
+    `outer` [m]; `axis`, `side`: the half of the circle that may be touched, as of `wrap_cylinder`; 0 for all; `single`:
+    as of `wrap_cylinder`. Returns `code`, `arc`, `r`, `s`: as of `wrap_cylinder`, but never MANDATORY; arc is NaN where
+    the code is WRAPPED although the cylinder was missed, which only matters to the order of several surfaces.
     """
     result, x, y = _nearest_on_circle(a, b, outer, axis, side)
     if not result:

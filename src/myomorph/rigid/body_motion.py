@@ -17,31 +17,21 @@ from myomorph.rigid.tree import Tree
 @read_only
 @dataclass(frozen=True, eq=False)
 class BodyMotion:
-    """How bodies move; body 0 is the ground, and every vector is in ground.
+    """How bodies move; body 0 is the ground, and every vector is in ground."""
 
-    Attributes
-    ----------
-    rotations, origins : (frames, bodies, 3, 3), (frames, bodies, 3) poses [m]
-    angular_velocities, angular_accelerations : (frames, bodies, 3) [rad/s], [rad/s^2]
-    velocities, accelerations : (frames, bodies, 3) of the bodies' origins, gravity not included [m/s], [m/s^2]
-    """
-
-    rotations: Array
-    origins: Array
-    angular_velocities: Array
-    angular_accelerations: Array
-    velocities: Array
-    accelerations: Array
+    rotations: Array  # (frames, bodies, 3, 3) poses [m]
+    origins: Array  # (frames, bodies, 3) poses [m]
+    angular_velocities: Array  # (frames, bodies, 3) [rad/s]
+    angular_accelerations: Array  # (frames, bodies, 3) [rad/s^2]
+    velocities: Array  # (frames, bodies, 3) of the bodies' origins, gravity not included [m/s]
+    accelerations: Array  # (frames, bodies, 3) of the bodies' origins, gravity not included [m/s^2]
 
     def of_points(self, bodies: Ints, places: Array) -> tuple[Array, Array, Array]:
         """Place, velocity and acceleration (frames, points, 3) of points fixed to bodies.
 
             v = v_0 + w x r,   a = a_0 + e x r + w x (w x r)
 
-        Parameters
-        ----------
-        bodies : (points,) body numbers
-        places : (points, 3) in the bodies' frames [m]
+        `bodies` (points,) body numbers; `places` (points, 3) in the bodies' frames [m].
         """
         r = np.einsum("fpij,pj->fpi", self.rotations[:, bodies], places)
         turning = np.cross(self.angular_velocities[:, bodies], r)
@@ -56,10 +46,7 @@ class BodyMotion:
 
 def body_motion(tree: Tree, c: Array, cdot: Array, cddot: Array) -> BodyMotion:
     """Poses, velocities and accelerations of all bodies.
-
-    Parameters
-    ----------
-    c, cdot, cddot : (frames, coordinates) consistent, as of `rigid.dynamics.motion_arrays`
+    `c`, `cdot`, `cddot` (frames, coordinates) consistent, as of `rigid.dynamics.motion_arrays`.
     """
     frames, bodies = len(c), len(tree.arrays.parent)
     arrays = [np.array(values, dtype=np.float64, order="C") for values in (c, cdot, cddot)]

@@ -20,9 +20,7 @@ def bushing_forces(tree: Tree, bushings: Sequence[Bushing], coordinates: Array, 
     with q (6,) the body-fixed x-y-z angles and the origin of the second frame seen from the first. Dependent
     coordinates keep their own share.
 
-    Parameters
-    ----------
-    coordinates, rates : (frames, coordinates) consistent
+    `coordinates`, `rates` (frames, coordinates) consistent.
     """
     tau = np.zeros_like(coordinates)
     poses = forward_kinematics(tree, coordinates)

@@ -23,13 +23,7 @@ TOLD = 1e-4
 
 
 def refuse_open(tree: Tree, coordinates: Array) -> float:
-    """How far loops stand open in the worst frame [m or rad], where that is bearable.
-
-    Raises
-    ------
-    BadData
-        where it is more than `OPEN`, or no frame has all coordinates
-    """
+    """How far loops stand open in the worst frame [m or rad], where that is bearable."""
     if not tree.model.loops:
         return 0.0
     good = np.isfinite(coordinates).all(axis=1)
@@ -53,19 +47,9 @@ def closed_motion(model: Model, motion: Motion) -> tuple[Motion, tuple[str, ...]
     Coordinates, velocities and accelerations move as little as possible in the plain norm over [rad] and [m];
     locked and prescribed ones stay. A model without loops gets its motion back.
 
-    Parameters
-    ----------
-    motion : with or without velocities and accelerations; what it lacks rests at the model's default
-
-    Returns
-    -------
-    motion : of all the model's coordinates where there are loops
-    notes : one line where loops stood open by more than `TOLD`
-
-    Raises
-    ------
-    BadData
-        where loops stand open by more than `OPEN`, or what is free cannot close them
+    `motion`: with or without velocities and accelerations; what it lacks rests at the model's default. Returns
+    `motion`: of all the model's coordinates where there are loops; `notes`: one line where loops stood open by more
+    than `TOLD`.
     """
     if not model.loops:
         return motion, ()
@@ -107,18 +91,11 @@ def _rates(tree: Tree, motion: Motion) -> tuple[Array, Array]:
 @read_only
 @dataclass(frozen=True, eq=False)
 class LoopTorques:
-    """Generalized forces of the coordinates that follow no other, couplers' and loops' share handed on.
+    """Generalized forces of the coordinates that follow no other, couplers' and loops' share handed on."""
 
-    Attributes
-    ----------
-    torques : (frames, independent coordinates) tau_ind + (d dependent / d independent)^T tau_dep [N m or N]
-    dependent : names of the coordinates that a loop makes follow
-    margin : (frames,) how well the choice of those is conditioned, see `LoopBasis`
-    """
-
-    torques: Series
-    dependent: tuple[str, ...]
-    margin: Array
+    torques: Series  # (frames, independent coordinates) tau_ind + (d dependent / d independent)^T tau_dep [N m or N]
+    dependent: tuple[str, ...]  # names of the coordinates that a loop makes follow
+    margin: Array  # (frames,) how well the choice of those is conditioned, see `LoopBasis`
 
 
 def loop_torques(model: Model, motion: Motion, torques: Series) -> LoopTorques:
@@ -131,14 +108,7 @@ def loop_torques(model: Model, motion: Motion, torques: Series) -> LoopTorques:
 
     leaves what does not depend on lambda. Forces that hold locked and prescribed coordinates stay as they are.
 
-    Parameters
-    ----------
-    torques : of `inverse_dynamics`, a column for every coordinate
-
-    Raises
-    ------
-    BadData
-        where loops stand open by more than `OPEN`
+    `torques`: of `inverse_dynamics`, a column for every coordinate.
     """
     tree = compile_tree(model)
     c, _, _ = motion_arrays(tree, motion)

@@ -19,17 +19,12 @@ KIND, FIRST, PIECES, WIDTH, START = 0, 1, 2, 3, 4
 
 
 class FunctionArrays(NamedTuple):
-    """Functions one after another, in as few arrays as possible: every array a kernel takes costs time.
+    """Functions one after another, in as few arrays as possible: every array a kernel takes costs time."""
 
-    Attributes
-    ----------
-    table : (functions, 5) KIND (POLYNOMIAL or SINES), FIRST break and number of PIECES of a piecewise
-        polynomial, WIDTH (its coefficients a piece, or the coordinates of a sine product), START of the
-        coefficients
-    breaks, coefficients : of all functions
-    """
-
+    # (functions, 5) KIND (POLYNOMIAL or SINES), FIRST break and number of PIECES of a piecewise polynomial, WIDTH (its
+    # coefficients a piece, or the coordinates of a sine product), START of the coefficients
     table: Ints
+    # breaks, coefficients: of all functions
     breaks: Array
     coefficients: Array
 

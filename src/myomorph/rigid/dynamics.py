@@ -70,13 +70,7 @@ def inverse_dynamics(model: Model, motion: Motion, wrenches: Wrenches | None = N
 
 
 def motion_arrays(tree: Tree, motion: Motion) -> tuple[Array, Array, Array]:
-    """Values, velocities and accelerations (frames, coordinates) in the model's order.
-
-    Raises
-    ------
-    BadData
-        where the motion carries no derivatives
-    """
+    """Values, velocities and accelerations (frames, coordinates) in the model's order."""
     if motion.velocities is None or motion.accelerations is None:
         raise BadData("inverse dynamics needs velocities and accelerations: differentiate the motion first")
     c = tree.coordinates_of(motion)
@@ -91,13 +85,7 @@ def motion_arrays(tree: Tree, motion: Motion) -> tuple[Array, Array, Array]:
 
 
 def rates_of(tree: Tree, motion: Motion) -> tuple[Array, Array]:
-    """Values and velocities (frames, coordinates) in the model's order, dependent ones consistent.
-
-    Raises
-    ------
-    BadData
-        where the motion carries no velocities
-    """
+    """Values and velocities (frames, coordinates) in the model's order, dependent ones consistent."""
     if motion.velocities is None:
         raise BadData("this needs the motion's velocities: differentiate the motion first")
     still = replace(motion, accelerations=np.zeros_like(motion.velocities))
@@ -106,15 +94,7 @@ def rates_of(tree: Tree, motion: Motion) -> tuple[Array, Array]:
 
 
 def external_arrays(tree: Tree, motion: Motion, wrenches: Wrenches | None) -> tuple[Ints, Array, Array, Array]:
-    """Numbers of the bodies that wrenches act on, forces, points of application and free torques.
-
-    Raises
-    ------
-    BadData
-        where the wrenches' clock is not the motion's
-    UnknownName
-        where a wrench acts on a body that the model does not have
-    """
+    """Numbers of the bodies that wrenches act on, forces, points of application and free torques."""
     if wrenches is None:
         empty = np.zeros((len(motion), 0, 3))
         return np.zeros(0, np.int64), empty, empty, empty
@@ -195,19 +175,8 @@ def project(T, w, o, dphi, f, m, tau):
 
 class OnlineDynamics:
     """Generalized forces of a frame, as `inverse_dynamics` gives them.
-
-    Parameters
-    ----------
-    bodies : names of those that external wrenches act on
-
-    Attributes
-    ----------
-    coordinates, rates, accelerations : (1, coordinates) of the last frame, those that follow others set
-    torques : (1, coordinates) [N m or N]
-
-    Raises
-    ------
-    UnknownName : a body that the model does not have
+    `bodies`: names of those that external wrenches act on. `coordinates`, `rates`, `accelerations` (1, coordinates) of
+    the last frame, those that follow others set; `torques` (1, coordinates) [N m or N].
     """
 
     def __init__(self, model: Model, bodies: Sequence[str]):
@@ -220,11 +189,8 @@ class OnlineDynamics:
 
     def solve(self, values: Array, velocities: Array, accelerations: Array, wrenches: Array) -> Array:
         """Torques (coordinates,) of one frame; the array is used again by the next.
-
-        Parameters
-        ----------
-        values, velocities, accelerations : (coordinates,) in the model's order
-        wrenches : (bodies, 6) moment about the ground's origin and force, in ground [N m], [N]
+        `values`, `velocities`, `accelerations` (coordinates,) in the model's order; `wrenches` (bodies, 6) moment about
+        the ground's origin and force, in ground [N m], [N].
         """
         self.coordinates[0], self.rates[0], self.accelerations[0] = values, velocities, accelerations
         couple_rates_frames(self._tree.arrays, self.coordinates, self.rates, self.accelerations)

@@ -39,17 +39,10 @@ def forward_accelerations(
 
     on the coordinates that neither follow, nor are locked or prescribed.
 
-    Parameters
-    ----------
-    c, cdot : (frames, coordinates) consistent
-    cddot : (frames, coordinates) of which those of prescribed coordinates are read; locked ones have none
-    applied : (frames, bodies, 6) as of `joint_wrenches`
-    generalized : (frames, coordinates) other forces along coordinates, `gathered` [N m or N]
-
-    Returns
-    -------
-    accelerations : (frames, coordinates)
-    multipliers : (frames, rows of loops) forces that hold the loops closed, see `loop_wrenches`
+    `c`, `cdot` (frames, coordinates) consistent; `cddot` (frames, coordinates) of which those of prescribed coordinates
+    are read; locked ones have none; `applied` (frames, bodies, 6) as of `joint_wrenches`; `generalized` (frames,
+    coordinates) other forces along coordinates, `gathered` [N m or N]. Returns `accelerations` (frames, coordinates);
+    `multipliers` (frames, rows of loops) forces that hold the loops closed, see `loop_wrenches`.
     """
     free = free_coordinates(tree)
     base = np.array(cddot, dtype=np.float64)
@@ -87,10 +80,7 @@ def _mass_matrix(tree: Tree, c: Array, free: Ints) -> Array:
 
 def balancing_multipliers(tree: Tree, c: Array, cdot: Array, cddot: Array, applied: Array, generalized: Array) -> Array:
     """Forces (frames, rows of loops) that loops carry in a motion that is given: the least that explain its balance.
-
-    Parameters
-    ----------
-    c, cdot, cddot, applied, generalized : as of `forward_accelerations`
+    `c`, `cdot`, `cddot`, `applied`, `generalized`: as of `forward_accelerations`.
     """
     if not tree.model.loops:
         return np.zeros((len(c), 0))

@@ -40,13 +40,8 @@ def over_frames(
     chunk: int = CHUNK,
 ) -> None:
     """Call `task(start, stop)` for all frames, chunk by chunk, in `thread_count()` threads.
-
-    Parameters
-    ----------
-    task : fills its part of arrays that exist already; an exception ends the whole
-    frames : how many there are
-    progress : called with the number of frames just done, from the calling thread
-    chunk : frames a call
+    `task`: fills its part of arrays that exist already; an exception ends the whole; `frames`: how many there are;
+    `progress`: called with the number of frames just done, from the calling thread; `chunk`: frames a call.
     """
     parts = [(start, min(start + chunk, frames)) for start in range(0, frames, chunk)]
     # A single chunk, as of a live frame, does not ask the system for its cores.

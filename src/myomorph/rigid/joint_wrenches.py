@@ -17,21 +17,13 @@ from myomorph.rigid.vectors import minus, put_vector, vector
 
 @dataclass(frozen=True, eq=False)
 class JointWrenches:
-    """Force and moment that the parent puts on each body through their joint.
+    """Force and moment that the parent puts on each body through their joint."""
 
-    Attributes
-    ----------
-    forces : (frames, bodies, 3) in ground [N]; those of the ground are what the whole model needs
-    moments : (frames, bodies, 3) about the ground's origin, in ground [N m]
-    torques : (frames, coordinates) their part along each coordinate's own motion [N m or N]
-    rotations, origins : (frames, bodies, 3, 3), (frames, bodies, 3) poses of the bodies in ground [m]
-    """
-
-    forces: Array
-    moments: Array
-    torques: Array
-    rotations: Array
-    origins: Array
+    forces: Array  # (frames, bodies, 3) in ground [N]; those of the ground are what the whole model needs
+    moments: Array  # (frames, bodies, 3) about the ground's origin, in ground [N m]
+    torques: Array  # (frames, coordinates) their part along each coordinate's own motion [N m or N]
+    rotations: Array  # (frames, bodies, 3, 3) poses of the bodies in ground [m]
+    origins: Array  # (frames, bodies, 3) poses of the bodies in ground [m]
 
 
 def joint_wrenches(tree: Tree, c: Array, cdot: Array, cddot: Array, applied: Array) -> JointWrenches:
@@ -39,11 +31,9 @@ def joint_wrenches(tree: Tree, c: Array, cdot: Array, cddot: Array, applied: Arr
 
         wrench of joint = sum over the body and its descendants of (rate of momentum - gravity - applied)
 
-    Parameters
-    ----------
-    c, cdot, cddot : (frames, coordinates) consistent, as of `rigid.dynamics.motion_arrays`
-    applied : (frames, bodies, 6) force and its moment about the ground's origin on each body, the ground first,
-        in ground [N], [N m]: all but gravity and what joints transmit
+    `c`, `cdot`, `cddot` (frames, coordinates) consistent, as of `rigid.dynamics.motion_arrays`; `applied` (frames,
+    bodies, 6) force and its moment about the ground's origin on each body, the ground first, in ground [N], [N m]: all
+    but gravity and what joints transmit.
     """
     frames, bodies = len(c), len(tree.arrays.parent)
     f, m = np.empty((frames, bodies, 3)), np.empty((frames, bodies, 3))

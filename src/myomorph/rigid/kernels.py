@@ -38,12 +38,9 @@ def kernel(function: Callable[..., Any] | None = None, /, counted: bool = True, 
 
     Used as `@kernel` or `@kernel(fastmath=True)`. It runs without the interpreter's lock.
 
-    Parameters
-    ----------
-    counted : whether it counts the users of the arrays it touches. Where a tuple of many arrays goes from function to
-        function that costs more than the arithmetic; a kernel that makes no array needs no count, and Numba refuses to
-        compile one that makes some
-    options : further ones of `numba.njit`
+    `counted`: whether it counts the users of the arrays it touches. Where a tuple of many arrays goes from function to
+    function that costs more than the arithmetic; a kernel that makes no array needs no count, and Numba refuses to
+    compile one that makes some; `options`: further ones of `numba.njit`.
     """
     if function is None:
         return lambda function: kernel(function, counted, **options)

@@ -29,13 +29,9 @@ from myomorph.rigid.vectors import (
 @bare
 def body_poses(T, c, R, p, w, o, dphi):
     """Poses of all bodies and the moving axes in ground, for one frame.
-
-    Parameters
-    ----------
-    c : (coordinates,) all coordinates, dependent ones consistent
-    R, p : (bodies, 3, 3), (bodies, 3) filled with poses in ground
-    w, o : (axes, 3) filled with each axis's direction and a point on it, in ground
-    dphi : (axes, 2) filled with the derivative of the axis's motion in its two coordinates
+    `c` (coordinates,) all coordinates, dependent ones consistent; `R`, `p` (bodies, 3, 3), (bodies, 3) filled with
+    poses in ground; `w`, `o` (axes, 3) filled with each axis's direction and a point on it, in ground; `dphi` (axes, 2)
+    filled with the derivative of the axis's motion in its two coordinates.
     """
     put_matrix(R, 0, (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0))
     put_vector(p, 0, (0.0, 0.0, 0.0))
@@ -120,34 +116,20 @@ def carried(W, E, V, B, r):
 
 @dataclass(frozen=True, eq=False)
 class Poses:
-    """Poses of all bodies in ground; body 0 is the ground.
-
-    Attributes
-    ----------
-    rotations : (frames, bodies, 3, 3)
-    origins : (frames, bodies, 3) [m]
-    axis_directions, axis_points : (frames, axes, 3) of the tree's moving axes
-    axis_slopes : (frames, axes, 2) d(axis motion)/d(its coordinates)
-    """
+    """Poses of all bodies in ground; body 0 is the ground."""
 
     tree: Tree
-    rotations: Array
-    origins: Array
+    rotations: Array  # (frames, bodies, 3, 3)
+    origins: Array  # (frames, bodies, 3) [m]
+    # axis_directions, axis_points: (frames, axes, 3) of the tree's moving axes
     axis_directions: Array
     axis_points: Array
-    axis_slopes: Array
+    axis_slopes: Array  # (frames, axes, 2) d(axis motion)/d(its coordinates)
 
     def points(self, bodies: Ints, locations: Array) -> Array:
         """Points fixed to bodies, in ground.
-
-        Parameters
-        ----------
-        bodies : (points,) body numbers
-        locations : (points, 3) in the bodies' frames [m]
-
-        Returns
-        -------
-        (frames, points, 3) [m]
+        `bodies` (points,) body numbers; `locations` (points, 3) in the bodies' frames [m]. Returns (frames, points, 3)
+        [m].
         """
         return np.einsum("fpij,pj->fpi", self.rotations[:, bodies], locations) + self.origins[:, bodies]
 
@@ -173,11 +155,8 @@ class Poses:
 
 def forward_kinematics(tree: Tree, coordinates: Array) -> Poses:
     """Poses of all bodies.
-
-    Parameters
-    ----------
-    coordinates : (frames, coordinates) in the model's order [rad or m], dependent ones consistent
-        (`Tree.coordinates_of` makes them so)
+    `coordinates` (frames, coordinates) in the model's order [rad or m], dependent ones consistent
+    (`Tree.coordinates_of` makes them so).
     """
     # A copy, because a kernel is compiled anew for an array that is read-only.
     coordinates = np.array(coordinates, dtype=np.float64, order="C")

@@ -67,11 +67,7 @@ def flexed(model: Model, knee: Joint) -> Poses | None:
 
 def hinge_axis(model: Model, knee: Joint, poses: Poses, down: Array) -> Array:
     """Unit vector on the tibia, across its length, about which a knee turns.
-
-    Parameters
-    ----------
-    poses : of `flexed`
-    down : the tibia's `long_axis`
+    `poses`: of `flexed`; `down`: the tibia's `long_axis`.
     """
     index = compile_tree(model).body_index
     femur, tibia = index[knee.parent], index[knee.child]

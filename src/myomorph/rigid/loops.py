@@ -40,9 +40,7 @@ def closure(tree: Tree, coordinates: Array) -> Array:
     [m]; a weld has before them three of turning, 2 sin(angle / 2) axis [rad]. What moves both bodies together
     changes nothing.
 
-    Parameters
-    ----------
-    coordinates : (frames, coordinates) in the model's order, dependent ones consistent [rad or m]
+    `coordinates` (frames, coordinates) in the model's order, dependent ones consistent [rad or m].
     """
     return _closures(tree, coordinates)[0]
 
@@ -58,10 +56,7 @@ def closure_jacobian(tree: Tree, coordinates: Array) -> Array:
 
 def closure_rates(tree: Tree, coordinates: Array, velocities: Array, accelerations: Array) -> tuple[Array, Array]:
     """First and second time derivative of `closure`: G qdot and G qddot + Gdot qdot, (frames, rows) each.
-
-    Parameters
-    ----------
-    coordinates, velocities, accelerations : (frames, coordinates), dependent ones consistent
+    `coordinates`, `velocities`, `accelerations` (frames, coordinates), dependent ones consistent.
     """
     c, cdot, cddot = (_copy(values) for values in (coordinates, velocities, accelerations))
     first, second = np.empty((2, len(c), tree.loops.row[-1]))
@@ -80,16 +75,8 @@ def close_loops(tree: Tree, coordinates: Array, weights: Array | None = None, he
     min sum_j w_j (c_j - given_j)^2 so that closure(c) = 0, by gradient projection.
     Locked, prescribed and `held` coordinates stay, coupled ones follow; ranges are not looked at.
 
-    Parameters
-    ----------
-    coordinates : (frames, coordinates) [rad or m]; frames that hold NaN stay as they are
-    weights : (coordinates,) above 0, 1 each by default
-    held : indices of coordinates that stay
-
-    Raises
-    ------
-    BadData
-        where loops cannot be closed: the frame and the loop are named
+    `coordinates` (frames, coordinates) [rad or m]; frames that hold NaN stay as they are; `weights` (coordinates,)
+    above 0, 1 each by default; `held`: indices of coordinates that stay.
     """
     targets = _copy(coordinates)
     couple_frames(tree.arrays, targets)
@@ -127,20 +114,9 @@ def project_rates(
     G qdot = 0 and G qddot + Gdot qdot = 0, changed as little as possible in the weighted norm. Locked,
     prescribed and `held` coordinates keep their rates, coupled ones follow.
 
-    Parameters
-    ----------
-    coordinates, velocities, accelerations : (frames, coordinates), the coordinates closed (`close_loops`)
-    weights : (coordinates,) above 0, 1 each by default
-    held : indices of coordinates whose rates stay
-
-    Returns
-    -------
-    velocities, accelerations : (frames, coordinates)
-
-    Raises
-    ------
-    BadData
-        where coordinates that stay already move what a loop ties
+    `coordinates`, `velocities`, `accelerations` (frames, coordinates), the coordinates closed (`close_loops`);
+    `weights` (coordinates,) above 0, 1 each by default; `held`: indices of coordinates whose rates stay. Returns
+    `velocities`, `accelerations` (frames, coordinates).
     """
     c, v, a = (_copy(values) for values in (coordinates, velocities, accelerations))
     couple_rates_frames(tree.arrays, c, v, a)
@@ -165,21 +141,15 @@ def project_rates(
 
 @dataclass(frozen=True, eq=False)
 class LoopBasis:
-    """Which coordinates follow which where loops stay closed: qdot[dependent] = slopes @ qdot[independent].
+    """Which coordinates follow which where loops stay closed: qdot[dependent] = slopes @ qdot[independent]."""
 
-    Attributes
-    ----------
-    independent, dependent : indices of coordinates, together all that were free
-    slopes : (frames, dependent, independent)
-    rank : how many directions the loops take, over all frames (dependent coordinates)
-    margin : (frames,) smallest singular value of the dependent columns relative to the largest of all free
-        columns; near 0 the choice is singular and the slopes are large
-    """
-
+    # independent, dependent: indices of coordinates, together all that were free
     independent: Ints
     dependent: Ints
-    slopes: Array
-    rank: int
+    slopes: Array  # (frames, dependent, independent)
+    rank: int  # how many directions the loops take, over all frames (dependent coordinates)
+    # (frames,) smallest singular value of the dependent columns relative to the largest of all free columns; near 0 the
+    # choice is singular and the slopes are large
     margin: Array
 
 
@@ -190,10 +160,8 @@ def loop_basis(tree: Tree, coordinates: Array, free: Sequence[int] | Ints | None
     the frame where it is smallest, after the columns taken before are projected off (QR with column pivoting
     over all frames at once); a clamped coordinate counts half, so that it rather stays independent.
 
-    Parameters
-    ----------
-    coordinates : (frames, coordinates), closed; frames that hold NaN get slopes of NaN
-    free : indices of the coordinates that may move, by default all that are neither coupled, locked nor prescribed
+    `coordinates` (frames, coordinates), closed; frames that hold NaN get slopes of NaN; `free`: indices of the
+    coordinates that may move, by default all that are neither coupled, locked nor prescribed.
     """
     free = free_coordinates(tree) if free is None else np.asarray(free, np.int64)
     good = np.isfinite(coordinates).all(axis=1)

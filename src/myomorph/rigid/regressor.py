@@ -27,18 +27,11 @@ BLOCK = 512
 
 
 class RegressorBlock(NamedTuple):
-    """The regressor in some frames.
+    """The regressor in some frames."""
 
-    Attributes
-    ----------
-    frames : which
-    rows : (frames, 6, 10 bodies) moment and force of unit parameters
-    reference : (frames, 3) the point that moments are about, in ground [m]
-    """
-
-    frames: slice
-    rows: Array
-    reference: Array
+    frames: slice  # which
+    rows: Array  # (frames, 6, 10 bodies) moment and force of unit parameters
+    reference: Array  # (frames, 3) the point that moments are about, in ground [m]
 
 
 def base_regressor(model: Model, motion: Motion, reference: ArrayLike | None = None) -> Array:
@@ -47,15 +40,8 @@ def base_regressor(model: Model, motion: Motion, reference: ArrayLike | None = N
     Y @ inertial_parameters(model).ravel() is the total external wrench that the motion needs, gravity
     taken off: moment about the reference point [N m], then force [N], in ground axes.
 
-    Parameters
-    ----------
-    motion : with velocities and accelerations; coordinates it lacks rest at their default
-    reference : (3,) a point fixed in ground, e.g. of a force plate [m]; None for the origin of the
-        first body, the base, in each frame
-
-    Raises
-    ------
-    BadData : derivatives are missing, or the reference is no point
+    `motion`: with velocities and accelerations; coordinates it lacks rest at their default; `reference` (3,) a point
+    fixed in ground, e.g. of a force plate [m]; None for the origin of the first body, the base, in each frame.
     """
     rows = np.empty((len(motion), 6, 10 * len(model.bodies)))
     for block in regressor_blocks(model, motion, reference):
@@ -87,15 +73,8 @@ def base_wrench(model: Model, motion: Motion, wrenches: Wrenches | None, referen
 
     NaN in frames where a force is missing. A wrench on the ground does not count.
 
-    Parameters
-    ----------
-    motion, reference : as in `base_regressor`; the reference point moves with the motion's base
-    wrenches : at the motion's times; None for no external force
-
-    Raises
-    ------
-    BadData : the wrenches' clock is not the motion's
-    UnknownName : a wrench acts on a body that the model does not have
+    `motion`, `reference`: as in `base_regressor`; the reference point moves with the motion's base; `wrenches`: at the
+    motion's times; None for no external force.
     """
     return sum_of_wrenches(model, motion, wrenches, reference_points(model, motion, reference))
 

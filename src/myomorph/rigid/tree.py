@@ -26,80 +26,56 @@ class TreeArrays(NamedTuple):
 
     The pose of body b is its parent's, then for each of its axes k the constant `pre` of k and the
     motion of k, then the constant `post` of b. Axes that do not move are folded into those.
-
-    Attributes
-    ----------
-    parent : (bodies,) -1 for the ground
-    axis_start : (bodies + 1,) the axes of body b are axis_start[b] ... axis_start[b + 1] - 1
-    pre_R, pre_p : (axes, 3, 3), (axes, 3)
-    pre_is_shift : (axes,) whether pre_R is the identity
-    post_R, post_p : (bodies, 3, 3), (bodies, 3)
-    axis_kind : (axes,) ROTATION or TRANSLATION
-    axis_vector : (axes, 3) unit vectors
-    axis_body : (axes,)
-    axis_function : (axes,) index in `functions`
-    axis_coordinate : (axes, 2) the coordinates the function takes, -1 for none
-    coupler_coordinate, coupler_function, coupler_source : (couplers,), (couplers,), (couplers, 2)
-        the dependent coordinate, its function and what it follows, in an order of evaluation
-    mass, mass_center, inertia : (bodies,), (bodies, 3), (bodies, 3, 3) about the mass center
-    gravity : (3,)
     """
 
-    parent: Ints
-    axis_start: Ints
-    pre_R: Array
-    pre_p: Array
-    pre_is_shift: np.ndarray
-    post_R: Array
-    post_p: Array
-    axis_kind: Ints
-    axis_vector: Array
-    axis_body: Ints
-    axis_function: Ints
-    axis_coordinate: Ints
+    parent: Ints  # (bodies,) -1 for the ground
+    axis_start: Ints  # (bodies + 1,) the axes of body b are axis_start[b] ... axis_start[b + 1] - 1
+    pre_R: Array  # (axes, 3, 3)
+    pre_p: Array  # (axes, 3)
+    pre_is_shift: np.ndarray  # (axes,) whether pre_R is the identity
+    post_R: Array  # (bodies, 3, 3)
+    post_p: Array  # (bodies, 3)
+    axis_kind: Ints  # (axes,) ROTATION or TRANSLATION
+    axis_vector: Array  # (axes, 3) unit vectors
+    axis_body: Ints  # (axes,)
+    axis_function: Ints  # (axes,) index in `functions`
+    axis_coordinate: Ints  # (axes, 2) the coordinates the function takes, -1 for none
     functions: FunctionArrays
+    # (couplers,) the dependent coordinate and its function, in an order of evaluation
     coupler_coordinate: Ints
     coupler_function: Ints
+    # (couplers, 2) the dependent coordinate, its function and what it follows, in an order of evaluation
     coupler_source: Ints
-    mass: Array
-    mass_center: Array
-    inertia: Array
-    gravity: Array
+    mass: Array  # (bodies,) about the mass center
+    mass_center: Array  # (bodies, 3) about the mass center
+    inertia: Array  # (bodies, 3, 3) about the mass center
+    gravity: Array  # (3,)
 
 
 class LoopArrays(NamedTuple):
-    """The constraints that close loops: a point of one body stays on a point of another, of a weld turned alike.
+    """The constraints that close loops: a point of one body stays on a point of another, of a weld turned alike."""
 
-    Attributes
-    ----------
-    body_1, body_2 : (loops,)
-    point_1, point_2 : (loops, 3) tied points in their bodies [m]
-    turn_1, turn_2 : (loops, 3, 3) tied frames in their bodies
-    row : (loops + 1,) loop i has the rows row[i] ... row[i + 1] - 1: three of a point [m], or of a weld
-        three of its turning [rad], then three of its point [m]
-    """
-
+    # body_1, body_2: (loops,)
     body_1: Ints
     body_2: Ints
+    # point_1, point_2: (loops, 3) tied points in their bodies [m]
     point_1: Array
     point_2: Array
+    # turn_1, turn_2: (loops, 3, 3) tied frames in their bodies
     turn_1: Array
     turn_2: Array
+    # (loops + 1,) loop i has the rows row[i] ... row[i + 1] - 1: three of a point [m], or of a weld three of its
+    # turning [rad], then three of its point [m]
     row: Ints
 
 
 @dataclass(frozen=True, eq=False)
 class Tree:
-    """A model and its arrays.
-
-    Attributes
-    ----------
-    body_index : number of each body in the arrays, the ground 0
-    """
+    """A model and its arrays."""
 
     model: Model
     arrays: TreeArrays
-    body_index: dict[str, int] = field(repr=False)
+    body_index: dict[str, int] = field(repr=False)  # number of each body in the arrays, the ground 0
 
     def body_number(self, name: str, where: str = "the model") -> int:
         """Number of a body in the arrays; raises `UnknownName`, by default of "the model"."""
@@ -166,22 +142,13 @@ class Tree:
 
 
 def compile_tree(model: Model) -> Tree:
-    """The model as flat arrays; the same model compiles once.
-
-    Raises
-    ------
-    BadModel
-        where couplers go round in a circle
-    """
+    """The model as flat arrays; the same model compiles once."""
     return _latest(model)
 
 
 def compile_tree_as(model: Model, like: Model) -> Tree:
     """`compile_tree` of a model made of another by changing joint frames, masses, mass centers and inertias alone.
-
-    Parameters
-    ----------
-    like : the other one, with the same parts in the same order; what was compiled of it is used again
+    `like`: the other one, with the same parts in the same order; what was compiled of it is used again.
     """
     tree = compile_tree(like)
     T = tree.arrays

@@ -28,11 +28,7 @@ def about_origin(force: Array, point: Array, torque: Array | float = 0.0) -> Arr
 
 def of_muscles(paths: Paths, pulls: Array, tensions: Array) -> Array:
     """What muscles of given tensions do to bodies, (frames, bodies, 6) [N], [N m].
-
-    Parameters
-    ----------
-    pulls : (frames, pairs, 6) as of `Paths.pulls`
-    tensions : (frames, muscles) [N]
+    `pulls` (frames, pairs, 6) as of `Paths.pulls`; `tensions` (frames, muscles) [N].
     """
     result = no_wrenches(paths.tree, len(pulls))
     share = pulls * tensions[:, paths.pull_muscle, None]
@@ -43,15 +39,7 @@ def of_muscles(paths: Paths, pulls: Array, tensions: Array) -> Array:
 
 def of_actuators(tree: Tree, poses: Poses, actuators: Sequence[Actuator], forces: Array) -> Array:
     """What actuators that push or turn bodies do to them, (frames, bodies, 6); those of coordinates do nothing to one.
-
-    Parameters
-    ----------
-    forces : (frames, actuators) [N or N m]
-
-    Raises
-    ------
-    UnknownName
-        where an actuator names a body that the model does not have
+    `forces` (frames, actuators) [N or N m].
     """
     result = no_wrenches(tree, len(forces))
     for actuator, force in zip(actuators, forces.T, strict=True):
@@ -83,10 +71,7 @@ def of_actuators(tree: Tree, poses: Poses, actuators: Sequence[Actuator], forces
 
 def of_bushings(tree: Tree, poses: Poses, bushings: Sequence[Bushing], rates: Array) -> Array:
     """What bushings do to the bodies they hold together, (frames, bodies, 6) [N], [N m].
-
-    Parameters
-    ----------
-    rates : (frames, coordinates) velocities, consistent
+    `rates` (frames, coordinates) velocities, consistent.
     """
     result = no_wrenches(tree, len(rates))
     for bushing in bushings:
@@ -107,13 +92,7 @@ def of_bushings(tree: Tree, poses: Poses, bushings: Sequence[Bushing], rates: Ar
 
 
 def of_wrenches(tree: Tree, wrenches: Wrenches) -> Array:
-    """What external forces do to bodies, (frames, bodies, 6); where there is no force its point does not matter.
-
-    Raises
-    ------
-    UnknownName
-        where one acts on a body that the model does not have
-    """
+    """What external forces do to bodies, (frames, bodies, 6); where there is no force its point does not matter."""
     result = no_wrenches(tree, len(wrenches))
     still = (wrenches.forces == 0.0).all(axis=2)[..., None]
     points = np.where(still, 0.0, wrenches.points)

@@ -31,48 +31,29 @@ from myomorph.tension.terms.term import Rows
 
 
 class Links(NamedTuple):
-    """How generalized forces on all coordinates become entries on the rows of A and b.
+    """How generalized forces on all coordinates become entries on the rows of A and b."""
 
-    Attributes
-    ----------
-    variable : (links,) the column that a link belongs to
-    source : (links,) entry it reads
-    dependent : (links,) number, in `driven`, of the coordinate that hands it on, -1 for none
-    follows : (links,) coordinate of the row it ends in
-    target : (links,) entry of A it is added to
-    row : (coordinates,) row of each coordinate in the order of elimination, -1 for none
-    driven : (dependents,) coordinates that follow others: by a coupler, then by a loop
-    """
-
-    variable: NDArray[np.int64]
-    source: NDArray[np.int64]
-    dependent: NDArray[np.int64]
-    follows: NDArray[np.int64]
-    target: NDArray[np.int64]
-    row: NDArray[np.int64]
-    driven: NDArray[np.int64]
+    variable: NDArray[np.int64]  # (links,) the column that a link belongs to
+    source: NDArray[np.int64]  # (links,) entry it reads
+    dependent: NDArray[np.int64]  # (links,) number, in `driven`, of the coordinate that hands it on, -1 for none
+    follows: NDArray[np.int64]  # (links,) coordinate of the row it ends in
+    target: NDArray[np.int64]  # (links,) entry of A it is added to
+    row: NDArray[np.int64]  # (coordinates,) row of each coordinate in the order of elimination, -1 for none
+    driven: NDArray[np.int64]  # (dependents,) coordinates that follow others: by a coupler, then by a loop
 
 
 @read_only
 @dataclass(frozen=True, eq=False)
 class Assembly:
-    """The pattern of A, and what fills it frame by frame.
-
-    Attributes
-    ----------
-    rows : names of the coordinates that are free and follow no other, one per row
-    links : from entries to A; entries are those of the terms, one term after the other
-    extra_place : (extra entries,) where in A the entries of the rows that terms add lie, then one for each such row's
-        own unknown
-    extra_row : (extra rows,) the rows of b that they are
-    """
+    """The pattern of A, and what fills it frame by frame."""
 
     tree: Tree
-    rows: tuple[str, ...]
-    links: Links
+    rows: tuple[str, ...]  # names of the coordinates that are free and follow no other, one per row
+    links: Links  # from entries to A; entries are those of the terms, one term after the other
     pattern: Pattern
+    # (extra entries,) where in A the entries of the rows that terms add lie, then one for each such row's own unknown
     extra_place: NDArray[np.int64]
-    extra_row: NDArray[np.int64]
+    extra_row: NDArray[np.int64]  # (extra rows,) the rows of b that they are
 
     @property
     def coordinate_row(self) -> NDArray[np.int64]:
@@ -90,19 +71,9 @@ def assemble(
     only: Collection[str] | None = None,
 ) -> Assembly:
     """The pattern of A from those of the terms.
-
-    Parameters
-    ----------
-    entries : (unknown, coordinate) of every generalized force of unknowns, a coordinate of -1 for one that is not used
-    unknowns : how many the terms bring in
-    extra : rows that terms add
-    basis : which coordinates follow which, of a model that closes loops
-    only : the coordinates whose equations are kept, where not all are
-
-    Raises
-    ------
-    BadModel
-        where no coordinate is free
+    `entries` (unknown, coordinate) of every generalized force of unknowns, a coordinate of -1 for one that is not used;
+    `unknowns`: how many the terms bring in; `extra`: rows that terms add; `basis`: which coordinates follow which, of a
+    model that closes loops; `only`: the coordinates whose equations are kept, where not all are.
     """
     model = tree.model
     by_loops = np.zeros(0, np.int64) if basis is None else basis.dependent
@@ -210,16 +181,10 @@ def _coupling(T, L, c, slopes, C):
 @kernel
 def fold(T, L, coordinates, slopes, entries, forces, torques, values, right):
     """Fill A and b of every frame.
-
-    Parameters
-    ----------
-    T, L : arrays of the tree, `Links`
-    coordinates : (frames, coordinates) all values
-    slopes : (frames, dependents of loops, coordinates)
-    entries : (frames, entries) generalized forces of unit forces
-    forces : (frames, variables) force of a unit of each variable
-    torques : (frames, coordinates) of inverse dynamics
-    values, right : (frames, entries of A), (frames, rows) filled
+    `T`, `L`: arrays of the tree, `Links`; `coordinates` (frames, coordinates) all values; `slopes` (frames, dependents
+    of loops, coordinates); `entries` (frames, entries) generalized forces of unit forces; `forces` (frames, variables)
+    force of a unit of each variable; `torques` (frames, coordinates) of inverse dynamics; `values`, `right` (frames,
+    entries of A), (frames, rows) filled.
     """
     C = np.zeros((L.driven.shape[0], coordinates.shape[1]))
     for frame in range(coordinates.shape[0]):

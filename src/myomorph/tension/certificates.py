@@ -44,11 +44,7 @@ def axis_words(vector: Array, up: Array) -> str:
 
 def direction_words(groups: Sequence[str], direction: Array, spread: float, share: float, up: Array) -> str:
     """One clause on a unit combination (groups, 3) of contact forces, "" where it is unknown.
-
-    Parameters
-    ----------
-    spread : how far forces may go along it [N] at `share` more of the cost
-    up : (3,) away from gravity
+    `spread`: how far forces may go along it [N] at `share` more of the cost; `up` (3,) away from gravity.
     """
     if not np.isfinite(direction).all() or not np.isfinite(spread):
         return ""
@@ -103,59 +99,43 @@ class CertificateOptions:
 @read_only
 @dataclass(frozen=True, eq=False)
 class Optimality:
-    """Conditions of an optimum (Karush, Kuhn and Tucker), each from the problem's own arrays and not by the solver.
+    """Conditions of an optimum (Karush, Kuhn and Tucker), each from the problem's own arrays and not by the solver."""
 
-    Attributes
-    ----------
-    frames : (frames,) numbers in the motion
-    stationarity : greatest slope of the cost that neither balance nor a bound explains, as a share of 1 + the greatest
-        slope
-    balance : greatest |A x - b|, as a share of 1 + max |b|
-    bounds : greatest violation of a bound
-    complementarity : greatest product of a multiplier of a bound and the distance from it, as a share of the cost
-    """
-
-    frames: np.ndarray
+    frames: np.ndarray  # (frames,) numbers in the motion
+    # greatest slope of the cost that neither balance nor a bound explains, as a share of 1 + the greatest slope
     stationarity: Array
-    balance: Array
-    bounds: Array
+    balance: Array  # greatest |A x - b|, as a share of 1 + max |b|
+    bounds: Array  # greatest violation of a bound
+    # greatest product of a multiplier of a bound and the distance from it, as a share of the cost
     complementarity: Array
 
 
 @read_only
 @dataclass(frozen=True, eq=False)
 class ContactIntervals:
-    """What the data leave open of contact forces, frame by frame.
+    """What the data leave open of contact forces, frame by frame."""
 
-    Attributes
-    ----------
-    time, frames : (frames,) [s], numbers in the motion
-    groups : names
-    forces : (frames, groups, 3) net forces that were found, in ground [N]
-    low, high : (frames, groups, 3) least and greatest of each component that the data allow [N]; NaN where the frame
-        was not solved, infinite where nothing bounds them
-    normal, normal_low, normal_high : (frames, groups) the same of the force along the cones [N]
-    near_low, near_high : (frames, groups, 3) the same among those of them near the optimum; NaN where not asked for
-    direction : (frames, groups, 3) the unit combination of the forces that the data and effort determine least
-    spread : (frames,) how far forces may move along it until the cost has grown by the share `near` [N]; like
-        `direction` NaN where not asked for
-    sentences : one a frame: what that direction is, "" where not asked for
-    """
-
+    # time, frames: (frames,) [s], numbers in the motion
     time: Array
     frames: np.ndarray
-    groups: tuple[str, ...]
-    forces: Array
+    groups: tuple[str, ...]  # names
+    forces: Array  # (frames, groups, 3) net forces that were found, in ground [N]
+    # low, high: (frames, groups, 3) least and greatest of each component that the data allow [N]; NaN where the frame
+    # was not solved, infinite where nothing bounds them
     low: Array
     high: Array
+    # normal, normal_low, normal_high: (frames, groups) the same of the force along the cones [N]
     normal: Array
     normal_low: Array
     normal_high: Array
+    # near_low, near_high: (frames, groups, 3) the same among those of them near the optimum; NaN where not asked for
     near_low: Array
     near_high: Array
-    direction: Array
+    direction: Array  # (frames, groups, 3) the unit combination of the forces that the data and effort determine least
+    # (frames,) how far forces may move along it until the cost has grown by the share `near` [N]; like `direction` NaN
+    # where not asked for
     spread: Array
-    sentences: tuple[str, ...]
+    sentences: tuple[str, ...]  # one a frame: what that direction is, "" where not asked for
 
     def __len__(self) -> int:
         return len(self.time)
@@ -199,16 +179,8 @@ def contact_intervals(
     options: CertificateOptions | None = None,
 ) -> ContactIntervals:
     """What the data leave open of the contact forces of solved frames.
-
-    Parameters
-    ----------
-    problem, tension : as `tension_problem` sets it up, solved, and what it found
-    frames : numbers of the frames asked for, all by default
-
-    Raises
-    ------
-    BadData
-        where the problem has no contacts
+    `problem`, `tension`: as `tension_problem` sets it up, solved, and what it found; `frames`: numbers of the frames
+    asked for, all by default.
     """
     options = options or CertificateOptions()
     if problem.contacts is None:

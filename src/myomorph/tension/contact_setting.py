@@ -33,49 +33,31 @@ NAME_SITES = "name sites in a contact file (--contacts FILE.toml)"
 
 @dataclass(frozen=True, eq=False)
 class ContactSetting:
-    """Contacts of a recording, ready for the tension problem.
-
-    Attributes
-    ----------
-    exact : measured forces that act as they were measured, None where there are none
-    """
+    """Contacts of a recording, ready for the tension problem."""
 
     task: ContactTask
     contacts: Contacts
-    exact: Wrenches | None
+    exact: Wrenches | None  # measured forces that act as they were measured, None where there are none
     notes: tuple[str, ...] = ()
 
 
 @read_only
 @dataclass(frozen=True, eq=False)
 class Measurements:
-    """What a recording tells of contacts beside the motion.
+    """What a recording tells of contacts beside the motion."""
 
-    Attributes
-    ----------
-    wrenches : forces of plates on bodies, at the motion's times
-    plates, plate_time : the plates themselves, where their outlines are known, and the clock of their forces [s]
-    recorded : the motion before it was filtered
-    cutoff : of that filter [Hz]
-    """
-
-    recorded: Motion
-    wrenches: Wrenches | None = None
+    recorded: Motion  # the motion before it was filtered
+    wrenches: Wrenches | None = None  # forces of plates on bodies, at the motion's times
+    # plates, plate_time: the plates themselves, where their outlines are known, and the clock of their forces [s]
     plates: Sequence[ForcePlate] = ()
     plate_time: Array | None = None
-    cutoff: float | None = None
+    cutoff: float | None = None  # of that filter [Hz]
 
 
 def set_contacts(
     plan: ContactPlan, model: Model, motion: Motion, known: Measurements, options: ContactOptions
 ) -> ContactSetting:
-    """Sites, touches and activations of a motion, and what measured forces tell of them.
-
-    Raises
-    ------
-    BadData
-        where there is no site, or touches are told of a site that does not exist
-    """
+    """Sites, touches and activations of a motion, and what measured forces tell of them."""
     measured = known.wrenches
     if plan.stairs is not None:
         return _on_stairs(plan.stairs, plan, model, motion, measured, options)

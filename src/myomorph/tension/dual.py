@@ -123,10 +123,8 @@ def _newton(S, A, b, targets, penalty, relative, most, cold, x, y, by_variable, 
 
     by_variable, by_row, M are room to work in: (3, variables), (5, rows), (rows, rows).
 
-    Returns
-    -------
-    worst, left, iterations : max |b - A x|, max |b - A x - slack y|, and how many steps it took; infinite and NaN
-        where the multipliers have overflowed
+    Returns `worst`, `left`, `iterations`: max |b - A x|, max |b - A x - slack y|, and how many steps it took; infinite
+    and NaN where the multipliers have overflowed.
     """
     n, variables = b.shape[0], x.shape[0]
     slope, s, ds = by_variable[0], by_variable[1], by_variable[2]
@@ -274,16 +272,11 @@ def solve_separable(S, values, balance, targets, penalties, links, warm, x, y, r
     Where frames are linked, the solution of each alone is where passes over all of them begin, each frame given
     those beside it: projected successive over-relaxation by blocks (Young 1954, Cryer 1971) towards the joint optimum.
 
-    Parameters
-    ----------
-    S, links : `Separable`, `Links`
-    values : (frames, entries) of A
-    balance : (frames, rows) b, rows in the order of elimination
-    targets : (1 or frames, variables) t
-    penalties : (1 or frames, 3, variables) l, h and k; a k of 0 leaves l and h unread
-    warm : (rows,) multipliers to begin with, zero for none; afterwards those of the last frame
-    x, y : (frames, variables), (frames, rows) filled with the solution and its multipliers
-    residual, iterations, status : (frames,) filled; the equilibrium residual is max |b - A x|
+    `S`, `links`: `Separable`, `Links`; `values` (frames, entries) of A; `balance` (frames, rows) b, rows in the order
+    of elimination; `targets` (1 or frames, variables) t; `penalties` (1 or frames, 3, variables) l, h and k; a k of 0
+    leaves l and h unread; `warm` (rows,) multipliers to begin with, zero for none; afterwards those of the last frame;
+    `x`, `y` (frames, variables), (frames, rows) filled with the solution and its multipliers; `residual`, `iterations`,
+    `status` (frames,) filled; the equilibrium residual is max |b - A x|.
     """
     frames, n, variables = balance.shape[0], balance.shape[1], x.shape[1]
     M, by_variable, by_row = np.zeros((n, n)), np.zeros((3, variables)), np.zeros((5, n))

@@ -66,18 +66,8 @@ def calibrate_emg(
 
     Source: Lloyd and Besier 2003; Pizzolato et al. 2015; Ao et al. 2020 for unmeasured muscles.
 
-    Parameters
-    ----------
-    channels : channel to muscles of the model
-    tension, actuators : as for `solve_tension`
-    maxima : envelope of channels in a maximum voluntary contraction, which no activation above 1 may have made
-
-    Raises
-    ------
-    UnknownName
-        where a channel or a muscle does not exist
-    BadData
-        without a trial, or where EMG and motion of one have too little time in common
+    `channels`: channel to muscles of the model; `tension`, `actuators`: as for `solve_tension`; `maxima`: envelope of
+    channels in a maximum voluntary contraction, which no activation above 1 may have made.
     """
     options = options or EmgOptions()
     if not trials:

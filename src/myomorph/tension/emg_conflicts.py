@@ -23,21 +23,16 @@ BORNE = 0.05
 
 @dataclass(frozen=True)
 class EmgConflict:
-    """One stretch of time.
+    """One stretch of time."""
 
-    Attributes
-    ----------
-    muscle : with EMG; "" where a reserve bears what muscles and EMG leave
-    coordinate : of the reserve, "" of a muscle
-    start, stop, worst : times, the last that of the largest difference [s]
-    emg, found : activation by EMG and by the solution then; of a reserve the torque wanted and the reserve's [N m or N]
-    """
-
-    muscle: str
-    coordinate: str
+    muscle: str  # with EMG; "" where a reserve bears what muscles and EMG leave
+    coordinate: str  # of the reserve, "" of a muscle
+    # start, stop, worst: times, the last that of the largest difference [s]
     start: float
     stop: float
     worst: float
+    # emg, found: activation by EMG and by the solution then; of a reserve the torque wanted and the reserve's [N m or
+    # N]
     emg: float
     found: float
 

@@ -22,24 +22,14 @@ LOUD = 10.0
 @read_only
 @dataclass(frozen=True, eq=False)
 class TrackedFrames:
-    """What the balance of some frames of a trial is made of.
+    """What the balance of some frames of a trial is made of."""
 
-    Attributes
-    ----------
-    time : (frames,) [s]
-    columns : (frames, rows, muscles) generalized force of one unit of activation [N m or N]
-    torques : (frames, rows) to be balanced [N m or N]
-    others : (frames, rows, others) what else may act, in units of its standard deviation [N m or N]
-    emg : envelopes, its channels those that are calibrated
-    gram : (muscles, muscles) products of what muscles do at all joints, rows that are left out here included
-    """
-
-    time: Array
-    columns: Array
-    torques: Array
-    others: Array
-    emg: Emg
-    gram: Array
+    time: Array  # (frames,) [s]
+    columns: Array  # (frames, rows, muscles) generalized force of one unit of activation [N m or N]
+    torques: Array  # (frames, rows) to be balanced [N m or N]
+    others: Array  # (frames, rows, others) what else may act, in units of its standard deviation [N m or N]
+    emg: Emg  # envelopes, its channels those that are calibrated
+    gram: Array  # (muscles, muscles) products of what muscles do at all joints, rows that are left out here included
 
 
 def few_frames(motion: Motion, torques: Series, every: int) -> tuple[Motion, Series]:
@@ -68,11 +58,8 @@ def tracked_frames(
     every: int,
 ) -> TrackedFrames:
     """Every so many frames of a trial, on the rows that say anything of the muscles under EMG.
-
-    Parameters
-    ----------
-    tells : (muscles, channels) True where a channel tells of a muscle
-    options, actuators, contacts : as for `solve_tension`
+    `tells` (muscles, channels) True where a channel tells of a muscle; `options`, `actuators`, `contacts`: as for
+    `solve_tension`.
     """
     few, wanted = few_frames(motion, torques, every)
     touching = None if contacts is None else _thinned(contacts, slice(None, None, every))

@@ -79,9 +79,7 @@ def _twins(group: Group, near: Array, gains: Array, names: tuple[str, ...], musc
 
     Their own course says more of them than synergies that they share with muscles which act otherwise.
 
-    Parameters
-    ----------
-    near : (muscles, channels) cosine between what muscles do at the joints
+    `near` (muscles, channels) cosine between what muscles do at the joints.
     """
     coupled = near[np.ix_(group.muscles, group.channels)] >= SAME
     told = coupled.any(axis=1)

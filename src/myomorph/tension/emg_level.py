@@ -19,9 +19,7 @@ def kept_level(tracking: TorqueTracking, level: Prior, delays: Array, shapes: Ar
     Muscles without EMG are expected to work as those beside them. Where hardly anything else says how large gains
     are (contact forces that nobody measured), that alone would make them small.
 
-    Parameters
-    ----------
-    level : the prior whose common level is known; `tracking` has the one whose level is not
+    `level`: the prior whose common level is known; `tracking` has the one whose level is not.
     """
     wide = tracking.prior
     free = tracking.fit(delays, shapes)
@@ -33,10 +31,7 @@ def kept_level(tracking: TorqueTracking, level: Prior, delays: Array, shapes: Ar
 
 def settled_fit(tracking: TorqueTracking, wide: Prior, delays: Array, shapes: Array) -> Fit:
     """The most probable gains, where those that torques do not tell are the usual ones beside those that they do.
-
-    Parameters
-    ----------
-    wide : the prior whose common level is not known, for the deviations
+    `wide`: the prior whose common level is not known, for the deviations.
     """
     prior = tracking.prior
     tracking.prior = wide

@@ -32,10 +32,8 @@ def swapped_channels(envelopes: Array, activations: Array) -> tuple[Swap, ...]:
     Both channels must follow the other's muscles better than their own. Muscles that work at the same time
     (gastrocnemius and soleus, vasti and gluteus medius in walking) cannot be told apart so.
 
-    Parameters
-    ----------
-    envelopes : (frames, channels) at the delay of EMG, NaN where unknown
-    activations : (frames, channels) means of each channel's muscles, found without EMG from joint torques
+    `envelopes` (frames, channels) at the delay of EMG, NaN where unknown; `activations` (frames, channels) means of
+    each channel's muscles, found without EMG from joint torques.
     """
     use = np.isfinite(envelopes).all(axis=1) & np.isfinite(activations).all(axis=1)
     count = envelopes.shape[1]

@@ -78,19 +78,9 @@ def emg_targets(
     Each muscle takes the mean of the channels that tell of it and are known at that time. Dead stretches
     are unknown, negative values 0 (see `emg_checks.envelope_faults` for what to tell the user).
 
-    Parameters
-    ----------
-    channels : channel of `emg` to muscles of the model; channels that are not named are not used
-    time : (frames,) of the motion [s]
-    calibration : delays and gains of at least these channels, by `calibrate_emg`; None takes envelopes as
-        activations, `options.delay` late
-
-    Raises
-    ------
-    UnknownName
-        where a channel or a muscle does not exist
-    BadData
-        where no channel is named or known, or EMG and motion have no time in common
+    `channels`: channel of `emg` to muscles of the model; channels that are not named are not used; `time` (frames,) of
+    the motion [s]; `calibration`: delays and gains of at least these channels, by `calibrate_emg`; None takes envelopes
+    as activations, `options.delay` late.
     """
     options = options or EmgOptions()
     muscles = mapped_muscles(emg, channels, model)
@@ -116,15 +106,7 @@ def emg_targets(
 
 
 def mapped_muscles(emg: Emg, channels: ChannelMap, model: Model) -> tuple[str, ...]:
-    """Muscles that the channels tell of, in the model's order.
-
-    Raises
-    ------
-    UnknownName
-        where a channel or a muscle does not exist
-    BadData
-        where no channel is of a muscle
-    """
+    """Muscles that the channels tell of, in the model's order."""
     told: set[str] = set()
     for channel, names in channels.items():
         index_of("EMG channel", channel, emg.names, "the EMG")

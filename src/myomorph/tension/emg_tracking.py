@@ -64,12 +64,8 @@ class Prior(NamedTuple):
 
 def gain_prior(peaks: Array, maxima: Array, shared: float = SHARED) -> Prior:
     """Prior of log gains (channels,).
-
-    Parameters
-    ----------
-    peaks : (channels,) largest envelope over all trials
-    maxima : (channels,) envelope in a maximum voluntary contraction, NaN where nobody measured one
-    shared : standard deviation of what all channels share
+    `peaks` (channels,) largest envelope over all trials; `maxima` (channels,) envelope in a maximum voluntary
+    contraction, NaN where nobody measured one; `shared`: standard deviation of what all channels share.
     """
     told, alive = np.isfinite(maxima), peaks > 0.0
     largest = np.where(told, maxima, np.where(alive, peaks, 1.0))
@@ -84,41 +80,27 @@ def gain_prior(peaks: Array, maxima: Array, shared: float = SHARED) -> Prior:
 
 
 class Fit(NamedTuple):
-    """The most probable gains and what belongs to them.
+    """The most probable gains and what belongs to them."""
 
-    Attributes
-    ----------
-    cost : minus the logarithm of the posterior, at the errors of torques that were assumed
-    gains, offsets : (channels,)
-    weights : of each group of synergies (muscles, synergies)
-    deviation : (channels,) standard deviation of the gains' logarithms
-    misfit : the part of the cost that is of torques, without that of the priors
-    """
-
-    cost: float
+    cost: float  # minus the logarithm of the posterior, at the errors of torques that were assumed
+    # gains, offsets: (channels,)
     gains: Array
     offsets: Array
-    weights: tuple[Array, ...]
-    deviation: Array
-    misfit: float
+    weights: tuple[Array, ...]  # of each group of synergies (muscles, synergies)
+    deviation: Array  # (channels,) standard deviation of the gains' logarithms
+    misfit: float  # the part of the cost that is of torques, without that of the priors
 
 
 @read_only
 @dataclass(frozen=True, eq=False)
 class Group:
-    """Unmeasured muscles that share joints with some channels, and these channels' synergies.
+    """Unmeasured muscles that share joints with some channels, and these channels' synergies."""
 
-    Attributes
-    ----------
-    synergies : of the channels
-    channels, muscles : their columns among all channels, and all muscles
-    like : (muscles, channels) how much of an unmeasured muscle's activation each channel's is, see `alike`
-    """
-
-    synergies: Synergies
+    synergies: Synergies  # of the channels
+    # channels, muscles: their columns among all channels, and all muscles
     channels: np.ndarray
     muscles: np.ndarray
-    like: Array
+    like: Array  # (muscles, channels) how much of an unmeasured muscle's activation each channel's is, see `alike`
 
 
 def action_cosines(frames: Sequence[TrackedFrames]) -> Array:
@@ -130,10 +112,7 @@ def action_cosines(frames: Sequence[TrackedFrames]) -> Array:
 
 def alike(frames: Sequence[TrackedFrames], muscles: np.ndarray, tells: Array) -> Array:
     """(muscles, channels) shares in which channels stand for unmeasured muscles: by what these do at the joints.
-
-    Parameters
-    ----------
-    tells : (all muscles, channels) True where a channel tells of a muscle
+    `tells` (all muscles, channels) True where a channel tells of a muscle.
     """
     cosine = np.maximum(action_cosines(frames)[muscles], 0.0)
     near = (cosine @ tells) / np.maximum(tells.sum(axis=0), 1.0)
@@ -144,16 +123,10 @@ def alike(frames: Sequence[TrackedFrames], muscles: np.ndarray, tells: Array) ->
 
 class TorqueTracking:
     """The regression over all trials.
-
-    Parameters
-    ----------
-    frames : of all trials
-    tells : (muscles, channels) True where a channel tells of a muscle
-    groups : synergies for unmeasured muscles
-    prior : of the gains
-    offsets : whether channels may have an activation at rest
-    errors : of the torques, and what a frame is worth, where they are known from elsewhere
-    noise : (channels,) standard deviation of noise in the envelopes; it makes gains smaller unless that is corrected
+    `frames`: of all trials; `tells` (muscles, channels) True where a channel tells of a muscle; `groups`: synergies for
+    unmeasured muscles; `prior`: of the gains; `offsets`: whether channels may have an activation at rest; `errors`: of
+    the torques, and what a frame is worth, where they are known from elsewhere; `noise` (channels,) standard deviation
+    of noise in the envelopes; it makes gains smaller unless that is corrected.
     """
 
     def __init__(

@@ -13,17 +13,11 @@ from myomorph.model.labelled import Variable
 
 @dataclass(frozen=True)
 class Unreachable:
-    """A muscle whose fibers cannot reach, so that its tendon was taken as rigid.
-
-    Attributes
-    ----------
-    frame : the first in which they cannot
-    worst : the normalized fiber length furthest out: below 0 where the path is shorter than the slack tendon
-    """
+    """A muscle whose fibers cannot reach, so that its tendon was taken as rigid."""
 
     muscle: str
-    frame: int
-    worst: float
+    frame: int  # the first in which they cannot
+    worst: float  # the normalized fiber length furthest out: below 0 where the path is shorter than the slack tendon
 
 
 @dataclass(frozen=True)

@@ -57,15 +57,10 @@ class ContactPoint:
 
 @dataclass(frozen=True)
 class JointPoints:
-    """Contact points of a model's joints.
+    """Contact points of a model's joints."""
 
-    Attributes
-    ----------
-    points : of one joint after the other
-    notes : what is to be known of them, one line each: where they were not taken from the joint's own bone
-    """
-
-    points: tuple[ContactPoint, ...]
+    points: tuple[ContactPoint, ...]  # of one joint after the other
+    # what is to be known of them, one line each: where they were not taken from the joint's own bone
     notes: tuple[str, ...] = ()
 
 
@@ -281,15 +276,9 @@ def shared_force(
     force: Array, moment: Array, center: Array, points: Array, normals: Array
 ) -> tuple[Array, Array, Array, Array]:
     """A joint's force among points that push, frame by frame.
-
-    Parameters
-    ----------
-    force, moment : (frames, 3) on the child, the moment about `center` [N], [N m]
-    center, points, normals : (frames, 3) and (frames, points, 3) in the same axes [m]; normals of unit length
-
-    Returns
-    -------
-    forces (frames, points), shear (frames,), the force that would pull (frames,) [N], the moment left (frames,) [N m]
+    `force`, `moment` (frames, 3) on the child, the moment about `center` [N], [N m]; `center`, `points`, `normals`
+    (frames, 3) and (frames, points, 3) in the same axes [m]; normals of unit length. Returns forces (frames, points),
+    shear (frames,), the force that would pull (frames,) [N], the moment left (frames,) [N m].
     """
     from scipy.optimize import nnls  # Only where contact points are given: it takes longer to import than a command.
 

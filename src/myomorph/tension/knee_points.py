@@ -37,19 +37,9 @@ def knee_points(model: Model, surfaces: Mapping[str, Surface]) -> JointPoints:
 
     Source: Lerner et al. 2015; bones of Rajagopal et al. 2016.
 
-    Parameters
-    ----------
-    model : whose knees are the joints between a body called femur or thigh and one called tibia or shank
-    surfaces : meshes by `Mesh.file`, in their own units, as far as they are there
-
-    Returns
-    -------
-    the points, and a note on each knee without a bone of its own
-
-    Raises
-    ------
-    BadModel
-        where the model has no knee, or a knee has no side, no hip or no ankle to tell its axes by
+    `model`: whose knees are the joints between a body called femur or thigh and one called tibia or shank; `surfaces`:
+    meshes by `Mesh.file`, in their own units, as far as they are there. Returns the points, and a note on each knee
+    without a bone of its own.
 
     Examples
     --------

@@ -19,41 +19,21 @@ from myomorph.tension.tension import TensionOptions
 @read_only
 @dataclass(frozen=True, eq=False)
 class TensionFrame:
-    """What one frame gives.
+    """What one frame gives."""
 
-    Attributes
-    ----------
-    activations, forces : (muscles,) NaN where the frame was not solved; along the tendons [N]
-    reserves : (actuators,) their forces [N] and torques [N m]
-    balanced : (rows,) what muscles and actuators had to give together, in the order of `OnlineTension.rows`
-    status : index into `STATUS_NAMES`
-    equilibrium_residual : greatest torque or force left unbalanced [N m or N]
-    """
-
+    # activations, forces: (muscles,) NaN where the frame was not solved; along the tendons [N]
     activations: Array
     forces: Array
-    reserves: Array
-    balanced: Array
-    status: int
-    equilibrium_residual: float
+    reserves: Array  # (actuators,) their forces [N] and torques [N m]
+    balanced: Array  # (rows,) what muscles and actuators had to give together, in the order of `OnlineTension.rows`
+    status: int  # index into `STATUS_NAMES`
+    equilibrium_residual: float  # greatest torque or force left unbalanced [N m or N]
 
 
 class OnlineTension:
     """The problem of `solve_tension`, set up once.
-
-    Parameters
-    ----------
-    actuators : as of `solve_tension`
-
-    Attributes
-    ----------
-    muscles, actuators : names
-    rows : names of the coordinates that are balanced
-    lower, upper : (muscles,) bounds of the activations
-
-    Raises
-    ------
-    BadModel : the model has no muscle, nothing to solve for, or closes loops
+    `actuators`: as of `solve_tension`. `muscles`, `actuators`: names; `rows`: names of the coordinates that are
+    balanced; `lower`, `upper` (muscles,) bounds of the activations.
     """
 
     def __init__(
@@ -77,10 +57,7 @@ class OnlineTension:
 
     def solve(self, coordinates: Array, rates: Array, torques: Array) -> TensionFrame:
         """Share the torques of a frame among muscles.
-
-        Parameters
-        ----------
-        coordinates, rates, torques : (1, coordinates) consistent, of inverse dynamics [N m or N]
+        `coordinates`, `rates`, `torques` (1, coordinates) consistent, of inverse dynamics [N m or N].
         """
         self._problem.renew(coordinates, rates, torques)
         balance = self._problem.balance(0, 1)

@@ -50,11 +50,8 @@ def tension_problem(
 
     With contacts it is the problem that finds their forces (`options_with_contacts`).
 
-    Parameters
-    ----------
-    only : coordinates whose equations are kept, where not all are
-
-    The others, and errors, are those of `solve_tension`.
+    `only`: coordinates whose equations are kept, where not all are; The others, and errors, are those of
+    `solve_tension`.
     """
     options = options_with_contacts(options or TensionOptions(), contacts, terms)
     tree = compile_tree(model)
@@ -127,39 +124,26 @@ def _torques_of(tree: Tree, motion: Motion, torques: Series) -> Array:
 
 
 class Balance(NamedTuple):
-    """A x = b of some frames, and what the muscles can pull with.
+    """A x = b of some frames, and what the muscles can pull with."""
 
-    Attributes
-    ----------
-    values, right : (frames, entries) of A and (frames, rows) b, in the order of the pattern
-    active, passive, viscous : (frames, muscles) force per unit activation, passive elastic and viscous force [N]
-    torques : (frames, coordinates) of the rows, passive and viscous forces of muscles not taken off [N m or N]
-    """
-
+    # values, right: (frames, entries) of A and (frames, rows) b, in the order of the pattern
     values: Array
     right: Array
+    # active, passive, viscous: (frames, muscles) force per unit activation, passive elastic and viscous force [N]
     active: Array
     passive: Array
     viscous: Array
-    torques: Array
+    torques: Array  # (frames, coordinates) of the rows, passive and viscous forces of muscles not taken off [N m or N]
 
 
 class TensionProblem:
     """The problem of all frames: the sum of its terms, set up and solved chunk by chunk.
-
-    Attributes
-    ----------
-    terms : all that the problem is made of
-    muscles, actuators, contacts : the terms of these; contacts are None for none
-    unknowns : of all terms: activations, controls, amplitudes of contacts, others; those of rows come behind them
-    assembly : pattern of A and what fills it
-    rows : what terms add to the rows of the coordinates
-    separable : weights, exponents and bounds of all unknowns
-    options : settings
-    coordinates : (frames, coordinates) all values
-    penalties : interval penalties of all unknowns
-    smooth : how frames are linked, None where they are not
-    window : frames that are solved together
+    `terms`: all that the problem is made of; `muscles`, `actuators`, `contacts`: the terms of these; contacts are None
+    for none; `unknowns`: of all terms: activations, controls, amplitudes of contacts, others; those of rows come behind
+    them; `assembly`: pattern of A and what fills it; `rows`: what terms add to the rows of the coordinates;
+    `separable`: weights, exponents and bounds of all unknowns; `options`: settings; `coordinates` (frames, coordinates)
+    all values; `penalties`: interval penalties of all unknowns; `smooth`: how frames are linked, None where they are
+    not; `window`: frames that are solved together.
     """
 
     def __init__(
@@ -280,10 +264,7 @@ class TensionProblem:
 
     def renew(self, coordinates: Array, rates: Array, torques: Array) -> None:
         """Put other frames in the place of those that were given, as many.
-
-        Parameters
-        ----------
-        coordinates, rates, torques : (frames, coordinates) consistent, torques of inverse dynamics [N m or N]
+        `coordinates`, `rates`, `torques` (frames, coordinates) consistent, torques of inverse dynamics [N m or N].
         """
         self.coordinates[:], self._rates[:] = coordinates, rates
         self._tau[:] = torques
@@ -293,11 +274,8 @@ class TensionProblem:
         self, balance: Balance, begin: int = 0, warm: Array | None = None
     ) -> tuple[Array, Array, Array, np.ndarray, np.ndarray]:
         """Unknowns of some frames (frames, n), multipliers (frames, rows), residual, iterations and status.
-
-        Parameters
-        ----------
-        balance : what to balance in the frames from `begin` on
-        warm : (rows,) multipliers to begin with, afterwards those of the last frame; None for none
+        `balance`: what to balance in the frames from `begin` on; `warm` (rows,) multipliers to begin with, afterwards
+        those of the last frame; None for none.
         """
         frames, count = len(balance.right), len(self.separable.weight)
         x, y = np.empty((frames, count)), np.empty(balance.right.shape)

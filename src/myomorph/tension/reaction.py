@@ -188,17 +188,9 @@ def caused_motion(
     actuators: Sequence[Actuator] = (),
 ) -> Motion:
     """The motion with the accelerations that all forces together cause, of all coordinates in the model's order.
-
-    Parameters
-    ----------
-    motion : with velocities and accelerations, of which only those of prescribed coordinates are read
-    forces : of muscles and actuators by name [N or N m], of all muscles that are switched on; None where none acts
-    wrenches, actuators : as of `joint_reactions`
-
-    Raises
-    ------
-    BadData, UnknownName
-        as `joint_reactions`
+    `motion`: with velocities and accelerations, of which only those of prescribed coordinates are read; `forces`: of
+    muscles and actuators by name [N or N m], of all muscles that are switched on; None where none acts; `wrenches`,
+    `actuators`: as of `joint_reactions`.
     """
     tree = compile_tree(model)
     c, cdot, cddot = motion_arrays(tree, motion)
@@ -212,24 +204,18 @@ def caused_motion(
 
 @dataclass(eq=False)
 class _Loads:
-    """What acts on bodies and along coordinates, added up.
-
-    Attributes
-    ----------
-    bodies : (frames, bodies, 6) wrenches
-    along : (frames, coordinates) forces of actuators of coordinates
-    moved : (frames, coordinates) what muscles do through points that move in their bodies, gathered
-    lever : (frames, bodies, 6) or 0.0, what the patella as a lever changes of `bodies`: nothing that moves the model
-    """
+    """What acts on bodies and along coordinates, added up."""
 
     tree: Tree
     motion: Motion
     poses: Poses
     c: Array
     cdot: Array
-    bodies: Array = field(init=False)
-    along: Array = field(init=False)
+    bodies: Array = field(init=False)  # (frames, bodies, 6) wrenches
+    along: Array = field(init=False)  # (frames, coordinates) forces of actuators of coordinates
+    # (frames, coordinates) what muscles do through points that move in their bodies, gathered
     moved: Array = field(init=False)
+    # (frames, bodies, 6) or 0.0, what the patella as a lever changes of `bodies`: nothing that moves the model
     lever: Array | float = field(init=False, default=0.0)
 
     def __post_init__(self) -> None:

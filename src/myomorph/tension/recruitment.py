@@ -54,10 +54,7 @@ class RecruitmentOptions:
 
     def settled(self, model: Model, options: TensionOptions, external: bool) -> RecruitmentOptions:
         """The options with the default weight of joint loads decided.
-
-        Parameters
-        ----------
-        external : whether the external forces are known, not torques alone
+        `external`: whether the external forces are known, not torques alone.
         """
         if self.joint_load is not None:
             return self
@@ -96,13 +93,9 @@ def joint_load_term(
     model: Model, motion: Motion, wrenches: Wrenches | None, weight: float, joints: Sequence[str] = ()
 ) -> JointLoadTerm:
     """The term of joint loads.
-
-    Parameters
-    ----------
-    motion : with velocities and accelerations
-    wrenches : external forces at the motion's times, None for none
-    weight : of one body weight squared in units of the effort a^2 of one muscle
-    joints : names; none for all that a muscle crosses
+    `motion`: with velocities and accelerations; `wrenches`: external forces at the motion's times, None for none;
+    `weight`: of one body weight squared in units of the effort a^2 of one muscle; `joints`: names; none for all that a
+    muscle crosses.
     """
     chosen = crossed_joints(model, joints)
     alone = joint_reactions(model, motion, None, wrenches, joints=chosen, frame="ground").forces

@@ -51,26 +51,18 @@ class RelaxationOptions:
 @read_only
 @dataclass(frozen=True, eq=False)
 class Relaxation:
-    """A frame whose contacts cannot carry the motion.
-
-    Attributes
-    ----------
-    force, moment : (3,) what contacts leave at the roots together, in ground; moments about the bodies' mass centers
-        [N], [N m]
-    touching : sites that may carry force
-    allowances : what would do, greatest first
-    size : sum of all their sizes, over the weight of the model
-    sentence : all that in one line
-    """
+    """A frame whose contacts cannot carry the motion."""
 
     frame: int
     time: float
+    # (3,) what contacts leave at the roots together, in ground; moments about the bodies' mass centers [N]
     force: Array
+    # (3,) what contacts leave at the roots together, in ground; moments about the bodies' mass centers [N m]
     moment: Array
-    touching: tuple[str, ...]
-    allowances: tuple[Allowance, ...]
-    size: float
-    sentence: str
+    touching: tuple[str, ...]  # sites that may carry force
+    allowances: tuple[Allowance, ...]  # what would do, greatest first
+    size: float  # sum of all their sizes, over the weight of the model
+    sentence: str  # all that in one line
 
 
 def relaxations(
@@ -81,14 +73,7 @@ def relaxations(
     Frames that lack input are left out, and those in which residuals are large though contacts could do without them;
     a model that does not float has none.
 
-    Parameters
-    ----------
-    problem, tension : as `tension_problem` sets it up with contacts, solved, and what it found
-
-    Raises
-    ------
-    BadData
-        where the problem has no contacts
+    `problem`, `tension`: as `tension_problem` sets it up with contacts, solved, and what it found.
     """
     options = options or RelaxationOptions()
     if problem.contacts is None:

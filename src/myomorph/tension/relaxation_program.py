@@ -25,23 +25,16 @@ Kind = Literal["contact", "friction", "most", "pull", "residual"]
 
 @dataclass(frozen=True)
 class Allowance:
-    """One thing that would have to be allowed.
+    """One thing that would have to be allowed."""
 
-    Attributes
-    ----------
-    kind : "contact": sites that do not touch; "friction": more than the cones'; "most": more than the sites' greatest
-        force; "pull": force the other way; "residual": a force or moment from nowhere
-    where : the group of the sites, or the body that floats
-    force : its size, of a "friction" across the cone beyond what was allowed [N], 0 for a moment alone
-    moment : of a residual [N m]
-    needed : of a "friction" the coefficient that would do, of a "contact" how far the nearest of its sites is above
-        where they touch at other times [m]
-    """
-
+    # "contact": sites that do not touch; "friction": more than the cones'; "most": more than the sites' greatest force;
+    # "pull": force the other way; "residual": a force or moment from nowhere
     kind: Kind
-    where: str
-    force: float
-    moment: float = 0.0
+    where: str  # the group of the sites, or the body that floats
+    force: float  # its size, of a "friction" across the cone beyond what was allowed [N], 0 for a moment alone
+    moment: float = 0.0  # of a residual [N m]
+    # of a "friction" the coefficient that would do, of a "contact" how far the nearest of its sites is above where they
+    # touch at other times [m]
     needed: float = 0.0
 
     @property
@@ -52,11 +45,7 @@ class Allowance:
 
 def what_lacks(touching: Sequence[str], force: Array, moment: Array, up: Array) -> str:
     """What is wrong, as a clause: who may touch, and what is left over.
-
-    Parameters
-    ----------
-    force, moment : (3,) that contacts leave [N], [N m]
-    up : (3,) unit vector against gravity
+    `force`, `moment` (3,) that contacts leave [N], [N m]; `up` (3,) unit vector against gravity.
     """
     upward, size, turn = float(force @ up), float(np.linalg.norm(force)), float(np.linalg.norm(moment))
     way = "upward" if upward > 0.7 * size else "downward" if upward < -0.7 * size else "sideways"
@@ -102,38 +91,30 @@ STILL = np.zeros(3)
 
 @dataclass(eq=False)
 class Roots:
-    """The equations of motion of all bodies that float, in all frames.
-
-    Attributes
-    ----------
-    bodies : the bodies that float
-    up, weight : against gravity, and of the whole model [N]
-    weights : (bodies,) of the subject or object that each carries, of small ones `LEAST` of the whole [N]
-    residuals : (frames, rows, 6 bodies) generalized forces of unit forces and moments at the bodies' mass centers
-    pushes : (frames, rows, generators) of unit forces along the generators of the sites' cones
-    axes : (frames, rows, 3 sites) of unit forces along the ground's axes at the middles of the sites
-    heights : (frames, sites) of the middles above where the sites of their group touch, in the median; above where any
-        do for a group that never touches [m]
-    center : height of the center of mass above the lowest of these places, the median [m]
-    z : (frames, generators) forces of the solution [N]
-    left : (frames, 6 bodies) forces and moments that contacts leave [N], [N m]
-    """
+    """The equations of motion of all bodies that float, in all frames."""
 
     problem: TensionProblem
     contacts: ContactTerm
     tension: Tension
     poses: Poses = field(init=False)
-    bodies: tuple[str, ...] = field(init=False)
+    bodies: tuple[str, ...] = field(init=False)  # the bodies that float
+    # up, weight: against gravity, and of the whole model [N]
     up: Array = field(init=False)
     weight: float = field(init=False)
+    # (bodies,) of the subject or object that each carries, of small ones `LEAST` of the whole [N]
     weights: Array = field(init=False)
+    # (frames, rows, 6 bodies) generalized forces of unit forces and moments at the bodies' mass centers
     residuals: Array = field(init=False)
+    # (frames, rows, generators) of unit forces along the generators of the sites' cones
     pushes: Array = field(init=False)
+    # (frames, rows, 3 sites) of unit forces along the ground's axes at the middles of the sites
     axes: Array = field(init=False)
+    # (frames, sites) of the middles above where the sites of their group touch, in the median; above where any do for a
+    # group that never touches [m]
     heights: Array = field(init=False)
-    center: float = field(init=False)
-    z: Array = field(init=False)
-    left: Array = field(init=False)
+    center: float = field(init=False)  # height of the center of mass above the lowest of these places, the median [m]
+    z: Array = field(init=False)  # (frames, generators) forces of the solution [N]
+    left: Array = field(init=False)  # (frames, 6 bodies) forces and moments that contacts leave [N], [N m]
 
     def __post_init__(self) -> None:
         tree, generators, c = self.problem.assembly.tree, self.contacts.generators, self.problem.coordinates
@@ -209,24 +190,16 @@ def _levels(heights: Array, contacts: ContactTerm) -> Array:
 @read_only
 @dataclass(frozen=True, eq=False)
 class _Column:
-    """A variable of the program.
+    """A variable of the program."""
 
-    Attributes
-    ----------
-    kind, place : what it relaxes, and the number of the generator, site, or component of a residual
-    given : whether it is allowed anyway
-    push : (3,) force of one unit, for those at sites [1]
-    column : (rows,) generalized forces of one unit
-    price : of one unit's size
-    low, high, at : bounds, and where the program begins
-    """
-
+    # kind, place: what it relaxes, and the number of the generator, site, or component of a residual
     kind: Kind
     place: int
-    given: bool
-    push: Array
-    column: Array
-    price: float
+    given: bool  # whether it is allowed anyway
+    push: Array  # (3,) force of one unit, for those at sites [1]
+    column: Array  # (rows,) generalized forces of one unit
+    price: float  # of one unit's size
+    # low, high, at: bounds, and where the program begins
     low: float
     high: float
     at: float
@@ -234,10 +207,7 @@ class _Column:
 
 def smallest_relaxation(roots: Roots, frame: int, limits: Array) -> tuple[Allowance, ...]:
     """The relaxation of least cost of one frame, greatest allowance first.
-
-    Parameters
-    ----------
-    limits : (bodies, 2) of residual force and moment [N], [N m]
+    `limits` (bodies, 2) of residual force and moment [N], [N m].
     """
     columns = [*_residuals(roots, frame, limits), *_generators(roots, frame), *_beyond_cones(roots, frame)]
     matrix = np.array([column.column for column in columns]).T

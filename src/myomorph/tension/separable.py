@@ -15,50 +15,30 @@ from myomorph.rigid.kernels import inner
 
 
 class Separable(NamedTuple):
-    """Pattern and data that all frames share.
+    """Pattern and data that all frames share."""
 
-    Attributes
-    ----------
-    start : (variables + 1,) entries of column i of A are start[i] ... start[i + 1] - 1
-    row : (entries,) their rows, in the order of elimination, ascending in each column
-    first : (rows,) in the envelope of A D A^T, the first column of each row
-    weight, exponent, lower, upper : (variables,)
-    capped : the first so many variables lie under a common bound besides
-    peak : what one unit of that bound costs, 0 for no such bound (see `ceiling.py`)
-    """
-
-    start: NDArray[np.int64]
-    row: NDArray[np.int64]
-    first: NDArray[np.int64]
+    start: NDArray[np.int64]  # (variables + 1,) entries of column i of A are start[i] ... start[i + 1] - 1
+    row: NDArray[np.int64]  # (entries,) their rows, in the order of elimination, ascending in each column
+    first: NDArray[np.int64]  # (rows,) in the envelope of A D A^T, the first column of each row
+    # weight, exponent, lower, upper: (variables,)
     weight: Array
     exponent: Array
     lower: Array
     upper: Array
-    capped: int = 0
-    peak: float = 0.0
+    capped: int = 0  # the first so many variables lie under a common bound besides
+    peak: float = 0.0  # what one unit of that bound costs, 0 for no such bound (see `ceiling.py`)
 
 
 class Links(NamedTuple):
-    """Variables that should change little from frame to frame: stiffness_k w_i (amount_k - amount_(k-1))^2.
+    """Variables that should change little from frame to frame: stiffness_k w_i (amount_k - amount_(k-1))^2."""
 
-    Attributes
-    ----------
-    first : variables first ... first + linked - 1 are linked
-    scale : (frames, linked) amount of one unit of the variable, 0 where it takes no part
-    amount : (frames, linked) room for the amounts as other frames see them
-    stiffness : (frames - 1,) between a frame and the next, in units of the variables' weights
-    over : factor of over-relaxation, 1 to 2
-    sweeps : most passes over the frames
-    tolerance : change of an amount at which passes end
-    """
-
-    first: int
-    scale: Array
-    amount: Array
-    stiffness: Array
-    over: float
-    sweeps: int
-    tolerance: float
+    first: int  # variables first ... first + linked - 1 are linked
+    scale: Array  # (frames, linked) amount of one unit of the variable, 0 where it takes no part
+    amount: Array  # (frames, linked) room for the amounts as other frames see them
+    stiffness: Array  # (frames - 1,) between a frame and the next, in units of the variables' weights
+    over: float  # factor of over-relaxation, 1 to 2
+    sweeps: int  # most passes over the frames
+    tolerance: float  # change of an amount at which passes end
 
 
 def no_links() -> Links:
@@ -74,28 +54,18 @@ def no_penalties(variables: int) -> Array:
 @read_only
 @dataclass(frozen=True, eq=False)
 class Pattern:
-    """Where A (rows, variables) may differ from zero, and an order of its rows with a small envelope.
-
-    Attributes
-    ----------
-    order : (rows,) the rows in the order of elimination
-    place : (entries,) position of the caller's k-th entry in the kernel's order
-    """
+    """Where A (rows, variables) may differ from zero, and an order of its rows with a small envelope."""
 
     start: NDArray[np.int64]
     row: NDArray[np.int64]
     first: NDArray[np.int64]
-    order: NDArray[np.int64]
-    place: NDArray[np.int64]
+    order: NDArray[np.int64]  # (rows,) the rows in the order of elimination
+    place: NDArray[np.int64]  # (entries,) position of the caller's k-th entry in the kernel's order
 
 
 def pattern(rows: NDArray[np.int64], columns: NDArray[np.int64], shape: tuple[int, int]) -> Pattern:
     """Pattern of a matrix from the places of its entries.
-
-    Parameters
-    ----------
-    rows, columns : (entries,) each place at most once
-    shape : (rows, variables) of the matrix
+    `rows`, `columns` (entries,) each place at most once; `shape` (rows, variables) of the matrix.
     """
     n, variables = shape
     filled = csr_array(coo_array((np.ones(len(rows)), (rows, columns)), shape=shape))

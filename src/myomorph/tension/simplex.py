@@ -29,18 +29,8 @@ REFRESH = 150
 
 def extremes(A: Array, x: Array, lower: Array, upper: Array, costs: Array) -> tuple[Array, Array]:
     """Least value of each linear function over {y : A y = A x, lower <= y <= upper}.
-
-    Parameters
-    ----------
-    A : (rows, n)
-    x : (n,) inside the bounds
-    lower, upper : (n,) may be infinite
-    costs : (functions, n)
-
-    Returns
-    -------
-    least : (functions,) -inf where there is no least
-    points : (functions, n) where they are taken
+    `A` (rows, n); `x` (n,) inside the bounds; `lower`, `upper` (n,) may be infinite; `costs` (functions, n). Returns
+    `least` (functions,) -inf where there is no least; `points` (functions, n) where they are taken.
     """
     least, points = np.empty(len(costs)), np.empty(costs.shape)
     arrays = (np.array(values, dtype=np.float64, order="C") for values in (A, x, lower, upper, costs))

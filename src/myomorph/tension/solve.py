@@ -151,10 +151,7 @@ def solve_contacts(
 
 def torques_under(problem: TensionProblem, torques: Series) -> Series:
     """What joint torques remain under the contact forces that a solved problem found (frames, coordinates).
-
-    Parameters
-    ----------
-    torques : as the problem got them [N m or N]
+    `torques`: as the problem got them [N m or N].
     """
     assert problem.contacts is not None
     names = problem.assembly.tree.model.coordinate_names

@@ -32,25 +32,16 @@ class SolvedFrames:
     """Some frames: minimise cost(x) subject to A x = b, lower <= x <= upper, and the x that was found.
 
     Unknowns are activations, controls, amplitudes of contacts, and others that terms bring in.
-
-    Attributes
-    ----------
-    frames : (frames,) their numbers in the motion
-    A, b : (frames, rows, variables), (frames, rows)
-    x : (frames, variables), NaN where a frame was not solved
-    shared : weights, exponents and bounds of all frames
-    penalties : (frames, 3, variables) as of `solve_separable`
-    values : entries of A as `TensionProblem.balance` gives them
-    muscles, controls, amplitudes : where activations, controls, and amplitudes end among the variables
     """
 
-    frames: NDArray[np.int64]
-    A: Array
-    b: Array
-    x: Array
-    shared: Separable
-    penalties: Array
-    values: Array
+    frames: NDArray[np.int64]  # (frames,) their numbers in the motion
+    A: Array  # (frames, rows, variables)
+    b: Array  # (frames, rows)
+    x: Array  # (frames, variables), NaN where a frame was not solved
+    shared: Separable  # weights, exponents and bounds of all frames
+    penalties: Array  # (frames, 3, variables) as of `solve_separable`
+    values: Array  # entries of A as `TensionProblem.balance` gives them
+    # muscles, controls, amplitudes: where activations, controls, and amplitudes end among the variables
     muscles: int
     controls: int
     amplitudes: int
@@ -88,11 +79,7 @@ class SolvedFrames:
 
 def solved_frames(problem: TensionProblem, tension: Tension, frames: NDArray[np.int64]) -> SolvedFrames:
     """Frames of a problem that was solved.
-
-    Parameters
-    ----------
-    tension : what the problem found, of all its frames
-    frames : (frames,) which ones
+    `tension`: what the problem found, of all its frames; `frames` (frames,) which ones.
     """
     shared = problem.separable
     n = len(shared.weight)
@@ -133,17 +120,9 @@ MAX_COUNT = 12
 
 def near_extremes(solved: SolvedFrames, bounds: tuple[Array, Array], functions: Array, share: float) -> Array:
     """Least and greatest values of linear functions of contact amplitudes among solutions near the optimum.
-
-    Parameters
-    ----------
-    solved : frames that were solved
-    bounds : (frames, variables) least and greatest, with what was found between them
-    functions : (frames, groups, 3, variables), of variables whose exponent is 2 alone
-    share : increase of the cost that is allowed, of the cost of the solution that was found
-
-    Returns
-    -------
-    (2, frames, groups, 3) least, greatest
+    `solved`: frames that were solved; `bounds` (frames, variables) least and greatest, with what was found between
+    them; `functions` (frames, groups, 3, variables), of variables whose exponent is 2 alone; `share`: increase of the
+    cost that is allowed, of the cost of the solution that was found. Returns (2, frames, groups, 3) least, greatest.
     """
     frames, groups = functions.shape[:2]
     costs = np.stack([functions, -functions], axis=1).reshape(frames, -1, functions.shape[-1])

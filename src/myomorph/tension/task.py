@@ -49,32 +49,21 @@ LARGE = 250
 
 @dataclass(frozen=True, eq=False)
 class EmgRecording:
-    """EMG that takes part in the tensions.
-
-    Attributes
-    ----------
-    muscles : channel to the muscles it was measured on
-    maxima : envelope of channels in maximum voluntary contractions
-    calibration : delays and gains from elsewhere, as of all trials of a subject; None finds them on this recording
-    """
+    """EMG that takes part in the tensions."""
 
     emg: Emg
-    muscles: Mapping[str, tuple[str, ...]]
-    maxima: Mapping[str, float]
+    muscles: Mapping[str, tuple[str, ...]]  # channel to the muscles it was measured on
+    maxima: Mapping[str, float]  # envelope of channels in maximum voluntary contractions
     options: EmgOptions
+    # delays and gains from elsewhere, as of all trials of a subject; None finds them on this recording
     calibration: EmgCalibration | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class EmgTargets:
-    """What EMG shows of a recording.
+    """What EMG shows of a recording."""
 
-    Attributes
-    ----------
-    target : None where no channel is of a muscle
-    """
-
-    target: EmgTarget | None
+    target: EmgTarget | None  # None where no channel is of a muscle
     calibration: EmgCalibration | None
     notes: tuple[str, ...] = ()
 
@@ -85,18 +74,11 @@ class EmgTargets:
 
 @dataclass(frozen=True, eq=False)
 class ContactWarnings:
-    """Doubts about the contact forces of a solution.
+    """Doubts about the contact forces of a solution."""
 
-    Attributes
-    ----------
-    intervals : what the data leave open, a few instants each
-    infeasible : frames whose contacts cannot carry the motion
-    lines : the same for runs of frames, one line each
-    """
-
-    intervals: tuple[ContactIntervals, ...]
-    infeasible: tuple[Relaxation, ...]
-    lines: tuple[str, ...]
+    intervals: tuple[ContactIntervals, ...]  # what the data leave open, a few instants each
+    infeasible: tuple[Relaxation, ...]  # frames whose contacts cannot carry the motion
+    lines: tuple[str, ...]  # the same for runs of frames, one line each
 
     def table(self) -> Table:
         """Forces with what the data leave open: `<group>_fx`, `<group>_fx_low`, `<group>_fx_high`, ... [N]."""
@@ -117,28 +99,18 @@ class ContactWarnings:
 
 @dataclass(frozen=True, eq=False)
 class TensionTask:
-    """The tension problem of a recording.
-
-    Attributes
-    ----------
-    torques : of those external forces alone that are known exactly
-    actuators : beside the model's own
-    setting : contacts, where their forces are asked for
-    emg : what EMG shows, where it takes part
-    wrenches : external forces that act as they were measured, at the motion's times
-    terms : further costs
-    recruitment : costs that need all joint torques, which are known only once contact forces are; None for none
-    """
+    """The tension problem of a recording."""
 
     model: Model
     motion: Motion
-    torques: Series
+    torques: Series  # of those external forces alone that are known exactly
     options: TensionOptions
-    actuators: tuple[Actuator, ...]
-    setting: ContactSetting | None
-    emg: EmgTargets | None
-    wrenches: Wrenches | None
-    terms: tuple[Term, ...] = ()
+    actuators: tuple[Actuator, ...]  # beside the model's own
+    setting: ContactSetting | None  # contacts, where their forces are asked for
+    emg: EmgTargets | None  # what EMG shows, where it takes part
+    wrenches: Wrenches | None  # external forces that act as they were measured, at the motion's times
+    terms: tuple[Term, ...] = ()  # further costs
+    # costs that need all joint torques, which are known only once contact forces are; None for none
     recruitment: RecruitmentOptions | None = None
 
     def solved(self, advance: Callable[[int], None]) -> tuple[Tension, ContactSolution | None]:
@@ -217,20 +189,9 @@ def tension_task(
     recruitment: RecruitmentOptions | None = None,
 ) -> TensionTask:
     """Set up the tension problem of a recording.
-
-    Parameters
-    ----------
-    torques : of the measured external forces (frames, coordinates) [N m or N]
-    actuators : beside the model's own
-    measured : forces of plates, at the motion's times
-    plan : contacts whose forces are to be estimated, None for none
-    emg : EMG that takes part, None for none
-    recruitment : costs beside the effort, None for none
-
-    Raises
-    ------
-    BadData
-        where contacts or EMG do not fit the model or the motion
+    `torques`: of the measured external forces (frames, coordinates) [N m or N]; `actuators`: beside the model's own;
+    `measured`: forces of plates, at the motion's times; `plan`: contacts whose forces are to be estimated, None for
+    none; `emg`: EMG that takes part, None for none; `recruitment`: costs beside the effort, None for none.
     """
     setting, wrenches = None, measured.wrenches
     if plan is not None:
@@ -262,10 +223,7 @@ def emg_targets_of(
     contacts: ContactTask | None,
 ) -> EmgTargets:
     """Targets of activations, with delay and gains of this recording (see `calibrate_emg`).
-
-    Parameters
-    ----------
-    torques, options, actuators, contacts : as for the tensions that EMG is to take part in
+    `torques`, `options`, `actuators`, `contacts`: as for the tensions that EMG is to take part in.
     """
     emg, muscles, chosen = recorded.emg, recorded.muscles, recorded.options
     if not muscles:
@@ -287,10 +245,7 @@ def emg_targets_of(
 
 def added_reserves(model: Model, options: TensionOptions, objects: Collection[str] = ()) -> tuple[Actuator, ...]:
     """A weak reserve for every free coordinate; what holds an object is weaker still: nothing but its contacts does.
-
-    Parameters
-    ----------
-    objects : their bodies
+    `objects`: their bodies.
     """
     return tuple(
         replace(reserve, optimal_force=OBJECT_RESIDUAL * reserve.optimal_force) if reserve.body in objects else reserve
@@ -302,12 +257,8 @@ def contact_warnings(
     solution: ContactSolution, frames: Sequence[int], advance: Callable[[int], None]
 ) -> ContactWarnings:
     """Ask at some instants what the data leave open, and of all frames whether contacts carry them.
-
-    Parameters
-    ----------
-    solution : the problem that found contact forces, solved
-    frames : numbers of the instants
-    advance : called with the number of instants just done
+    `solution`: the problem that found contact forces, solved; `frames`: numbers of the instants; `advance`: called with
+    the number of instants just done.
     """
     problem, tension = solution
     marked = relaxations(problem, tension)

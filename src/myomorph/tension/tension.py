@@ -227,11 +227,6 @@ def tension_of(whole: Tension, part: str) -> Tension:
 
     Status, iterations and equilibrium residual stay those of the whole problem. Contact forces are not taken along, as
     those between parts have a site on one of them only: `part_of(whole.contacts.wrenches(), part)` gives all on it.
-
-    Raises
-    ------
-    UnknownName
-        where no muscle is the part's
     """
     muscles = _own(whole.muscles, part)
     if not muscles:

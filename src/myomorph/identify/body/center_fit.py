@@ -159,11 +159,8 @@ def _started(coordinate: Coordinate, joint: Joint | None, regions: Mapping[str, 
 
 class CenterFit:
     """Factors and a pose of the higher model that bring its joint centers to those of the lower.
-
-    Attributes
-    ----------
-    pairs : (region, center, center) whose distances the factors of the region set
-    free : regions with factors of their own: one, or three where three centers or more bound the region
+    `pairs` (region, center, center) whose distances the factors of the region set; `free`: regions with factors of
+    their own: one, or three where three centers or more bound the region.
     """
 
     def __init__(

@@ -32,37 +32,21 @@ MIN_POINTS = 40
 
 
 class EnvelopePoints(NamedTuple):
-    """Points inside the envelopes of a model's bodies.
+    """Points inside the envelopes of a model's bodies."""
 
-    Attributes
-    ----------
-    points : (points, 3) in ground [m]
-    link : (points,) body of each, by its place in the model
-    masses : (points,) so that each body weighs what the model says [kg]
-    words : what the envelopes are
-    """
-
-    points: Array
-    link: np.ndarray
-    masses: Array
-    words: str
+    points: Array  # (points, 3) in ground [m]
+    link: np.ndarray  # (points,) body of each, by its place in the model
+    masses: Array  # (points,) so that each body weighs what the model says [kg]
+    words: str  # what the envelopes are
 
 
 class Solid(NamedTuple):
-    """The envelope of a body in its frame: an ellipsoid, or a closed surface.
+    """The envelope of a body in its frame: an ellipsoid, or a closed surface."""
 
-    Attributes
-    ----------
-    kind : in words
-    center : (3,) [m]
-    axes : (3, 3) columns are the half axes of an ellipsoid [m]
-    surface : instead of the ellipsoid
-    """
-
-    kind: str
-    center: Array
-    axes: Array
-    surface: Surface | None = None
+    kind: str  # in words
+    center: Array  # (3,) [m]
+    axes: Array  # (3, 3) columns are the half axes of an ellipsoid [m]
+    surface: Surface | None = None  # instead of the ellipsoid
 
     @property
     def volume(self) -> float:
@@ -87,13 +71,7 @@ def envelope_points(
     density is not `PLAUSIBLE`: inertias that were only guessed), it fills the convex hull of its meshes, and
     where it has none, an ellipsoid along its bones, each of density `TISSUE`.
 
-    Parameters
-    ----------
-    surfaces : meshes by the name the model gives them, as `read_surfaces` finds them
-
-    Raises
-    ------
-    BadData : no body has mass, or a spacing that is not above 0
+    `surfaces`: meshes by the name the model gives them, as `read_surfaces` finds them.
     """
     if not spacing > 0.0:
         raise BadData(f"a spacing of {spacing:g} m: expected above 0")

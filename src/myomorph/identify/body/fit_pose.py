@@ -60,25 +60,15 @@ _MIDDLE = (
 @read_only
 @dataclass(frozen=True, eq=False)
 class PoseFit:
-    """A model's pose in a skin, both in the model's ground.
+    """A model's pose in a skin, both in the model's ground."""
 
-    Attributes
-    ----------
-    motion : one frame
-    skin : moved to where the model is
-    rotation, translation : (3, 3), (3,) [m] by which it was moved
-    names : of the virtual markers: joint centers ("right hip") and the model's own markers
-    errors : (markers,) distances of model and skin's virtual markers [m]
-    notes : what looks wrong, one line each
-    """
-
-    motion: Motion
-    skin: Skin
-    rotation: Array
-    translation: Array
-    names: tuple[str, ...]
-    errors: Array
-    notes: tuple[str, ...] = ()
+    motion: Motion  # one frame
+    skin: Skin  # moved to where the model is
+    rotation: Array  # (3, 3) [m] by which it was moved
+    translation: Array  # (3,) [m] by which it was moved
+    names: tuple[str, ...]  # of the virtual markers: joint centers ("right hip") and the model's own markers
+    errors: Array  # (markers,) distances of model and skin's virtual markers [m]
+    notes: tuple[str, ...] = ()  # what looks wrong, one line each
 
     @property
     def rms(self) -> float:
@@ -93,16 +83,8 @@ def pose_model_to_skin(model: Model, body: Shape | Skin, landmarks: Mapping[str,
     axes are, then inverse kinematics runs over virtual markers. A skin without landmarks is taken to be
     in the model's default pose and ground already, which is checked.
 
-    Parameters
-    ----------
-    model : scaled to the body
-    landmarks : of a user's skin, (3,) by the name of a model marker or a joint center ("right knee", "neck") [m];
-        in the place of a shape's own
-
-    Raises
-    ------
-    UnknownName : a landmark that is neither a marker nor a joint center of the model
-    BadData : fewer than three points that model and body share, or a skin that the default pose does not fit
+    `model`: scaled to the body; `landmarks`: of a user's skin, (3,) by the name of a model marker or a joint center
+    ("right knee", "neck") [m]; in the place of a shape's own.
     """
     skin = body.skin if isinstance(body, Shape) else body
     if landmarks is None and isinstance(body, Skin):

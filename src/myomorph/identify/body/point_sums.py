@@ -172,21 +172,15 @@ class PointSums:
 
     Points are counted from their mean, so that powers of four keep their digits wherever the ground's
     origin is.
-
-    Attributes
-    ----------
-    x : (points, 3) from the mean of all [m]
-    first, columns, weights : rows of the weights, as CSR
-    links : how many
-    shift : (10, 10) moments about the ground's origin are `shift @` moments about the mean
     """
 
-    x: Array
+    x: Array  # (points, 3) from the mean of all [m]
+    # first, columns, weights: rows of the weights, as CSR
     first: np.ndarray
     columns: np.ndarray
     weights: Array
-    links: int
-    shift: Array
+    links: int  # how many
+    shift: Array  # (10, 10) moments about the ground's origin are `shift @` moments about the mean
 
     @staticmethod
     def of(points: MassPoints) -> PointSums:

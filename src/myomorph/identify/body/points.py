@@ -155,10 +155,6 @@ def fill(skin: Skin, spacing: float = SPACING) -> Array:
 
     The grid hangs on the origin of the skin's frame, so that a skin moved by a whole number of spacings
     has the same points, moved. Blocks of 4 x 4 x 4 points that no face passes are inside or outside as a whole.
-
-    Raises
-    ------
-    BadData : a spacing that leaves no point inside, or too many to hold
     """
     if not spacing > 0.0:
         raise BadData(f"a spacing of {spacing:g} m: expected above 0")
@@ -204,14 +200,7 @@ def reference_masses(points: Array, mass: float, regions: Sequence[str] | np.nda
 
     M / N of [D], or in proportion to the density of each point's region, scaled to the whole mass.
 
-    Parameters
-    ----------
-    mass : of the whole body [kg]
-    regions : (points,) name of the region of each point, one of `DENSITIES`
-
-    Raises
-    ------
-    UnknownName : a region without a density
+    `mass`: of the whole body [kg]; `regions` (points,) name of the region of each point, one of `DENSITIES`.
     """
     if not mass > 0.0:
         raise BadData(f"a mass of {mass:g} kg: expected above 0")

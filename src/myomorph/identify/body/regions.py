@@ -53,21 +53,15 @@ class Region(NamedTuple):
 @read_only
 @dataclass(frozen=True, eq=False)
 class Center:
-    """A joint center: a point of the first body of a region, and the joint that makes it.
+    """A joint center: a point of the first body of a region, and the joint that makes it."""
 
-    Attributes
-    ----------
-    name : of the joint, "hip"
-    inner, outer : the regions that meet there
-    location : (3,) in the body `joint.child` [m]
-    """
-
-    name: str
+    name: str  # of the joint, "hip"
     side: str
+    # inner, outer: the regions that meet there
     inner: Region
     outer: Region
     joint: Joint
-    location: Array
+    location: Array  # (3,) in the body `joint.child` [m]
 
     @property
     def key(self) -> str:
@@ -81,13 +75,7 @@ def regions_of(model: Model, stated: Mapping[str, Segment] | None = None) -> dic
     The pelvis is what cannot move against the body that carries the thighs; the rest of the trunk, spine,
     ribs and shoulder girdle together, is the torso.
 
-    Parameters
-    ----------
-    stated : segments that go before the names
-
-    Raises
-    ------
-    BadData : no body's name tells a segment, or there is no thigh
+    `stated`: segments that go before the names.
     """
     segments = segments_of(model, stated)
     parents = {joint.child: joint.parent for joint in model.joints}
@@ -200,14 +188,7 @@ def spread(inertia: Array, target: Array) -> Array:
     Pukelsheim 1982); where L > 1 each body gets its share by mass of V max(L - 1, 0) V^T, without moving.
     Every body stays physically possible.
 
-    Parameters
-    ----------
-    inertia : (bodies, 4, 4) in ground, their sum of positive mass
-    target : (4, 4) in ground
-
-    Raises
-    ------
-    BadData : the target or the sum of the bodies is no body's with extent in all directions
+    `inertia` (bodies, 4, 4) in ground, their sum of positive mass; `target` (4, 4) in ground.
     """
     total = inertia.sum(axis=0)
     P, Q = (_moments(matrix) for matrix in (total, target))

@@ -49,30 +49,20 @@ _LEGS = ("upperleg", "lowerleg", "foot", "toe")
 @read_only
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """A person's skin, and where the skeleton is in it.
+    """A person's skin, and where the skeleton is in it."""
 
-    Attributes
-    ----------
-    skin : x forward, y up from the floor, z right [m]
-    centers : joint centers by name, (3,) [m]: "right hip", "left elbow", "lumbar", "neck", "head top", ...
-    landmarks : anatomical points on the skin by name, (3,) [m]: "right ASIS", "C7", "left heel", ...
-    segments : of the body, the columns of `skinning`
-    skinning : (vertices, segments) share of each segment in each vertex of the skin
-    measured : what was asked for, by name: "height" [m], "chest" [m], "mass" [kg]
-    reached : the same of the skin, and its "volume" [m^3]
-    traits : of the statistical body, 0 to 1 ("gender" 0 is male), those of the trunk alone -1 to 1
-    notes : what was taken for granted or missed, one line each
-    """
-
-    skin: Skin
+    skin: Skin  # x forward, y up from the floor, z right [m]
+    # joint centers by name, (3,) [m]: "right hip", "left elbow", "lumbar", "neck", "head top", ...
     centers: Mapping[str, Array]
+    # anatomical points on the skin by name, (3,) [m]: "right ASIS", "C7", "left heel", ...
     landmarks: Mapping[str, Array]
-    segments: tuple[Segment, ...]
-    skinning: sparse.csr_array
-    measured: Mapping[str, float]
-    reached: Mapping[str, float]
+    segments: tuple[Segment, ...]  # of the body, the columns of `skinning`
+    skinning: sparse.csr_array  # (vertices, segments) share of each segment in each vertex of the skin
+    measured: Mapping[str, float]  # what was asked for, by name: "height" [m], "chest" [m], "mass" [kg]
+    reached: Mapping[str, float]  # the same of the skin, and its "volume" [m^3]
+    # of the statistical body, 0 to 1 ("gender" 0 is male), those of the trunk alone -1 to 1
     traits: Mapping[str, float]
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # what was taken for granted or missed, one line each
 
 
 def body_shape(
@@ -91,17 +81,9 @@ def body_shape(
     circumference is that of a tape, the convex hull of the trunk's section at the height of the nipples; the
     mass is the skin's volume times `DENSITY`.
 
-    Parameters
-    ----------
-    height, chest : [m]
-    mass : of the body, if known [kg]
-    sex : half female and half male where it is not given
-    age : [years]; 25 where it is not given
-    pose : "open" as in [D], legs apart; "rest" as the statistical body stands
-
-    Raises
-    ------
-    BadData : a measurement that no body has or in other units, or the optional extra is not installed
+    `height`, `chest` [m]; `mass`: of the body, if known [kg]; `sex`: half female and half male where it is not given;
+    `age` [years]; 25 where it is not given; `pose`: "open" as in [D], legs apart; "rest" as the statistical body
+    stands.
     """
     _check(height, chest, mass, sex)
     age = AGE if age is None else age
@@ -191,12 +173,7 @@ def measurements(body: StatisticalBody, vertices: Array, trunk: np.ndarray | Non
 
 
 def circumference(vertices: Array, edges: np.ndarray, level: float) -> float:
-    """Length of a tape around a surface of edges (edges, 2) at a height y [m]: the convex hull of its section.
-
-    Raises
-    ------
-    BadData : nothing is at that height
-    """
+    """Length of a tape around a surface of edges (edges, 2) at a height y [m]: the convex hull of its section."""
     above = vertices[:, 1] > level
     cut = edges[above[edges[:, 0]] != above[edges[:, 1]]]
     if len(cut) < 3:
@@ -281,9 +258,7 @@ def landmark_vertices(vertices: Array, faces: np.ndarray, places: Mapping[str, A
     pelvis's stand to the hip joint centers as Bell, Pedersen and Brand 1990 found: 14, 19 and 30 % of the
     distance of the ASIS medial, behind and below them.
 
-    Parameters
-    ----------
-    places : (3,) where each bone of the rig begins [m]
+    `places` (3,) where each bone of the rig begins [m].
     """
     used = np.unique(faces)
 

@@ -25,23 +25,14 @@ COARSE = 60
 
 @dataclass(frozen=True, eq=False)
 class Skin:
-    """A body's surface, fit to say what is inside.
+    """A body's surface, fit to say what is inside."""
 
-    Attributes
-    ----------
-    surface : consistently oriented, outward, holes filled where they could be [m]
-    watertight : whether every edge has a face on both sides, after repair
-    crossing : whether it passes through itself, or its pieces through each other
-    up : axis of the surface that points from feet to head or back, "x", "y", "z"; "" where the shape does
-        not tell
-    notes : what was repaired or left out, one line each
-    """
-
-    surface: Surface
-    watertight: bool
-    crossing: bool = False
+    surface: Surface  # consistently oriented, outward, holes filled where they could be [m]
+    watertight: bool  # whether every edge has a face on both sides, after repair
+    crossing: bool = False  # whether it passes through itself, or its pieces through each other
+    # axis of the surface that points from feet to head or back, "x", "y", "z"; "" where the shape does not tell
     up: str = ""
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # what was repaired or left out, one line each
 
     @property
     def volume(self) -> float:
@@ -62,13 +53,7 @@ def check_skin(surface: Surface, height: float | None = None) -> Skin:
     its border. A surface that passes through itself is kept: it shows by winding numbers of 2 and more on
     a coarse grid, and `inside` counts such places once.
 
-    Parameters
-    ----------
-    height : of the body, if known [m]; tells the unit of the skin without doubt
-
-    Raises
-    ------
-    BadData : nothing is enclosed, the skin is not in meters, or the height is not
+    `height`: of the body, if known [m]; tells the unit of the skin without doubt.
     """
     vertices, faces = np.array(surface.vertices), np.array(surface.faces)
     _check_units(vertices, faces, height)

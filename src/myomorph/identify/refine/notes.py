@@ -19,11 +19,8 @@ MAX_MASS_CHANGE, MIN_MASS_SHARE = 0.5, 0.003
 
 def kept_note(tried: Sequence[tuple[str, Sequence[Prediction]]], options: RefineOptions) -> Iterator[str]:
     """That parts of the given model were kept, and by how much refined ones predict worse.
-
-    Parameters
-    ----------
-    tried : what was refined but not taken, with its predictions; nothing where the first was taken
-    options : of what was refined in the end
+    `tried`: what was refined but not taken, with its predictions; nothing where the first was taken; `options`: of what
+    was refined in the end.
     """
     if not tried:
         return

@@ -32,11 +32,8 @@ not taken, whatever its forces."""
 
 def errors_on(model: Model, opened: Opened, within: np.ndarray | None = None, use: np.ndarray | None = None) -> Errors:
     """Errors of plain inverse kinematics, filtered, on a model; the residual where the plates carry all.
-
-    Parameters
-    ----------
-    within : (frames,) of the forces' clock that count; all by default
-    use : (frames,) in which the plates carry all; by default as the model itself says
+    `within` (frames,) of the forces' clock that count; all by default; `use` (frames,) in which the plates carry all;
+    by default as the model itself says.
     """
     recording = opened.usable.recording
     counts = opened.usable.use if use is None else use
@@ -107,10 +104,7 @@ def _prediction(
     progress: Callable[[], None],
 ) -> Prediction:
     """What is left out of a problem, predicted.
-
-    Parameters
-    ----------
-    held_out : a trial, the same on the given model, and (frames,) which of the forces' clock count
+    `held_out`: a trial, the same on the given model, and (frames,) which of the forces' clock count.
     """
     trial, on_given, within = held_out
     # All models are judged on the same frames: which ones the plates carry alone is not for a new body to say.

@@ -25,29 +25,17 @@ from myomorph.rigid.tree import TreeArrays, compile_tree
 @read_only
 @dataclass(frozen=True, eq=False)
 class TrialData:
-    """One recording on the markers' clock.
-
-    Attributes
-    ----------
-    time : (frames,)
-    observed : (frames, markers, 3), NaN where unseen [m]
-    measured : (frames, 6) moment about the ground's origin and force [N m], [N]; 0 where not used
-    gain : by which what was measured is multiplied, so that the plates weigh the body
-    use : (frames,) whether the plates carry all that touches the ground, so that the residual counts
-    trust : (frames,) weight of the residual, 1 unless nothing explains it
-    start : (frames, coordinates) by inverse kinematics
-    basis : splines of its coordinates
-    """
+    """One recording on the markers' clock."""
 
     name: str
-    time: Array
-    observed: Array
-    measured: Array
-    use: np.ndarray
-    trust: Array
-    start: Array
-    basis: Basis
-    gain: float = 1.0
+    time: Array  # (frames,)
+    observed: Array  # (frames, markers, 3), NaN where unseen [m]
+    measured: Array  # (frames, 6) moment about the ground's origin and force [N m], [N]; 0 where not used
+    use: np.ndarray  # (frames,) whether the plates carry all that touches the ground, so that the residual counts
+    trust: Array  # (frames,) weight of the residual, 1 unless nothing explains it
+    start: Array  # (frames, coordinates) by inverse kinematics
+    basis: Basis  # splines of its coordinates
+    gain: float = 1.0  # by which what was measured is multiplied, so that the plates weigh the body
 
     @property
     def wrench(self) -> Array:
@@ -58,50 +46,30 @@ class TrialData:
 @read_only
 @dataclass(frozen=True, eq=False)
 class Unknowns:
-    """A point of the problem.
+    """A point of the problem."""
 
-    Attributes
-    ----------
-    motions : of each trial (coefficients, free coordinates)
-    factors : (lengths,) of the model's
-    shifts : (markers, 3) from the model's positions, stretched [m]
-    parameters : (bodies, 10) inertial
-    """
-
-    motions: tuple[Array, ...]
-    factors: Array
-    shifts: Array
-    parameters: Array
+    motions: tuple[Array, ...]  # of each trial (coefficients, free coordinates)
+    factors: Array  # (lengths,) of the model's
+    shifts: Array  # (markers, 3) from the model's positions, stretched [m]
+    parameters: Array  # (bodies, 10) inertial
 
 
 @read_only
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """What stays the same while it is solved.
+    """What stays the same while it is solved."""
 
-    Attributes
-    ----------
-    model : skeleton with the masses before
-    names : of the markers
-    pose : what is tracked, and the coordinates that are free
-    locations : (markers, 3) on the model [m]
-    trials : that count
-    prior : of the masses
-    weight : of the body [N]
-    unit : size of the body against a human's, see `length_unit`
-    body, masses : whether lengths and marker positions, and masses are unknown
-    """
-
-    model: Model
+    model: Model  # skeleton with the masses before
     lengths: tuple[Length, ...]
-    names: tuple[str, ...]
-    pose: PoseProblem
-    locations: Array
-    trials: tuple[TrialData, ...]
-    prior: MassPrior
-    weight: float
-    unit: float
+    names: tuple[str, ...]  # of the markers
+    pose: PoseProblem  # what is tracked, and the coordinates that are free
+    locations: Array  # (markers, 3) on the model [m]
+    trials: tuple[TrialData, ...]  # that count
+    prior: MassPrior  # of the masses
+    weight: float  # of the body [N]
+    unit: float  # size of the body against a human's, see `length_unit`
     options: RefineOptions
+    # body, masses: whether lengths and marker positions, and masses are unknown
     body: bool = True
     masses: bool = True
 

@@ -19,26 +19,17 @@ LEAST_GAIN = 1e-3
 @read_only
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Where the search ended.
+    """Where the search ended."""
 
-    Attributes
-    ----------
-    problem : with the weights of frames that it was solved with
-    costs : after every step
-    """
-
-    problem: Problem
+    problem: Problem  # with the weights of frames that it was solved with
     at: Unknowns
-    costs: tuple[float, ...]
+    costs: tuple[float, ...]  # after every step
     converged: bool
 
 
 def settle(problem: Problem, progress: Callable[[], None] = lambda: None, first: Unknowns | None = None) -> Solution:
     """The optimum, from that of the motions alone, which shows the frames that nothing explains.
-
-    Parameters
-    ----------
-    first : of the motions alone, see `motions_alone`; found here by default
+    `first`: of the motions alone, see `motions_alone`; found here by default.
     """
     first = motions_alone(problem, progress) if first is None else first
     return solve(with_trust(problem, first), first, progress)

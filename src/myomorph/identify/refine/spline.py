@@ -21,18 +21,11 @@ WIDTH = DEGREE + 1
 @read_only
 @dataclass(frozen=True, eq=False)
 class Basis:
-    """Values and derivatives at frames of splines with even knots.
+    """Values and derivatives at frames of splines with even knots."""
 
-    Attributes
-    ----------
-    first : (frames,) number of the first coefficient that a frame depends on
-    weights : (3, frames, WIDTH) of the following coefficients, for values, rates and accelerations
-    count : coefficients of each coordinate
-    """
-
-    first: Ints
-    weights: Array
-    count: int
+    first: Ints  # (frames,) number of the first coefficient that a frame depends on
+    weights: Array  # (3, frames, WIDTH) of the following coefficients, for values, rates and accelerations
+    count: int  # coefficients of each coordinate
 
     @classmethod
     def of(cls, time: Array, spacing: float, span: tuple[float, float] | None = None) -> Basis:

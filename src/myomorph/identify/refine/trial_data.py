@@ -42,16 +42,11 @@ STANDING = Motion(np.zeros(1), (), np.zeros((1, 0)))
 @read_only
 @dataclass(frozen=True, eq=False)
 class Opened:
-    """A trial through inverse kinematics: on the markers' clock, and with the frames that count.
-
-    Attributes
-    ----------
-    distances : (frames, markers) of the markers [m], NaN where unseen
-    """
+    """A trial through inverse kinematics: on the markers' clock, and with the frames that count."""
 
     motion: Motion
     usable: Usable
-    distances: Array
+    distances: Array  # (frames, markers) of the markers [m], NaN where unseen
 
 
 def opened(model: Model, trial: SubjectTrial, options: RefineOptions) -> Opened:
@@ -72,11 +67,7 @@ def problem_of(
     within: Mapping[int, np.ndarray] | None = None,
 ) -> Problem:
     """The problem of some trials.
-
-    Parameters
-    ----------
-    recorded : the same trials on the model
-    within : by trial (frames,) which frames of its forces' clock count
+    `recorded`: the same trials on the model; `within`: by trial (frames,) which frames of its forces' clock count.
     """
     names: tuple[str, ...] = ()
     weights: dict[str, float] = {}

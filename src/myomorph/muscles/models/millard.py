@@ -210,15 +210,7 @@ def bezier_corner(
     The two middle pairs of control points lie on the tangents, the fraction `curviness` of the
     way to where these meet.
 
-    Parameters
-    ----------
-    start, end : (x, y, dy/dx)
-    curviness : 0 straight ... 1 sharp; Millard's parameter after scaling to 0.1 ... 0.9
-
-    Raises
-    ------
-    BadModel
-        where the tangents do not meet between the points, so that the curve would be S-shaped
+    `start`, `end` (x, y, dy/dx); `curviness`: 0 straight ... 1 sharp; Millard's parameter after scaling to 0.1 ... 0.9.
     """
     (x0, y0, s0), (x1, y1, s1) = start, end
     if abs(s0 - s1) > np.sqrt(np.finfo(float).eps):
@@ -255,13 +247,9 @@ def active_force_length(
     minimum_value: float = 0.1,
 ) -> Curve:
     """Millard's active force-length curve over the normalized fiber length, 1 at 1.
-
-    Parameters
-    ----------
-    minimum, transition, maximum : normalized lengths where it begins, turns to the shallow
-        ascending limb, and ends
-    shallow_slope : of the shallow ascending limb
-    minimum_value : its value outside (0 for a rigid tendon; OpenSim's default is 0.1)
+    `minimum`, `transition`, `maximum`: normalized lengths where it begins, turns to the shallow ascending limb, and
+    ends; `shallow_slope`: of the shallow ascending limb; `minimum_value`: its value outside (0 for a rigid tendon;
+    OpenSim's default is 0.1).
     """
     half_plateau = 0.05
     shoulder = 1.0 - half_plateau
@@ -322,10 +310,7 @@ def passive_force_length(
     curviness: float = 0.75,
 ) -> Curve:
     """Millard's passive force-length curve over the normalized fiber length, 1 at 1 + `strain_at_one`.
-
-    Parameters
-    ----------
-    stiffness_at_one : slope there; None for 2 / (strain_at_one - strain_at_zero)
+    `stiffness_at_one`: slope there; None for 2 / (strain_at_one - strain_at_zero).
     """
     span = strain_at_one - strain_at_zero
     stiff = 2.0 / span if stiffness_at_one is None else stiffness_at_one
@@ -344,11 +329,8 @@ def tendon_force_length(
     strain_at_one: float = 0.049, stiffness: float | None = None, toe_force: float = 2.0 / 3.0, curviness: float = 0.5
 ) -> Curve:
     """Millard's tendon force over the tendon length by its slack length, 1 at 1 + `strain_at_one`.
-
-    Parameters
-    ----------
-    stiffness : slope of the straight part; None for 1.375 / strain_at_one
-    toe_force : where the straight part begins
+    `stiffness`: slope of the straight part; None for 1.375 / strain_at_one; `toe_force`: where the straight part
+    begins.
     """
     slope = 1.375 / strain_at_one if stiffness is None else stiffness
     end = 1.0 + strain_at_one

@@ -103,10 +103,7 @@ class _Sharing(FiberLengthSearch):
 
     def velocity_factor(self, fiber: Array, f_v: Array, turning: bool = True) -> Array:
         """f_V where fiber and tendon share the path's velocity by their stiffness.
-
-        Parameters
-        ----------
-        turning : whether the fibers' stiffness counts that they turn as they lengthen
+        `turning`: whether the fibers' stiffness counts that they turn as they lengthen.
         """
         sizes, curves = self.sizes, self.curves
         step = 1e-6 * sizes.fiber

@@ -36,11 +36,7 @@ def _fill(d, e, g, C, band):
 
 class BandSystem:
     """A matrix of the form above, factorized.
-
-    Parameters
-    ----------
-    frames, muscles : size of the blocks
-    second : whether the second blocks beside the diagonal take part
+    `frames`, `muscles`: size of the blocks; `second`: whether the second blocks beside the diagonal take part.
     """
 
     def __init__(self, frames: int, muscles: int, second: bool):

@@ -12,11 +12,8 @@ NEAR = 1e-2
 
 class Box:
     """Unknowns between bounds, which may be infinite, with multipliers.
-
-    Attributes
-    ----------
-    low, high : broadcast to the unknowns
-    z, w : multipliers of the lower and the upper bound, 0 of an infinite one
+    `low`, `high`: broadcast to the unknowns; `z`, `w`: multipliers of the lower and the upper bound, 0 of an infinite
+    one.
     """
 
     def __init__(self, low: Array, high: Array, v: Array, mu: float):

@@ -22,15 +22,10 @@ VALUE, FIRST, SECOND, BY_A = 0, 1, 2, 3
 @kernel
 def elements(E, own, f, a, lengths, speeds, steps, out, fibers):
     """Fill G and its derivatives of all elements.
-
-    Parameters
-    ----------
-    E, own : `ElasticArrays`, (muscles,) the numbers in it of the muscles of the columns
-    f, a : (frames, muscles), (frames - 1, muscles)
-    lengths, speeds : (frames - 1, muscles) of the paths between frames [m], [m/s]
-    steps : (frames - 1,) time between frames [s]
-    out : (frames - 1, muscles, 10) filled
-    fibers : (frames - 1, muscles, 2) filled with normalized fiber length and velocity
+    `E`, `own`: `ElasticArrays`, (muscles,) the numbers in it of the muscles of the columns; `f`, `a` (frames, muscles),
+    (frames - 1, muscles); `lengths`, `speeds` (frames - 1, muscles) of the paths between frames [m], [m/s]; `steps`
+    (frames - 1,) time between frames [s]; `out` (frames - 1, muscles, 10) filled; `fibers` (frames - 1, muscles, 2)
+    filled with normalized fiber length and velocity.
     """
     P = np.empty(10)
     for m in range(own.shape[0]):
@@ -64,12 +59,8 @@ def elements(E, own, f, a, lengths, speeds, steps, out, fibers):
 @kernel
 def integrate(E, own, a, lengths, speeds, steps, least, most, f):
     """Normalized tendon forces of muscles with given activations, by implicit Euler steps: a start for the solver.
-
-    Parameters
-    ----------
-    a, lengths, speeds, steps : as of `elements`
-    least, most : bounds of the force
-    f : (frames, muscles) filled; the first frame is in equilibrium with a tendon at rest
+    `a`, `lengths`, `speeds`, `steps`: as of `elements`; `least`, `most`: bounds of the force; `f` (frames, muscles)
+    filled; the first frame is in equilibrium with a tendon at rest.
     """
     P = np.empty(10)
     for m in range(own.shape[0]):

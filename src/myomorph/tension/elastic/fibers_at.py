@@ -27,11 +27,8 @@ def fibers_at(
 
     A tendon's speed at a frame is the mean of those before and after it.
 
-    Parameters
-    ----------
-    lengths, speeds : (frames, muscles) of the paths [m], [m/s]
-    f : (frames, muscles) normalized tendon forces, not read of rigid tendons
-    forces : (frames, muscles) [N]
+    `lengths`, `speeds` (frames, muscles) of the paths [m], [m/s]; `f` (frames, muscles) normalized tendon forces, not
+    read of rigid tendons; `forces` (frames, muscles) [N].
     """
     H = term.arrays.hill
     stretch = np.empty_like(f)

@@ -45,26 +45,17 @@ RESTARTS = 6
 
 
 class Outcome(NamedTuple):
-    """Where the solver ended.
+    """Where the solver ended."""
 
-    Attributes
-    ----------
-    point : forces, activations and others
-    y : (frames, rows) multipliers of the balance
-    residual : greatest KKT residual
-    equilibrium : greatest difference of tendon and fiber force, normalized
-    cost, steps, solved : objective, iterations, whether the tolerance was met
-    fibers : (frames - 1, muscles, 2) normalized fiber lengths and velocities
-    """
-
-    point: Point
-    y: Array
-    residual: float
-    equilibrium: float
+    point: Point  # forces, activations and others
+    y: Array  # (frames, rows) multipliers of the balance
+    residual: float  # greatest KKT residual
+    equilibrium: float  # greatest difference of tendon and fiber force, normalized
+    # cost, steps, solved: objective, iterations, whether the tolerance was met
     cost: float
     steps: int
     solved: bool
-    fibers: Array
+    fibers: Array  # (frames - 1, muscles, 2) normalized fiber lengths and velocities
 
 
 @dataclass(eq=False)
@@ -254,10 +245,7 @@ class Solver:
         self, at: Linearized, by_force: tuple[Array, Array, Array], gf: Array, d: Array, e: Array
     ) -> tuple[Array, tuple[Array, Array]]:
         """Add the rates' part of the gradient to gf and of the matrix to d and e.
-
-        Returns
-        -------
-        the second blocks beside, and weights and terms of `_add_squares` for the curvature of the bounds
+        Returns the second blocks beside, and weights and terms of `_add_squares` for the curvature of the bounds.
         """
         c, pk, pn = by_force
         s, z = self.v[3], self.boxes[3].z
@@ -376,11 +364,8 @@ def _solved(errors: tuple[float, float, float]) -> bool:
 
 def _add_squares(weight: Array, terms: Array, d: Array, e: Array) -> Array:
     """Add weighted squares of sums over the forces of three frames to the blocks of a matrix; its second blocks beside.
-
-    Parameters
-    ----------
-    weight : (squares, frames - 2, muscles)
-    terms : (3, squares, frames - 2, muscles) slopes of the sums over the forces of each frame
+    `weight` (squares, frames - 2, muscles); `terms` (3, squares, frames - 2, muscles) slopes of the sums over the
+    forces of each frame.
     """
     one, two, three = terms
     d[:-2] += (weight * one * one).sum(axis=0)

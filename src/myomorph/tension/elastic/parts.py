@@ -13,26 +13,16 @@ from myomorph.tension.separable import Separable
 
 
 class Part(NamedTuple):
-    """Unknowns and rows of one part, in ascending order.
+    """Unknowns and rows of one part, in ascending order."""
 
-    Attributes
-    ----------
-    muscles : those on elastic tendons
-    others : all other unknowns
-    rows : of the balance, in the order of elimination
-    """
-
-    muscles: NDArray[np.int64]
-    others: NDArray[np.int64]
-    rows: NDArray[np.int64]
+    muscles: NDArray[np.int64]  # those on elastic tendons
+    others: NDArray[np.int64]  # all other unknowns
+    rows: NDArray[np.int64]  # of the balance, in the order of elimination
 
 
 def parts_of(separable: Separable, elastic: NDArray[np.bool_]) -> list[Part]:
     """The parts that have a muscle on an elastic tendon, the largest first.
-
-    Parameters
-    ----------
-    elastic : (muscles,) of the first unknowns, which have an elastic tendon
+    `elastic` (muscles,) of the first unknowns, which have an elastic tendon.
     """
     unknowns, rows = len(separable.weight), len(separable.first)
     column = np.repeat(np.arange(unknowns), np.diff(separable.start))

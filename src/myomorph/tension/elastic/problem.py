@@ -121,13 +121,8 @@ class _Found(NamedTuple):
 
 class ElasticProblem(TensionProblem):
     """`TensionProblem` whose frames are linked by tendons.
-
-    Attributes
-    ----------
-    muscles : with the curves of tendons
-    unreachable : muscles whose fibers cannot reach, solved with rigid tendons
-    parts : what is solved apart
-    lengths, speeds : (frames, muscles) of the paths [m], [m/s]
+    `muscles`: with the curves of tendons; `unreachable`: muscles whose fibers cannot reach, solved with rigid tendons;
+    `parts`: what is solved apart; `lengths`, `speeds` (frames, muscles) of the paths [m], [m/s].
     """
 
     muscles: ElasticMuscleTerm

@@ -30,21 +30,15 @@ SMOOTH = 1e-4
 
 @dataclass(eq=False)
 class Costs:
-    """sum w |v|^p + k dist(v, [l, h])^2 of unknowns (columns) over points of time (rows), and bounds.
+    """sum w |v|^p + k dist(v, [l, h])^2 of unknowns (columns) over points of time (rows), and bounds."""
 
-    Attributes
-    ----------
-    weight, exponent, lower, upper : (columns,)
-    penalty : (3, rows, columns) l, h and k
-    share : (rows, 1) part of the time that a row stands for
-    """
-
+    # weight, exponent, lower, upper: (columns,)
     weight: Array
     exponent: Array
     lower: Array
     upper: Array
-    penalty: Array
-    share: Array
+    penalty: Array  # (3, rows, columns) l, h and k
+    share: Array  # (rows, 1) part of the time that a row stands for
 
     def terms(self, v: Array) -> tuple[float, Array, Array]:
         """The cost, its slopes and its curvatures."""
@@ -96,30 +90,22 @@ class Rates:
 
 @dataclass(eq=False)
 class Program:
-    """All that the solver reads.
+    """All that the solver reads."""
 
-    Attributes
-    ----------
-    arrays, own : of the muscles, and the numbers in it of those of the columns
-    steps : (frames - 1,) [s]
-    lengths, speeds : (frames - 1, muscles) of the paths between frames [m], [m/s]
-    pulls, columns : B (frames, rows, muscles) and A (frames, rows, others)
-    right : (frames, rows) b
-    activation, other : costs and bounds of a and x
-    rates : None where activation may jump
-    """
-
+    # arrays, own: of the muscles, and the numbers in it of those of the columns
     arrays: ElasticArrays
     own: NDArray[np.int64]
-    steps: Array
-    lengths: Array
-    speeds: Array
+    steps: Array  # (frames - 1,) [s]
+    lengths: Array  # (frames - 1, muscles) of the paths between frames [m]
+    speeds: Array  # (frames - 1, muscles) of the paths between frames [m/s]
+    # pulls, columns: B (frames, rows, muscles) and A (frames, rows, others)
     pulls: Array
     columns: Array
-    right: Array
+    right: Array  # (frames, rows) b
+    # activation, other: costs and bounds of a and x
     activation: Costs
     other: Costs
-    rates: Rates | None
+    rates: Rates | None  # None where activation may jump
 
 
 @dataclass(eq=False)

@@ -16,11 +16,8 @@ from myomorph.tension.terms.term import Frames
 
 class ElasticMuscleTerm(MuscleTerm):
     """A muscle's column is that of its maximum isometric force, by which tendon forces are normalized.
-
-    Attributes
-    ----------
-    arrays : curves of fibers and tendons
-    elastic : (muscles,) which muscles have an elastic tendon; a muscle whose fibers cannot reach is taken off
+    `arrays`: curves of fibers and tendons; `elastic` (muscles,) which muscles have an elastic tendon; a muscle whose
+    fibers cannot reach is taken off.
     """
 
     def __init__(self, tree: Tree, options: TensionOptions):

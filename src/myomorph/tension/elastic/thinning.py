@@ -46,11 +46,8 @@ def balanced(shared: Separable, values: Array, right: Array, held: Array, muscle
 
     The change is the least relative to what a muscle pulls with and to what the cost lets other unknowns have.
 
-    Parameters
-    ----------
-    values, right : (frames, entries) and (frames, rows) of the balance
-    held : (frames, unknowns) with normalized forces in the columns of muscles on elastic tendons
-    muscles : (unknowns,) which columns those are
+    `values`, `right` (frames, entries) and (frames, rows) of the balance; `held` (frames, unknowns) with normalized
+    forces in the columns of muscles on elastic tendons; `muscles` (unknowns,) which columns those are.
     """
     column = np.repeat(np.arange(len(shared.weight)), np.diff(shared.start))
     low, high = np.where(muscles, MIN_FORCE, shared.lower), np.where(muscles, MAX_FORCE, shared.upper)

@@ -21,27 +21,18 @@ SECOND_START = 0.3
 
 @dataclass(eq=False)
 class Frames:
-    """What a window's programs are made of, without gaps.
+    """What a window's programs are made of, without gaps."""
 
-    Attributes
-    ----------
-    time : (frames,) [s]
-    values, right : (frames, entries) of A with tendon forces' columns, (frames, rows)
-    penalties : (1 or frames, 3, unknowns)
-    lengths, speeds : (frames, muscles) of the paths [m], [m/s]
-    x, y : (frames, unknowns), (frames, rows) solution with rigid tendons
-    forces : (frames, muscles) normalized tendon forces of that
-    """
-
-    time: Array
+    time: Array  # (frames,) [s]
+    # values, right: (frames, entries) of A with tendon forces' columns, (frames, rows)
     values: Array
     right: Array
-    penalties: Array
-    lengths: Array
-    speeds: Array
-    x: Array
-    y: Array
-    forces: Array
+    penalties: Array  # (1 or frames, 3, unknowns)
+    lengths: Array  # (frames, muscles) of the paths [m]
+    speeds: Array  # (frames, muscles) of the paths [m/s]
+    x: Array  # (frames, unknowns) solution with rigid tendons
+    y: Array  # (frames, rows) solution with rigid tendons
+    forces: Array  # (frames, muscles) normalized tendon forces of that
 
     def at(self, keep: NDArray[np.int64]) -> Frames:
         """Some of the frames."""
@@ -108,11 +99,7 @@ def _penalties_between(penalties: Array, frames: int) -> Array:
 
 def drawn(penalties: Array, links: Links, x: Array, shared: Separable) -> Array:
     """Interval penalties (frames, 3, unknowns) with those that draw linked unknowns to the amounts of frames beside.
-
-    Parameters
-    ----------
-    penalties : (1 or frames, 3, unknowns) without
-    x : (frames, unknowns) whose amounts the frames beside have
+    `penalties` (1 or frames, 3, unknowns) without; `x` (frames, unknowns) whose amounts the frames beside have.
     """
     result = np.array(np.broadcast_to(penalties, (len(x), *penalties.shape[1:])))
     place = slice(links.first, links.first + links.scale.shape[1])

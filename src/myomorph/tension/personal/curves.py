@@ -28,20 +28,15 @@ STRAINS = np.arange(-0.2, 0.3, STEP / 4)
 @read_only
 @dataclass(frozen=True, eq=False)
 class Lookup:
-    """Functions on one even grid, several of them, and which of them each muscle has.
+    """Functions on one even grid, several of them, and which of them each muscle has."""
 
-    Attributes
-    ----------
-    start, step : of the grid
-    values, slopes : (functions, points), slopes times the step
-    row : (muscles,) function of each muscle
-    """
-
+    # start, step: of the grid
     start: float
     step: float
+    # values, slopes: (functions, points), slopes times the step
     values: Array
     slopes: Array
-    row: NDArray[np.int64]
+    row: NDArray[np.int64]  # (muscles,) function of each muscle
 
     def __call__(self, x: Array) -> tuple[Array, Array]:
         """Values and slopes at x (..., muscles), straight beyond the grid; x may be complex, for complex steps."""
@@ -62,44 +57,24 @@ class Lookup:
 @read_only
 @dataclass(frozen=True, eq=False)
 class MuscleShapes:
-    """What personalization leaves as it is of a model's muscles.
+    """What personalization leaves as it is of a model's muscles."""
 
-    Attributes
-    ----------
-    active, passive, velocity, tendon : f_L and f_PE over normalized fiber length, f_V over normalized velocity, f_SE
-        over the tendon's strain
-    sine : (muscles,) of the pennation at optimal length: fibers keep their height
-    damping : (muscles,) normalized force at maximum contraction velocity
-    speed : (muscles,) maximum contraction velocity [optimal lengths / s]
-    shortest : (muscles,) least normalized fiber length
-    slower : (muscles,) whether contraction velocity falls with activation (Thelen 2003)
-    rigid : (muscles,) whether the tendon is
-    """
-
+    # active, passive, velocity, tendon: f_L and f_PE over normalized fiber length, f_V over normalized velocity, f_SE
+    # over the tendon's strain
     active: Lookup
     passive: Lookup
     velocity: Lookup
     tendon: Lookup
-    sine: Array
-    damping: Array
-    speed: Array
-    shortest: Array
-    slower: np.ndarray
-    rigid: np.ndarray
+    sine: Array  # (muscles,) of the pennation at optimal length: fibers keep their height
+    damping: Array  # (muscles,) normalized force at maximum contraction velocity
+    speed: Array  # (muscles,) maximum contraction velocity [optimal lengths / s]
+    shortest: Array  # (muscles,) least normalized fiber length
+    slower: np.ndarray  # (muscles,) whether contraction velocity falls with activation (Thelen 2003)
+    rigid: np.ndarray  # (muscles,) whether the tendon is
 
 
 def muscle_shapes(model: Model, elastic: bool = True) -> MuscleShapes:
-    """Tables of all muscles' curves.
-
-    Parameters
-    ----------
-    elastic : whether tendons stretch, where their class has a curve for it
-
-    Raises
-    ------
-    BadModel
-        for a class whose curves are not known
-    """
+    """Tables of all muscles' curves. `elastic`: whether tendons stretch, where their class has a curve for it."""
     models, muscles = muscle_models(model), model.muscles
     pairs = list(zip(models, muscles, strict=True))
     sizes = FiberSizes(*np.array([kind.sizes(muscle) for kind, muscle in pairs]).reshape(-1, 8).T)
@@ -131,10 +106,7 @@ def muscle_shapes(model: Model, elastic: bool = True) -> MuscleShapes:
 
 def _table(grid: Array, curves: Sequence[Curve | None], shift: float = 0.0) -> Lookup:
     """One function a muscle, those alike kept once; None is 0 everywhere.
-
-    Parameters
-    ----------
-    shift : from the grid to what the curves are over
+    `shift`: from the grid to what the curves are over.
     """
     rows: dict[bytes, int] = {}
     sampled: dict[Curve | None, Array] = {None: np.zeros_like(grid)}

@@ -51,16 +51,11 @@ def _balance(tables, muscle, x, v, lead, length, a, slower):
 @kernel
 def follow_elastic(tables, rows, sizes, shapes, slower, rigid, lengths, speeds, activations, step, found):
     """Fill found (6, windows, frames, muscles): force, length, slopes in lo, ls, strain and activation.
-
-    Parameters
-    ----------
-    tables : four of (start, step, values, slopes): f_L, f_PE, f_V, f_SE
-    rows : (muscles, 4) row of each table
-    sizes : (4, muscles) optimal fiber length, slack length, maximum isometric force, passive strain factor
-    shapes : (4, muscles) sine of the pennation, damping, maximum speed, shortest normalized length
-    slower, rigid : (muscles,)
-    lengths, speeds, activations : (windows, frames, muscles)
-    step : between frames [s]; infinite where every frame is held still
+    `tables`: four of (start, step, values, slopes): f_L, f_PE, f_V, f_SE; `rows` (muscles, 4) row of each table;
+    `sizes` (4, muscles) optimal fiber length, slack length, maximum isometric force, passive strain factor; `shapes`
+    (4, muscles) sine of the pennation, damping, maximum speed, shortest normalized length; `slower`, `rigid`
+    (muscles,); `lengths`, `speeds`, `activations` (windows, frames, muscles); `step`: between frames [s]; infinite
+    where every frame is held still.
     """
     windows, frames, muscles = lengths.shape
     still = not np.isfinite(step)

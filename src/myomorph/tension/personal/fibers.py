@@ -25,51 +25,33 @@ from myomorph.tension.personal.fiber_kernels import follow_elastic
 @read_only
 @dataclass(frozen=True, eq=False)
 class MuscleSizes:
-    """What personalization changes, each (muscles,).
+    """What personalization changes, each (muscles,)."""
 
-    Attributes
-    ----------
-    fiber, slack : optimal fiber and tendon slack lengths [m]
-    force : maximum isometric force [N]
-    strain : factor on the fiber strain at which passive force reaches its values
-    """
-
+    # fiber, slack: optimal fiber and tendon slack lengths [m]
     fiber: Array
     slack: Array
-    force: Array
-    strain: Array
+    force: Array  # maximum isometric force [N]
+    strain: Array  # factor on the fiber strain at which passive force reaches its values
 
 
 class Followed(NamedTuple):
-    """Muscles over time, every array (windows, frames, muscles).
+    """Muscles over time, every array (windows, frames, muscles)."""
 
-    Attributes
-    ----------
-    force : along the tendon [N]
-    length : normalized fiber length
-    by_fiber, by_slack : slopes of the force in optimal length and slack length [N/m]
-    by_strain : slope in the strain factor [N]
-    by_activation : slope in an activation changed alike over time [N]
-    """
-
-    force: Array
-    length: Array
+    force: Array  # along the tendon [N]
+    length: Array  # normalized fiber length
+    # by_fiber, by_slack: slopes of the force in optimal length and slack length [N/m]
     by_fiber: Array
     by_slack: Array
-    by_strain: Array
-    by_activation: Array
+    by_strain: Array  # slope in the strain factor [N]
+    by_activation: Array  # slope in an activation changed alike over time [N]
 
 
 def follow(
     shapes: MuscleShapes, sizes: MuscleSizes, lengths: Array, speeds: Array, activations: Array, step: float
 ) -> Followed:
     """Muscle forces along given paths under given activations.
-
-    Parameters
-    ----------
-    lengths, speeds : (windows, frames, muscles) of the paths [m], [m/s]
-    activations : (windows, frames, muscles)
-    step : time between frames [s]; infinity holds every frame still, each in equilibrium of its own
+    `lengths`, `speeds` (windows, frames, muscles) of the paths [m], [m/s]; `activations` (windows, frames, muscles);
+    `step`: time between frames [s]; infinity holds every frame still, each in equilibrium of its own.
     """
     rigid = shapes.rigid
     if not rigid.any():

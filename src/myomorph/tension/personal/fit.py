@@ -74,13 +74,8 @@ def fit(
     steps: int = STEPS,
 ) -> Fitted:
     """The most probable parameters given the recordings.
-
-    Parameters
-    ----------
-    floors : (rows,) least standard deviation of the torques
-    free : (parameters,) which ones are estimated; None for all that have a prior spread
-    advance : called with the number of steps just done
-    steps : at most
+    `floors` (rows,) least standard deviation of the torques; `free` (parameters,) which ones are estimated; None for
+    all that have a prior spread; `advance`: called with the number of steps just done; `steps`: at most.
     """
     free = (prior.deviation > 0.0) if free is None else free & (prior.deviation > 0.0)
     parts = [Part(prior, shapes, window) for window in windows]
@@ -138,16 +133,11 @@ def fit(
 @read_only
 @dataclass(frozen=True, eq=False)
 class Checked:
-    """How well muscles explain recordings.
+    """How well muscles explain recordings."""
 
-    Attributes
-    ----------
-    score : negative logarithm of the marginal probability, per frame
-    left : (rows,) root mean square of the torque that activations within what is known of them leave, NaN where none
-        was measured [N m or N]
-    """
-
-    score: float
+    score: float  # negative logarithm of the marginal probability, per frame
+    # (rows,) root mean square of the torque that activations within what is known of them leave, NaN where none was
+    # measured [N m or N]
     left: Array
 
 

@@ -32,18 +32,11 @@ MORE = 1e-3
 @read_only
 @dataclass(frozen=True, eq=False)
 class Noise:
-    """How far off torques and activations are.
+    """How far off torques and activations are."""
 
-    Attributes
-    ----------
-    torque : (rows,) standard deviation [N m or N]
-    rest : (rows,) of measured passive torques: none of the errors of inverse dynamics are theirs [N m or N]
-    emg : factor on the variance of activations that EMG shows
-    """
-
-    torque: Array
-    rest: Array
-    emg: float = 1.0
+    torque: Array  # (rows,) standard deviation [N m or N]
+    rest: Array  # (rows,) of measured passive torques: none of the errors of inverse dynamics are theirs [N m or N]
+    emg: float = 1.0  # factor on the variance of activations that EMG shows
 
 
 def frame_products(matrices: Array, vectors: Array) -> Array:
@@ -53,12 +46,8 @@ def frame_products(matrices: Array, vectors: Array) -> Array:
 
 class Part:
     """One recording at the present parameters and activations.
-
-    Attributes
-    ----------
-    jacobian, misfit : whitened, (frames rows, parameters) and (frames rows,)
-    weight : what a frame counts
-    plain : (frames, rows) torque left at the present activations
+    `jacobian`, `misfit`: whitened, (frames rows, parameters) and (frames rows,); `weight`: what a frame counts; `plain`
+    (frames, rows) torque left at the present activations.
     """
 
     def __init__(self, prior: Prior, shapes: MuscleShapes, windows: Windows):
@@ -79,11 +68,8 @@ class Part:
 
     def linearize(self, p: Array, noise: Noise, slopes: bool = True, widening: bool = True) -> None:
         """Follow the fibers, and whiten the misfit.
-
-        Parameters
-        ----------
-        slopes : whether its slopes are wanted as well
-        widening : whether those of the covariance are taken anew, which changes little from step to step
+        `slopes`: whether its slopes are wanted as well; `widening`: whether those of the covariance are taken anew,
+        which changes little from step to step.
         """
         w, prior = self.windows, self.prior
         sizes = prior.sizes(p)

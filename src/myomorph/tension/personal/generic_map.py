@@ -61,15 +61,7 @@ def map_generic(generic: Model, scaled: Model, poses: int = POSES) -> GenericMap
 
     Source: Modenese et al. 2016, J Biomech 49:141-148.
 
-    Parameters
-    ----------
-    generic : the model that was scaled
-    scaled : with muscles of the same names
-
-    Raises
-    ------
-    BadModel
-        where no muscle of the scaled model is in the generic one
+    `generic`: the model that was scaled; `scaled`: with muscles of the same names.
     """
     names = tuple(name for name in scaled.muscle_names if name in generic.muscle_names)
     if not names:

@@ -70,10 +70,7 @@ def held_out(
     keep: bool = True,
 ) -> tuple[HeldOut, Array]:
     """Compare generic and fitted muscles on unseen recordings; returns also the parameters, generic where better.
-
-    Parameters
-    ----------
-    keep : whether generic values are kept where they are better; else it is only said
+    `keep`: whether generic values are kept where they are better; else it is only said.
     """
     gains = np.zeros(len(fitted.p), bool)
     gains[prior.parts[4]] = True

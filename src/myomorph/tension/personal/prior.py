@@ -76,36 +76,23 @@ class PriorOptions:
 @read_only
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """Parameters p = (log fiber, shift of the operating point, log strength, log passive strain, log gains and levels).
+    """Parameters p = (log fiber, shift of operating point, log strength, log passive strain, log gains and levels)."""
 
-    Attributes
-    ----------
-    names : (muscles,)
-    start : of the model that personalization begins with
-    point : (muscles,) its fibers along the tendon at the mean pose, normalized, tendons at slack length
-    reference : (muscles,) path length there [m]
-    groups : names of muscle groups
-    group : (muscles,) each muscle's
-    gain : (muscles,) number of the gain of each muscle's EMG, and after these of its level, where it has no EMG
-    gains : names of the muscles that share each gain
-    levels : number of muscles without EMG, whose mean activation is a parameter; none without a recording in motion
-    deviation : (parameters,) prior standard deviation
-    precision : (parameters, parameters) inverse of the prior covariance; where a deviation is 0, of a fixed parameter
-    bound : (parameters,) farthest from 0
-    """
-
-    names: tuple[str, ...]
-    start: MuscleSizes
-    point: Array
-    reference: Array
-    groups: tuple[str, ...]
-    group: NDArray[np.int64]
+    names: tuple[str, ...]  # (muscles,)
+    start: MuscleSizes  # of the model that personalization begins with
+    point: Array  # (muscles,) its fibers along the tendon at the mean pose, normalized, tendons at slack length
+    reference: Array  # (muscles,) path length there [m]
+    groups: tuple[str, ...]  # names of muscle groups
+    group: NDArray[np.int64]  # (muscles,) each muscle's
+    # (muscles,) number of the gain of each muscle's EMG, and after these of its level, where it has no EMG
     gain: NDArray[np.int64]
-    gains: tuple[str, ...]
+    gains: tuple[str, ...]  # names of the muscles that share each gain
+    # number of muscles without EMG, whose mean activation is a parameter; none without a recording in motion
     levels: int
-    deviation: Array
+    deviation: Array  # (parameters,) prior standard deviation
+    # (parameters, parameters) inverse of the prior covariance; where a deviation is 0, of a fixed parameter
     precision: Array
-    bound: Array
+    bound: Array  # (parameters,) farthest from 0
 
     @property
     def parts(self) -> tuple[slice, slice, slice, slice, slice]:
@@ -153,11 +140,8 @@ def prior_of(
     fixed: np.ndarray,
 ) -> Prior:
     """The prior of a model's muscles.
-
-    Parameters
-    ----------
-    rows : names of the coordinates compared
-    fixed : (muscles,) muscles that keep their lengths, as those that are switched off or cannot reach
+    `rows`: names of the coordinates compared; `fixed` (muscles,) muscles that keep their lengths, as those that are
+    switched off or cannot reach.
     """
     start = sizes_of(model)
     mean = np.mean(np.concatenate([window.lengths[window.counted] for window in windows]), axis=0)
@@ -214,10 +198,7 @@ def muscle_groups(
     model: Model, windows: Sequence[Windows], rows: Sequence[str]
 ) -> tuple[tuple[str, ...], NDArray[np.int64]]:
     """Groups by what a muscle does most: the coordinate and sense of its largest mean moment arm, both sides together.
-
-    Returns
-    -------
-    names, as "knee_angle +"; and the group of each muscle, (muscles,)
+    Returns names, as "knee_angle +"; and the group of each muscle, (muscles,).
     """
     mean = np.mean(np.concatenate([window.arms[window.counted] for window in windows]), axis=0)
     labels = []

@@ -55,38 +55,21 @@ class PersonalTrial:
 @read_only
 @dataclass(frozen=True, eq=False)
 class Windows:
-    """One recording, cut into windows that overlap by what lets the fibers find their lengths.
-
-    Attributes
-    ----------
-    time : (windows, frames) [s]
-    lengths, speeds : (windows, frames, muscles) of the paths [m], [m/s]
-    arms : (windows, frames, rows, muscles) [m/rad or m/m]
-    torques : (windows, frames, rows) that muscles have to give, NaN where not measured [N m or N]
-    emg : (windows, frames, muscles) NaN where unknown
-    counted : (windows, frames) whether the frame is compared
-    step : between frames [s], infinite where every frame is held still
-    """
+    """One recording, cut into windows that overlap by what lets the fibers find their lengths."""
 
     name: str
-    time: Array
-    lengths: Array
-    speeds: Array
-    arms: Array
-    torques: Array
-    emg: Array
-    counted: np.ndarray
-    step: float
+    time: Array  # (windows, frames) [s]
+    lengths: Array  # (windows, frames, muscles) of the paths [m]
+    speeds: Array  # (windows, frames, muscles) of the paths [m/s]
+    arms: Array  # (windows, frames, rows, muscles) [m/rad or m/m]
+    torques: Array  # (windows, frames, rows) that muscles have to give, NaN where not measured [N m or N]
+    emg: Array  # (windows, frames, muscles) NaN where unknown
+    counted: np.ndarray  # (windows, frames) whether the frame is compared
+    step: float  # between frames [s], infinite where every frame is held still
 
 
 def windows_of(model: Model, trials: Sequence[PersonalTrial]) -> tuple[list[Windows], tuple[str, ...]]:
-    """The recordings in windows, and the names of the coordinates whose torques are compared.
-
-    Raises
-    ------
-    BadData
-        where a motion has no velocities or no torques, or no muscle crosses a free coordinate
-    """
+    """The recordings in windows, and the names of the coordinates whose torques are compared."""
     read = [_Read(model, trial) for trial in trials]
     reach = np.max([np.abs(np.nan_to_num(recording.arms)).max(axis=(0, 2)) for recording in read], axis=0)
     kept = reach > LEAST_ARM * reach.max(initial=0.0)

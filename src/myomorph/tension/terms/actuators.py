@@ -24,42 +24,26 @@ _KINDS = {"torque": TORQUE, "point": POINT, "point_to_point": POINT_TO_POINT}
 
 
 class BodyActuators(NamedTuple):
-    """Actuators that push or turn bodies, as the kernel reads them.
+    """Actuators that push or turn bodies, as the kernel reads them."""
 
-    Attributes
-    ----------
-    kind : (actuators,)
-    body, other : (actuators,) numbers in the tree; -1 where nothing reacts
-    point, other_point, direction : (actuators, 3)
-    global_point, global_direction : (actuators,)
-    start : (actuators + 1,) entries of an actuator are start[a] ... start[a + 1] - 1
-    coordinate : (entries,) the coordinates it can have a part in
-    supports : (bodies, axes) whether an axis lies between the ground and a body
-    """
-
-    kind: NDArray[np.int64]
+    kind: NDArray[np.int64]  # (actuators,)
+    # body, other: (actuators,) numbers in the tree; -1 where nothing reacts
     body: NDArray[np.int64]
     other: NDArray[np.int64]
+    # point, other_point, direction: (actuators, 3)
     point: Array
     other_point: Array
     direction: Array
+    # global_point, global_direction: (actuators,)
     global_point: NDArray[np.bool_]
     global_direction: NDArray[np.bool_]
-    start: NDArray[np.int64]
-    coordinate: NDArray[np.int64]
-    supports: NDArray[np.bool_]
+    start: NDArray[np.int64]  # (actuators + 1,) entries of an actuator are start[a] ... start[a + 1] - 1
+    coordinate: NDArray[np.int64]  # (entries,) the coordinates it can have a part in
+    supports: NDArray[np.bool_]  # (bodies, axes) whether an axis lies between the ground and a body
 
 
 def compile_body_actuators(tree: Tree, actuators: Sequence[Actuator]) -> BodyActuators:
-    """Torque, point and point-to-point actuators as flat arrays, in the order given.
-
-    Raises
-    ------
-    UnknownName
-        where one names a body that the model does not have
-    BadModel
-        where one has no direction
-    """
+    """Torque, point and point-to-point actuators as flat arrays, in the order given."""
     bodies, others, coordinates, start = [], [], [], [0]
     reached = _coordinates_by_body(tree)
     for actuator in actuators:
@@ -113,11 +97,7 @@ def _place(P, a, R, p, point, body, out):
 @kernel
 def body_directions(T, P, coordinates, out):
     """Generalized force per unit of force or torque of every body actuator.
-
-    Parameters
-    ----------
-    coordinates : (frames, coordinates) consistent values
-    out : (frames, entries) filled: the entries of `P`
+    `coordinates` (frames, coordinates) consistent values; `out` (frames, entries) filled: the entries of `P`.
     """
     bodies, axes = T.parent.shape[0], T.axis_kind.shape[0]
     R, p = np.empty((bodies, 3, 3)), np.empty((bodies, 3))
@@ -217,12 +197,9 @@ def default_reserves(model: Model, reserve: float | None = None, residual: float
     fourth power of the body's `length_unit`, as weights and their moments do. `ROTATOR_FORCE` stands in for muscles
     that many models of the leg leave out.
 
-    Parameters
-    ----------
-    reserve : optimal force of the coordinates' actuators, named "reserve_<coordinate>" [N m or N]
-    residual : optimal force of what holds a body that is joined to the ground by six free
-        coordinates: "residual_FX" ... "residual_FZ" at its mass center and "residual_MX" ...
-        "residual_MZ", along the ground's axes [N], [N m]
+    `reserve`: optimal force of the coordinates' actuators, named "reserve_<coordinate>" [N m or N]; `residual`: optimal
+    force of what holds a body that is joined to the ground by six free coordinates: "residual_FX" ... "residual_FZ" at
+    its mass center and "residual_MX" ... "residual_MZ", along the ground's axes [N], [N m].
     """
     unit = length_unit(compile_tree(model)) if reserve is None or residual is None else 1.0
     actuators: list[Actuator] = []
@@ -281,11 +258,7 @@ NEAR_ZERO_COST = 1e-6
 
 class ActuatorTerm(Term):
     """sum_r |u_r|^p of controls u, with generalized forces D u: reserves, residuals and the model's own actuators.
-
-    Attributes
-    ----------
-    actuators : in the order of their controls
-    optimal_forces : (actuators,) [N or N m]
+    `actuators`: in the order of their controls; `optimal_forces` (actuators,) [N or N m].
     """
 
     def __init__(self, tree: Tree, actuators: Sequence[Actuator], exponent: float):

@@ -37,17 +37,8 @@ class CoContractionTerm(Term):
     as both sides together give |tau| and twice the torque of the weaker side. What lacks costs `WEIGHT` times its
     square; more than that costs nothing but its effort.
 
-    Parameters
-    ----------
-    motion : with velocities
-    torques : joint torques at the motion's times [N m]
-    level : 0 to 1
-    coordinates : names; none for all rotations that muscles turn both ways
-
-    Raises
-    ------
-    BadData, UnknownName
-        where the level is out of range, or a coordinate does not exist or is not turned both ways
+    `motion`: with velocities; `torques`: joint torques at the motion's times [N m]; `level`: 0 to 1; `coordinates`:
+    names; none for all rotations that muscles turn both ways.
     """
 
     def __init__(self, model: Model, motion: Motion, torques: Series, level: float, coordinates: Sequence[str] = ()):

@@ -27,77 +27,49 @@ GRAVITY = 9.80665
 
 
 class ConeArrays(NamedTuple):
-    """Contact points and the generators of their cones, as the kernel reads them.
+    """Contact points and the generators of their cones, as the kernel reads them."""
 
-    Attributes
-    ----------
-    body : (points,) numbers in the tree
-    place : (points, 3) in the body's frame [m]
-    start : (points + 1,) generators of point i are start[i] ... start[i + 1] - 1
-    frame : (generators,) body whose axes a generator is given in
-    push, turn : (generators, 3) force and moment of one unit of a generator [1], [m]
-    reach : (points + 1,) axes that a force at point i has power on are reach[i] ... reach[i + 1] - 1
-    axis, sign : (reached,) number of the axis; 1 below the body, -1 below what it touches
-    slot : (reached, 2) which of a generator's entries the axis's coordinates are, -1 for none
-    first : (generators + 1,) entries of generator g are first[g] ... first[g + 1] - 1
-    coordinate : (entries,)
-    """
-
-    body: NDArray[np.int64]
-    place: Array
-    start: NDArray[np.int64]
-    frame: NDArray[np.int64]
-    push: Array
-    turn: Array
+    body: NDArray[np.int64]  # (points,) numbers in the tree
+    place: Array  # (points, 3) in the body's frame [m]
+    start: NDArray[np.int64]  # (points + 1,) generators of point i are start[i] ... start[i + 1] - 1
+    frame: NDArray[np.int64]  # (generators,) body whose axes a generator is given in
+    push: Array  # (generators, 3) force and moment of one unit of a generator [1]
+    turn: Array  # (generators, 3) force and moment of one unit of a generator [m]
+    # (points + 1,) axes that a force at point i has power on are reach[i] ... reach[i + 1] - 1
     reach: NDArray[np.int64]
+    # axis, sign: (reached,) number of the axis; 1 below the body, -1 below what it touches
     axis: NDArray[np.int64]
     sign: Array
-    slot: NDArray[np.int64]
-    first: NDArray[np.int64]
-    coordinate: NDArray[np.int64]
+    slot: NDArray[np.int64]  # (reached, 2) which of a generator's entries the axis's coordinates are, -1 for none
+    first: NDArray[np.int64]  # (generators + 1,) entries of generator g are first[g] ... first[g + 1] - 1
+    coordinate: NDArray[np.int64]  # (entries,)
 
 
 @read_only
 @dataclass(frozen=True, eq=False)
 class ConeGenerators:
-    """Generators of the cones of all sites.
-
-    Attributes
-    ----------
-    site, point : (generators,) whose generator it is; points are numbered over all sites
-    normal : (generators,) force along the cone's direction of one unit of the generator
-    lower : (generators,) least amplitude: 0, or -inf where the opposite generator is allowed too
-    cost : (generators,) of amplitude^2, so that one unit of force along the direction costs 1 in all
-    names : (generators,) such as "heel_r point 0 generator 3"
-    weight : (sites,) of the body that the site belongs to, unit of its amplitudes [N]
-    """
+    """Generators of the cones of all sites."""
 
     tree: Tree
     sites: tuple[Site, ...]
     arrays: ConeArrays
+    # site, point: (generators,) whose generator it is; points are numbered over all sites
     site: NDArray[np.int64]
     point: NDArray[np.int64]
-    normal: Array
-    lower: Array
-    cost: Array
-    names: tuple[str, ...]
-    weight: Array
+    normal: Array  # (generators,) force along the cone's direction of one unit of the generator
+    lower: Array  # (generators,) least amplitude: 0, or -inf where the opposite generator is allowed too
+    cost: Array  # (generators,) of amplitude^2, so that one unit of force along the direction costs 1 in all
+    names: tuple[str, ...]  # (generators,) such as "heel_r point 0 generator 3"
+    weight: Array  # (sites,) of the body that the site belongs to, unit of its amplitudes [N]
 
     def __len__(self) -> int:
         return len(self.site)
 
     def evaluate(self, coordinates: Array) -> tuple[Array, Array, Array, Array]:
         """Columns of all generators, and where and how they push.
-
-        Parameters
-        ----------
-        coordinates : (frames, coordinates) in the model's order, dependent ones consistent
-
-        Returns
-        -------
-        entries : (frames, entries) generalized forces of one unit of force, on `arrays.coordinate`
-        places : (frames, points, 3) in ground [m]
-        pushes, turns : (frames, generators, 3) force and moment about the place, in ground [1], [m]
+        `coordinates` (frames, coordinates) in the model's order, dependent ones consistent. Returns `entries` (frames,
+        entries) generalized forces of one unit of force, on `arrays.coordinate`; `places` (frames, points, 3) in ground
+        [m]; `pushes`, `turns` (frames, generators, 3) force and moment about the place, in ground [1], [m].
         """
         frames, arrays = len(coordinates), self.arrays
         entries = np.empty((frames, len(arrays.coordinate)))
@@ -108,15 +80,7 @@ class ConeGenerators:
 
 
 def compile_cones(tree: Tree, sites: Sequence[Site]) -> ConeGenerators:
-    """Generators of all sites as flat arrays; a site's grip is added to its first point.
-
-    Raises
-    ------
-    UnknownName
-        where a site names a body that the model does not have
-    BadModel
-        where two sites share a name
-    """
+    """Generators of all sites as flat arrays; a site's grip is added to its first point."""
     names = [site.name for site in sites]
     for name in names:
         if names.count(name) > 1:
@@ -229,11 +193,7 @@ def _weight(tree: Tree, site: Site) -> float:
 @kernel
 def contact_columns(T, P, coordinates, entries, places, pushes, turns):
     """Fill what `ConeGenerators.evaluate` returns, frame by frame.
-
-    Parameters
-    ----------
-    T, P : arrays of the tree, `ConeArrays`
-    coordinates : (frames, coordinates) consistent values
+    `T`, `P`: arrays of the tree, `ConeArrays`; `coordinates` (frames, coordinates) consistent values.
     """
     bodies, axes = T.parent.shape[0], T.axis_kind.shape[0]
     R, p = np.empty((bodies, 3, 3)), np.empty((bodies, 3))

@@ -112,22 +112,9 @@ MAX_PREFERRED = 0.45
 
 class ContactTerm(Term):
     """gamma sum_g c_g z_g^2 of the amplitudes z of the cones' generators, with generalized forces J^T G z.
-
-    Attributes
-    ----------
-    task : as it was given
-    generators : of the cones of all sites
-    activations : (frames, sites)
-    amounts : (frames, generators) force of one unit of a generator's amplitude: activation times weight, more of a
-        generator that is preferred [N]
-    cost : (generators,) of amplitude^2
-
-    Raises
-    ------
-    BadData
-        where activations are of other times or not 0 ... 1, or a measured wrench has another number of frames
-    UnknownName
-        where a site names a body that the model does not have
+    `task`: as it was given; `generators`: of the cones of all sites; `activations` (frames, sites); `amounts` (frames,
+    generators) force of one unit of a generator's amplitude: activation times weight, more of a generator that is
+    preferred [N]; `cost` (generators,) of amplitude^2.
     """
 
     def __init__(self, tree: Tree, time: Array, task: ContactTask):

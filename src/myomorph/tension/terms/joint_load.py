@@ -28,17 +28,9 @@ class JointLoadTerm(Term):
 
     Source: Cleather and Bull 2011 for joint loads in the cost; Steele et al. 2012 for F_j.
 
-    Parameters
-    ----------
-    model : with muscles
-    joints : names, of joints that a muscle crosses (see `crossed_joints`)
-    alone : (frames, joints, 3) F_j0 in ground [N], as `joint_reactions` without tensions gives it
-    weight : above 0, of one body weight squared in units of the effort a^2 of one muscle
-
-    Raises
-    ------
-    BadData, BadModel
-        where the weight is not above 0, or the model has no weight
+    `model`: with muscles; `joints`: names, of joints that a muscle crosses (see `crossed_joints`); `alone` (frames,
+    joints, 3) F_j0 in ground [N], as `joint_reactions` without tensions gives it; `weight`: above 0, of one body weight
+    squared in units of the effort a^2 of one muscle.
     """
 
     def __init__(self, model: Model, joints: Sequence[str], alone: Array, weight: float):
@@ -84,13 +76,7 @@ class JointLoadTerm(Term):
 
 
 def crossed_joints(model: Model, joints: Sequence[str] = ()) -> tuple[str, ...]:
-    """Joints by name, checked; without any all that a muscle crosses.
-
-    Raises
-    ------
-    UnknownName, BadData, BadModel
-        where a joint does not exist, or no muscle crosses it, or the model has closed loops
-    """
+    """Joints by name, checked; without any all that a muscle crosses."""
     if model.loops:
         raise BadModel(f"model '{model.name}' has closed loops: joint loads in the cost need a model without any")
     names = tuple(joint.name for joint in model.joints)

@@ -24,15 +24,10 @@ HIGHEST_POWER = 4.0
 
 
 class MuscleForces(NamedTuple):
-    """What muscles pull with in some frames.
+    """What muscles pull with in some frames."""
 
-    Attributes
-    ----------
-    arms : (frames, entries) moment arms [m], in the order of `compile_paths`
-    active, passive, viscous : (frames, muscles) force per unit activation, passive elastic and viscous force [N]
-    """
-
-    arms: Array
+    arms: Array  # (frames, entries) moment arms [m], in the order of `compile_paths`
+    # active, passive, viscous: (frames, muscles) force per unit activation, passive elastic and viscous force [N]
     active: Array
     passive: Array
     viscous: Array
@@ -40,12 +35,8 @@ class MuscleForces(NamedTuple):
 
 class MuscleTerm(Term):
     """sum_m w_m a_m^p of activations a, with generalized forces R^T (F a + F_passive + F_viscous).
-
-    Attributes
-    ----------
-    strength : (muscles,) maximum isometric force [N]
-    viscous : whether a muscle has viscosity that takes part
-    lower, upper : (muscles,) bounds of the activations, 0 of muscles that are switched off
+    `strength` (muscles,) maximum isometric force [N]; `viscous`: whether a muscle has viscosity that takes part;
+    `lower`, `upper` (muscles,) bounds of the activations, 0 of muscles that are switched off.
     """
 
     def __init__(self, tree: Tree, options: TensionOptions):

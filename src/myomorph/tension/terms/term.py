@@ -305,18 +305,11 @@ class Term:
 @read_only
 @dataclass(frozen=True, eq=False)
 class IntervalPenalties:
-    """The interval penalties of all terms, kept for those unknowns alone that differ from frame to frame.
+    """The interval penalties of all terms, kept for those unknowns alone that differ from frame to frame."""
 
-    Attributes
-    ----------
-    base : (3, unknowns) l, h and k of all frames
-    columns : (changing,) unknowns that have others in each frame
-    values : (frames, 3, changing) l, h and k of these
-    """
-
-    base: Array
-    columns: NDArray[np.int64]
-    values: Array
+    base: Array  # (3, unknowns) l, h and k of all frames
+    columns: NDArray[np.int64]  # (changing,) unknowns that have others in each frame
+    values: Array  # (frames, 3, changing) l, h and k of these
 
     def __getitem__(self, frames: slice | NDArray[np.int64]) -> Array:
         """Those of some frames for `solve_separable`, (frames, 3, unknowns), or (1, 3, unknowns) if all are alike."""
@@ -329,13 +322,7 @@ class IntervalPenalties:
 
 
 def added_up(parts: Sequence[Penalties], unknowns: Unknowns, count: int) -> IntervalPenalties:
-    """The sum of interval penalties, of `count` unknowns with those of rows.
-
-    Raises
-    ------
-    BadData
-        where two draw one unknown into different intervals of some width, or have another number of frames
-    """
+    """The sum of interval penalties, of `count` unknowns with those of rows."""
     frames = len(unknowns.time)
     by_name: dict[int, Array] = {}
     for part in parts:
