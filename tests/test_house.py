@@ -6,7 +6,7 @@ import pytest
 from benchmarks.house import CHECKOUT, checkout_texts, count
 
 LIMITS = {
-    ("lines", "src"): 134_950,
+    ("lines", "src"): 131_950,
     ("lines", "benchmarks"): 24_550,
     ("words", "documentation"): 101_550,
     ("vague", "src"): 10,
@@ -34,7 +34,7 @@ def test_what_is_counted():
         "README.md": "One\n",
     }
     assert {(row["what"], row["where"]): row["number"] for row in count(texts.items())} == {
-        ("lines", "src"): 5,
+        ("lines", "src"): 131_950,
         ("lines", "src/rigid"): 4,
         ("lines", "src/package"): 1,
         ("lines", "tests"): 1,
