@@ -46,8 +46,8 @@ class TreeArrays(NamedTuple):
     coupler_function: Ints
     # (couplers, 2) the dependent coordinate, its function and what it follows, in an order of evaluation
     coupler_source: Ints
-    mass: Array  # (bodies,) about the mass center
-    mass_center: Array  # (bodies, 3) about the mass center
+    mass: Array  # (bodies,)
+    mass_center: Array  # (bodies, 3)
     inertia: Array  # (bodies, 3, 3) about the mass center
     gravity: Array  # (3,)
 
