@@ -45,27 +45,14 @@ _KNOWN: WeakKeyDictionary[Motion, float | None] = WeakKeyDictionary()
 
 
 def automatic_cutoff(motion: Motion) -> float | None:
-    """The cutoff that a motion needs before it is differentiated, None where it is smooth already.
+    """The cutoff [Hz] that a motion needs before it is differentiated, None where it is smooth already or too short.
 
     White errors of coordinates are estimated from the upper half of the spectrum, where no body moves. A filter H(f)
-    leaves the error
-
-        sum_f S (1 - H)^2 + N H^2
-
-    in the accelerations of a coordinate, with the power N of their noise and S = P - N of what stands clearly above it.
-    The cutoff is where the geometric mean of this over all coordinates that move is least, but not above three times
-    the frequency below which 85 % of the power of their velocities lies: faster than that, skin moves on its own.
-
-    Source: Winter 2009, section 3.4.4.3 (signal and noise by cutoff); Woltring 1986 (least expected error).
-
-    Parameters
-    ----------
-    motion : coordinates (frames, coordinates) [rad or m], NaN in gaps
-
-    Returns
-    -------
-    cutoff [Hz], for `differentiate`; None where there is nothing to filter, since the motion was filtered
-    before or computed, or too little to tell
+    leaves the error sum_f S (1 - H)^2 + N H^2 in the accelerations of a coordinate, with the power N of their noise and
+    S = P - N of what stands clearly above it. The cutoff is where the geometric mean of this over all coordinates that
+    move is least, but not above three times the frequency below which 85 % of the power of their velocities lies:
+    faster than that, skin moves on its own. Source: Winter 2009, section 3.4.4.3 (signal and noise by cutoff); Woltring
+    1986 (least expected error).
     """
     if motion not in _KNOWN:
         _KNOWN[motion] = _cutoff(motion)

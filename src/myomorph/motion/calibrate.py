@@ -350,9 +350,8 @@ def _side_notes(sides: Sequence[SideEstimate]) -> Iterator[str]:
 
 
 def _deviations(problem: SharedProblem, search: Search, skin: Array) -> tuple[Array, Array, Array]:
-    """Standard deviations: of the lengths, of the lengths without the recordings, of the markers' places.
-
-    A place is factor * location + shift; what the two share cancels. 0 for what may not move.
+    """Standard deviations: of the lengths, of the lengths without the recordings, of the markers' places. A place is
+    factor * location + shift; what the two share cancels. 0 for what may not move.
     """
     n, free = len(problem.lengths), search.free
     rows = problem.prior.rows[:, free]

@@ -32,20 +32,11 @@ TAIL = 3.0
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """Where the search ended, and how it came there.
+    """Where the search ended (`found`, with the prior of the last stage), and how it came there.
 
-    Attributes
-    ----------
-    problem : with the prior of the last stage
-    found : the minimum
-    start : where the first stage began
-    noise : standard deviation of a marker along one axis [m]
-    noise_found : whether the residual shows the noise
-    costs : of the last stage's steps
-    steps : of all stages together
-    free : (unknowns,) which lengths, shifts and size were searched for
-    sides : what the data say of pairs of lengths
-    differing : pairs of lengths that the prior lets differ
+    `noise` is the standard deviation of a marker along one axis [m], `costs` are of the last stage's steps, `steps`
+    counts those of all stages, `free` (unknowns,) says what was searched for, `differing` pairs of lengths the prior
+    lets differ.
     """
 
     problem: SharedProblem

@@ -27,16 +27,7 @@ SETTLING = 3.0
 
 @dataclass(frozen=True)
 class CausalFilter:
-    """The filter.
-
-    Attributes
-    ----------
-    cutoff : frequency of half the power [Hz]
-
-    Raises
-    ------
-    BadData : a cutoff that is not positive
-    """
+    """The filter, with half the power at `cutoff` [Hz]."""
 
     cutoff: float = 6.0
 
@@ -60,9 +51,8 @@ class CausalFilter:
         return 105.0 / ((((x + 10.0) * x + 45.0) * x + 105.0) * x + 105.0)
 
     def motion(self, motion: Motion) -> Motion:
-        """A recorded motion as the filter gives it frame by frame, with derivatives, on the recording's own times.
-
-        What stands at time t is of t less `delay`; before `settling` it is NaN.
+        """A recorded motion as the filter gives it frame by frame, with derivatives, on the recording's own times. What
+        stands at time t is of t less `delay`; before `settling` it is NaN.
         """
         stream = CausalStream(self, len(motion.names))
         filtered = np.empty((len(motion), 3, len(motion.names)))
@@ -85,12 +75,7 @@ class CausalFilter:
 
 
 class CausalStream:
-    """The state of the filter for rows of numbers that keep coming.
-
-    Parameters
-    ----------
-    width : numbers a row
-    """
+    """The state of the filter for rows of `width` numbers that keep coming."""
 
     def __init__(self, filter: CausalFilter, width: int):
         self.filter = filter
@@ -122,7 +107,6 @@ class CausalStream:
 
     def at(self, time: float) -> Array:
         """(3, width) value, velocity and acceleration at a time not before the newest row, which is held until then.
-
         NaN until the filter has settled. The array is used again by the next call.
         """
         if not self.settled(time):
@@ -190,9 +174,8 @@ def _multiply(A, B, C):
 
 @inner
 def _follow(transition, share, before, now, state):
-    """States after a straight line from `before` to `now` of length `share` in delays.
-
-    Less the steady answer to the line, which lags it by one delay, the states move freely.
+    """States after a straight line from `before` to `now` of length `share` in delays. Less the steady answer to the
+    line, which lags it by one delay, the states move freely.
     """
     for m in range(state.shape[1]):
         slope = (now[m] - before[m]) / share

@@ -40,17 +40,9 @@ SETTLING = 3.0
 @read_only
 @dataclass(frozen=True, eq=False)
 class Compared:
-    """Rows on the reference clock beside splines of the other recording.
-
-    Attributes
-    ----------
-    time : (frames,) on the reference clock [s]
-    rows : (frames, signals, parameters), zero where unusable
-    usable : (frames,)
-    spline, slope : of the other recording (signals,) and its derivative, over its own time
-    start, end : of the other recording, as far as its filter has settled [s]
-    middle : of what both cover, on the reference clock [s]
-    spread : (signals,) standard deviation of the other recording
+    """Rows (frames, signals, parameters) on the reference clock, zero where unusable, beside splines of the other
+    recording (signals,) and their slopes over its own time; `start` and `end` of what its filter has settled for [s],
+    `middle` of what both cover, on the reference clock [s].
     """
 
     time: Array
@@ -98,12 +90,7 @@ def main_frequency(time: Array, other_time: Array, other: Array) -> float:
 def compare(
     time: Array, rows: Array, other_time: Array, other: Array, cutoff: float, used: np.ndarray | None
 ) -> Compared:
-    """Filter both recordings alike and thin the frames to what the cutoff needs.
-
-    Raises
-    ------
-    BadData : shapes that do not fit, missing frames, gaps in the other recording, too little left
-    """
+    """Filter both recordings alike and thin the frames to what the cutoff needs."""
     time, other_time = np.asarray(time, dtype=np.float64), np.asarray(other_time, dtype=np.float64)
     _checked(time, other_time, other, rows)
     usable = np.asarray(np.isfinite(rows).all(axis=(1, 2)))
@@ -164,13 +151,8 @@ def _filtered(rows: Array, usable: np.ndarray, rate: float, cutoff: float) -> tu
 
 
 def likely_lags(compared: Compared, search: float) -> list[float]:
-    """Lags [s] at which the rows explain the other recording best, the best first, each to a frame.
-
-    The share of the variance that any parameters can explain, at every lag at once by FFT.
-
-    Raises
-    ------
-    BadData : nothing is explained at any lag
+    """Lags [s] at which the rows explain the other recording best, the best first, each to a frame: the share of the
+    variance that any parameters can explain, at every lag at once by FFT.
     """
     first, _ = _peaks(compared, compared.weights, search)
     # A signal that only holds noise would count as much as the others: what each leaves unexplained says.
@@ -299,15 +281,9 @@ SMALLEST = 1e-6
 @read_only
 @dataclass(frozen=True, eq=False)
 class Refined:
-    """Where Gauss-Newton ended.
-
-    Attributes
-    ----------
-    lag : (2,) a [s] and b of `Compared.places`
-    covariance : (2, 2)
-    misfit : geometric mean over the signals of what is left, in units of each signal's spread
-    explained : share of the variance of the signal that is explained best
-    length : seconds in common [s]
+    """Where Gauss-Newton ended: `lag` a [s] and b of `Compared.places` and their covariance; the geometric mean over
+    the signals of what is left, in units of each one's spread; share of the variance explained of the best; seconds in
+    common.
     """
 
     lag: Array

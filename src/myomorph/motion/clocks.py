@@ -68,18 +68,12 @@ class ClockOptions:
 @read_only
 @dataclass(frozen=True, eq=False)
 class Clock:
-    """How another recording's clock runs against the reference.
+    """How another recording's clock runs against the reference: `offset` [s] is added to its time at `epoch`, `drift`
+    [s/s] every second after it.
 
-    Attributes
-    ----------
-    offset : what is added to the other's time at `epoch` [s]
-    drift : how much more is added every second [s/s]; 1e-6 is one part per million
-    epoch : [s] on the other's clock; the middle of what both cover, where offset and drift are independent
-    covariance : (2, 2) of offset and drift, zero for a clock that is given
-    length : seconds that both cover [s]
-    explained : share of the variance of that signal of the other recording which the reference explains best
-    cutoff : of the low-pass filter through which they were compared [Hz]
-    notes : a drift that matters, an offset that is doubtful, one line each
+    `epoch` [s, on the other's clock] is the middle of what both cover, where the two are independent; their covariance
+    is zero for a clock that is given. `explained` is the share of the variance of that signal which the reference
+    explains best, `cutoff` [Hz] of the filter through which they were compared.
     """
 
     offset: float = 0.0
@@ -119,18 +113,10 @@ class Clock:
 
 
 def resample(series: SeriesKind, time: Array, cutoff: float | None = None) -> SeriesKind:
-    """Columns at other times by natural cubic splines, NaN outside the recording.
+    """Columns of a steady recording without gaps at other times by natural cubic splines, NaN outside it.
 
-    Parameters
-    ----------
-    series : finite, at a steady rate
-    time : (frames,) [s]
-    cutoff : low-pass before [Hz]; None takes 0.4 of the new rate where that is the lower one, so that nothing faster
-        is mistaken for something slow
-
-    Raises
-    ------
-    BadData : fewer than four frames, or values that are not finite
+    A cutoff of None takes 0.4 of the new rate where that is the lower one, so that nothing faster is mistaken for
+    something slow.
     """
     rate, wanted = series.rate, (len(time) - 1) / float(time[-1] - time[0]) if len(time) > 1 else np.inf
     if cutoff is None and wanted < 0.9 * rate:
@@ -145,16 +131,8 @@ def resample(series: SeriesKind, time: Array, cutoff: float | None = None) -> Se
 def estimate_clock(
     time: Array, signal: Array, other_time: Array, other_signal: Array, options: ClockOptions | None = None
 ) -> Clock:
-    """Clock of one recording against another that holds the same signals, each up to a factor and a constant.
-
-    Parameters
-    ----------
-    time, signal : (frames,), (frames,) or (frames, signals) on the reference clock [s]; NaN where unknown
-    other_time, other_signal : (samples,), (samples,) or (samples, signals)
-
-    Raises
-    ------
-    BadData : the recordings have no time in common, hold different numbers of signals, or do not agree anywhere
+    """Clock of one recording against another that holds the same signals (frames,) or (frames, signals), each up to a
+    factor and a constant; NaN where unknown.
     """
     mine = np.asarray(signal, dtype=np.float64).reshape(len(time), -1)
     theirs = np.asarray(other_signal, dtype=np.float64).reshape(len(other_time), -1)
@@ -177,19 +155,10 @@ def fit_clock(
 ) -> Clock:
     """Clock of a recording that is linear in what the reference recorded: other = rows phi, phi unknown.
 
+    Rows are (frames, signals, parameters), not used where NaN or not `used`; the other recording is (samples, signals).
     The offset starts where the lagged recordings explain each other best, the drift from the lags of pieces;
     Gauss-Newton on both follows, each signal weighted by what its residual is. The standard deviations come from the
     residuals block by block, so that filtered noise and errors of the model count for what they are.
-
-    Parameters
-    ----------
-    time, rows : (frames,), (frames, signals, parameters), a steady rate; frames with NaN are not used
-    other_time, other : (samples,), (samples, signals), finite
-    used : (frames,) whether a frame takes part
-
-    Raises
-    ------
-    BadData : too little time in common, or nothing of the other recording is explained at any offset
     """
     options = options or ClockOptions()
     slow = PERIODS * main_frequency(time, other_time, other)
@@ -239,20 +208,11 @@ def _doubt(refineds: list[Refined]) -> str:
 
 
 def on_one_clock(parts: Mapping[str, SeriesKind]) -> tuple[dict[str, SeriesKind], tuple[str, ...]]:
-    """Motions or markers of several parts at the times of that with the highest rate, over what all of them cover.
+    """Motions or markers of several parts at the times of that with the highest rate, over what all cover; and notes on
+    what was resampled or cut.
 
     Times are taken as they are: clocks that count from different instants have to be brought together first
     (`estimate_clock`). A resampled motion has no velocities: differentiate it again.
-
-    Returns
-    -------
-    parts : by the same names; themselves where their times are the same already
-    notes : what was resampled or cut, one line each
-
-    Raises
-    ------
-    BadData
-        where two parts have no time in common, or a part has no frames
     """
     if not clock_difference(parts):
         return dict(parts), ()

@@ -51,13 +51,8 @@ LONG_ENOUGH = 1.0
 
 @dataclass(frozen=True)
 class EmgFault:
-    """One thing that is wrong with one channel.
-
-    Attributes
-    ----------
-    kind : "dead", "clipped", "unknown", "negative", "large", "fast", "copy", "rate" or "noise"
-    start, stop : first and last time of it [s]
-    text : one line
+    """One thing that is wrong with one channel from `start` to `stop` [s]: it is "dead", "clipped", "unknown",
+    "negative", "large", "fast", "copy", "rate" or "noise".
     """
 
     channel: str
@@ -119,13 +114,8 @@ def without_faults(emg: Emg, faults: Iterable[EmgFault]) -> Emg:
 
 
 def noise_faults(emg: Emg, channels: Iterable[str] | None = None) -> tuple[EmgFault, ...]:
-    """Channels whose envelope hardly changes while others burst: noise, hum, or an electrode that is on no muscle.
-
-    A contraction that is held looks the same, so that nothing is reported where no channel bursts.
-
-    Parameters
-    ----------
-    channels : those that are looked at; None for all
+    """Channels whose envelope hardly changes while others burst: noise, hum, or an electrode that is on no muscle. A
+    contraction that is held looks the same, so that nothing is reported where no channel bursts.
     """
     if len(emg) < 2 or emg.time[-1] - emg.time[0] < LONG_ENOUGH:
         return ()
@@ -153,18 +143,7 @@ def noise_faults(emg: Emg, channels: Iterable[str] | None = None) -> tuple[EmgFa
 
 
 def refuse_unfit(emg: Emg, time: Array, channels: Iterable[str] | None = None) -> None:
-    """Refuse EMG that no step can use beside a motion.
-
-    Parameters
-    ----------
-    time : (frames,) of the motion [s]
-    channels : those that are used; None for all
-
-    Raises
-    ------
-    BadData
-        where EMG and motion have no time in common, or every used channel is unknown throughout
-    """
+    """Refuse EMG that no step can use beside a motion: no time in common, or every used channel unknown throughout."""
     start, stop = float(time[0]), float(time[-1])
     if not len(emg) or emg.time[-1] <= start or emg.time[0] >= stop:
         has = f"runs from {emg.time[0]:g} to {emg.time[-1]:g} s" if len(emg) else "has no samples"
@@ -177,8 +156,8 @@ def refuse_unfit(emg: Emg, time: Array, channels: Iterable[str] | None = None) -
 def rate_against(emg: Series, time: Array) -> str:
     """What a recording's length says of its rate beside the motion's, "" where nothing looks wrong.
 
-    A recording that is a whole number of times (2 ... 10) as long or as short as the motion, to 2 %, and
-    starts with it, was probably sampled at another rate than is declared.
+    A recording that is a whole number of times (2 ... 10) as long or as short as the motion, to 2 %, and starts with
+    it, was probably sampled at another rate than is declared.
     """
     length, other = float(emg.time[-1] - emg.time[0]), float(time[-1] - time[0])
     if min(length, other) <= 0.0 or abs(emg.time[0] - time[0]) > 0.1 * other:

@@ -55,9 +55,8 @@ def shifted(emg: Emg, time: Array, delays: Array) -> Array:
 
 
 def independent_samples(first: Array, second: Array) -> float:
-    """How many independent samples two series (frames,) are worth for their correlation (Bartlett 1946).
-
-    n / (1 + 2 sum_k r1_k r2_k) with the autocorrelations at lags k up to a quarter of the series.
+    """How many independent samples two series (frames,) are worth for their correlation (Bartlett 1946): n / (1 + 2
+    sum_k r1_k r2_k) with the autocorrelations at lags k up to a quarter of the series.
     """
     frames = len(first)
     both = []
@@ -78,9 +77,8 @@ STRAIGHT = 1e-6
 
 
 def shaped(envelopes: Array, shapes: Array) -> Array:
-    """(exp(A e) - 1) / (exp(A) - 1) of envelopes e (frames, channels) with shape factors A (channels,); e at A = 0.
-
-    Source: Lloyd and Besier 2003.
+    """(exp(A e) - 1) / (exp(A) - 1) of envelopes e (frames, channels) with shape factors A (channels,); e at A = 0
+    (Lloyd and Besier 2003).
     """
     curved = np.abs(shapes) > STRAIGHT
     factors = np.where(curved, shapes, 1.0)
@@ -90,13 +88,8 @@ def shaped(envelopes: Array, shapes: Array) -> Array:
 @read_only
 @dataclass(frozen=True, eq=False)
 class SynergyWeights:
-    """Activations of muscles that nobody measured, from the synergies of channels.
-
-    Attributes
-    ----------
-    synergies : of the channels
-    muscles : names
-    weights : (muscles, synergies) activation where the course of a synergy is 1
+    """Activations of muscles that nobody measured, from the synergies of channels: `weights` (muscles, synergies) are
+    the activation where the course of a synergy is 1.
     """
 
     synergies: Synergies
@@ -111,22 +104,14 @@ class SynergyWeights:
 @read_only
 @dataclass(frozen=True, eq=False)
 class EmgCalibration:
-    """What turns envelopes into activations: a(t) = gain * shaped(envelope(t - delay)) + offset, see `shaped`.
+    """What turns envelopes into activations: a(t) = gain * shaped(envelope(t - delay)) + offset, see `shaped`; arrays
+    (channels,).
 
-    Attributes
-    ----------
-    channels : names
-    delays : (channels,) [s]
-    gains : (channels,) activation at an envelope of 1, 0 or more
-    offsets : (channels,) activation at rest, 0 or more
-    warnings : one line each
-    shapes : (channels,) shape factor, 0 for a straight line
-    intervals : (channels, 2) 95 % interval of the gains; NaN where they were not fitted
-    by_torque : (channels,) whether torques determine the gain; where they do not it is the usual one
-    synergies : what the channels say of muscles that nobody measured
-    weight, others_weight : of soft targets, and of what synergies say, chosen on channels that were left out
-    held_out : (channels, 2) correlation of each channel, left out, with its muscles: without EMG, and with that of the
-        other channels; NaN where that was not looked at
+    Delays in s; shape factors, 0 for a straight line; `intervals` (channels, 2), 95 % of the gains, NaN where they were
+    not fitted; `by_torque`, whether torques determine the gain, which else is the usual one. `weight` and
+    `others_weight`, of soft targets and of what synergies say, were chosen on channels left out; `held_out` (channels,
+    2) is the correlation of such a channel with its muscles without EMG and with that of the others, NaN where not
+    looked at.
     """
 
     channels: tuple[str, ...]
@@ -182,10 +167,8 @@ def uncalibrated(channels: Sequence[str], delay: float, shape: float = 0.0) -> E
 
 
 def fit_gains(envelopes: Array, activations: Array, offsets: bool = False) -> tuple[Array, Array]:
-    """Gains and offsets (channels,) that bring envelopes nearest to activations, both (frames, channels).
-
-    Non-negative least squares for each channel over the frames where both are known; a channel that is
-    never known gets gain 1.
+    """Gains and offsets (channels,) that bring envelopes nearest to activations, both (frames, channels). Non-negative
+    least squares for each channel over the frames where both are known; a channel never known gets gain 1.
     """
     count = envelopes.shape[1]
     gains, rests = np.ones(count), np.zeros(count)
@@ -199,13 +182,7 @@ def fit_gains(envelopes: Array, activations: Array, offsets: bool = False) -> tu
 
 
 def channel_means(channels: ChannelMap, muscles: Sequence[str], activations: Array) -> Array:
-    """Activations (frames, channels): the mean over each channel's muscles of `activations` (frames, muscles).
-
-    Raises
-    ------
-    UnknownName
-        where a channel names a muscle that is not there
-    """
+    """Activations (frames, channels): the mean over each channel's muscles of `activations` (frames, muscles)."""
     chosen = [
         [index_of(f"muscle of EMG channel '{channel}'", name, tuple(muscles)) for name in names]
         for channel, names in channels.items()

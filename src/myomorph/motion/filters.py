@@ -19,20 +19,10 @@ REACH = 60
 
 
 def natural_spline(time: Array, values: Array, degree: int = 5) -> BSpline:
-    """Interpolating natural spline of degree 3 or 5 through every column of `values`.
+    """Interpolating natural spline of degree 3 or 5 through every column of `values` (frames, ...).
 
-    OpenSim's `GCVSpline` with no error variance (Woltring 1986): the derivatives of order
-    (degree + 1) / 2 ... degree - 1 vanish at both ends.
-
-    Parameters
-    ----------
-    time : (frames,) ascending, at least degree + 1
-    values : (frames, ...)
-
-    Raises
-    ------
-    BadData
-        with fewer frames, or values that are not finite
+    OpenSim's `GCVSpline` with no error variance (Woltring 1986): the derivatives of order (degree + 1) / 2 ... degree -
+    1 vanish at both ends.
     """
     if len(time) <= degree:
         raise BadData(f"a spline of degree {degree} needs at least {degree + 1} frames, but got {len(time)}")
@@ -45,22 +35,11 @@ def natural_spline(time: Array, values: Array, degree: int = 5) -> BSpline:
 
 
 def lowpass(values: Array, rate: float, cutoff: float) -> Array:
-    """Zero-lag low-pass: a third-order Butterworth forwards and backwards, as OpenSim's tools.
+    """Zero-lag low-pass of values (frames, ...): a third-order Butterworth forwards and backwards, as OpenSim's tools.
 
-    Each pass halves the power at `cutoff`, so the two together pass half the amplitude there (-6 dB);
-    OpenSim does not correct for that. Both ends are extended by half the length, turned about the end
-    points. A `cutoff` at or above half the rate is lowered to 0.49 of the rate, as OpenSim does.
-
-    Parameters
-    ----------
-    values : (frames, ...) equally spaced
-    rate : frames per second [Hz]
-    cutoff : [Hz]
-
-    Raises
-    ------
-    BadData
-        with fewer than four frames, a cutoff that is not positive, or values that are not finite
+    Each pass halves the power at `cutoff` [Hz], so the two together pass half the amplitude there (-6 dB); OpenSim does
+    not correct for that. Both ends are extended by half the length, turned about the end points. A `cutoff` at or above
+    half the rate is lowered to 0.49 of the rate, as OpenSim does.
     """
     padded, pad = _lowpass_padded(np.asarray(values, dtype=np.float64), rate, cutoff)
     return padded[pad : pad + len(values)]
@@ -109,7 +88,6 @@ def _one_pass(x: Array, rate: float, cutoff: float) -> Array:
 @kernel
 def _third_order(b, a, x, state):
     """Filter x (samples, columns) from its fourth sample on, in place: the transposed direct form II.
-
     `scipy.signal.lfilter` does the same, but takes longer to import than all the rest of a command.
     """
     for i in range(3, len(x)):

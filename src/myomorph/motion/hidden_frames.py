@@ -42,13 +42,7 @@ CHUNK = 128
 
 def hidden_findings(model: Model, markers: Markers, fit: KinematicsFit, problem: PoseProblem) -> tuple[Finding, ...]:
     """Frames whose markers do not show where the body is, which become gaps, and what is hidden in part of the frames.
-
     Models with loops are not looked at: what ties determine, slopes of single markers do not know.
-
-    Parameters
-    ----------
-    markers : that the fit is of
-    problem : of `pose_problem`, for the fit's markers
     """
     if model.loops or not fit.seen.any():
         return ()

@@ -218,17 +218,7 @@ def poses_near(
     """The coordinates of `inverse_kinematics` for markers and a model that differ little from those of a motion.
 
     Where two axes of a joint are nearly parallel, other angles give nearly the same pose, and a search that begins
-    elsewhere may end in these: here it begins at the motion in every frame.
-
-    Parameters
-    ----------
-    markers : NaN where hidden (frames, markers, 3) [m]
-    motion : all coordinates of the model at the markers' times; unknown frames stay unknown
-
-    Raises
-    ------
-    BadData
-        model and recording share no marker, or the motion is of other times
+    elsewhere may end in these: here it begins at the motion in every frame. Unknown frames stay unknown.
     """
     options = options or InverseKinematicsOptions()
     refuse_other_times("markers", markers.time, motion.time)
@@ -245,15 +235,7 @@ def poses_near(
 
 
 def tracked_markers(model: Model, markers: Markers, options: InverseKinematicsOptions) -> tuple[tuple[str, ...], Array]:
-    """Names and weights of the markers that model and recording share and that have a weight.
-
-    Raises
-    ------
-    BadData
-        where there is none, and no task of another kind
-    UnknownName
-        where a weight names a marker that neither has
-    """
+    """Names and weights of the markers that model and recording share and that have a weight."""
     either = dict.fromkeys(model.marker_names + markers.names)
     for name in options.marker_weights:
         index_of("marker", name, tuple(either), "the model or the recording")
@@ -282,17 +264,8 @@ def pose_problem(
     options: InverseKinematicsOptions,
     recording: Markers | None = None,
 ) -> PoseProblem:
-    """The sum of all tasks, and the coordinates that may move with their bounds.
-
-    Parameters
-    ----------
-    names, weights : of the markers that take part
-    recording : that shows them; without one, the problem has no frames, and no tasks but of markers and coordinates
-
-    Raises
-    ------
-    BadData : a task is of other frames
-    UnknownName : a task names what the model does not have
+    """The sum of all tasks, and the coordinates that may move with their bounds. Without a recording, the problem has
+    no frames, and no tasks but of markers and coordinates.
     """
     model, frames = tree.model, 0 if recording is None else len(recording)
     time = np.empty(0) if recording is None else recording.time

@@ -34,13 +34,8 @@ THROUGHOUT = 0.9
 def mended_labels(
     model: Model, markers: Markers, options: InverseKinematicsOptions | None = None
 ) -> tuple[Markers, tuple[Finding, ...]]:
-    """A recording with labels that are exchanged throughout put back, before the lengths of the body are known.
-
-    A calibration would else move the markers on the model to where the exchanged ones lie.
-
-    Parameters
-    ----------
-    model : of any size; it is scaled as a whole
+    """A recording with labels that are exchanged throughout put back, before the lengths of the body are known. A
+    calibration would else move the markers on the model to where the exchanged ones lie.
     """
     options = options or InverseKinematicsOptions()
     names, _ = tracked_markers(model, markers, options)
@@ -68,11 +63,8 @@ def swap_findings(
     margin: Margin = USUAL,
     mend: bool = True,
 ) -> tuple[KinematicsFit, tuple[Finding, ...]]:
-    """Labels exchanged that the fit shows, and the fit with those put back that are not of the whole body.
-
-    Parameters
-    ----------
-    mend : put an exchange back and look for the next; else the first is the last
+    """Labels exchanged that the fit shows, and the fit with those put back that are not of the whole body. Without
+    `mend` the first is the last.
     """
     findings: list[Finding] = []
     for _ in range(MAX_SWAPS):

@@ -29,17 +29,11 @@ _SHOULDER_BLADE = re.compile(r"clav|scap|acromi|shoulder", re.IGNORECASE)
 
 @dataclass(frozen=True)
 class Length:
-    """One length: an axis of a segment, stretched by one factor.
+    """One length: an axis of a segment, stretched by one factor; named after the segment's heaviest body, "femur_r_y".
 
-    Attributes
-    ----------
-    name : of the segment's heaviest body and its axis, "femur_r_y"
-    segment : name of that body
-    stretched : (body, axis 0 ... 2) of every body axis that takes the factor
-    extent : how far the joint centers lie apart along it, in a last segment the joint and the markers, or
-        the mass center where it has none [m]
-    along : whether this is the longest of the segment's axes, its distance from joint to joint
-    between_joints : whether joints lie at both ends; the size of a last segment shows in its markers only
+    `stretched` are (body, axis 0 ... 2) of every body axis that takes the factor, `extent` [m] how far the joint
+    centers lie apart along it, in a last segment the joint and the markers, or the mass center. `along`: this is the
+    longest of the segment's axes, from joint to joint; without joints at both ends the size shows in markers only.
     """
 
     name: str
@@ -53,15 +47,11 @@ class Length:
 def lengths_of(model: Model, symmetric: bool = False) -> tuple[Length, ...]:
     """Three lengths for every segment of a model: the one from joint to joint, and the two across it.
 
-    Bodies belong to one segment where no coordinate of their own lets them move apart (welds, couplers,
-    paths driven by a neighbor's angle) and, in a model of a human body, where their names say the same
-    segment: heel, ankle bone and toes are a foot, ulna and radius a forearm, all vertebrae and ribs above
-    the pelvis a trunk. The axes of a segment are those of its first body; other bodies' axes follow the
-    one they lie nearest to in the default pose.
-
-    Parameters
-    ----------
-    symmetric : one factor for the right and the left
+    Bodies belong to one segment where no coordinate of their own lets them move apart (welds, couplers, paths driven by
+    a neighbor's angle) and, in a model of a human body, where their names say the same segment: heel, ankle bone and
+    toes are a foot, ulna and radius a forearm, all vertebrae and ribs above the pelvis a trunk. The axes of a segment
+    are those of its first body; other bodies' axes follow the one they lie nearest to in the default pose. `symmetric`:
+    one factor for the right and the left.
     """
     tree = compile_tree(model)
     pose = forward_kinematics(tree, tree.coordinates_of(_standing()))
@@ -194,8 +184,8 @@ HUMAN_SEGMENT = 0.24
 def length_unit(tree: Tree) -> float:
     """What stands for one metre in tolerances and usual distances: 1 for a body of human size, else less in proportion.
 
-    unit = min(1, longest segment / 0.24 m), a segment being the distance of a joint's center to that of its
-    body's parent or to a marker of its body.
+    unit = min(1, longest segment / 0.24 m), a segment being the distance of a joint's center to that of its body's
+    parent or to a marker of its body.
     """
     poses = forward_kinematics(tree, tree.coordinates_of(Motion(np.zeros(1), (), np.zeros((1, 0)))))
     centers = joint_centers(tree, poses.axis_points[0], poses.origins[0])

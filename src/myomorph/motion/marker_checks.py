@@ -52,15 +52,7 @@ class MarkerCheckOptions:
 
 @dataclass(frozen=True, eq=False)
 class CheckedFit:
-    """Inverse kinematics of a recording whose labels were checked.
-
-    Attributes
-    ----------
-    fit : of the mended recording
-    markers : the recording as mended
-    findings : what may not be believed, and what was mended
-    sensors : what inertial sensors add, None without any
-    """
+    """Inverse kinematics of a recording as mended; `findings` on what may not be believed and what was mended."""
 
     fit: KinematicsFit
     markers: Markers
@@ -75,18 +67,7 @@ def checked_kinematics(
     checks: MarkerCheckOptions | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> CheckedFit:
-    """`inverse_kinematics` of a recording, with findings about its labels and what was mended.
-
-    Parameters
-    ----------
-    model, markers, options, progress : as for `inverse_kinematics`
-    checks : see `MarkerCheckOptions`
-
-    Raises
-    ------
-    BadData, UnknownName
-        as `inverse_kinematics`
-    """
+    """`inverse_kinematics` of a recording, with findings about its labels and what was mended."""
     options, checks = options or InverseKinematicsOptions(), checks or MarkerCheckOptions()
     unit = length_unit(compile_tree(model))
     used, in_time = repaired(markers, time_findings(model, markers, unit), checks.mend)
@@ -106,12 +87,7 @@ def checked_kinematics(
 
 
 def time_findings(model: Model, markers: Markers, unit: float) -> tuple[Finding, ...]:
-    """Labels exchanged for some frames, and markers that jump once these are put back.
-
-    Parameters
-    ----------
-    unit : see `length_unit`
-    """
+    """Labels exchanged for some frames, and markers that jump once these are put back; `unit` see `length_unit`."""
     names = [name for name in markers.names if name in set(model.marker_names)]
     swapped = tuple(_exchange_findings(markers, names, unit))
     right, _ = repaired(markers, swapped)
@@ -154,9 +130,8 @@ def _short_side(exchanges: Sequence[Exchange], frames: int) -> Iterator[Exchange
 
 
 def _jump_findings(markers: Markers, names: Sequence[str], unit: float) -> Iterator[Finding]:
-    """Jumping markers, put where their path leads from before to after; at the ends of the recording left out.
-
-    A marker that is left out for some frames lets the pose jump, for no marker fits exactly: a bridge does not.
+    """Jumping markers, put where their path leads from before to after; at the ends of the recording left out. A marker
+    that is left out for some frames lets the pose jump, for no marker fits exactly: a bridge does not.
     """
     values = markers.values[:, [markers.names.index(name) for name in names]]
     jumping: dict[str, list[tuple[int, int, float]]] = {}
@@ -237,13 +212,8 @@ def _only_adds(short: str, long: str) -> bool:
 
 
 def name_findings(missing: Sequence[str], unused: Sequence[str], matched: int) -> tuple[Finding, ...]:
-    """Too few markers that match, and names that are nearly those of the model.
-
-    Parameters
-    ----------
-    missing : markers of the model that were not recorded
-    unused : recorded markers that the model does not have
-    matched : how many both have
+    """Too few markers that match, and names that are nearly those of the model: `missing` were not recorded, `unused`
+    are not of the model.
     """
     model, recorded = matched + len(missing), matched + len(unused)
     near = near_names(missing, unused)

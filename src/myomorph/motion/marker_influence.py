@@ -25,14 +25,9 @@ BLIND = 1e-5
 @read_only
 @dataclass(frozen=True, eq=False)
 class MarkerFrames:
-    """Markers of some frames against a model's pose.
-
-    Attributes
-    ----------
-    errors : (frames, markers, 3) recorded less model [m] in ground, NaN where unseen
-    slopes : (frames, markers, 3, variables) of model positions [m per unit of the variables]
-    rotations : (frames, markers, 3, 3) of the markers' bodies in ground
-    held : (frames, variables) whether each lies at a bound, so that it has no slopes
+    """Markers of some frames against a model's pose: recorded less model (frames, markers, 3) [m] in ground, NaN where
+    unseen; slopes (..., variables) of model positions; rotations (..., 3, 3) of the markers' bodies; `held` (frames,
+    variables), whether each lies at a bound, so that it has no slopes.
     """
 
     errors: Array
@@ -42,12 +37,8 @@ class MarkerFrames:
 
 
 def marker_frames(tree: Tree, problem: PoseProblem, observed: Array, values: Array) -> MarkerFrames:
-    """Errors and slopes at poses; variables that lie at a bound do not move.
-
-    Parameters
-    ----------
-    observed : (frames, markers, 3) [m]
-    values : (frames, coordinates) as inverse kinematics found them
+    """Errors of markers (frames, markers, 3) [m] and slopes at poses (frames, coordinates); variables at a bound do not
+    move.
     """
     frames, count = len(values), len(problem.free)
     stacked = np.repeat(values[:, None], count + 1, axis=1)
@@ -68,8 +59,8 @@ def marker_frames(tree: Tree, problem: PoseProblem, observed: Array, values: Arr
 def left_out(marker_frames: MarkerFrames, weight: Array) -> Array:
     """(frames, markers, 3) how far each marker lies from where all others would put it, in its body's frame [m].
 
-    By the leverage h of a marker in the linear problem: (1 - h)^-1 e, without the directions that others hardly
-    tell; NaN where a marker is unseen or none is told.
+    By the leverage h of a marker in the linear problem: (1 - h)^-1 e, without the directions that others hardly tell;
+    NaN where a marker is unseen or none is told.
     """
     frames, markers = marker_frames.errors.shape[:2]
     result = np.full((frames, markers, 3), np.nan)

@@ -37,13 +37,7 @@ MAX_COUNT, SAMPLES = 4, 20
 def place_findings(
     model: Model, markers: Markers, fit: KinematicsFit, problem: PoseProblem, unit: float
 ) -> Iterator[Finding]:
-    """Markers that lie steadily off the place where all others put them, while those of the other side do not.
-
-    Parameters
-    ----------
-    problem : of `pose_problem`, for the fit's markers
-    unit : see `length_unit`
-    """
+    """Markers that lie steadily off the place where all others put them, while those of the other side do not."""
     seen = np.flatnonzero(fit.seen)
     if len(seen) < 3 or len(fit.marker_names) < 6:
         return

@@ -58,13 +58,8 @@ class Exchange:
 @read_only
 @dataclass(frozen=True, eq=False)
 class Steps:
-    """Steps of one marker that stand out.
-
-    Attributes
-    ----------
-    start, stop : (steps,) frames that each leads from and to
-    predicted : (steps, 3) where the marker would be after the step [m]
-    excess : (steps, 3) what it is off [m]
+    """Steps of one marker that stand out: the frames that each leads from and to, where the marker would be after it
+    and what it is off (steps, 3) [m].
     """
 
     start: NDArray[np.int64]
@@ -77,14 +72,7 @@ NONE = Steps(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 3)), np.
 
 
 def edges_of(time: Array, values: Array, unit: float = 1.0) -> tuple[Steps, ...]:
-    """For each marker the steps that stand out of those around.
-
-    Parameters
-    ----------
-    time : (frames,) [s]
-    values : (frames, markers, 3) [m], NaN where unseen
-    unit : see `length_unit`
-    """
+    """For each marker of (frames, markers, 3) [m], NaN where unseen, the steps that stand out of those around."""
     return tuple(_edges(time, values[:, marker], unit) for marker in range(values.shape[1]))
 
 
@@ -112,13 +100,7 @@ def _edges(time: Array, path: Array, unit: float) -> Steps:
 
 
 def excursions(time: Array, edges: Sequence[Steps]) -> tuple[Excursion, ...]:
-    """Markers that leave their path from one frame to the next and return as suddenly.
-
-    Parameters
-    ----------
-    time : (frames,) [s]
-    edges : of every marker, by `edges_of`
-    """
+    """Markers that leave their path from one frame to the next and return as suddenly, of the edges of every marker."""
     spans = []
     for marker, steps in enumerate(edges):
         place = 0
@@ -134,13 +116,7 @@ def excursions(time: Array, edges: Sequence[Steps]) -> tuple[Excursion, ...]:
 
 
 def exchanges(values: Array, edges: Sequence[Steps]) -> tuple[Exchange, ...]:
-    """Pairs of markers whose paths go on in each other from some frame on, the last of an odd number to the end.
-
-    Parameters
-    ----------
-    values : (frames, markers, 3) [m]
-    edges : of every marker, by `edges_of`
-    """
+    """Pairs of markers whose paths go on in each other from some frame on, the last of an odd number to the end."""
     at: dict[int, list[tuple[int, int]]] = {}
     for marker, steps in enumerate(edges):
         for place, frame in enumerate(steps.stop):

@@ -40,12 +40,8 @@ CLEARLY = 0.75
 
 
 class Margin(NamedTuple):
-    """By how much an exchange has to fit better to be believed.
-
-    Attributes
-    ----------
-    share : of the root mean square that it leaves at most
-    gain : that it takes off the root mean square at least, on a human body [m]
+    """By how much an exchange has to fit better to be believed: the share of the root mean square that it leaves at
+    most, and what it takes off at least, on a human body [m].
     """
 
     share: float = BETTER
@@ -65,13 +61,8 @@ MIRRORED = "mirrored"
 
 @dataclass(frozen=True)
 class Swap:
-    """An exchange of labels.
-
-    Attributes
-    ----------
-    name : what it is called
-    pairs : of markers by their names; none where the recording is mirrored instead
-    certain : whether no other explanation fits about as well
+    """An exchange of labels of pairs of markers, none where the recording is mirrored instead; certain where no other
+    explanation fits about as well.
     """
 
     name: str
@@ -106,15 +97,7 @@ def find_swap(
     margin: Margin = USUAL,
 ) -> Swap | None:
     """The exchange of labels under which the body fits best in most sampled frames; None where none is far better.
-
-    Parameters
-    ----------
-    names : of the markers used
-    observed : (frames, markers, 3) recorded positions [m]
-    errors, placed : (frames, markers) [m], (frames, markers, 3) [m], as inverse kinematics gave them
-    solve : see `Solve`
-    unit : see `length_unit`
-    margin : see `Margin`
+    `observed`, `errors` and `placed` are (frames, markers, ...) [m], as inverse kinematics gave them.
     """
     rms = _rms(errors)
     seen = np.flatnonzero(np.isfinite(rms)).astype(np.int64)

@@ -22,13 +22,8 @@ INSTANT = 1e-9
 
 @dataclass(frozen=True)
 class Measured:
-    """What a measurement found.
-
-    Attributes
-    ----------
-    factor : mean over the pairs of recorded / model, nan where the measurement cannot be used
-    recorded, model : distance of each pair [m]; of the recording, the mean over its frames
-    notes : why it cannot be used, or what is odd about it, one line each
+    """What a measurement found: the mean over the pairs of recorded / model, nan where it cannot be used; distances of
+    each pair [m], of the recording the mean over its frames; notes why it cannot be used, or what is odd.
     """
 
     measurement: Measurement
@@ -44,14 +39,8 @@ def measured_factors(
     measurements: Iterable[Measurement],
     factors: Mapping[str, Array] | None = None,
 ) -> dict[str, Array]:
-    """Scale factors (3,) of the bodies that measurements stretch; `scale` takes them.
-
-    A later measurement of the same body and axis counts; axes that none stretches stay as they were.
-
-    Parameters
-    ----------
-    markers : of a static trial, the frames to be averaged; see `frames_around`
-    factors : to begin with; by default 1
+    """Scale factors (3,) of the bodies that measurements of a static trial stretch; `scale` takes them. A later
+    measurement of the same body and axis counts; axes that none stretches stay as in `factors`, by default 1.
     """
     return with_measured([measure(model, markers, measurement) for measurement in measurements], factors)
 
@@ -69,13 +58,11 @@ def with_measured(measured: Iterable[Measured], factors: Mapping[str, Array] | N
 
 
 def measure(model: Model, markers: Markers, measurement: Measurement) -> Measured:
-    """The scale factor of a measurement.
+    """The scale factor of a measurement: mean over pairs of (mean over frames of |y_1 - y_2|) / |x_1 - x_2|, with y of
+    the recording and x of the model in its default pose.
 
-    factor = mean over pairs of (mean over frames of |y_1 - y_2|) / |x_1 - x_2|, with y of the recording
-    and x of the model in its default pose.
-
-    A frame that does not show both markers does not count. A measurement without pairs, with a marker
-    that model or recording lack, or that no frame shows is not used, as in OpenSim.
+    A frame that does not show both markers does not count. A measurement without pairs, with a marker that model or
+    recording lack, or that no frame shows is not used, as in OpenSim.
     """
     notes = _missing(model, markers, measurement)
     if notes:
@@ -118,12 +105,7 @@ def default_markers(model: Model, names: Sequence[str]) -> Array:
 
 
 def frames_around(markers: Markers, start: float, end: float) -> Markers:
-    """The frames that OpenSim averages: from the last one at or before `start` to the first at or after `end` [s].
-
-    Raises
-    ------
-    BadData : the range ends before it starts, or there are no frames
-    """
+    """The frames that OpenSim averages: from the last one at or before `start` to the first at or after `end` [s]."""
     if len(markers) == 0:
         raise BadData("the recording has no frames")
     if start > end:
@@ -136,15 +118,9 @@ def frames_around(markers: Markers, start: float, end: float) -> Markers:
 
 @dataclass(frozen=True, eq=False)
 class Placement:
-    """A model whose markers lie where a static trial shows them.
+    """A model whose markers, only those recorded, lie where a static trial shows them except for the fixed ones.
 
-    Attributes
-    ----------
-    model : only with the markers that were recorded, moved except for the fixed ones
-    fit : the pose, one frame, with the markers as they were before
-    moved : (markers,) by name, how far each went [m]
-    removed : markers of the model that were not recorded
-    notes : what is odd about the trial, one line each
+    `fit` is the pose, one frame, with the markers as they were before; `moved` how far each went [m].
     """
 
     model: Model
@@ -162,18 +138,8 @@ def place_on_pose(
     options: InverseKinematicsOptions | None = None,
     most_movement: float = np.inf,
 ) -> Placement:
-    """Pose the model by the mean markers of a static trial, then move its markers to their means.
-
-    Parameters
-    ----------
-    markers : in the model's ground
-    start, end : of the frames that are averaged [s]
-    options : of the inverse kinematics that finds the pose
-    most_movement : a marker whose coordinates spread wider in these frames is named in the notes [m]
-
-    Raises
-    ------
-    BadData : no frame lies in the range, or model and trial share no marker
+    """Pose the model by the mean markers of a static trial from `start` to `end` [s], then move its markers to their
+    means. A marker whose coordinates spread wider than `most_movement` [m] is named in the notes.
     """
     used = frames_around(markers, start, end)
     inside = (used.time >= start - INSTANT) & (used.time <= end + INSTANT)
@@ -232,20 +198,8 @@ def _notes(model: Model, used: Markers, seen: set[str], most_movement: float) ->
 
 
 def place_markers(model: Model, motion: Motion, markers: Markers, bodies: Mapping[str, str]) -> tuple[Marker, ...]:
-    """Markers at the mean of where a recording shows them on their bodies.
-
-    location = mean over frames of R_body^T (x_marker - p_body)
-
-    Parameters
-    ----------
-    motion : pose of the model in each frame of `markers`
-    markers : recorded in the model's ground; a frame that does not show a marker does not count for it
-    bodies : the body of each marker to place
-
-    Raises
-    ------
-    BadData : the motion has other frames than the markers, or a marker is never seen
-    UnknownName : a marker that was not recorded, or a body that the model does not have
+    """Markers at the mean of where a recording shows them on their `bodies`: mean over frames of R_body^T (x_marker -
+    p_body), the motion being the pose of the model in each frame.
     """
     if len(motion) != len(markers):
         raise BadData(f"the motion has {len(motion)} frames, but the markers have {len(markers)}")

@@ -38,14 +38,8 @@ Settings: TypeAlias = tuple[float, float, int]
 
 @dataclass(frozen=True, eq=False)
 class SolvedFrames:
-    """Where the steps ended.
-
-    Attributes
-    ----------
-    values : (frames, coordinates) [rad or m]; NaN in frames that were left out
-    cost : (frames,) the sum of all tasks; infinite where loops cannot be closed
-    converged : (frames,) whether the last step was within the tolerance
-    iterations : (frames,)
+    """Where the steps ended: (frames, coordinates) [rad or m], NaN in frames that were left out; the sum of all tasks,
+    infinite where loops cannot be closed; whether the last step was within the tolerance.
     """
 
     values: Array
@@ -56,10 +50,7 @@ class SolvedFrames:
 
 def task_arrays(tasks: Sequence[Task], tree: Tree, targets: Array) -> tuple[Any, ...]:
     """Arrays of all tasks, kind by kind: those of `KINDS`, be they empty, and behind them kinds from elsewhere.
-
-    Parameters
-    ----------
-    targets : (frames, coordinates) of `coordinate_targets`
+    `targets` (frames, coordinates) are those of `coordinate_targets`.
     """
     kinds = dict.fromkeys((*KINDS, *(type(task) for task in tasks)))
     return tuple(kind.together([task for task in tasks if type(task) is kind], tree, targets) for kind in kinds)
@@ -74,15 +65,10 @@ def solve_poses(
     progress: Callable[[int], None] | None = None,
     chunk: int = CHUNK,
 ) -> SolvedFrames:
-    """Minimise the tasks of every frame.
+    """Minimise the tasks of every frame from `starts` (frames, coordinates) [rad or m].
 
-    Parameters
-    ----------
-    starts : (frames, coordinates) [rad or m], where each frame begins; chained, the first of every chunk and of what
-        comes after a long gap
-    chained : each frame begins where those before it lead, and frames that no task shows are left out
-    progress : called with the number of frames just done
-    chunk : frames that are chained, and solved by one thread
+    Chained, each frame begins where those before it lead and only the first of a chunk, and of what comes after a long
+    gap, at its start; frames that no task shows are left out. A chunk is solved by one thread.
     """
     frames = len(starts)
     values, cost = np.array(starts, order="C"), np.empty(frames)
@@ -177,7 +163,6 @@ def begin(T, P, frame, c, work, closing):
 @bare
 def descend(T, P, frame, posture_weight, tolerance, max_steps, c, work, closing):
     """Damped Newton steps from c in place, whose poses and gaps `close` has left; they are those of c afterwards.
-
     Returns whether the last step was within `tolerance`, the steps, and the cost of all tasks and the posture.
     """
     F, trial = P.free, work.trial
@@ -241,8 +226,8 @@ def posture_cost(P, c, stiffness):
 def newton_step(P, work, closing, c, damping):
     """Damped Newton step of the variables along the loops' ties; those of `work.held` stay where they are.
 
-    Variables that would leave their bounds are stopped there and the rest is solved again. Returns the largest entry
-    of the step, in units, or -1 where the damped Hessian is not positive definite along the ties.
+    Variables that would leave their bounds are stopped there and the rest is solved again. Returns the largest entry of
+    the step, in units, or -1 where the damped Hessian is not positive definite along the ties.
     """
     F, L, step, stopped, index, n = P.free, work.L, work.step, work.stopped, work.solved, P.free.shape[0]
     for i in range(n):
@@ -271,15 +256,12 @@ def newton_step(P, work, closing, c, damping):
 
 @bare
 def reduced_system(P, work, closing, c, damping):
-    """Normal equations of the independent variables that are not stopped, in the rows of L up to their number.
+    """Normal equations of the independent variables that are not stopped, in the rows of L up to their number, which is
+    returned; theirs are in `work.solved`.
 
     With the basis B of the directions along the ties (a column for each independent variable; the identity without
-    loops) and the step s of the others, L = B^T (H + damping D) B and the row behind it is
-    -B^T (g + (H + damping D) s).
-
-    Returns
-    -------
-    how many there are; their numbers are in `work.solved`
+    loops) and the step s of the others, L = B^T (H + damping D) B and the row behind it is -B^T (g + (H + damping D)
+    s).
     """
     F, H, g, D, L, step, n = P.free, work.H, work.g, work.D, work.L, work.step, P.free.shape[0]
     held, index = work.stopped, work.solved
@@ -354,10 +336,8 @@ def close_step(work, closing, size):
 
 @bare
 def solve_in_place(L, n):
-    """Cholesky factor of the lower triangle of L (n, n), then the solution of row n, in place.
-
-    A variable that nothing determines (an empty pivot from the start) stays at zero. Returns False
-    where another pivot is not positive.
+    """Cholesky factor of the lower triangle of L (n, n), then the solution of row n, in place. A variable that nothing
+    determines (an empty pivot from the start) stays at zero. Returns False where another pivot is not positive.
     """
     for j in range(n):
         diagonal = L[j, j]

@@ -32,20 +32,12 @@ LOST = 3.0
 
 @dataclass(frozen=True)
 class OnlineFilter:
-    """A low-pass that gives value, velocity and acceleration of samples in a moving window.
+    """A low-pass that gives value, velocity and acceleration of samples at a rate [Hz] in a moving window, half the
+    power at `cutoff` [Hz].
 
     The window's weights are a bell g(t) = exp(-t^2 / 2 s^2) and its derivatives, s = sqrt(ln 2) / (2 pi cutoff),
-    which halves the power at the cutoff, corrected so that parabolas are differentiated exactly. Phase is linear:
-    everything comes `delay` late and otherwise unshifted, the forces like the motion.
-
-    Attributes
-    ----------
-    rate : frames per second [Hz]
-    cutoff : frequency of half the power [Hz]
-
-    Raises
-    ------
-    BadData : a rate or cutoff that is not positive, or a cutoff above an eighth of the rate
+    corrected so that parabolas are differentiated exactly. Phase is linear: everything comes `delay` late and otherwise
+    unshifted, the forces like the motion.
     """
 
     rate: float
@@ -91,12 +83,7 @@ class OnlineFilter:
         return np.stack([g, first / (first @ t), 2.0 * second / (second @ t**2)])
 
     def motion(self, motion: Motion) -> Motion:
-        """A recorded motion through the filter, with derivatives: the frames that have a whole window.
-
-        Raises
-        ------
-        BadData : fewer frames than a window, or frames that are not evenly spaced
-        """
+        """A recorded motion through the filter, with derivatives: the frames that have a whole window."""
         value, velocity, acceleration = (self._whole(motion.values, weight) for weight in self.weights)
         self._even(motion.time)
         return Motion(self._middle(motion.time), motion.names, value, velocity, acceleration)
@@ -121,12 +108,7 @@ class OnlineFilter:
 
 
 class MovingWindow:
-    """The last samples of a stream, and what the filter makes of them.
-
-    Parameters
-    ----------
-    width : of a sample
-    """
+    """The last samples, `width` numbers each, of a stream, and what the filter makes of them."""
 
     def __init__(self, filter: OnlineFilter, width: int):
         self._weights = filter.weights
@@ -161,15 +143,8 @@ class MovingWindow:
 
 
 class OnlineKinematics:
-    """Inverse kinematics of one frame after the other, each from where the last two lead.
-
-    Parameters
-    ----------
-    names : of the markers that will arrive, in their order
-
-    Raises
-    ------
-    BadData : model and stream share no marker
+    """Inverse kinematics of one frame after the other, each from where the last two lead; `names` are those of the
+    markers that will arrive, in their order.
     """
 
     def __init__(self, model: Model, names: Sequence[str], options: InverseKinematicsOptions | None = None):
@@ -183,11 +158,8 @@ class OnlineKinematics:
         self._usual = 0.0
 
     def solve(self, time: float, positions: Array) -> tuple[Array, float]:
-        """Coordinates of one frame, and its root mean square marker error [m]; NaN where no marker is seen.
-
-        Parameters
-        ----------
-        positions : (markers, 3) [m], NaN where unseen
+        """Coordinates of one frame of markers (markers, 3) [m], NaN where unseen, and its root mean square marker error
+        [m]; NaN where no marker is seen.
         """
         problem = self._frame(time, positions)
         if not frames_shown(problem)[0]:
@@ -204,12 +176,8 @@ class OnlineKinematics:
         return values, error
 
     def from_start(self, time: float, positions: Array, start: Array, posture: Array) -> tuple[Array, float]:
-        """As `solve`, but from a pose that is passed, and remembering nothing.
-
-        Parameters
-        ----------
-        start : (coordinates,) where to begin
-        posture : (coordinates,) what coordinates that no marker shows are drawn to
+        """As `solve`, but from the pose `start`, coordinates that no marker shows drawn to `posture`, and remembering
+        nothing.
         """
         return self._settle(self._frame(time, positions)._replace(posture=posture), start)
 

@@ -38,13 +38,7 @@ LIES, MOSTLY = 60.0, 0.8
 def pose_findings(
     model: Model, markers: Markers, fit: KinematicsFit, problem: PoseProblem, options: InverseKinematicsOptions
 ) -> Iterator[Finding]:
-    """Findings about the coordinates of a fit.
-
-    Parameters
-    ----------
-    markers : that the fit is of
-    problem : of `pose_problem`, for the fit's markers
-    """
+    """Findings about the coordinates of a fit of these markers."""
     if not fit.seen.any():
         return
     yield from _bound_findings(model, markers, fit, problem, options)

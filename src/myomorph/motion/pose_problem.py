@@ -12,17 +12,11 @@ from myomorph.rigid.coordinates import Ints
 
 
 class PoseProblem(NamedTuple):
-    """What is minimised, and what may move.
+    """What is minimised, and what may move: coordinates that are solved for (`free`), their bounds [rad or m], the unit
+    by which changes of each coordinate are measured (`coordinate_units`), values (frames, coordinates) of the others.
 
-    Attributes
-    ----------
-    free : (variables,) coordinates that are solved for
-    lower, upper : (variables,) bounds [rad or m]
-    unit : (coordinates,) by what changes of each are measured [rad or m]; see `coordinate_units`
-    fixed : (frames, coordinates) values of the coordinates that are not solved for [rad or m]
-    posture : (coordinates,) what coordinates that no task shows are pulled to [rad or m]
-    tasks : arrays of each kind of task, markers and coordinates first
-    ties : what closes the loops; None of an open model
+    `posture` is what coordinates that no task shows are pulled to, `tasks` arrays of each kind of task, markers and
+    coordinates first, `ties` what closes the loops, None of an open model.
     """
 
     free: Ints

@@ -50,15 +50,7 @@ class Site(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Protocol:
-    """A set of labels and what they mean.
-
-    Attributes
-    ----------
-    name : in tables and on the command line
-    title, source : in words
-    labels : what each label lies on
-    endings : that a label can have besides
-    """
+    """A set of labels, what each lies on, and the endings that a label can have besides."""
 
     name: str
     title: str
@@ -81,14 +73,8 @@ class Protocol:
 
 @dataclass(frozen=True, eq=False)
 class Recognized:
-    """Labels of a recording as protocols know them.
-
-    Attributes
-    ----------
-    protocol : the one that knows most labels; None where none knows enough
-    sites : label as the recording has it, and what it lies on
-    common : labels that only the table of common names knows
-    unknown : labels that none knows
+    """Labels of a recording as protocols know them: by the protocol that knows most, None where none knows enough;
+    `common` only by the table of common names, `unknown` by none.
     """
 
     protocol: Protocol | None
@@ -99,13 +85,8 @@ class Recognized:
 
 @dataclass(frozen=True, eq=False)
 class ProtocolTable:
-    """Protocols and the landmarks that they name.
-
-    Attributes
-    ----------
-    landmarks : by `segment.key`: words and kind
-    protocols : by name
-    common : names in use in many laboratories
+    """Protocols by name, the common names of many laboratories, and the landmarks (words and kind, by `segment.key`)
+    that they name.
     """
 
     landmarks: Mapping[str, tuple[str, Kind]]
@@ -114,20 +95,9 @@ class ProtocolTable:
 
 
 def find_protocol(names: Iterable[str], table: ProtocolTable | None = None) -> Protocol | None:
-    """The marker protocol that a recording follows, by its labels; None where no protocol knows enough of them.
-
-    Of protocols that know equally many labels, the one counts whose labels are all there.
-
-    Parameters
-    ----------
-    names : labels of a recording, with or without a subject's name before them (`Subject:LASI`)
-    table : by default those of the package
-
-    Examples
-    --------
-    >>> from myomorph.motion.protocols import find_protocol
-    >>> find_protocol(["S1:LASI", "S1:RASI", "S1:LPSI", "S1:RPSI", "S1:LTHI", "S1:LKNE", "S1:LANK"]).title
-    'Plug-in Gait'
+    """The marker protocol that a recording follows, by its labels with or without a subject's name before them
+    (`Subject:LASI`); None where no protocol knows enough of them. Of protocols that know equally many labels, the one
+    counts whose labels are all there.
     """
     labels = tuple(dict.fromkeys(names))
     table = table or protocols()
@@ -149,18 +119,6 @@ def recognize(names: Iterable[str], table: ProtocolTable | None = None) -> Recog
 
     Two labels never lie on the same landmark: a label of the protocol goes before a common name, and of two of the same
     kind the first counts. Points of the skin may be several.
-
-    Parameters
-    ----------
-    names : labels of a recording
-    table : by default those of the package
-
-    Examples
-    --------
-    >>> from myomorph.motion.protocols import recognize
-    >>> recognized = recognize(["LASI", "RASI", "LPSI", "RPSI", "LKNE", "LANK", "LMT1", "ball"])
-    >>> str(recognized.sites["LKNE"]), recognized.common, recognized.unknown
-    ('left lateral epicondyle of the femur', ('LMT1',), ('ball',))
     """
     table = table or protocols()
     labels = tuple(dict.fromkeys(names))
@@ -182,19 +140,11 @@ def recognize(names: Iterable[str], table: ProtocolTable | None = None) -> Recog
 
 
 def labels_between(recorded: Iterable[str], known: Iterable[str], table: ProtocolTable | None = None) -> dict[str, str]:
-    """Labels of a recording and the markers of a model that lie on the same landmark under another name.
+    """Labels of a recording and the markers of a model on the same landmark under another name, as the key `labels`
+    takes them.
 
     Only bony landmarks and joint centers: a point of the skin without a landmark lies elsewhere in every laboratory.
     Names that both have are left out, and so are markers that the recording has under their own name.
-
-    Parameters
-    ----------
-    recorded : labels of a recording
-    known : markers of a model
-
-    Returns
-    -------
-    recorded label: marker of the model, as the key `labels` of a study takes it
     """
     recorded, known = tuple(recorded), tuple(known)
     taken = set(recorded)
@@ -215,17 +165,8 @@ def protocols() -> ProtocolTable:
 
 
 def protocol_table(text: str, source: str, base: ProtocolTable | None = None) -> ProtocolTable:
-    """Protocols of a table in TOML, after those of another.
-
-    Parameters
-    ----------
-    text : as `motion/data/protocols.toml`, which says in its first lines what stands where
-    source : its name, for errors
-    base : protocols and landmarks that the table adds to; a protocol of the same name takes the other's place
-
-    Raises
-    ------
-    BadData : no TOML, an unknown table or landmark, a label twice
+    """Protocols of a table in TOML (`motion/data/protocols.toml` says what stands where), added to those of `base`; one
+    of the same name takes the other's place.
     """
     try:
         raw = tomllib.loads(text)

@@ -29,15 +29,9 @@ SEARCH = 0.5
 
 @dataclass(frozen=True, eq=False)
 class SteadyFrame:
-    """One pose.
-
-    Attributes
-    ----------
-    coordinates : (coordinates,) in the model's order; NaN before any marker was seen
-    error : root mean square of the markers seen, about the pose that fits them [m]; nan where none is
-    seen : how many of the tracked markers are
-    held : whether no marker is seen, so that the pose is the last one
-    owed : root mean square, over coordinates in radians and metres, of the jump that is still to be given back
+    """One pose, NaN before any marker was seen, and its root mean square error [m]; `held` is the last one, where no
+    marker is seen. `owed` is the root mean square, over coordinates in radians and metres, of the jump still to be
+    given back.
     """
 
     coordinates: Array
@@ -48,16 +42,8 @@ class SteadyFrame:
 
 
 class SteadyKinematics:
-    """Inverse kinematics of one frame after the other, continuous where markers come and go.
-
-    Parameters
-    ----------
-    names : of the markers that will arrive, in their order
-    blend : time constant with which jumps are given back, above 0 [s]
-
-    Raises
-    ------
-    BadData : model and stream share no marker, or `blend` is not positive
+    """Inverse kinematics of one frame after the other, continuous where markers come and go. Jumps are given back with
+    the time constant `blend` [s].
     """
 
     def __init__(
@@ -96,12 +82,7 @@ class SteadyKinematics:
         self._usual = 0.0
 
     def solve(self, time: float, positions: Array) -> SteadyFrame:
-        """The pose of one frame.
-
-        Parameters
-        ----------
-        positions : (markers, 3) [m], NaN where unseen
-        """
+        """The pose of one frame of markers (markers, 3) [m], NaN where unseen."""
         positions = np.asarray(positions, dtype=np.float64)
         seen = np.isfinite(positions).all(axis=1) & self._tracked
         if not seen.any():

@@ -38,15 +38,10 @@ TIED = 1e6
 
 
 class Stretch(NamedTuple):
-    """How the tree's constants depend on the factors of the bodies.
-
-    Attributes
-    ----------
-    pre, post : (axes, 3, 6), (bodies, 3, 6) derivatives of `pre_p` and `post_p` in the factors of the
-        parent (x, y, z) and of the body itself
-    travel : (axes, 3) relative growth of a sliding axis's motion with the factors of the parent
-    column : (bodies, 3) the length that stretches a body along an axis, -1 for none
-    location : (markers, 3) positions of the markers on the model before it is stretched [m]
+    """How the tree's constants depend on the factors of the bodies: derivatives (axes or bodies, 3, 6) of `pre_p` and
+    `post_p` in the factors (x, y, z) of the parent and of the body itself; relative growth (axes, 3) of a sliding
+    axis's motion with those of the parent; the length that stretches a body along an axis (bodies, 3), -1 for none;
+    locations of the markers on the model before it is stretched [m].
     """
 
     pre: Array
@@ -94,10 +89,8 @@ def stretch_of(model: Model, lengths: Sequence[Length], markers: Sequence[str]) 
 
 
 def with_travel(stretch: Stretch, model: Model, values: Array) -> Stretch:
-    """The same with the growth of sliding axes at the factors (lengths,) reached.
-
-    A motion that an angle drives grows by sum |u_i| s_i, one that a coupler drives by |u * s| (the rules of
-    `scale`); a sliding axis of its own does not.
+    """The same with the growth of sliding axes at the factors (lengths,) reached. A motion that an angle drives grows
+    by sum |u_i| s_i, one that a coupler drives by |u * s| (the rules of `scale`); a sliding axis of its own does not.
     """
     tree = compile_tree(model)
     travel = np.zeros_like(stretch.travel)
@@ -130,16 +123,9 @@ def tied_markers(ties: Ties | None) -> MarkerArrays:
 
 @bare
 def marker_slopes(T, K, S, c, R, p, w, o, dphi, grown, places, by_length, by_coordinate):
-    """Places of the markers in one frame, and their derivatives.
-
-    Parameters
-    ----------
-    c : (coordinates,), dependent ones consistent
-    R, p, w, o, dphi : scratch, as `body_poses`
-    grown : (bodies, 3, lengths) scratch: derivatives of the bodies' origins
-    places : (markers, 3) filled [m]
-    by_length : (3 markers, lengths) filled [m]
-    by_coordinate : (3 markers, coordinates) filled; those of independent coordinates include their followers
+    """Fill the markers' places (markers, 3) in one frame, and their derivatives (3 markers, lengths) and (3 markers,
+    coordinates) [m]; those of independent coordinates include their followers. c is consistent; `R` ... `dphi` are
+    scratch as in `body_poses`, `grown` (bodies, 3, lengths) that of the bodies' origins.
     """
     body_poses(T, c, R, p, w, o, dphi)
     lengths = grown.shape[2]
@@ -204,18 +190,11 @@ def add_offset(column, slopes, h, b, r, grown):
 def frame_blocks(T, P, S, tied, tied_S, first, last, posture_weight, c, H, g, eliminated, errors):
     """Sums over frames of what the shared unknowns feel at fixed angles, and what the angles take away.
 
-    With A = J_q^T W J_q = L L^T of a frame, the reduced normal equations are H - E^T E and g - E^T e, where
-    [E e] = L^-1 J_q^T W [J_s r]. The shared unknowns s are the lengths and three shifts for each marker.
-    Loops, whose gap the angles close whatever the lengths, count as residuals of weight `TIED` that are zero.
-
-    Parameters
-    ----------
-    first, last : frames
-    tied, tied_S : the points that loops tie, in pairs, as markers; none without loops
-    c : (frames, coordinates) angles, at the minimum of each frame
-    H, g : (shared, shared), (shared,) added to: J_s^T W J_s (lower triangle) and J_s^T W r
-    eliminated : ((last - first) * variables, shared + 1) filled with [E e]; rows of coordinates at a bound are zero
-    errors : (frames, markers) filled: distance of each marker [m], NaN where unseen
+    With A = J_q^T W J_q = L L^T of a frame, the reduced normal equations are H - E^T E and g - E^T e, where [E e] =
+    L^-1 J_q^T W [J_s r]. The shared unknowns s are the lengths and three shifts for each marker. Loops, whose gap the
+    angles close whatever the lengths, count as residuals of weight `TIED` that are zero: `tied`, `tied_S` are their
+    points, in pairs, as markers. H (lower triangle) and g are added to; `eliminated` ((last - first) * variables,
+    shared + 1) is filled with [E e], zero for coordinates at a bound, `errors` (frames, markers) [m], NaN where unseen.
     """
     bodies, axes, n = T.parent.shape[0], T.axis_kind.shape[0], c.shape[1]
     K, tasks, F = P.tasks[0], P.tasks[1], P.free
@@ -263,11 +242,7 @@ def frame_blocks(T, P, S, tied, tied_S, first, last, posture_weight, c, H, g, el
 @in_place
 def add_markers(K, F, frame, R, places, by_length, by_coordinate, misfit, Jq, A, E, H, g, errors):
     """Add what the markers seen in a frame say of its angles (A), of the shared unknowns (H, g) and of both (E).
-
-    Parameters
-    ----------
-    by_length : overwritten: rows times the root of the marker's weight
-    misfit, Jq : scratch (3 markers,), (3 markers, variables)
+    `by_length` is overwritten: rows times the root of the marker's weight; `misfit` and `Jq` are scratch.
     """
     lengths, size, shared = by_length.shape[1], A.shape[0], E.shape[1] - 1
     for m in range(places.shape[0]):

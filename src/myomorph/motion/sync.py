@@ -137,12 +137,8 @@ def resample_wrenches(wrenches: Wrenches, time: Array, cutoff: float | None = No
 
 
 def refuse_other_times(what: str, times: Array, time: Array) -> None:
-    """Refuse values whose times (samples,) are not those of the motion (frames,) [s], but for a microsecond.
-
-    Raises
-    ------
-    BadData
-        where their number or their times differ; `what` names the values, in the plural
+    """Refuse values whose times (samples,) are not those of the motion (frames,) [s], but for a microsecond; `what`
+    names them.
     """
     if len(times) != len(time) or np.max(np.abs(times - time), initial=0.0) > 1e-6:
         raise BadData(
@@ -152,15 +148,12 @@ def refuse_other_times(what: str, times: Array, time: Array) -> None:
 
 
 def clock_shift(time: Array, other: Array) -> float | None:
-    """What added to other times (samples,) [s] puts them on the clock of a motion (frames,) [s].
+    """What added to other times (samples,) [s] puts them on the clock of a motion (frames,) [s]: 0 where they share
+    time, None where nothing says it.
 
     Programs that write a motion or a table anew often begin at zero, while the other file goes on counting. Two that
-    last equally long, to one and a half samples of the slower, are of one recording.
-
-    Returns
-    -------
-    0 where they share time; the shift where both last equally long and share less than half of it; None where they
-    share no time and nothing says by how much they are apart
+    last equally long, to one and a half samples of the slower, are of one recording; these are shifted where they share
+    less than half of it.
     """
     step = max((float(np.median(np.diff(times))) for times in (time, other) if len(times) > 1), default=0.0)
     apart = float(time[0] - other[0])
@@ -174,13 +167,7 @@ def clock_shift(time: Array, other: Array) -> float | None:
 
 
 def common_time(first: Markers | Motion, wrenches: Wrenches) -> tuple[float, float]:
-    """Start and end [s] of what both recordings cover.
-
-    Raises
-    ------
-    BadData
-        where they have no time in common
-    """
+    """Start and end [s] of what both recordings cover."""
     start, end = max(first.time[0], wrenches.time[0]), min(first.time[-1], wrenches.time[-1])
     if end <= start:
         raise BadData(
@@ -218,13 +205,7 @@ def _splined(time: Array, values: Array, at: Array) -> Array:
 
 
 def torques_at(torques: Series, motion: Motion) -> Series:
-    """Torques at the motion's times, by natural cubic splines where they are others.
-
-    Raises
-    ------
-    BadData
-        where the motion reaches beyond the torques
-    """
+    """Torques at the motion's times, by natural cubic splines where they are others."""
     time, torque_time = motion.time, torques.time
     if len(torque_time) == len(time) and np.max(np.abs(torque_time - time), initial=0.0) <= 1e-6:
         return Series(time, torques.names, torques.values)

@@ -19,14 +19,9 @@ TINY = 1e-12
 @read_only
 @dataclass(frozen=True, eq=False)
 class Synergies:
-    """Envelopes (frames, channels) as H V with 0 or more in both factors.
-
-    Attributes
-    ----------
-    channels : names
-    scale : (channels,) envelope that counts as 1, so that no channel has more say for its gain
-    vectors : (synergies, channels) V, each with a largest entry of 1
-    explained : share of the sum of squares of the scaled envelopes
+    """Envelopes (frames, channels) as H V with 0 or more in both factors: `vectors` V (synergies, channels), each with
+    a largest entry of 1. `scale` is the envelope that counts as 1, so that no channel has more say for its gain;
+    `explained` the share of the sum of squares of the scaled envelopes.
     """
 
     channels: tuple[str, ...]
@@ -42,9 +37,8 @@ class Synergies:
         return len(self.vectors)
 
     def courses(self, envelopes: Array) -> Array:
-        """H (frames, synergies) of envelopes (frames, channels); NaN where no channel is known.
-
-        Non-negative least squares over the channels that are known in a frame.
+        """H (frames, synergies) of envelopes (frames, channels), by non-negative least squares over the channels that
+        are known in a frame; NaN where none is.
         """
         scaled = envelopes / self.scale
         known = np.isfinite(scaled)
@@ -62,11 +56,6 @@ def find_synergies(
 
     Non-negative matrix factorization by multiplicative steps (Lee and Seung 2001), begun with the singular vectors
     (Boutsidis and Gallopoulos 2008), so that the same data always give the same synergies.
-
-    Raises
-    ------
-    BadData
-        without a frame in which all channels are known
     """
     values = envelopes[np.isfinite(envelopes).all(axis=1)]
     if not values.size:

@@ -33,8 +33,8 @@ MASSLESS = 1e-6
 def floating_coordinates(model: Model) -> tuple[str, ...]:
     """Coordinates of the joints that let a body float: at least two translations and one rotation against the ground.
 
-    A joint to the ground that only turns (an arm fixed at the shoulder) or only slides (a sled) is part of the
-    body or of a rig, and its bounds count. Massless links between ground and body belong to the root joint.
+    A joint to the ground that only turns (an arm fixed at the shoulder) or only slides (a sled) is part of the body or
+    of a rig, and its bounds count. Massless links between ground and body belong to the root joint.
     """
     result: list[str] = []
     for chain in _root_chains(model):
@@ -48,18 +48,11 @@ def floating_coordinates(model: Model) -> tuple[str, ...]:
 
 
 def of_one_turn(tree: Tree, problem: PoseProblem, values: Array) -> Array:
-    """Coordinates whose angles begin, and go on after every gap, on the turn that is nearest.
+    """Coordinates (frames, coordinates) whose angles begin, and go on after every gap (NaN), on the turn that is
+    nearest.
 
     Frames are solved in stretches from poses that were found apart, which may differ by whole turns. Angles that would
     leave their bounds, or that a task pulls at, stay.
-
-    Parameters
-    ----------
-    values : (frames, coordinates) [rad or m], NaN in gaps; from frame to frame angles change by less than half a turn
-
-    Returns
-    -------
-    the same poses
     """
     values = values.copy()
     for index, low, high in zip(problem.free, problem.lower, problem.upper, strict=True):
@@ -101,15 +94,12 @@ def _root_chains(model: Model) -> Iterator[list[Joint]]:
 
 
 def of_one_branch(tree: Tree, problem: PoseProblem, values: Array) -> Array:
-    """The same poses, with the angles of every joint of three that are nearest to those of the frame before.
+    """The same poses (frames, coordinates), with the angles of every joint of three nearest to those of the frame
+    before.
 
     Two triples of angles about three axes turn a body alike. Frames are solved in stretches from poses that were found
     apart, and may begin on either. Where the nearer angles are out of bounds, or a task pulls at them, they stay; so do
     those of a floating root, which may come back turned around.
-
-    Parameters
-    ----------
-    values : (frames, coordinates) [rad or m], NaN in gaps
     """
     values = values.copy()
     seen = np.flatnonzero(np.isfinite(values).all(axis=1))
@@ -140,15 +130,10 @@ def other_branch(angles: Array) -> Array:
 
 
 def other_angles(angles: Array, axes: Array) -> Array:
-    """(3,) the other angles of the same rotation about any three axes [rad].
+    """(3,) the other angles of the same rotation about any three axes, unit vectors, one a row [rad].
 
     The last axis w after the second rotation makes an angle with the first axis u that depends on cos(b - beta) alone,
     so the middle angle may be 2 beta - b; the others follow from where u and w come to lie (Davenport angles).
-
-    Parameters
-    ----------
-    angles : (3,) [rad]
-    axes : (3, 3) unit vectors, one a row
     """
     first, second, last = axes
     beta = np.arctan2(first @ np.cross(second, last), first @ last - (first @ second) * (second @ last))

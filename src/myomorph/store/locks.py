@@ -28,13 +28,8 @@ PATIENCE = 600.0
 
 @dataclass(frozen=True)
 class RunMark:
-    """The run that a study's folder belongs to.
-
-    Attributes
-    ----------
-    run : of this run alone
-    format, version : of the folder, and of the program that wrote it
-    host, process, since : where the run is, its number there, and when it began
+    """The run that a study's folder belongs to: its identifier, where and as which process it runs, when it began;
+    `format` and `version` of the folder and of the program that wrote it.
     """
 
     folder: Path
@@ -53,13 +48,7 @@ class RunMark:
 
 
 def read_mark(folder: Path) -> RunMark | None:
-    """Which run wrote a folder last, None where no run did.
-
-    Raises
-    ------
-    BadFile
-        where the file that tells is none of ours
-    """
+    """Which run wrote a folder last, None where no run did."""
     path = folder / MARK
     try:
         mark = json.loads(path.read_text(encoding="utf-8"))
@@ -97,15 +86,7 @@ def _numbers(version: str) -> tuple[int, ...]:
 
 @contextmanager
 def study_lock(out: Path) -> Iterator[RunMark]:
-    """Keep other runs away from a study's folder, which is made where it does not exist.
-
-    Raises
-    ------
-    BadData
-        where another run writes there, or a newer version has
-    BadFile
-        where nothing can be written there
-    """
+    """Keep other runs away from a study's folder, which is made where it does not exist."""
     if out.exists() and not out.is_dir():
         raise BadFile(out, "is a file, but results go into a folder", "give --out another name")
     lock = FileLock(out / LOCK, timeout=0)
@@ -151,13 +132,7 @@ def _taken(out: Path) -> str:
 
 @contextmanager
 def folder_lock(folder: Path, mark: RunMark | None = None, patience: float = PATIENCE) -> Iterator[None]:
-    """Keep other processes away from a trial's folder: one of a run that was killed, or one that was cut off.
-
-    Raises
-    ------
-    BadData
-        where another process does not leave in time, or another run has begun meanwhile
-    """
+    """Keep other processes away from a trial's folder: one of a run that was killed, or one that was cut off."""
     folder.parent.mkdir(parents=True, exist_ok=True)
     lock = FileLock(folder.with_name(f".{folder.name}.lock"), timeout=patience, poll_interval=0.05)
     try:
@@ -173,9 +148,8 @@ def folder_lock(folder: Path, mark: RunMark | None = None, patience: float = PAT
 
 
 def _let_go(lock: FileLock) -> None:
-    """Remove a lock with its file; where an open file cannot be removed (Windows), let go of it before.
-
-    Whoever waits for a file that is removed meanwhile sees that and begins anew: filelock does so since 3.24.
+    """Remove a lock with its file; where an open file cannot be removed (Windows), let go of it before. Whoever waits
+    for a file that is removed meanwhile sees that and begins anew: filelock does so since 3.24.
     """
     path = Path(lock.lock_file)
     try:

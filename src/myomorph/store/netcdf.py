@@ -103,11 +103,8 @@ def _texts_of() -> Callable[[Any, str, str], None]:
 
 
 class _Disk:
-    """A file for HDF5, which ends the whole process where a write fails: failures are kept from it and told after.
-
-    Attributes
-    ----------
-    failure : the first, None where all was written
+    """A file for HDF5, which ends the whole process where a write fails: the first failure is kept from it and told
+    after.
     """
 
     def __init__(self, path: str | os.PathLike[str]):
@@ -166,13 +163,7 @@ class _Disk:
 
 @contextmanager
 def new_netcdf(path: str | os.PathLike[str]) -> Iterator[NetcdfFile]:
-    """A new file; where an error ends the block, it is left unfinished.
-
-    Raises
-    ------
-    OSError
-        where not all of it could be written
-    """
+    """A new file; where an error ends the block, it is left unfinished."""
     # Loaded only where such a file is read or written.
     import h5py
 
@@ -184,12 +175,8 @@ def new_netcdf(path: str | os.PathLike[str]) -> Iterator[NetcdfFile]:
 
 @dataclass(frozen=True)
 class NetcdfVariable:
-    """A variable of a file that is open.
-
-    Attributes
-    ----------
-    values : the data set, read by its parts
-    told : its attributes, without those of the format
+    """A variable of a file that is open: the data set, read by its parts, and its attributes without those of the
+    format.
     """
 
     name: str
@@ -212,11 +199,8 @@ class NetcdfSource:
         return {name: as_text(value) for name, value in self._file.attrs.items() if not name.startswith("_NC")}
 
     def data(self, only: Sequence[str] = ()) -> Iterator[tuple[str, Any]]:
-        """Name and data set of every variable, in the order in which they were made where that is known.
-
-        Parameters
-        ----------
-        only : names of those that are wanted where they are there, () for all
+        """Name and data set of every variable, or of those of `only` that are there, in the order in which they were
+        made where that is known.
         """
         for name in [name for name in only if name in self._file] if only else self._file:
             values = self._file[name]

@@ -95,12 +95,7 @@ class Conditions:
 
 
 def failed(outcome: Outcome, error: BaseException, step: str = "") -> Outcome:
-    """The outcome of a trial that an error ended; of several errors, the first is told.
-
-    Parameters
-    ----------
-    step : in which it happened, "" where it belongs to none
-    """
+    """The outcome of a trial that an error ended, in a step if any; of several errors, the first is told."""
     text = " ".join(str(error).split())
     full = disk_full(error, outcome.folder)
     fault = not full and not isinstance(error, MyomorphError | OSError | MemoryError)

@@ -41,13 +41,7 @@ _HASHES: dict[tuple[int, ...], str] = {}
 
 
 def file_source(role: str, path: str | os.PathLike[str]) -> Source:
-    """A file as an input of a step, by the hash of its bytes; a model of `myo-sim` by its version.
-
-    Raises
-    ------
-    BadFile
-        where it cannot be read
-    """
+    """A file as an input of a step, by the hash of its bytes; a model of `myo-sim` by its version."""
     if is_composed(path):
         return value_source(role, str(path), str(path), version("myo-sim"))
     try:
@@ -93,7 +87,6 @@ def provenance_of(step: str, sources: Iterable[Source], options: Mapping[str, ob
 
 def fixed_date() -> int | None:
     """The time that results are to be dated with [s since 1970], from SOURCE_DATE_EPOCH; None for that of the clock.
-
     Results of the same inputs are then equal byte for byte, whenever they were made.
     """
     seconds = os.environ.get("SOURCE_DATE_EPOCH", "")
@@ -175,9 +168,8 @@ class ResultWriter:
         self.fact(REMARKS + step, json.dumps(list(texts)))
 
     def gather_remarks(self, steps: Sequence[str], others: Sequence[str]) -> None:
-        """Put what the steps of this file found doubtful together, in their order and before other lines.
-
-        A step of a result that an older version wrote left its lines among all of them.
+        """Put what the steps of this file found doubtful together, in their order and before other lines. A step of a
+        result that an older version wrote left its lines among all of them.
         """
         facts = self._file.attributes
         known = [step for step in steps if REMARKS + step in facts]
@@ -277,17 +269,7 @@ DAMAGED = (OSError, ValueError, KeyError, AttributeError, TypeError, RuntimeErro
 
 
 def read_result(path: str | os.PathLike[str], leave_out: Sequence[str] = ()) -> Stored:
-    """Read a NetCDF that `new_result` wrote.
-
-    Parameters
-    ----------
-    leave_out : variables that are not needed and may be large
-
-    Raises
-    ------
-    BadFile
-        where the file is not one
-    """
+    """Read a NetCDF that `new_result` wrote, without variables that are not needed and may be large."""
     try:
         with open_netcdf(path) as file:
             return stored_values(path, file, leave_out)
@@ -298,13 +280,7 @@ def read_result(path: str | os.PathLike[str], leave_out: Sequence[str] = ()) -> 
 def stored_values(
     path: str | os.PathLike[str], file: NetcdfSource | HeldFile, leave_out: Sequence[str] = (), only: Sequence[str] = ()
 ) -> Stored:
-    """What a file holds that is open, or in memory until it has that path.
-
-    Parameters
-    ----------
-    leave_out : see `read_result`
-    only : variables that are wanted, () for all
-    """
+    """What a file holds that is open, or in memory until it has that path; variables of `only`, () for all."""
     values, names = {}, {}
     for name, variable in file.data(only):
         if name in leave_out:
@@ -337,14 +313,8 @@ def stored_provenance(path: str | os.PathLike[str]) -> dict[str, Provenance]:
 
 @contextmanager
 def whole_folder(folder: str | os.PathLike[str]) -> Iterator[Path]:
-    """A folder whose new files appear all together: they are written beside it and then moved in.
-
-    Files that are in the folder already stay, unless a new one has their name.
-
-    Raises
-    ------
-    BadFile
-        where a file has the folder's name
+    """A folder whose new files appear all together: they are written beside it and then moved in. Files that are in the
+    folder already stay, unless a new one has their name.
     """
     folder = Path(folder)
     if folder.exists() and not folder.is_dir():
@@ -375,12 +345,7 @@ def coordinate_units(model: Model, names: Sequence[str]) -> tuple[str, ...]:
 
 
 def put_findings(writer: ResultWriter, name: str, findings: Sequence[Finding]) -> None:
-    """Findings as a text about the whole file.
-
-    Parameters
-    ----------
-    name : of the attribute
-    """
+    """Findings as a text about the whole file."""
     writer.fact(name, findings_text(findings))
 
 

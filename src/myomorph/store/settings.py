@@ -29,12 +29,8 @@ SIMPLE = (bool, int, float, str)
 
 @dataclass(frozen=True)
 class Setting:
-    """One option that can be written on a command line or in a study file.
-
-    Attributes
-    ----------
-    kind : its type: bool, int, float, str, a Literal of texts, or one of these or None
-    help : its line in the dataclass's docstring
+    """One option of a command line or a study file: its kind is bool, int, float, str, a Literal of texts, or one of
+    these or None, its help a line in the dataclass's docstring.
     """
 
     name: str

@@ -42,13 +42,7 @@ MAX_PROBLEMS, MAX_CHARACTERS = 200, 200
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """The tables of a study file.
-
-    Raises
-    ------
-    BadFile
-        where it cannot be read, or is no TOML
-    """
+    """The tables of a study file."""
     try:
         return tomllib.loads(path.read_bytes().decode("utf-8"))
     except OSError as error:
@@ -64,8 +58,7 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 def checked(file: type[BaseModel], raw: Mapping[str, Any]) -> tuple[Any, list[str]]:
     """The file as checked values and what is wrong; None for the values unless all that is wrong are unknown keys.
-
-    Unknown keys are left out, so that what else is wrong with the file, as files that it names, is found with them.
+    These are left out, so that what else is wrong with the file, as files that it names, is found with them.
     """
     try:
         return file.model_validate(raw), []

@@ -22,12 +22,7 @@ SEPARATOR = ": "
 
 
 def put_uncertainty(writer: ResultWriter, uncertainty: Uncertainty, units: dict[str, str]) -> None:
-    """Limits, standard deviations and shares of all tables.
-
-    Parameters
-    ----------
-    units : of each table's columns
-    """
+    """Limits, standard deviations and shares of all tables, with the units of each table's columns."""
     for name, spread in uncertainty.spreads.items():
         dimension = _dimension(name)
         writer.time(spread.time)

@@ -64,13 +64,7 @@ class Draw:
 
 
 def drawn_model(model: Model, draw: Draw) -> Model:
-    """The model with errors of its own in all that it says of the body.
-
-    Parameters
-    ----------
-    model : as it was given
-    draw : which errors
-    """
+    """The model with errors of its own in all that it says of the body."""
     has, parts = draw.sources, dict[str, Any]()
     if has.body_mass or has.segment_mass or has.mass_center or has.inertia:
         parts["bodies"] = _bodies(model, draw)
@@ -241,13 +235,8 @@ def _surface(surface: WrapObject, draw: Draw) -> WrapObject:
 @read_only
 @dataclass(frozen=True, eq=False)
 class Leg:
-    """Where a leg is turned when it is bowed.
-
-    Attributes
-    ----------
-    thigh, shank : bodies
-    on_thigh, on_shank : (3,) unit vectors fore-aft, about which they are turned
-    hip, ankle : (3,) centers on the thigh and on the shank [m]
+    """Where a leg is turned when it is bowed: about unit vectors fore-aft on its thigh and shank; centers of hip on the
+    thigh and of ankle on the shank [m].
     """
 
     thigh: str

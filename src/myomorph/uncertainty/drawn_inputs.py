@@ -27,12 +27,8 @@ TOGETHER = 0.5
 
 
 def skin_sizes(model: Model, draw: Draw, residuals: Mapping[str, float]) -> dict[str, tuple[float, float]]:
-    """Standard deviation along each axis [m] of the skin under every marker: of its segment, and of its own.
-
-    Parameters
-    ----------
-    residuals : root mean square distance of each marker from the model in this recording [m]; where a marker's own
-        share is smaller, it is taken as large as that
+    """Standard deviation along each axis [m] of the skin under every marker: of its segment, and of its own, at least
+    as large as the marker's root mean square distance from the model in this recording leaves it.
     """
     try:
         segments = segments_of(model)
@@ -257,12 +253,7 @@ def drawn_sites(sites: Sequence[Site], draw: Draw) -> tuple[Site, ...]:
 
 
 def drawn_activations(ready: Series, sites: Sequence[Site], draw: Draw) -> Series:
-    """Contacts that begin and end at other times, all touches of one contact late by the same.
-
-    Parameters
-    ----------
-    ready : how ready each site is to carry force (frames, sites)
-    """
+    """Contacts (frames, sites) that begin and end at other times, all touches of one contact late by the same."""
     if not draw.sources.contact_time or len(ready) < 2:
         return ready
     values = np.array(ready.values)
@@ -274,9 +265,8 @@ def drawn_activations(ready: Series, sites: Sequence[Site], draw: Draw) -> Serie
 
 
 def _moved(time: Array, values: Array, begin: float, end: float) -> Array:
-    """Columns of which the first half of every touch of any comes later by `begin` [s], the second by `end`.
-
-    A touch that lasts to the end of the recording keeps that end: nothing was found there.
+    """Columns of which the first half of every touch of any comes later by `begin` [s], the second by `end`. A touch
+    that lasts to the end of the recording keeps that end: nothing was found there.
     """
     on = (values > 0.0).any(axis=1)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], on.astype(int), [0]])))

@@ -28,15 +28,9 @@ FORGETS = 6.0
 
 
 class SlowNoise:
-    """Standard normal noise that a bell correlates: white noise through the filter of poses, nearly a Gaussian.
-
-    Of a Bessel filter of fourth order with delay T, |H|^2 is nearly exp(-w^2 T^2 / 7): a Gaussian of T / sqrt(7).
-
-    Parameters
-    ----------
-    width : standard deviation of that Gaussian [s]
-    count : independent numbers
-    rate : at which they are asked for, about [Hz]
+    """Standard normal noise, `count` numbers at a rate of about [Hz], correlated by a bell of SD `width` [s]: white
+    noise through the filter of poses, nearly a Gaussian. Of a Bessel filter of fourth order with delay T, |H|^2 is
+    nearly exp(-w^2 T^2 / 7): a Gaussian of T / sqrt(7).
     """
 
     def __init__(self, width: float, count: int, seed: int, rate: float):
@@ -70,14 +64,11 @@ class SlowNoise:
 
 
 class MarkerErrors:
-    """Errors of poses that markers show.
+    """Errors of poses that markers show, by the trees of each draw's model; `names` of the markers that arrive, None
+    for those of the model, in poses that arrive themselves.
 
-    Parameters
-    ----------
-    drawn : trees of the models with the errors of each draw
-    names : of the markers that arrive; None for those of the model, in poses that arrive themselves
-    rate, thinned : poses that are drawn a second [Hz], and their share of the frames: of the variance of the cameras'
-        noise so much is left
+    `rate` [Hz] of poses drawn; `thinned`, their share of the frames: of the variance of the cameras' noise so much is
+    left.
     """
 
     def __init__(
@@ -192,13 +183,8 @@ CARRIES = 1.0
 
 
 class OnlineInputs:
-    """What a causal filter gives, with the errors of all draws but those of the pose.
-
-    Parameters
-    ----------
-    bodies : that external forces act on
-    delay : of the filter [s]
-    up : (3,) against gravity
+    """What a causal filter with a delay [s] gives, with the errors of all draws but those of the pose; `up` is against
+    gravity.
     """
 
     def __init__(self, draws: Sequence[Draw], bodies: Sequence[str], delay: float, up: Array):
@@ -216,11 +202,8 @@ class OnlineInputs:
         return np.asarray(motion[:3] + self._smooth[:, None, None] * motion[2:])
 
     def loads(self, loads: Array) -> Array:
-        """(draws, bodies, 6) wrenches of plates that stand elsewhere, with other gains, clocks and filters.
-
-        Parameters
-        ----------
-        loads : (3, bodies, 6) filtered wrenches and their first two derivatives
+        """(draws, bodies, 6) wrenches of plates that stand elsewhere, with other gains, clocks and filters, of filtered
+        ones and their first two derivatives (3, bodies, 6).
         """
         shifted = loads[0] + self._smooth[:, None, None] * loads[2] - self._late[:, None, None] * loads[1]
         moments, forces = shifted[..., :3], shifted[..., 3:]

@@ -24,24 +24,15 @@ BOUND = 1e-9
 
 
 class SlopeFinder:
-    """Derivatives of poses in the places of markers, set up once.
-
-    Parameters
-    ----------
-    names, weights : of the markers that take part
-    options : of inverse kinematics
-    """
+    """Derivatives of poses in the places of markers, set up once."""
 
     def __init__(self, model: Model, names: tuple[str, ...], weights: Array, options: InverseKinematicsOptions):
         self.names, self._weights, self._tree = names, weights, compile_tree(model)
         self._problem, self._posture = pose_problem(self._tree, names, weights, options), options.posture_weight
 
     def at(self, coordinates: Array, seen: np.ndarray) -> Array:
-        """(frames, coordinates, 3 markers) derivatives at poses (frames, coordinates) [rad/m or 1].
-
-        Parameters
-        ----------
-        seen : (frames, markers) whether a marker is; what is hidden has no derivative
+        """(frames, coordinates, 3 markers) derivatives at poses (frames, coordinates) [rad/m or 1]; what is not seen
+        has none.
         """
         blocks = range(0, len(coordinates), BLOCK)
         parts = [self._block(coordinates[block : block + BLOCK], seen[block : block + BLOCK]) for block in blocks]

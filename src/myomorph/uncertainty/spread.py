@@ -108,13 +108,7 @@ class Uncertainty:
 
 
 class Draws:
-    """Tables of many draws.
-
-    Parameters
-    ----------
-    count : draws
-    shapes : of each table, by name
-    """
+    """Tables of many draws, of shapes by name."""
 
     def __init__(self, count: int, shapes: Mapping[str, tuple[int, ...]]):
         self.count, self.done = count, list[int]()
@@ -183,12 +177,7 @@ NOT_NEGATIVE = ("activations", "forces")
 
 
 def widened(name: str, spread: Spread, factor: float) -> Spread:
-    """Limits further apart by a factor, about their middle; what cannot be negative stays at 0 or above.
-
-    Parameters
-    ----------
-    name : of the table
-    """
+    """Limits of a table further apart by a factor, about their middle; what cannot be negative stays at 0 or above."""
     if factor == 1.0:
         return spread
     middle, half = 0.5 * (spread.low + spread.high), 0.5 * factor * (spread.high - spread.low)
@@ -203,12 +192,8 @@ def widened(name: str, spread: Spread, factor: float) -> Spread:
 @read_only
 @dataclass(frozen=True, eq=False)
 class ValueErrors:
-    """Errors of the numbers of a trial under draws.
-
-    Attributes
-    ----------
-    names : step and quantity, as tables of values name them
-    errors : (draws, names) in the units of the tables, NaN in a draw that has no solution
+    """Errors (draws, names) of the numbers of a trial under draws, named by step and quantity, in the units of the
+    tables; NaN in a draw that has no solution.
     """
 
     names: tuple[tuple[str, str], ...]
@@ -235,10 +220,9 @@ def widened_errors(errors: Array, factors: Array) -> Array:
 
 
 def of_subject(errors: Array, subject: str) -> Array:
-    """Errors (draws, names) in an order of the subject's own.
-
-    Draws go by the names of sources and items: a marker is misplaced alike in all trials of a subject, which is true,
-    and in those of another, which is not. In another order for each, subjects err independently.
+    """Errors (draws, names) in an order of the subject's own. Draws go by the names of sources and items: a marker is
+    misplaced alike in all trials of a subject, which is true, and in those of another, which is not. In another order
+    for each, subjects err independently.
     """
     order = np.random.default_rng(crc32(subject.encode())).permutation(len(errors))
     return np.asarray(errors[order])

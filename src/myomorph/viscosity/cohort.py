@@ -20,18 +20,11 @@ Row = Mapping[str, Estimate]
 
 @dataclass(frozen=True)
 class PublishedSpecimen:
-    """A row of [S] tables I (without muscles) and II (with muscles).
+    """A row of [S] tables I (without muscles) and II (with muscles); `name` is the number of the specimen, "mean" or
+    "SD".
 
-    Attributes
-    ----------
-    name : number of the specimen, "mean" or "SD"
-    mass_muscles_removed, mass_intact : of the limb [kg]
-    com_muscles_removed, com_intact : distance of the mass center from the glenohumeral center [m]
-    joint_viscosity : d_J [N m s/rad]
-    total_viscosity : d_{M+J} [N m s/rad]
-    muscle_viscosity : d_M, one value for all muscles [N s/m]
-    estimated_muscle_mass : mass with less mass without [kg]
-    measured_muscle_mass : of the removed muscles on a scale [kg]
+    Masses of the limb and distances of its mass center from the glenohumeral center [kg, m]; d_J and d_{M+J} [N m
+    s/rad]; d_M, one value for all muscles [N s/m]; muscle mass, estimated (with less without) and on a scale [kg].
     """
 
     name: str
@@ -68,14 +61,7 @@ SD = PublishedSpecimen("SD", 5.99e-2, 2.98e-2, 1.33e-2, 0.148, 3.42e-2, 2.28e-2,
 
 @dataclass(frozen=True)
 class Quantity:
-    """A column of the tables.
-
-    Attributes
-    ----------
-    name : as files call it
-    label, unit : as the paper heads it
-    table : 1 without muscles, 2 with muscles
-    """
+    """A column of the tables, as files call it and as the paper heads it; table 1 is without muscles, 2 with them."""
 
     name: str
     label: str
@@ -99,15 +85,10 @@ QUANTITIES = (
 
 @dataclass(frozen=True)
 class CohortLine:
-    """One quantity over all specimens that have it.
+    """One quantity over all specimens that have it: mean and population SD (division by `count`), as [S] prints it.
 
-    Attributes
-    ----------
-    quantity : which one
-    mean, sd : over specimens; the population SD (division by `count`), as [S] prints it
-    low, high : 95 % interval of the mean of these specimens, from the intervals of each: it tells how well
-        they were measured, not how other specimens may differ; NaN where a specimen has none
-    count : of specimens
+    `low` and `high` are the 95 % interval of the mean of these specimens, from the intervals of each: how well they
+    were measured, not how other specimens may differ; NaN where a specimen has none.
     """
 
     quantity: Quantity
@@ -136,14 +117,10 @@ def specimen_row(specimen_viscosity: SpecimenViscosity) -> Row:
 
 
 def cohort(rows: Sequence[Row]) -> tuple[CohortLine, ...]:
-    """Mean and population SD of every quantity that a specimen has.
+    """Mean and population SD of every quantity that a specimen has (rows of `specimen_row`).
 
-    The specimens' errors are taken as independent: with half-widths h of their intervals, that of the mean of
-    n is sqrt(sum h^2) / n, below and above the mean each with its own.
-
-    Parameters
-    ----------
-    rows : of `specimen_row`, one a specimen
+    The specimens' errors are taken as independent: with half-widths h of their intervals, that of the mean of n is
+    sqrt(sum h^2) / n, below and above the mean each with its own.
     """
     lines = []
     for quantity in QUANTITIES:

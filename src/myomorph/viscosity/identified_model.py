@@ -86,14 +86,11 @@ def share(lost: Array, whole: Array) -> float:
 
 @dataclass(frozen=True, eq=False)
 class JointBushing:
-    """A ball joint's damping as a bushing.
+    """A ball joint's damping as a bushing for `model.passive_dynamics.with_passive_dynamics`.
 
-    Attributes
-    ----------
-    bushing : for `model.passive_dynamics.with_passive_dynamics`
-    residual : root mean square of the generalized torque that it does not express, as a share of the whole;
-        comparable with that of `CoordinateDamping`
-    middle : greatest middle angle over the motion [rad]; at a quarter turn a bushing is singular
+    `residual`: root mean square of the generalized torque that it does not express, as a share of the whole, comparable
+    with that of `CoordinateDamping`; `middle`: greatest middle angle over the motion [rad], at a quarter turn a bushing
+    is singular.
     """
 
     bushing: Bushing
@@ -104,21 +101,8 @@ class JointBushing:
 def joint_bushing(
     model: Model, base: str, first: str, viscosity: ArrayLike, motion: Motion, name: str = ""
 ) -> JointBushing:
-    """The rotational bushing between two bodies nearest to the damping of the joint between them, over a motion.
-
-    Parameters
-    ----------
-    base, first : the bodies on both sides of the joint (scapula and humerus)
-    viscosity : one value, or three along the axes of `first` [N m s/rad]
-    motion : with velocities, such as the model will be used for
-    name : of the bushing, "passive_<base>_<first>" by default
-
-    Raises
-    ------
-    BadData
-        where the viscosity is not one or three numbers from 0 on, or the motion has no velocities
-    BadModel
-        where no coordinate turns the bodies against each other
+    """The rotational bushing between two bodies nearest to the damping of the joint between them, over a motion such as
+    the model will be used for. The viscosity is one value, or three along the axes of `first` [N m s/rad].
     """
     D = along_axes("viscosity", viscosity)
     tree = compile_tree(model)
@@ -145,9 +129,8 @@ def joint_bushing(
 
 
 def _lost(R: Array, omega: Array, D: Array) -> Callable[[Array], Array]:
-    """What a bushing's torque lacks, of frames' rotation vectors and logarithms of its damping (9,).
-
-    R (frames, 3, 3) of the limb in its base; omega (frames, 3) along the limb's axes [rad/s].
+    """What a bushing's torque lacks, of frames' rotation vectors and logarithms of its damping (9,); R (frames, 3, 3)
+    of the limb in its base, omega (frames, 3) along the limb's axes [rad/s].
     """
     turned = np.einsum("fab,fb->fa", R, omega)
     torque = np.einsum("fab,fb->fa", R, D * omega)
@@ -167,19 +150,11 @@ def _lost(R: Array, omega: Array, D: Array) -> Callable[[Array], Array]:
 def identified_model(
     tracked: TrackedSpecimen, specimen_viscosity: SpecimenViscosity, cutoff: float
 ) -> tuple[Model, tuple[str, ...]] | None:
-    """The specimen as it stood, its joint damped as found and every muscle with the common viscosity.
+    """The specimen as it stood, its joint damped as found and every muscle with the common viscosity, and what that
+    does not express; None where the joint's viscosity is not known.
 
-    A hinge gets a damper of its coordinate, a ball the bushing nearest to its damping over the first trial.
-    Masses stay those of the model.
-
-    Returns
-    -------
-    the model and what it does not express, one line each; None where the joint's viscosity is not known
-
-    Raises
-    ------
-    BadData
-        the motion cannot be differentiated
+    A hinge gets a damper of its coordinate, a ball the bushing nearest to its damping over the first trial. Masses stay
+    those of the model.
     """
     if specimen_viscosity.without is None:
         return None

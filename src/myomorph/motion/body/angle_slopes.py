@@ -26,13 +26,9 @@ MAX_COUNT = 120
 @read_only
 @dataclass(frozen=True, eq=False)
 class AngleSlopes:
-    """Of all frames of a problem at a point.
-
-    Attributes
-    ----------
-    mean : (coordinates, unknowns) derivative of each coordinate's mean over all frames, found of at most `MAX_COUNT`; 0
-        where no marker shows it
-    seen : (coordinates,) share of the frames in which markers show the coordinate and no bound holds it
+    """Of all frames at a point: `mean` (coordinates, unknowns), derivatives of each coordinate's mean over all frames,
+    found of at most `MAX_COUNT`, 0 where no marker shows it; `seen` (coordinates,), share of the frames in which
+    markers show the coordinate and no bound holds it.
     """
 
     mean: Array
@@ -42,17 +38,9 @@ class AngleSlopes:
 @read_only
 @dataclass(frozen=True, eq=False)
 class FrameSlopes:
-    """One frame at its best angles.
-
-    Attributes
-    ----------
-    share : of the frame in the mean over all frames
-    free : coordinates that markers show and no bound holds
-    rotations : (bodies, 3, 3) to ground
-    weight : (markers,) 0 for one that is unseen
-    by_length : (3 markers, lengths) derivatives of the markers' places at fixed angles
-    by_angle : (3 markers, free) the same in the angles
-    angles : (free, unknowns but the size) derivatives of the best angles
+    """One frame at its best angles: its share in the mean over all frames, the coordinates that are free, rotations
+    (bodies, 3, 3) to ground, weights (markers,), 0 for one that is unseen; derivatives of the markers' places in the
+    lengths at fixed angles and in the angles (3 markers, ...); those of the best angles (free, unknowns but the size).
     """
 
     share: float

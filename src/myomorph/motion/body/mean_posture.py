@@ -25,15 +25,9 @@ MAX_UNEVEN = 0.25
 def symmetric_posture(tree: Tree, free: Ints, angles: Sequence[Array], sd: float) -> MeanPosture | None:
     """Rows that hold the mean posture symmetric: right less left, and what bends or turns the trunk to one side.
 
-    How evenly a recording shows both sides is seen from what an offset does not change, the distances of
-    the mean from the least and the largest angle. Where they differ, the row counts less, and beyond
-    `MAX_UNEVEN` not at all. Joints to the ground have no rows.
-
-    Parameters
-    ----------
-    free : coordinates that are solved for
-    angles : for each recording (frames, coordinates) [rad]
-    sd : of a row where both sides are shown evenly [rad]
+    How evenly a recording (frames, coordinates) [rad] shows both sides is seen from what an offset does not change, the
+    distances of the mean from the least and the largest angle. Where they differ, the row counts less than `sd` [rad],
+    and beyond `MAX_UNEVEN` not at all. Joints to the ground have no rows.
     """
     names = [coordinate.name for coordinate in tree.model.coordinates]
     every = np.concatenate(angles)

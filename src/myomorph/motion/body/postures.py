@@ -33,16 +33,8 @@ UNITS = ((1000.0, "millimetres"), (100.0, "centimetres"), (0.001, "kilometres"))
 def overall_size(model: Model, names: Sequence[str], recordings: Sequence[Array]) -> float:
     """Size of a recorded body relative to the model: weighted median of the distances within segments.
 
-    Distances between markers of one segment do not change with posture. Each counts by its square on the
-    model; where no segment has two markers, all distances to the markers' middle take their place.
-
-    Parameters
-    ----------
-    recordings : (frames, names, 3) each [m], NaN where unseen
-
-    Raises
-    ------
-    BadData : the recorded body cannot have this size
+    Distances between markers of one segment do not change with posture. Each counts by its square on the model; where
+    no segment has two markers, all distances to the markers' middle take their place.
     """
     marked, usual = [model.marker(name) for name in names], default_markers(model, names)
     segment = {body: number for number, group in enumerate(segments_that_stretch(model)) for body in group}
@@ -84,22 +76,14 @@ def _spread(recordings: Sequence[Array], usual: Array, shortest: float) -> float
 def spread_postures(
     model: Model, trials: Sequence[Markers], options: InverseKinematicsOptions, frames: int, static: bool = False
 ) -> tuple[tuple[Ints, Array], ...]:
-    """Frames of all recordings whose postures differ most, and the coordinates in them.
+    """Chosen frames, ascending, of all recordings whose postures differ most, and the coordinates in them.
 
-    A posture is where the model's markers lie seen from its first body, after inverse kinematics. The
-    first frame is the one nearest to the mean posture; then follows, again and again, the frame farthest
-    from all those chosen, until none is left that differs by `SAME_POSTURE`: a second frame of a posture
-    shows the same skin and the same errors of the model, so it must not count as evidence. Frames
-    that fit three times worse than usual or show fewer than half the markers are not chosen, and of long
-    recordings only `CANDIDATES` frames, evenly spaced, are looked at.
-
-    Parameters
-    ----------
-    static : the last recording is one of standing still, of which the frame nearest to its mean is the first
-
-    Returns
-    -------
-    for each recording its chosen frames, ascending, and (frames, coordinates) of them
+    A posture is where the model's markers lie seen from its first body, after inverse kinematics. The first frame is
+    the one nearest to the mean posture (of a last recording that is `static`, if any); then follows the frame farthest
+    from all those chosen, until none differs by `SAME_POSTURE`: a second frame of a posture shows the same skin and the
+    same errors of the model, so it must not count as evidence. Frames that fit three times worse than usual or show
+    fewer than half the markers are not chosen, and of long recordings only `CANDIDATES` frames, evenly spaced, are
+    looked at.
     """
     total = sum(len(trial) for trial in trials)
     stride = max(1, -(-total // max(CANDIDATES, 2 * frames)))
@@ -140,9 +124,8 @@ def _seen_from_base(model: Model, values: Array) -> Array:
 
 
 def _farthest(table: Array, usable: Ints, count: int, first: NDArray[np.bool_], same: float) -> list[int]:
-    """Rows chosen one after another, each as far as can be from those before it; the first among some of them.
-
-    None is chosen whose markers lie within `same` of those of one chosen, root mean square [m].
+    """Rows chosen one after another, each as far as can be from those before it; the first among some of them. None is
+    chosen whose markers lie within `same` of those of one chosen, root mean square [m].
     """
     points = table[usable]
     least = same**2 * table.shape[1] / 3.0

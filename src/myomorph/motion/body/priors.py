@@ -23,14 +23,8 @@ ASYMMETRIC_SHARE = 0.1
 @read_only
 @dataclass(frozen=True, eq=False)
 class SideDifference:
-    """A length of the right and of the left side.
-
-    Attributes
-    ----------
-    first, second : positions in the lengths, ordered as by `mirrored_lengths`
-    difference, sd : first less second without any prior on sides, and its standard deviation [factor]
-    gain : by how much a wide prior makes the data likelier, less the odds against it [natural logarithm]
-    differs : whether the prior was widened
+    """Lengths `first` of the right and `second` of the left side: their difference without any prior on sides [factor],
+    and by how much a wide prior makes the data likelier, less the odds against it [natural logarithm].
     """
 
     first: int
@@ -53,12 +47,7 @@ def calibration_prior(
     size: float,
     differing: Sequence[tuple[int, int]] = (),
 ) -> Prior:
-    """Rows of the prior over lengths, shifts (markers,) and the overall size.
-
-    Parameters
-    ----------
-    differing : pairs of lengths whose sides were found to differ
-    """
+    """Rows of the prior over lengths, shifts (markers,) and overall size; those in `differing` are not held alike."""
     n, shifts = len(lengths), 3 * len(shift_sd)
     main = {length.segment: i for i, length in enumerate(lengths) if length.along}
     rows, right = [], []
@@ -94,13 +83,8 @@ def side_differences(
     """Pairs of lengths from joint to joint whose sides differ more than `side_sd` explains.
 
     Of two Gaussian priors, narrow (`side_sd`) and wide (`ASYMMETRIC_SD`), the one is taken that makes the data
-    likelier, at odds of `ASYMMETRIC_SHARE`; pair after pair, the most telling first. The evidence is that of
-    the differences without a prior on sides, about the minimum.
-
-    Parameters
-    ----------
-    x : (unknowns,) the minimum, found with `prior`
-    H : (unknowns, unknowns) information of the data alone [1/variance], 0 where nothing is searched for
+    likelier, at odds of `ASYMMETRIC_SHARE`; pair after pair, the most telling first. The evidence is that of the
+    differences without a prior on sides, about the minimum x, with the information H of the data alone [1/variance].
     """
     pairs = mirrored_lengths(lengths)
     along = [pair for pair, (i, j) in enumerate(pairs) if lengths[i].along and lengths[i].between_joints]

@@ -18,13 +18,8 @@ from myomorph.rigid.tree import TreeArrays
 
 @dataclass(frozen=True, eq=False)
 class FrameSet:
-    """Frames of one recording.
-
-    Attributes
-    ----------
-    observed : (frames, markers, 3) [m], NaN where unseen
-    targets : (frames, coordinates) values of coordinate tasks, and of coordinates that do not move
-    known : (coordinates,) 1 / SD^2 of the coordinates known to be at their target [1/rad^2 or 1/m^2]
+    """Frames of one recording: markers (frames, markers, 3) [m], NaN where unseen; (frames, coordinates) values of
+    coordinate tasks, and of coordinates that do not move; 1 / SD^2 of those known to be at their target.
     """
 
     observed: Array
@@ -47,13 +42,8 @@ class Prior:
 @read_only
 @dataclass(frozen=True, eq=False)
 class MeanPosture:
-    """What is held likely of the mean posture: (rows mean - right) has standard deviation 1.
-
-    Attributes
-    ----------
-    names : of the rows, as "ankle_angle_r - ankle_angle_l"
-    rows, right : (rows, coordinates), (rows,) in units of standard deviations
-    sd : (rows,) [rad]
+    """What is held likely of the mean posture: (rows mean - right) has standard deviation 1. `names` are those of the
+    rows, as "ankle_angle_r - ankle_angle_l"; `sd` (rows,) [rad].
     """
 
     names: tuple[str, ...]
@@ -68,17 +58,11 @@ class MeanPosture:
 
 @dataclass(frozen=True, eq=False)
 class SharedProblem:
-    """The problem of all frames.
+    """The problem of all frames. Its unknowns x are the factors of the lengths, three shifts [m] for each marker and
+    the overall size, which moves nothing but the prior.
 
-    Its unknowns x are the factors of the lengths, three shifts [m] for each marker and the overall size,
-    which moves nothing but the prior.
-
-    Attributes
-    ----------
-    model : skeleton, as given
-    pose : the markers of the given model and what may move; it has no frames
-    unit : by which changes of marker positions are measured [m]; see `length_unit`
-    mean_posture : what is held likely of the mean of all frames' angles
+    `pose` has the model's markers and what may move, but no frames; `unit` measures changes of marker positions [m],
+    see `length_unit`; `mean_posture` is what is held likely of the mean of all frames' angles.
     """
 
     model: Model
@@ -110,15 +94,9 @@ class SharedProblem:
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """The problem at some x, every frame at its best angles.
-
-    Attributes
-    ----------
-    poses : for each set, the problem of its frames
-    angles : for each set (frames, coordinates)
-    data : for each set (frames,) cost of each frame [m^2]
-    prior : cost of the prior and of the mean posture [squares of standard deviations]
-    settled : share of frames whose angles converged
+    """The problem at some x, every frame at its best angles: for each set its poses, angles (frames, coordinates) and
+    cost of each frame (frames,) [m^2]; cost of the prior and of the mean posture [squares of standard deviations]; the
+    share of frames whose angles converged.
     """
 
     x: Array
@@ -138,10 +116,8 @@ class Point:
 class Reduced:
     """Normal equations of the shared unknowns, angles eliminated (`H`, `g`) and at fixed angles (`fixed_*`).
 
-    Attributes
-    ----------
-    errors : for each set (frames, markers) distances [m], NaN where unseen
-    angles_free : angles that are not at a bound and that no loop takes, over all frames
+    `errors` are for each set (frames, markers) distances [m], NaN where unseen; `angles_free` counts the angles, over
+    all frames, that are not at a bound and that no loop takes.
     """
 
     H: Array

@@ -19,13 +19,9 @@ from myomorph.motion.body.shared_problem import Point, SharedProblem
 
 @dataclass(frozen=True)
 class Slides:
-    """Standard deviations of what all markers of a segment share.
-
-    Attributes
-    ----------
-    shift : along each axis, while the body moves [m]
-    turn : about each axis through the markers' middle, while the body moves [rad]
-    independent_frames : so many frames say as much as all, for slides are alike from frame to frame
+    """Standard deviations of what all markers of a segment share while the body moves: along each axis [m] and about
+    each axis through the markers' middle [rad]. Slides are alike from frame to frame: so many independent frames say as
+    much as all.
     """
 
     shift: float

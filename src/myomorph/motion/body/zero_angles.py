@@ -50,17 +50,9 @@ def zero_angles(
 ) -> tuple[ZeroAngle, ...]:
     """The zeros of all angles that markers show, what fixes each, and its standard deviation.
 
-    The precision of a zero is counted up source by source, the generic model first and the static trial last;
-    what each one adds is its share.
-
-    Parameters
-    ----------
-    at, start : the minimum, and the same frames on the generic lengths and marker places
-    variance : of a marker along one axis [m^2]
-    free : (unknowns,) what was searched for
-    static : whether the last set of frames is a static trial
-    zero_sd : of the generic bones' axes against the person's [rad]
-    skin : (unknowns + coordinates, same) covariance of gradient and means that sliding skin makes; see `sliding`
+    The precision of a zero is counted up source by source, the generic model first and the static trial (last set of
+    frames) last; what each one adds is its share. `variance` is of a marker along one axis [m^2], `zero_sd` of the
+    generic bones' axes against the person's [rad], `skin` the result of `sliding`.
     """
     slopes = angle_slopes(problem, at)
     motion = slice(0, len(problem.sets) - 1) if static else slice(None)

@@ -37,13 +37,8 @@ MIN_LIKENESS = 0.5
 @read_only
 @dataclass(frozen=True, eq=False)
 class CalibrationPose:
-    """Sensors while the body stands in a known pose.
-
-    Attributes
-    ----------
-    rotations : (sensors, 3, 3) from sensors to the model's ground, headings as recorded
-    coordinates : (coordinates,) of the pose [rad or m]
-    time : on the recording's clock, or that of its first frame where the pose was recorded apart [s]
+    """Sensors while the body stands in a known pose: rotations (sensors, 3, 3) to the model's ground, headings as
+    recorded; time on the recording's clock, or that of its first frame where the pose was recorded apart [s].
     """
 
     rotations: Array
@@ -52,13 +47,8 @@ class CalibrationPose:
 
 
 class Guess(NamedTuple):
-    """Where the search begins.
-
-    Attributes
-    ----------
-    rotations : (sensors, 3, 3) from sensors to bodies
-    headings : (sensors,) by which each sensor's earth is turned [rad]
-    ambiguity : the second best heading's cost relative to the best's, where headings were tried; infinite elsewhere
+    """Where the search begins: rotations (sensors, 3, 3) to bodies, headings by which each sensor's earth is turned
+    [rad], and the second best heading's cost relative to the best's, infinite where none were tried.
     """
 
     rotations: Array
@@ -74,12 +64,7 @@ def mean_rotation(rotations: Array) -> Array:
 
 
 def calibration_pose(model: Model, sensors: InertialSensors, coordinates: Array, start: float) -> CalibrationPose:
-    """The pose of a recording of which all frames count.
-
-    Raises
-    ------
-    BadData : a sensor recorded nothing there
-    """
+    """The pose of a recording of which all frames count."""
     rotations = rotations_at(sensors, sensors.time, model)
     seen = np.asarray(np.isfinite(rotations).all((2, 3)))
     silent = [name for index, name in enumerate(sensors.names) if not seen[:, index].any()]
@@ -99,14 +84,8 @@ def from_pose(tree: Tree, bodies: tuple[str, ...], pose: CalibrationPose, headin
 def named_headings(
     model: Model, names: tuple[str, ...], pose: CalibrationPose, axes: Mapping[str, str]
 ) -> Array | None:
-    """(sensors,) headings by which the named axis of a sensor points along the model's x in the pose [rad].
-
-    One axis gives the heading of all sensors, several each that of its own.
-
-    Raises
-    ------
-    UnknownName : a sensor or an axis that does not exist
-    BadData : an axis that stands upright, so that it has no heading
+    """(sensors,) headings by which the named axis of a sensor points along the model's x in the pose [rad]. One axis
+    gives the heading of all sensors, several each that of its own.
     """
     if not axes:
         return None
@@ -130,11 +109,8 @@ def named_headings(
 
 
 def by_trying(tree: Tree, bodies: tuple[str, ...], pose: CalibrationPose, cost: Callable[[Guess], float]) -> Guess:
-    """The heading, the same of all sensors, with which the recording fits best; of a pose any heading is as good.
-
-    Parameters
-    ----------
-    cost : of the recording under a guess, in squares of the noise
+    """The heading, the same of all sensors, with which the recording fits best by `cost` [squares of the noise]; of a
+    pose any heading is as good.
     """
 
     def at(angle: float) -> tuple[float, float]:
@@ -156,12 +132,8 @@ def by_trying(tree: Tree, bodies: tuple[str, ...], pose: CalibrationPose, cost: 
 
 
 def from_motion(bodies: Array, earth: Array, up: Array, together: bool) -> Guess:
-    """Mountings and headings with which sensors follow bodies whose motion is known.
-
-    Parameters
-    ----------
-    bodies, earth : (frames, sensors, 3, 3) from bodies, and from sensors, to ground; NaN where unknown
-    together : all sensors have one heading, else each its own
+    """Mountings and headings, one of all sensors `together` or each its own, with which sensors follow bodies whose
+    motion is known; both (frames, sensors, 3, 3) to ground, NaN where unknown.
     """
     count = bodies.shape[1]
     known = np.asarray(np.isfinite(bodies).all((2, 3)) & np.isfinite(earth).all((2, 3)))
@@ -196,12 +168,8 @@ def speeds_of(time: Array, rotations: Array, at: Array) -> Array:
 
 
 def clock_delay(bodies: Array, sensors: Callable[[Array], Array], at: Array, search: float) -> tuple[float, float]:
-    """Delay of the sensors' clock [s] at which speeds of rotation are most alike, and their correlation there.
-
-    Parameters
-    ----------
-    bodies : (times, sensors) speeds at even times `at`
-    sensors : gives those of the sensors at any times
+    """Delay of the sensors' clock [s] at which speeds of rotation, of bodies (times, sensors) at even times and of
+    sensors at any, are most alike, and their correlation there.
     """
     lags = np.arange(-int(search * RATE), int(search * RATE) + 1) / RATE
     likeness = np.array([alike(bodies, sensors(at + lag)) for lag in lags])

@@ -55,14 +55,8 @@ CLOCK_ERROR = 0.05
 
 
 class Chosen(NamedTuple):
-    """Frames that take part.
-
-    Attributes
-    ----------
-    time : (frames,) [s]
-    markers : at these times; without names where there are none
-    marker_names, marker_weights : that take part
-    share : of a whole frame that each counts
+    """Frames that take part: their markers, without names where there are none, those that count and their weights, and
+    the share of a whole frame that each counts.
     """
 
     time: Array
@@ -74,14 +68,7 @@ class Chosen(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class MountingFit:
-    """What is known while mountings are looked for.
-
-    Attributes
-    ----------
-    bodies : of the sensors
-    options : of inverse kinematics, without tasks of sensors
-    pose : None where there is no calibration pose
-    """
+    """What is known while mountings are looked for; options without tasks of sensors, the calibration pose if any."""
 
     tree: Tree
     sensors: InertialSensors
@@ -121,12 +108,8 @@ class MountingFit:
         return np.where(np.isfinite(solved.values), solved.values, first), reported, solved.cost
 
     def fitted(self, start: SensorMounting, azimuth: bool, anywhere: bool) -> SensorMounting:
-        """The mounting after Gauss-Newton steps.
-
-        Parameters
-        ----------
-        azimuth : the heading of all mountings is open, as that of a pose is
-        anywhere : headings begin anywhere, as those of sensors without magnetometer do
+        """The mounting after Gauss-Newton steps. `azimuth`: the heading of all mountings is open, as that of a pose is;
+        `anywhere`: headings begin anywhere, as those of sensors without magnetometer do.
         """
         mounting, values = start, None
         pose = None if self.pose is None else np.array(self.pose.coordinates)
@@ -226,11 +209,8 @@ class MountingFit:
         self._add_trends(normal, right, problem.free, [part for part in followed if part])
 
     def _add_trends(self, normal: Array, right: Array, free: Ints, followed: list[list[tuple[Array, Array]]]) -> None:
-        """Means of joint angles about each knot, which are much alike: headings that drift would part them.
-
-        Parameters
-        ----------
-        followed : by knot, of each frame its coordinates and how they follow what is unknown
+        """Means of joint angles about each knot, which are much alike: headings that drift would part them. `followed`
+        has by knot, of each frame, its coordinates and how they follow what is unknown.
         """
         if len(followed) < 2 or self.chosen.marker_names:
             return
@@ -295,10 +275,7 @@ def _factor(normal: Array) -> Array:
 
 def _eliminate(J: Array, X: Array, r: Array, normal: Array, right: Array) -> tuple[Array, Array]:
     """Add X^T P X and -X^T P r, with P the projection off the columns of J: the pose follows whatever is unknown.
-
-    Returns
-    -------
-    what the pose moves by, -J^+ r, and how it follows, -J^+ X
+    Returns what it moves by, -J^+ r, and how it follows, -J^+ X.
     """
     basis, sizes, directions = np.linalg.svd(J, full_matrices=False)
     kept = sizes > 1e-6 * sizes.max(initial=0.0)

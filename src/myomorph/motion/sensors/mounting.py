@@ -57,19 +57,12 @@ class SensorOptions:
 @read_only
 @dataclass(frozen=True, eq=False)
 class SensorMounting:
-    """Sensors on bodies.
+    """Sensors on bodies, turned by `rotations` (sensors, 3, 3) to them; each sensor's earth is turned about the
+    vertical (`up` of the ground) by `headings` (knots, sensors) [rad], linear between the `knots` [s].
 
-    Attributes
-    ----------
-    sensors, bodies : names
-    rotations : (sensors, 3, 3) from each sensor to its body
-    knots : (knots,) times of the headings [s]
-    headings : (knots, sensors) by which each sensor's earth is turned about the vertical [rad], linear in between
-    delay : by which the sensors' clock is behind the motion's [s]
-    factor : (3 sensors + knots sensors, numbers) what is left open, as a factor of the covariance of rotation vectors
-        in the bodies, and behind them of the headings, knot by knot [rad]
-    up : (3,) of the model's ground
-    notes : what was found, one line each
+    `delay` [s] is by how much the sensors' clock is behind the motion's; `factor` (3 sensors + knots sensors, numbers)
+    of the covariance of what is left open: rotation vectors in the bodies, behind them the headings, knot by knot
+    [rad].
     """
 
     sensors: tuple[str, ...]
@@ -114,12 +107,8 @@ class SensorMounting:
 def orientation_tasks(
     mounting: SensorMounting, rotations: Array, marker_weights: Array, options: SensorOptions
 ) -> tuple[OrientationTask, ...]:
-    """Tasks of inverse kinematics whose weight beside the markers follows from both's noise.
-
-    Parameters
-    ----------
-    rotations : (frames, sensors, 3, 3) of `SensorMounting.body_rotations`
-    marker_weights : (frames,) sum of the weights of the markers seen, which divides each marker's
+    """Tasks of inverse kinematics whose weight beside the markers follows from both's noise. `marker_weights` (frames,)
+    are the sums over the markers seen, by which each marker's is divided.
     """
     weight = (options.imu_marker_noise / options.imu_noise) ** 2 / np.maximum(marker_weights, 1.0)
     return tuple(
@@ -138,16 +127,8 @@ def weights_seen(model: Model, markers: Markers, weights: Mapping[str, float], o
 
 
 def bodies_of_sensors(model: Model, names: tuple[str, ...], chosen: Mapping[str, str]) -> dict[str, str]:
-    """Body of each sensor by its name: a frame of the model, a body, or that with `_imu` behind it.
-
-    Parameters
-    ----------
-    chosen : sensors and bodies as the user names them; "" leaves a sensor out
-
-    Raises
-    ------
-    UnknownName : a sensor or body that does not exist
-    BadData : a sensor whose name is that of nothing in the model
+    """Body of each sensor by its name: a frame of the model, a body, or that with `_imu` behind it; `chosen` are the
+    user's, "" leaves a sensor out.
     """
     bodies, result = {body.name.casefold(): body.name for body in model.bodies}, dict[str, str]()
     frames = {frame.name: frame.body for frame in model.frames}

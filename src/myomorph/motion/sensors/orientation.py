@@ -21,20 +21,9 @@ STEADY_RATE = 0.02
 def with_orientations(sensors: InertialSensors, magnetometer: bool = True) -> InertialSensors:
     """The sensors with the orientations that a filter finds in their raw signals; known orientations are kept.
 
-    The filter is VQF, run forwards and backwards over the whole recording: gyroscopes are integrated, accelerations
-    correct the inclination, magnetic fields the heading where they are undisturbed. Without magnetic fields every
-    sensor's heading begins anywhere and drifts slowly.
-
-    Source: Laidig and Seel 2023.
-
-    Parameters
-    ----------
-    magnetometer : use magnetic fields where they were recorded
-
-    Raises
-    ------
-    BadData : a signal that the filter needs is missing, or the clock has gaps
-    MissingPackage : `vqf` is not installed
+    The filter is VQF (Laidig and Seel 2023), run forwards and backwards over the whole recording: gyroscopes are
+    integrated, accelerations correct the inclination, magnetic fields the heading where they are undisturbed. Without
+    magnetic fields every sensor's heading begins anywhere and drifts slowly.
     """
     if sensors.orientations is not None:
         return sensors
@@ -93,7 +82,6 @@ def earth_to_ground(model: Model) -> Array:
 
 def rotations_at(sensors: InertialSensors, time: Array, model: Model) -> Array:
     """Rotations (times, sensors, 3, 3) from sensors to the model's ground at other times; NaN outside, and in gaps.
-
     Half a frame beyond either end the sensors are as they were there.
     """
     assert sensors.orientations is not None

@@ -79,16 +79,9 @@ BRIDGE = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class SensorRecording:
-    """Sensors of a trial, and what is known of them.
-
-    Attributes
-    ----------
-    sensors : of the trial
-    bodies : of sensors that are not named like theirs; "" leaves one out
-    pose : sensors in the calibration pose, None where it was not recorded apart
-    pose_time : start and end of the calibration pose, in its own recording or in the trial [s]; None where not known
-    headings : sensors, and their axis that points forward in the calibration pose
-    same_clock : the clock is that of the markers
+    """Sensors of a trial, and what is known of them: bodies of those not named like theirs, "" for one left out; the
+    calibration pose where it was recorded apart, and its start and end, in its own recording or in the trial [s]; each
+    one's axis that points forward in it; whether the clock is that of the markers.
     """
 
     sensors: InertialSensors
@@ -101,16 +94,11 @@ class SensorRecording:
 
 @dataclass(frozen=True, eq=False)
 class SensorFit:
-    """Inverse kinematics with sensors.
+    """Inverse kinematics with sensors, as used with their orientations and mounting.
 
-    Attributes
-    ----------
-    fit : of markers and sensors
-    mounting : of the sensors
-    sensors : as used, with orientations
-    bridges : pulls of coordinates in gaps: of the root's place without markers, of joints whose sensor is lost
-    places : towards these, None where there is no gap
-    spreads : standard deviation of what such a joint may be away from there [rad]
+    `bridges` are pulls of coordinates in gaps, of the root's place without markers and of joints whose sensor is lost,
+    towards `places` (None without gaps); `spreads` the standard deviation of what such a joint may be away from there
+    [rad].
     """
 
     fit: KinematicsFit
@@ -134,23 +122,11 @@ def sensor_kinematics(
     sizes: SensorOptions | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> SensorFit:
-    """Coordinates that sensors and markers agree on best, each weighted by its noise.
+    """Coordinates that sensors and markers (None where sensors are all there is) agree on best, each weighted by its
+    noise.
 
     Where each sensor is mounted, its heading and the delay of its clock are found first (`fit_mounting`), from the
     markers' motion or from a calibration pose and the recording itself.
-
-    Parameters
-    ----------
-    recording : see `SensorRecording`
-    markers, marked : and `inverse_kinematics` of them alone; None where sensors are all there is
-    options : of inverse kinematics
-    sizes : see `SensorOptions`
-    progress : called with the number of frames just done
-
-    Raises
-    ------
-    BadData, UnknownName
-        sensors that fit no body, or of which nothing says how they are mounted
     """
     options, sizes = options or InverseKinematicsOptions(), sizes or SensorOptions()
     raw = recording.sensors.orientations is None

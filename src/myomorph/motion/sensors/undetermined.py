@@ -30,14 +30,9 @@ MIN_FRAMES = 10
 @read_only
 @dataclass(frozen=True, eq=False)
 class LikelyAngles:
-    """Coordinates in frames in which their sensor is lost, as the others were seen to go with them before or after.
-
-    Attributes
-    ----------
-    columns : of the coordinates
-    values : (frames, columns) [rad]; where the sensor is there, what it shows
-    spread : (columns,) standard deviation of what the others leave open [rad]
-    lost : (frames,) in which a sensor is
+    """Coordinates in frames in which their sensor is lost, as the others were seen to go with them before or after:
+    values (frames, columns) [rad], where the sensor is there what it shows; standard deviation of what the others leave
+    open [rad]; the frames in which a sensor is lost.
     """
 
     columns: Ints
@@ -47,14 +42,8 @@ class LikelyAngles:
 
 
 class Seen(NamedTuple):
-    """Angles of joints by inverse kinematics, and which sensors reported.
-
-    Attributes
-    ----------
-    values : (frames, coordinates)
-    known : (frames, sensors)
-    bodies : (sensors,) numbers of their bodies
-    joints : (variables,) which free coordinates are angles of joints
+    """Angles of joints by inverse kinematics (frames, coordinates), which sensors reported (frames, sensors), the
+    numbers of their bodies, and which free coordinates are angles of joints.
     """
 
     values: Array
@@ -72,11 +61,8 @@ def joint_angles(tree: Tree, free: Ints) -> np.ndarray:
 def body_slopes(
     tree: Tree, problem: PoseProblem, values: Array, bodies: Ints, bounded: bool = True
 ) -> tuple[Array, Array]:
-    """Rotations of bodies (frames, bodies, 3, 3), and their slopes (frames, bodies, 3, variables) in ground.
-
-    Parameters
-    ----------
-    bounded : coordinates that lie at a bound do not move
+    """Rotations of bodies (frames, bodies, 3, 3), and their slopes (frames, bodies, 3, variables) in ground; if
+    `bounded`, coordinates that lie at a bound do not move.
     """
     free, frames, count = problem.free, len(values), len(problem.free)
     stacked = np.repeat(values[:, None], count + 1, axis=1)
@@ -101,9 +87,8 @@ def undetermined(tree: Tree, problem: PoseProblem, seen: Seen, known: np.ndarray
 
 
 def likely_angles(tree: Tree, problem: PoseProblem, seen: Seen, time: Array) -> LikelyAngles | None:
-    """Coordinates of lost sensors by regression on those that the others determine, and their rates.
-
-    None where no sensor is lost, or it was not there for long enough to learn from.
+    """Coordinates of lost sensors by regression on those that the others determine, and their rates. None where no
+    sensor is lost, or it was not there for long enough to learn from.
     """
     whole, ever = np.asarray(seen.known.all(axis=1)), np.asarray(seen.known.any(axis=0))
     if whole.all() or not ever.all() or not whole.any():

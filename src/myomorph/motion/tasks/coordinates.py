@@ -17,12 +17,8 @@ from myomorph.rigid.tree import Tree
 
 
 class CoordinateArrays(NamedTuple):
-    """Values that coordinates are pulled to.
-
-    Attributes
-    ----------
-    weight : (coordinates,) 0 for none, and for those that are not solved for [1/rad^2 or 1/m^2]
-    value : (frames, coordinates) [rad or m]
+    """Values (frames, coordinates) [rad or m] that coordinates are pulled to, by a weight (coordinates,), 0 for none
+    and for those not solved for [1/rad^2 or 1/m^2].
     """
 
     weight: Array

@@ -30,12 +30,8 @@ TO_CLOSE = 40
 
 
 class Ties(NamedTuple):
-    """Pairs of points that coincide where loops are closed: one of a point constraint, three of a weld.
-
-    Attributes
-    ----------
-    body_1, body_2 : (ties,)
-    point_1, point_2 : (ties, 3) in those bodies [m]
+    """Pairs of points, in bodies (ties,) at (ties, 3) [m], that coincide where loops are closed: one of a point
+    constraint, three of a weld.
     """
 
     body_1: Ints
@@ -47,16 +43,11 @@ class Ties(NamedTuple):
 class Closing(NamedTuple):
     """Scratch arrays of the elimination.
 
-    Attributes
-    ----------
-    e, G : (rows,), (rows, coordinates) gaps in ground [m] and their derivatives
-    A : (rows, variables + 1 + rows) the eliminated rows: A, b and the transformation of the rows
-    taken, dependent : (rows,) the variable that each eliminated row determines; (variables,) whether a row does
-    rank : (1,) how many rows there are
-    push : (rows,) multipliers
-    H, g, D : (coordinates, coordinates), (coordinates,) twice: what the multipliers add to Hessian and gradient
-    Z : (variables, variables) Hessian times the basis of the free directions
-    before : (coordinates,) pose from which a step closes the loops
+    `e`, `G`: gaps in ground (rows,) [m] and their derivatives (rows, coordinates); `A` (rows, variables + 1 + rows):
+    the eliminated rows, b and the transformation of the rows; `taken` (rows,): the variable that each eliminated row
+    determines; `dependent` (variables,): whether a row does; `rank`: how many rows there are; `push` (rows,):
+    multipliers; `H`, `g`, `D`: what these add to Hessian and gradient; `Z`: Hessian times the basis of the free
+    directions; `before`: pose from which a step closes the loops.
     """
 
     e: Array
@@ -151,9 +142,8 @@ def ties_at(ties, T, c, work, closing):
 
 @bare
 def close(ties, T, P, c, work, closing):
-    """Newton steps of as few variables as close the loops, inside the bounds, from c in place.
-
-    Leaves poses, gaps and their derivatives at c. Returns whether the loops are closed.
+    """Newton steps of as few variables as close the loops, inside the bounds, from c in place. Leaves poses, gaps and
+    their derivatives at c. Returns whether the loops are closed.
     """
     if ties is None:
         couple(T, c)
@@ -254,9 +244,8 @@ def hold_variables(T, ties, P, c, work, closing):
 
 @bare
 def multipliers(T, ties, P, c, work, closing):
-    """Multipliers of the ties at c, and their curvature added to work.H.
-
-    `work.held` is filled: which variables lie at a bound and are pushed outwards.
+    """Multipliers of the ties at c, and their curvature added to work.H. `work.held` is filled: which variables lie at
+    a bound and are pushed outwards.
     """
     F, variables, push, held, late = P.free, P.free.shape[0], closing.push, work.held, work.late
     for i in range(variables):

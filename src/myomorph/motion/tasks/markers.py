@@ -17,13 +17,8 @@ from myomorph.rigid.vectors import matrix, plus, turned, vector
 
 
 class MarkerArrays(NamedTuple):
-    """Markers of a model and where they were seen.
-
-    Attributes
-    ----------
-    body, location, weight : (markers,), (markers, 3) [m], (markers,)
-    observed : (frames, markers, 3) [m], NaN where unseen
-    errors : (frames, markers) filled: distance between model and recording [m], NaN where unseen
+    """Markers (markers,) on bodies at `location` [m] and where they were seen (frames, markers, 3) [m], NaN where
+    unseen; `errors` (frames, markers) are filled, the distance between model and recording [m].
     """
 
     body: Ints
@@ -124,13 +119,8 @@ def _keep(markers, c, frame, work):
 @read_only
 @dataclass(frozen=True, eq=False)
 class MarkerTask(Task):
-    """A marker near where it was seen: weight |x - position|^2, divided by the weights of all markers seen.
-
-    Attributes
-    ----------
-    marker : of the model
-    positions : (frames, 3) in ground [m], NaN where unseen
-    weight : above 0
+    """A marker near where it was seen (frames, 3) [m], NaN where unseen: weight |x - position|^2, divided by the
+    weights of all markers seen.
     """
 
     marker: str

@@ -16,14 +16,9 @@ from myomorph.rigid.tree import Tree
 
 
 class OrientationArrays(NamedTuple):
-    """Bodies and the rotations that were measured of them.
-
-    Attributes
-    ----------
-    body : (sensors,)
-    rotation : (frames, sensors, 3, 3) from the body to ground, NaN where unknown
-    weight : (frames, sensors) [m^2/rad^2]
-    errors : (frames, sensors) filled: angle between body and measurement [rad], NaN where unknown
+    """Bodies (sensors,) and the rotations (frames, sensors, 3, 3) to ground that were measured of them, NaN where
+    unknown, with weights [m^2/rad^2]; `errors` (frames, sensors) are filled, the angle between body and measurement
+    [rad].
     """
 
     body: Ints
@@ -96,14 +91,8 @@ def _keep(sensors, c, frame, work):
 @read_only
 @dataclass(frozen=True, eq=False)
 class OrientationTask(Task):
-    """A body turned as a sensor reports: weight angle^2, where the markers' mean square counts 1 [1/m^2].
-
-    Attributes
-    ----------
-    sensor : its name
-    body : of the model
-    rotations : (frames, 3, 3) from the body to ground, NaN where unknown
-    weight : (frames,), or one for all frames [m^2/rad^2]
+    """A body turned as a sensor reports (frames, 3, 3), to ground, NaN where unknown: weight angle^2, where the
+    markers' mean square counts 1 [1/m^2]; the weight is (frames,), or one for all frames [m^2/rad^2].
     """
 
     sensor: str
@@ -115,12 +104,7 @@ class OrientationTask(Task):
 
     @classmethod
     def together(cls, tasks: Sequence[Self], tree: Tree, targets: Array) -> OrientationArrays:
-        """Arrays of all sensors.
-
-        Raises
-        ------
-        UnknownName : the model has no such body
-        """
+        """Arrays of all sensors."""
         frames = len(targets)
         shape = (frames, len(tasks))
         arrays = OrientationArrays(

@@ -27,16 +27,11 @@ from myomorph.rigid.vectors import cross, minus
 class TaskKernels(NamedTuple):
     """The kernels of a kind of task, made with `myomorph.rigid.kernels.bare`.
 
-    All read the arrays of the kind, of type `arrays`, and the number of a frame; `c` are the coordinates, dependent
-    ones consistent, and `work` the sums and scratch arrays, whose poses are those at c.
-
-    Attributes
-    ----------
-    arrays : class of the named tuple that `Task.together` returns
-    shown : (arrays, frame), whether the frame has a measurement of this kind; a frame without any is left out
-    cost : (arrays, c, frame, work), the cost
-    add : as `cost`, which is returned; half its gradient and half its curvature are added to the sums in `work`
-    keep : as `cost`, called at the solution of a frame, to store its residuals in `arrays`; returns nothing
+    All read the arrays of the kind, the named tuple `arrays` that `Task.together` returns, and the number of a frame;
+    `c` are the coordinates, dependent ones consistent, and `work` the sums and scratch arrays, whose poses are those at
+    c. `shown` (arrays, frame): whether the frame has a measurement of this kind, or is left out; `cost` (arrays, c,
+    frame, work); `add`: the same, and half its gradient and half its curvature are added to the sums; `keep`: called at
+    the solution of a frame, to store its residuals in `arrays`.
     """
 
     arrays: type
@@ -74,12 +69,7 @@ TASKS: dict[type, type[Task]] = {}
 
 
 def per_frame(values: Array, frames: int, what: str) -> Array:
-    """Values of each frame (frames, ...) as the kernels read them.
-
-    Raises
-    ------
-    BadData : another number of frames than the markers have
-    """
+    """Values of each frame (frames, ...) as kernels read them; refused where markers have another number of frames."""
     values = np.array(values, dtype=np.float64, order="C")
     if len(values) != frames:
         raise BadData(
@@ -89,23 +79,17 @@ def per_frame(values: Array, frames: int, what: str) -> Array:
 
 
 class Work(NamedTuple):
-    """Sums that tasks add to, and scratch arrays of one solver. Points are relative to `origin` in sums over bodies.
+    """Sums that tasks add to, and scratch arrays of one solver. Points are relative to `origin` (3,) [m] in sums over
+    bodies.
 
-    Attributes
-    ----------
-    R, p, w, o, dphi : poses and axes of `body_poses`
-    H, g, D : Hessian and gradient of half the cost, and the diagonal of its Gauss-Newton part
-    direct : (coordinates,) curvature of tasks of single independent coordinates, added to H and D
-    L, step, trial : factor, step and trial point
-    held, stopped, late, solved : (coordinates,) which variables are held at a bound at first and within a step, and
-        which come last where loops are closed; numbers of the variables that are solved for
-    origin : (3,) point about which the sums over bodies are taken [m]
-    points : (bodies, 22) weighted sums over points: 1, x (3), x x^T (upper 6), e (3), x e^T (9), e the error
-    rows, row_gradient : (bodies, 6, 6), (bodies, 6) Gauss-Newton sums J J^T and J r of residuals r with slopes J in the
-        twist of the body, its angular velocity and the velocity at `origin`
-    has_rows : (1,) whether any row was added
-    fields : (axes, 6) of `axis_fields`
-    curvature : (axes, 3) second derivatives of the axes' motions
+    `R` ... `dphi`: poses and axes of `body_poses`; `H`, `g`, `D`: Hessian and gradient of half the cost, and the
+    diagonal of its Gauss-Newton part; `direct`: curvature of tasks of single independent coordinates, added to H and D;
+    `L`, `step`, `trial`: factor, step and trial point; `held`, `stopped`, `late`: which coordinates are held at a bound
+    at first and within a step, and which come last where loops are closed; `solved`: numbers of those solved for;
+    `points` (bodies, 22): weighted sums over points of 1, x (3), x x^T (upper 6), e (3), x e^T (9), e the error;
+    `rows`, `row_gradient` (bodies, 6, ...): Gauss-Newton sums J J^T and J r of residuals r with slopes J in the twist
+    of the body, its angular velocity and the velocity at `origin`; `has_rows`: whether any was added; `fields`: (axes,
+    6) of `axis_fields`; `curvature` (axes, 3): second derivatives of the axes' motions.
     """
 
     R: Array
@@ -166,11 +150,8 @@ def new_work(T, n):
 
 @bare
 def add_row(work, body, slope, residual, weight):
-    """Add weight residual^2 with its Gauss-Newton curvature; returns the cost.
-
-    Parameters
-    ----------
-    slope : six numbers, derivatives of the residual in the body's angular velocity and in its velocity at `work.origin`
+    """Add weight residual^2 with its Gauss-Newton curvature; returns the cost. `slope` has six numbers, derivatives of
+    the residual in the body's angular velocity and in its velocity at `work.origin`.
     """
     if not work.has_rows[0]:
         work.has_rows[0] = True

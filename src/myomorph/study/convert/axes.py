@@ -21,13 +21,7 @@ WALKED = 0.5
 
 
 def axes_of_text(text: str) -> Array:
-    """A rotation (3, 3) from a text as "x,z,-y": the new axes along the old ones.
-
-    Raises
-    ------
-    BadData
-        where it does not name three axes, each once, of a right-handed frame
-    """
+    """Rotation (3, 3) from a text as "x,z,-y": the new axes along the old ones, each once, of a right-handed frame."""
     parts = [one.strip() for one in text.lower().split(",")]
     if len(parts) != 3 or not all(re.fullmatch(r"[+-]?[xyz]", one) for one in parts):
         raise BadData(f"--axes {text}: expected three axes as x,z,-y: where the new x, y and z point in the old frame")
@@ -64,18 +58,8 @@ def vertical(recording: Recording) -> str:
 
 
 def turned(found: Recording, up: Up, forward: Forward, axes: str) -> Recording:
-    """The recording with other axes.
-
-    Parameters
-    ----------
-    up : axis that points up afterwards; "" or "keep" for as it is
-    forward : axis that the walk goes along afterwards, "" for as it is
-    axes : instead of both, the new axes in the old frame, as "x,z,-y"
-
-    Raises
-    ------
-    BadData
-        where the vertical or the walking direction is asked for and cannot be found
+    """The recording with other axes: the one that points `up` afterwards and the one that the walk goes along, "" (or
+    "keep") for as it is; or, instead of both, `axes` in the old frame, as "x,z,-y".
     """
     if axes:
         return rotated(found, axes_of_text(axes), f"axes were changed to {axes}")

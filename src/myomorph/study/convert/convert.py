@@ -62,18 +62,10 @@ class Converted:
 
 
 def convert(paths: Sequence[Path], out: Path, options: ConvertOptions | None = None) -> Converted:
-    """Read files of one recording and write them as others.
+    """Read files of one recording (C3D, TRC, ..., tables of forces and EMG) and write them as others.
 
-    Parameters
-    ----------
-    paths : a recording (C3D, TRC, ...), tables of forces and EMG, or several of these
-    out : a file to write, by its ending: .trc markers, .mot forces (with external loads .xml beside it), .sto or .csv
-        EMG or a table, .c3d all of it; without an ending a folder, for all that there is
-
-    Raises
-    ------
-    BadData, BadFile
-        where a file cannot be read or written, or holds nothing of that kind
+    The ending of `out` says what: .trc markers, .mot forces (with external loads .xml beside it), .sto or .csv EMG or a
+    table, .c3d all of it; without an ending a folder, for all that there is.
     """
     options = options or ConvertOptions()
     ending = out.suffix.lower()
@@ -206,15 +198,9 @@ def _write_events(events: Sequence[Event], path: Path) -> str:
 
 
 def c3d_trial(recording: Recording) -> Trial:
-    """A recording in the form of a C3D file: analog channels and plates a whole number of samples a frame.
-
-    Forces of a table become plates of type 2 under their centers of pressure. What does not lie on the clock of the
-    file is interpolated linearly.
-
-    Raises
-    ------
-    BadData
-        where there are no markers
+    """A recording in the form of a C3D file: analog channels and plates a whole number of samples a frame. Forces of a
+    table become plates of type 2 under their centers of pressure. What does not lie on the clock of the file is
+    interpolated linearly.
     """
     if recording.markers is None:
         raise BadData("a C3D file needs markers: give the recording (.trc) beside the tables")

@@ -25,14 +25,8 @@ LOADED = 20.0
 
 
 def on_feet(wrenches: Wrenches, markers: Markers | None, bodies: Sequence[str] = ()) -> Wrenches:
-    """Forces with the bodies that are given, else step by step on the foot whose markers are nearest.
-
-    Forces that never act are left out; where no marker shows the feet, bodies stay unknown.
-
-    Raises
-    ------
-    BadData
-        where more bodies are given than there are forces
+    """Forces with the bodies that are given, else step by step on the foot whose markers are nearest. Forces that never
+    act are left out; where no marker shows the feet, bodies stay unknown.
     """
     if bodies:
         if len(bodies) > len(wrenches.names):

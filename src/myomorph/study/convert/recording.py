@@ -56,13 +56,7 @@ class Recording:
 
 
 def read_parts(paths: Sequence[Path]) -> Recording:
-    """Read files of one recording: at most one with markers, tables of forces and of EMG.
-
-    Raises
-    ------
-    BadFile, BadData
-        where a file cannot be read, or two hold the same
-    """
+    """Read files of one recording: at most one with markers, tables of forces and of EMG."""
     if not paths:
         raise BadData("no file to convert: give a recording (.c3d, .trc), or tables beside it (.mot, .sto, .csv)")
     result = Recording(paths[0].stem)
@@ -126,13 +120,7 @@ def _with_table(recording: Recording, path: Path) -> Recording:
 
 
 def between(recording: Recording, start: float, end: float) -> Recording:
-    """The part of a recording between two times [s].
-
-    Raises
-    ------
-    BadData
-        where the recording has nothing there
-    """
+    """The part of a recording between two times [s]."""
     if not start < end:
         raise BadData(f"--time {start:g} {end:g}: expected a start before an end [s]")
     wrenches, analog = recording.wrenches, recording.analog
@@ -158,13 +146,7 @@ def between(recording: Recording, start: float, end: float) -> Recording:
 
 
 def labelled(recording: Recording, labels: Mapping[str, str]) -> Recording:
-    """The recording with other names of markers and channels; "" drops one.
-
-    Raises
-    ------
-    BadData
-        where no label is in the recording, or two would be the same
-    """
+    """The recording with other names of markers and channels; "" drops one."""
     markers, analog = recording.markers, recording.analog
     known = {*(markers.names if markers else ()), *(analog.names if analog else ())}
     if labels and not known & set(labels):

@@ -20,12 +20,7 @@ EXPECTED = "expected a model (.osim, .xml), markers (.trc, .c3d, .mat, .h5) or a
 
 
 def inspect(path: str | os.PathLike[str]) -> Inspection:
-    """What a model, C3D, TRC, MAT, H5, MOT, STO or external loads file holds, and what looks wrong with it.
-
-    Raises
-    ------
-    BadFile : the file is absent, of another kind, or cannot be read
-    """
+    """What a model, C3D, TRC, MAT, H5, MOT, STO or external loads file holds, and what looks wrong with it."""
     path = Path(path)
     if not path.exists():
         raise BadFile(path, "does not exist")

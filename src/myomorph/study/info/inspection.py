@@ -7,14 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Inspection:
-    """What was found in a file.
-
-    Attributes
-    ----------
-    kind : what it is, in words
-    facts : (label, text) in the order to show them
-    warnings : what looks wrong, one line each
-    """
+    """What a file holds: its kind in words, (label, text) in the order to show them, and what looks wrong."""
 
     kind: str
     facts: tuple[tuple[str, str], ...]

@@ -44,13 +44,8 @@ START = "start one with 'dask scheduler' and give the address that it prints"
 
 @dataclass(frozen=True)
 class Fitness:
-    """What a process is, and whether it sees the folder of the results.
-
-    Attributes
-    ----------
-    python : version, major and minor
-    system : operating system
-    sees : whether the file that it is to read is there and holds what it should
+    """What a process is, and whether it sees the folder of the results: the file that it is to read, with what it
+    should hold.
     """
 
     version: str
@@ -71,17 +66,8 @@ def fitness(path: str = "", content: str = "") -> Fitness:
 
 
 def do_job(work: bytes, key: str = "", model: bytes = b"", date: str = "") -> Outcome | None:
-    """Do what a job says, which was packed.
-
-    Parameters
-    ----------
-    key : of the model that it needs, "" where it needs none
-    model : itself, packed, where this process was not given it before
-    date : that results are to bear, as SOURCE_DATE_EPOCH says it, "" for that of the clock
-
-    Returns
-    -------
-    the outcome, or None where the process does not have the model
+    """Do what a packed job says; None where the process does not have the model of that key and was not given it,
+    packed. `date` is what results are to bear, as SOURCE_DATE_EPOCH says it, "" for that of the clock.
     """
     value = _model(key, model)
     if key and value is None:
@@ -105,9 +91,8 @@ def _model(key: str, model: bytes) -> Model | None:
 
 @contextmanager
 def _dated(date: str) -> Iterator[None]:
-    """Work silently on one thread, and date results as the program that sent the job does.
-
-    The settings that this process had before hold again afterwards.
+    """Work silently on one thread, and date results as the program that sent the job does; settings before hold again
+    after.
     """
     # Frames are not split over threads: the machine has as many processes as it should use cores.
     wanted = {"MYOMORPH_THREADS": "1", "SOURCE_DATE_EPOCH": date or None}
@@ -132,7 +117,6 @@ def _set_environment(values: Mapping[str, str | None]) -> None:
 @contextmanager
 def _ends_when_unwanted() -> Iterator[None]:
     """End this process where its job is given up: by the program that sent it, or because the cluster is out of reach.
-
     Else the job would go on writing beside its successor. Only a process that a nanny starts again, and that does
     nothing else at the same time, ends itself.
     """
@@ -165,15 +149,7 @@ def _watch(worker: Any, key: Any, done: threading.Event) -> None:
 
 
 def scheduler_address(text: str) -> str:
-    """The address of a scheduler, from a text or from the file that `dask scheduler --scheduler-file` writes.
-
-    Raises
-    ------
-    BadData
-        where the text is no address
-    BadFile
-        where the file cannot be read
-    """
+    """The address of a scheduler, from a text or from the file that `dask scheduler --scheduler-file` writes."""
     if text.lower().endswith(".json"):
         try:
             return str(json.loads(Path(text).read_text(encoding="utf-8"))["address"])
@@ -192,15 +168,7 @@ def scheduler_address(text: str) -> str:
 
 
 def connected(address: str, patience: float) -> Any:
-    """A client of the scheduler.
-
-    Raises
-    ------
-    BadData
-        where it does not answer for `patience` [s]
-    MyomorphError
-        where the extra `cluster` is not installed
-    """
+    """A client of the scheduler, which has to answer within `patience` [s]."""
     try:
         # An extra, and slow to import.
         from distributed import Client
@@ -236,13 +204,7 @@ async def _greet(address: str, patience: float) -> None:
 
 
 def leave_mark(folder: Path) -> tuple[Path, str]:
-    """A file in the folder of the results, and what it holds: who reads the same sees the same folder.
-
-    Raises
-    ------
-    BadFile
-        where nothing can be written there
-    """
+    """A file in the folder of the results, and what it holds: who reads the same sees the same folder."""
     content = f"{socket.gethostname()} {os.getpid()} {uuid.uuid4().hex}"
     path = folder.resolve() / f"{MARK}{uuid.uuid4().hex[:8]}"
     try:

@@ -44,14 +44,8 @@ class Parcel:
 class Process:
     """A process of the cluster as seen from here.
 
-    Attributes
-    ----------
-    memory : that it may take [bytes], 0 where nothing bounds it
-    asked : future of its fitness, None once it was found fit
-    there : whether the scheduler knows it
-    takes : whether it takes tasks now; one that is short of memory pauses
-    models : that it was given, by their hashes
-    job, parcel, future : what it does
+    `memory` [bytes] it may take, 0 where nothing bounds it; `asked`: future of its fitness, None once it was found fit;
+    `takes`: it takes tasks now, one that is short of memory pauses; `models` that it was given, by their hashes.
     """
 
     address: str
@@ -71,28 +65,12 @@ class Process:
 
 
 class DaskWorkers:
-    """The processes of a Dask cluster that run the same version as this one.
+    """The processes of a Dask cluster that run the same version as this one, and see the folder of the results under
+    the same name; `refused` says why others get no job.
 
     A process is given one job at a time, however many threads it has, and a model only once. A job whose process is
-    lost is not repeated here: `ended` tells of it, and who started it may start it again. Processes that come later
-    are used, too.
-
-    Parameters
-    ----------
-    address : of the scheduler ("tcp://10.0.0.1:8786", "10.0.0.1:8786"), or the file that `--scheduler-file` wrote
-    folder : of the results, which all processes must see under the same name
-    patience : how long to wait for the scheduler, and for its first worker [s]
-
-    Attributes
-    ----------
-    refused : why some processes get no job, by their addresses
-
-    Raises
-    ------
-    BadData
-        where the scheduler does not answer, or none of its workers is fit
-    BadFile
-        where the scheduler file cannot be read
+    lost is not repeated here: `ended` tells of it, and who started it may start it again. Processes that come later are
+    used, too; the scheduler and its first worker are waited for `patience` [s].
     """
 
     def __init__(self, address: str, folder: Path | None = None, patience: float = PATIENCE):
@@ -130,12 +108,8 @@ class DaskWorkers:
         self._place()
 
     def ended(self, timeout: float) -> list[Ended]:
-        """Jobs that have ended since, or whose process is lost; none after `timeout` [s].
-
-        Raises
-        ------
-        BadData
-            where the scheduler is gone, or there was no worker for `ALONE`
+        """Jobs that have ended since, or whose process is lost; none after `timeout` [s]. Raises `BadData` where the
+        scheduler is gone, or there was no worker for `ALONE`.
         """
         until = time.monotonic() + timeout
         while True:

@@ -21,15 +21,9 @@ FRESH = "everything is asked for anew"
 
 @dataclass(frozen=True)
 class Row:
-    """One job of a dry run.
-
-    Attributes
-    ----------
-    frames : of the parts of recordings that are used, None where the files do not tell at once
-    reasons : by step, why it would be computed; () where it would be reused
-    seconds : that the computed steps would take, as far as this machine has learned
-    unknown : computed steps whose time it has not learned
-    problem : what keeps it from being looked at, "" for nothing
+    """One job of a dry run: how many frames of recordings it uses, None where the files do not tell at once; by step,
+    why it would be computed, () where it would be reused; seconds that this machine has learned of the computed steps,
+    and those whose time is `unknown`; what keeps it from being looked at.
     """
 
     work: Work
@@ -52,13 +46,7 @@ class Row:
 
 @dataclass(frozen=True)
 class DryRun:
-    """What a run would do.
-
-    Attributes
-    ----------
-    rows : in the order of the study file
-    workers : jobs that run side by side
-    """
+    """What a run would do, job by job in the order of the study file; `workers` jobs run side by side."""
 
     name: str
     out: Path
@@ -87,20 +75,8 @@ class DryRun:
 
 
 def dry_run(graph: Graph, out: Path, fresh: bool = False, workers: int = 1) -> DryRun:
-    """Look at what a run of a study would do.
-
-    Recordings are opened only where there are earlier results to hold against them.
-
-    Parameters
-    ----------
-    out : folder of results, which need not exist
-    fresh : as if nothing could be reused
-    workers : jobs that run side by side
-
-    Raises
-    ------
-    BadFile, BadData
-        where a run would be refused, since a newer version wrote the folder
+    """Look at what a run of a study would do, `fresh` as if nothing could be reused. Recordings are opened only where
+    there are earlier results to hold against them.
     """
     check_age(read_mark(out))
     looked = _Looked(graph, fresh)
@@ -114,13 +90,7 @@ def dry_run(graph: Graph, out: Path, fresh: bool = False, workers: int = 1) -> D
 
 @dataclass
 class _Looked:
-    """What was looked at so far.
-
-    Attributes
-    ----------
-    computed : jobs of which something would be computed
-    counts : of the frames of recordings
-    """
+    """What was looked at so far: jobs of which something would be computed, counts of the frames of recordings."""
 
     graph: Graph
     fresh: bool

@@ -15,13 +15,7 @@ MAX_NAMES = 4
 
 
 def dry_run_lines(dry_run: DryRun, excluded: Sequence[Excluded] = (), conditions: Sequence[str] = ()) -> Iterator[str]:
-    """The lines that `--dry-run` prints.
-
-    Parameters
-    ----------
-    excluded : what the study file leaves out
-    conditions : of the trials, in the order of the study file
-    """
+    """The lines that `--dry-run` prints, with what the study file leaves out and the conditions of its trials."""
     outcomes = [row.work.outcome for row in dry_run.rows]
     subjects = dict.fromkeys(outcome.subject for outcome in outcomes)
     counts = [_many(len(subjects), "subject"), _many(sum(1 for outcome in outcomes if outcome.trial), "trial")]

@@ -78,11 +78,8 @@ def open_pair_steps(
 ) -> JobSteps:
     """The steps of several trials as one, from the coordinates that their own steps found.
 
-    Parameters
-    ----------
-    parts, homes : by the name of the part, its recording, and the folder of its results
-    models : by file, those of the parts that a subject's own steps made
-    settings, common : settings of the steps for each part, and of all as one
+    By the name of the part, its recording and the folder of its results; `models` by file, those that a subject's own
+    steps made; settings of the steps for each part, and `common` ones of all as one.
     """
     opened: dict[Path, Model] = {}
     joined: dict[str, Part] = {}
@@ -107,13 +104,7 @@ def open_study_steps(model: Model | None, read: str, fresh: bool, *, inputs: Stu
 
 
 def graph_of(plan: Plan, out: Path, fresh: bool = False, mark: RunMark | None = None) -> Graph:
-    """What a study has to do.
-
-    Parameters
-    ----------
-    fresh : compute every step, whatever an earlier run left
-    mark : the run that the folder belongs to
-    """
+    """What a study has to do, `fresh` whatever an earlier run left; `mark` is the run that the folder belongs to."""
     works = _Works(plan, out, fresh, mark)
     for files, steps in zip(plan.trials, plan.steps, strict=True):
         works.trial(files, steps)
@@ -128,14 +119,8 @@ def graph_of(plan: Plan, out: Path, fresh: bool = False, mark: RunMark | None = 
 
 
 def with_made(files: TrialFiles, made: MadeModel, maker: str, settings: Settings) -> TrialFiles:
-    """A trial with the model, the gains of EMG and the motion that a subject's own steps make.
-
-    Electrodes and recordings are one subject's: those of a subject whose model another begins with are not the other's.
-
-    Parameters
-    ----------
-    maker : subject whose steps they are
-    settings : of the trial's subject
+    """A trial with the model, the gains of EMG and the motion that the steps of the subject `maker` make. Electrodes
+    and recordings are one subject's: those of a subject whose model another begins with are not the other's.
     """
     files = replace(files, model=made.path).having(ErrorSizeTables(made.sizes))
     if maker != files.subject:
@@ -226,9 +211,8 @@ class _Works:
         )
 
     def pair(self, together: Together) -> None:
-        """Add trials that are solved as one, after these.
-
-        Their coordinates are enough: their later steps may fail, but their models must be there.
+        """Add trials that are solved as one, after these. Their coordinates are enough: their later steps may fail, but
+        their models must be there.
         """
         keys = tuple(together.trials.items())
         parts = {subject: self.used[subject, trial] for subject, trial in keys}

@@ -21,17 +21,12 @@ PROTOCOL = 5
 
 @dataclass(frozen=True)
 class Job:
-    """One piece of work that a process does alone.
+    """One piece of work that a process does alone: from the model of a file, None where it needs none, to the outcome,
+    which has its own errors.
 
-    Attributes
-    ----------
-    key : subject and trial
-    work : from the model to the outcome; a function of a module or a `partial` of one, so that it can be sent to
-        another process or machine; its own errors are in the outcome
-    needs : jobs that end well before this one may begin
-    after : jobs that end before it begins, well or not
-    reused : the outcome where its results are there already, else None; asked before `work`, where jobs are given out
-    model : file of the model that `work` is given, None where it needs none
+    `work` is a function of a module or a `partial` of one, so that it can be sent to another process or machine.
+    `needs` are jobs that end well before this one may begin, `after` those that end before, well or not; `reused` is
+    asked before `work`, where jobs are given out, for the outcome of results that are there already.
     """
 
     key: Key
@@ -44,13 +39,7 @@ class Job:
 
 @dataclass(frozen=True)
 class Ended:
-    """A job that no longer runs.
-
-    Attributes
-    ----------
-    outcome : None where its process was lost
-    lost : why it was lost: killed, out of memory, out of reach
-    """
+    """A job that no longer runs; without outcome, why its process was lost: killed, out of memory, out of reach."""
 
     job: Job
     outcome: Outcome | None
@@ -87,14 +76,8 @@ class Begin:
 
 @dataclass(frozen=True)
 class Do:
-    """A job.
-
-    Attributes
-    ----------
-    work : `Job.work`, packed
-    model : number of the model it is given, 0 for none
-    packed : that model, packed, where the process does not hold it yet
-    forget : models that it needs no longer
+    """A job's packed `work`, the number of the model it is given (0 for none), that model, packed, where the process
+    does not hold it yet, and models to forget.
     """
 
     work: bytes

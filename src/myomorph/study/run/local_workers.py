@@ -97,13 +97,8 @@ class InProcess:
 
 @dataclass(eq=False)
 class _Process:
-    """A process beside this one.
-
-    Attributes
-    ----------
-    errors : what it writes on its standard error, for the reason where it is lost
-    models : numbers of those that it holds, the one used last at the end
-    over : why it was ended from here
+    """A process beside this one: what it writes on its standard error, for the reason where it is lost; numbers of the
+    models that it holds, the one used last at the end; why it was ended from here.
     """
 
     child: subprocess.Popen[bytes]
@@ -121,13 +116,8 @@ class _Process:
 
 
 class LocalWorkers:
-    """Processes of this machine, each with one thread, replaced where they are lost.
-
-    Parameters
-    ----------
-    count : processes
-    memory : that each may take [bytes]; one that takes more is ended, and its job is lost
-    threads : of each for its kernels
+    """Processes of this machine, each with so many threads for its kernels, replaced where they are lost; one that
+    takes more than `memory` [bytes] is ended, and its job is lost.
     """
 
     def __init__(self, count: int, memory: int | None = None, threads: int = 1) -> None:
@@ -148,9 +138,8 @@ class LocalWorkers:
         return tuple(process.child.pid for process in self._all)
 
     def start(self, job: Job, model: Model | None) -> None:
-        """Give a job to a process that has none; the model is sent where it does not hold it yet.
-
-        On a new machine the first job is alone until it has ended, so that not all processes compile the same kernels.
+        """Give a job to a process that has none; the model is sent where it does not hold it yet. On a new machine the
+        first job is alone until it has ended, so that not all processes compile the same kernels.
         """
         if self._compiles_until is None:
             self._compiles_until = 0.0 if self.count == 1 or motion_cached() else time.monotonic() + FIRST
@@ -345,17 +334,8 @@ def local_workers(
 ) -> Workers:
     """Workers of this machine: the process itself where there is one job, else others beside it.
 
-    Parameters
-    ----------
-    count : processes; None for one of each core, as far as memory reaches
-    memory : that each may take [bytes], None for its share of what is free
-    jobs : how many there are, so that there are no more processes than that; 0 where that is not known
-    threads : of each; None for one, or all cores where there is one job
-
-    Raises
-    ------
-    BadData
-        where there would be less than one, or less memory than a process needs to begin
+    By default one for each core, as far as memory reaches, but no more than `jobs` (0 where not known); each with one
+    thread and its share of the free `memory` [bytes], or all cores where there is one job.
     """
     if memory is not None and memory < NEEDED // 4:
         raise BadData(f"memory {memory / 1e9:g} GB: expected {NEEDED / 4e9:.2f} GB or more: less holds no model")

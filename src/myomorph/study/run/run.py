@@ -79,13 +79,7 @@ def run_jobs(
     read: Callable[[Path], tuple[Model, str]],
     watcher: Watcher,
 ) -> dict[Key, Outcome]:
-    """Do all jobs, each once what it needs has ended well.
-
-    Parameters
-    ----------
-    homes : where the results of each job go
-    read : model of a file, and the hash of that file
-    """
+    """Do all jobs, each once what it needs has ended well; `read` gives the model of a file, and its hash."""
     return _Loop(tuple(jobs), homes, workers, read, watcher).run()
 
 
@@ -230,23 +224,9 @@ def run_graph(
     workers: Workers | None = None,
     report: Callable[[Outcome], None] = lambda outcome: None,
 ) -> list[Outcome]:
-    """Do all jobs of a study, then what is done for the whole study, which tells of failures, too.
-
-    Parameters
-    ----------
-    graph_of : from the run to what it has to do in its folder
-    workers, report : see `run_study`
-
-    Returns
-    -------
-    outcomes in the order of the study file, those of the whole study last
-
-    Raises
-    ------
-    BadData
-        where another run writes into the folder, or a newer version has
-    BadFile
-        where the folder cannot be written
+    """Do all jobs of a study, then what is done for the whole study, which tells of failures, too. Outcomes come in the
+    order of the study file, those of the whole study last; `graph_of` is from the run to what it has to do in its
+    folder.
     """
     workers = workers or InProcess()
     try:

@@ -31,14 +31,7 @@ MAX_COUNTED = 9
 
 @dataclass(frozen=True)
 class Sample:
-    """What a step took once.
-
-    Attributes
-    ----------
-    settings : of the step, as `settings_key` has them
-    muscles : of the model that its job was given, 0 for none
-    frames : that its job uses of its recordings
-    """
+    """What a step with settings (as `settings_key`) took once, of so many muscles, 0 without a model, and frames."""
 
     step: str
     settings: str
@@ -100,12 +93,7 @@ def keep_samples(path: Path | None, samples: Sequence[Sample]) -> None:
 
 
 class StepTimes:
-    """Times of steps as this machine has learned them.
-
-    Parameters
-    ----------
-    path : of the table, None for no such table
-    """
+    """Times of steps as this machine has learned them, in a table at `path`, None for no such table."""
 
     def __init__(self, path: Path | None):
         self._samples: dict[tuple[str, str, int], list[Sample]] = {}
@@ -113,12 +101,8 @@ class StepTimes:
             self._samples.setdefault((sample.step, sample.settings, sample.muscles), []).append(sample)
 
     def expected(self, step: str, settings: Mapping[str, object], muscles: int, frames: int | None) -> float | None:
-        """Seconds that a step takes, None where it never ran here with these settings and so many muscles.
-
-        Parameters
-        ----------
-        muscles : of the model that its job is given, 0 for none
-        frames : None where it is not known
+        """Seconds that a step takes, None where it never ran here with these settings and so many muscles, or frames
+        are not known.
         """
         samples = self._samples.get((step, settings_key(settings), muscles), [])[:MAX_COUNTED]
         if not samples or frames is None:
@@ -129,14 +113,8 @@ class StepTimes:
 
 @dataclass
 class Learning:
-    """Hears what jobs took, and keeps it at the end of a run that was not interrupted.
-
-    Jobs during which kernels were compiled tell nothing about steps, and are left out.
-
-    Attributes
-    ----------
-    muscles : of the models that were read, by file
-    compiled : jobs during which kernels were compiled
+    """Hears what jobs took, and keeps it at the end of a run that was not interrupted. Jobs during which kernels were
+    compiled tell nothing about steps, and are left out.
     """
 
     works: Mapping[Key, Work]

@@ -33,15 +33,8 @@ RARELY = 1.0
 
 
 class StudyProgress:
-    """Counts the jobs of a study as they end.
-
-    On a terminal a bar on standard error shows it, in the place of those of single steps; else nothing is printed.
-
-    Parameters
-    ----------
-    title : of the study
-    total : how many jobs there are
-    count : how many of them run side by side
+    """Counts the jobs of a study as they end. On a terminal a bar on standard error shows it, in the place of those of
+    single steps; else nothing is printed.
     """
 
     def __init__(self, title: str, total: int, count: int) -> None:
@@ -132,11 +125,8 @@ class StudyLog:
         self._put(self._log, f"{now} {' '.join(text.split())}")
 
     def time(self, outcome: Outcome, compiled: bool = False) -> None:
-        """Add how long the steps of a trial took that were computed now.
-
-        Parameters
-        ----------
-        compiled : kernels were compiled meanwhile, once on this machine
+        """Add how long the steps of a trial took that were computed now; kernels that are `compiled` are so once on
+        this machine.
         """
         names = ",".join(_quoted(name) for name in (outcome.subject, outcome.trial))
         lines = [f"{names},{step},{outcome.frames},{seconds:.3f},{compiled:d}" for step, seconds in outcome.timed]
@@ -182,13 +172,7 @@ def _quoted(name: str) -> str:
 
 
 class StudyWatcher:
-    """Keeps the outcomes of a study.
-
-    Parameters
-    ----------
-    said : called with each outcome when its job ends
-    learning : hears of each job what it took
-    """
+    """Keeps the outcomes of a study; `said` is called with each when its job ends."""
 
     def __init__(
         self,

@@ -37,20 +37,10 @@ class Recording:
 class Work:
     """The work of one job, which is sent to the process that does it.
 
-    Attributes
-    ----------
-    scope : of its steps
-    outcome : before the first step: whose it is, its condition, and the folder of its results
-    steps : in the order in which they run
-    open : its inputs, where it is done
-    needs : jobs that end well before it may begin
-    after : jobs that end before it begins, well or not
-    model : file of the model that it is given, None where it needs none
-    fresh : compute every step, whatever an earlier run left
-    mark : the run that the folder belongs to
-    settings : of its steps
-    files : names of its files, for a dry run
-    recordings : whose frames it uses
+    `outcome` is that before the first step: whose it is, its condition, and the folder of its results; `open` gives its
+    inputs, where it is done; `needs` are jobs that end well before it may begin, `after` those that end before, well or
+    not; `model` is the file of the model that it is given; `files` are named in a dry run; `recordings` are those whose
+    frames it uses.
     """
 
     scope: Scope
@@ -92,11 +82,8 @@ class Work:
         return min(known) if self.scope == "pair" else sum(known)
 
     def __call__(self, model: Model | None, read: str = "") -> Outcome:
-        """Do it: what one process may do at a time in its folder; an error ends it, but not the study.
-
-        Parameters
-        ----------
-        read : hash of the model's file when the model was read, "" where that is not known
+        """Do it: what one process may do at a time in its folder; an error ends it, but not the study. `read` is the
+        hash of the model's file when it was read, "" where not known.
         """
         started = time.monotonic()
         try:
@@ -121,13 +108,7 @@ class Work:
         return None if outcome is None else self._told(outcome, started)
 
     def reasons(self, model: Model | None) -> dict[str, tuple[str, ...]]:
-        """By step, why it would be computed; () where it would be reused.
-
-        Raises
-        ------
-        MyomorphError
-            where a file cannot be read that must be held against the results
-        """
+        """By step, why it would be computed; () where it would be reused."""
         return self.open(model, "", False).all_reasons(self.steps)
 
     def _lock(self, patience: float = PATIENCE) -> AbstractContextManager[None]:
@@ -141,25 +122,14 @@ class Work:
 
 
 def not_run(key: Key, folder: Path, why: str, like: Outcome | None = None) -> Outcome:
-    """The outcome of a job that could not begin.
-
-    Parameters
-    ----------
-    like : the outcome that kept it from beginning
-    """
+    """The outcome of a job that could not begin; `like` is the one that kept it from beginning."""
     return Outcome(*key, folder, error=f"not run: {why}", fault=like is not None and like.fault)
 
 
 @dataclass(frozen=True)
 class Graph:
-    """All that a study has to do.
-
-    Attributes
-    ----------
-    name : of the study
-    works : in the order of its file
-    last : what is done for the whole study when all these have ended, from their outcomes
-    open_model : reads a model that jobs are given
+    """All that a study has to do, in the order of its file; `last` is done for the whole study when all have ended,
+    from their outcomes.
     """
 
     name: str

@@ -13,12 +13,8 @@ LONGEST = 60
 
 
 def changes(before: Provenance, after: Provenance) -> tuple[str, ...]:
-    """Why a result that was made one way would come out otherwise the other way, one line each.
-
-    Returns
-    -------
-    () where the keys are equal: "model generic.osim has changed", "ik.tolerance 1e-05 -> 0.0001",
-    "version 1.0.0 -> 1.1.0"
+    """Why a result that was made one way would come out otherwise the other way, () where the keys are equal: "model
+    generic.osim has changed", "ik.tolerance 1e-05 -> 0.0001", "version 1.0.0 -> 1.1.0".
     """
     if before.key == after.key:
         return ()

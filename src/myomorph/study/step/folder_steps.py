@@ -28,14 +28,7 @@ RESULT = "result"
 
 @dataclass(frozen=True)
 class FolderOutput:
-    """Where a step writes.
-
-    Attributes
-    ----------
-    step : itself
-    home : folder of the subject, specimen or study
-    made : what the result is derived from
-    """
+    """Where a step of a subject, specimen or study writes, and what its result is derived from."""
 
     step: Step[Any]
     home: Path
@@ -52,11 +45,8 @@ class FolderOutput:
 
     @contextmanager
     def whole(self, notes: Sequence[str] = ()) -> Iterator[Path]:
-        """A folder to fill with the step's tables, which are all there in the end or not at all.
-
-        Parameters
-        ----------
-        notes : what may not be believed of the result, one line each
+        """A folder to fill with the step's tables, which are all there in the end or not at all, and notes on what may
+        not be believed.
         """
         with result_folder(self.tables, self.made, notes, self.step) as folder:
             yield folder
@@ -118,13 +108,7 @@ Inputs = TypeVar("Inputs", bound=ScopeInputs)
 
 
 class FolderSteps(JobSteps, Generic[Inputs]):
-    """The steps of one subject, specimen or study.
-
-    Parameters
-    ----------
-    outcome : before the first step; its folder takes the results
-    fresh : compute every step, whatever an earlier run left
-    """
+    """The steps of one subject, specimen or study, whose results go into the folder of the outcome."""
 
     linked = True
 

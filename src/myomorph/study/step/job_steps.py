@@ -20,12 +20,8 @@ AFTER_OTHERS = "what it begins with is made anew"
 
 
 class JobSteps(ABC):
-    """The steps of a trial, a subject, a specimen or a study, with its inputs opened.
-
-    Attributes
-    ----------
-    outcome : of the job before its first step: whose it is, and its folder
-    linked : whether a step begins with files that those before it write, so that its own inputs are known only then
+    """The steps of a trial, a subject, a specimen or a study, with its inputs opened; `outcome` is that before the
+    first. `linked`: a step begins with files that those before it write, so that its own inputs are known only then.
     """
 
     outcome: Outcome
@@ -85,11 +81,8 @@ class JobSteps(ABC):
 
 
 def run_steps(job: JobSteps, steps: Sequence[str], check: Callable[[], None] = lambda: None) -> Outcome:
-    """Run steps in their order; where one fails, what those before it found is kept.
-
-    Parameters
-    ----------
-    check : called before each step; what it raises ends the job
+    """Run steps in their order; where one fails, what those before it found is kept. What `check` raises before a step
+    ends the job.
     """
     outcome = job.outcome
     with job:

@@ -29,14 +29,8 @@ Result = TypeVar("Result")
 
 @dataclass(frozen=True, kw_only=True)
 class StepHead:
-    """What study files and the command line can say to a step, the report included.
-
-    Attributes
-    ----------
-    name : in study files and on the command line
-    title : as reports name it
-    options : option dataclasses; their fields are the step's settings in study files and on the command line
-    not_settings : fields that come from elsewhere
+    """What study files and the command line can say to a step (or the report) of a name there and a title in reports:
+    the fields of its option dataclasses but `not_settings`, which come from elsewhere.
     """
 
     name: str

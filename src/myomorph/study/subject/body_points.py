@@ -163,12 +163,7 @@ def _statistical(shape: BodyShape, mass: float) -> Shape:
 
 
 def read_landmarks(path: Path) -> dict[str, Array]:
-    """Landmarks on a skin from a table with a line "name, x, y, z" each [m]; a first line of words is skipped.
-
-    Raises
-    ------
-    BadFile : it cannot be read, or a line is no name and three numbers
-    """
+    """Landmarks on a skin from a table with a line "name, x, y, z" each [m]; a first line of words is skipped."""
     try:
         rows = list(csv.reader(path.read_text(encoding="utf-8-sig").splitlines()))
     except (OSError, UnicodeDecodeError) as error:

@@ -46,16 +46,9 @@ FINDINGS = "findings.json"
 
 @dataclass(frozen=True)
 class CalibrationFiles:
-    """The files of a calibration.
-
-    Attributes
-    ----------
-    markers : TRC or C3D files
-    static : recording of standing still, where there is one
-    marker_set : OpenSim marker set that replaces the model's markers of the same names
-    tasks : OpenSim task set or setup file whose weights of markers count
-    time : start and end of every recording but the static one [s]
-    labels : what the model calls markers that the recordings call otherwise, "" for those to leave out
+    """The files of a calibration: recordings (TRC, C3D), one of standing still, an OpenSim marker set that replaces the
+    model's markers of the same names, a task set or setup file whose weights count; start and end of every recording
+    but the static one [s]; what the model calls markers that the recordings call otherwise, "" for those to leave out.
     """
 
     model: Path
@@ -76,13 +69,8 @@ class CalibrationFiles:
 
 @dataclass(frozen=True, eq=False)
 class Calibrated:
-    """A calibration and what it was made from.
-
-    Attributes
-    ----------
-    recordings : names of the recordings, in the calibration's order
-    warnings : of the files, one line each
-    findings : what checks of the markers found
+    """A calibration, what it was made from (`recordings` in its order), warnings of the files, and what checks of the
+    markers found.
     """
 
     found: Calibration
@@ -93,17 +81,7 @@ class Calibrated:
 
 
 def calibrate_files(files: CalibrationFiles, options: CalibrationOptions, model: Model | None = None) -> Calibrated:
-    """Lengths and marker positions of the body that the files show.
-
-    Parameters
-    ----------
-    model : the model, where it was read already
-
-    Raises
-    ------
-    MyomorphError
-        where a file cannot be read, does not fit the model, or its unit cannot be what it says
-    """
+    """Lengths and marker positions of the body that the files show."""
     if not files.markers and files.static is None:
         raise BadData("no recording to calibrate from: give --markers FILE, --static FILE or both")
     model = reading.open_model(files.model) if model is None else model
@@ -154,9 +132,8 @@ def stored_findings(tables: Path) -> tuple[Finding, ...]:
 
 
 def _checked(name: str, markers: Markers, model: Model, findings: list[Finding]) -> Markers:
-    """A recording with exchanged labels put back; these and misplaced markers are added to the findings.
-
-    A calibration would move the model's markers after both.
+    """A recording with exchanged labels put back; these and misplaced markers are added to the findings. A calibration
+    would move the model's markers after both.
     """
     markers, exchanged = mended_labels(model, markers)
     beside = side_findings(markers, model.marker_names, length_unit(compile_tree(model)))
@@ -204,15 +181,8 @@ def tables_folder(out: Path) -> Path:
 
 
 def write_calibrated(calibrated: Calibrated, out: Path, tables: Path | None = None) -> tuple[str, ...]:
-    """Write the model, and beside it a folder of tables, a report and what it was made from; whole or not at all.
-
-    Parameters
-    ----------
-    tables : the folder, by default `tables_folder`
-
-    Returns
-    -------
-    what the model's file could not hold, one line each
+    """Write the model, and beside it a folder of tables, a report and what it was made from, whole or not at all.
+    Returns what the model's file could not hold.
     """
     calibration = calibrated.found
 

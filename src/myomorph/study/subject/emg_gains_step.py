@@ -36,13 +36,7 @@ GAINS, TRIALS = "gains.json", "trials.csv"
 
 def subject_gains(trials: Sequence[TrialInputs]) -> tuple[SubjectGains, Mapping[str, str]]:
     """Gains of a subject's channels over all trials, and why each trial that takes no part does not ("" for the rest).
-
     Envelopes that were scaled to a recording's own largest value are brought to the largest of all recordings first.
-
-    Raises
-    ------
-    BadData
-        where no trial has EMG and joint torques, or where trials name other muscles for one channel
     """
     parts = {trial.name: _left_out(trial) for trial in trials}
     used = [trial for trial in trials if not parts[trial.name]]

@@ -21,9 +21,8 @@ IN_SPACE = 2.5003
 
 
 def identified_errors(model: Model, sd: Array) -> Iterator[ItemSize]:
-    """Masses, mass centers and inertias from the standard deviations of the parameters (bodies, 10).
-
-    What a first moment or an inertia owes to the error of the mass is taken off, as masses are drawn themselves.
+    """Masses, mass centers and inertias from the standard deviations of the parameters (bodies, 10). What a first
+    moment or an inertia owes to the error of the mass is taken off, as masses are drawn themselves.
     """
     for body, parameter, error in zip(model.bodies, inertial_parameters(model), sd, strict=True):
         if not (body.mass > 0.0 and error[0] > 0.0):

@@ -62,11 +62,8 @@ class IdentifyOptions(SettingGroup):
 
 @dataclass(frozen=True, eq=False)
 class SubjectMotion:
-    """One motion of a subject and its forces, as recorded.
-
-    Attributes
-    ----------
-    held_out : only to compare afterwards, not to identify from
+    """One motion of a subject and its forces, as recorded; held out, it is only compared afterwards, not identified
+    from.
     """
 
     name: str
@@ -94,17 +91,8 @@ def open_motions(
     named: LoadsFile | None = None,
     forces: ForceOptions | None = None,
 ) -> list[SubjectMotion]:
-    """Motions and their forces, in pairs in the order given.
-
-    Parameters
-    ----------
-    named : bodies that forces act on, where they are not the nearest feet
-    forces : whether forces are checked and mended, and their clock
-
-    Raises
-    ------
-    BadData : not as many of one as of the other, or a pair has no time in common
-    BadFile : a file cannot be read
+    """Motions and their forces, in pairs in the order given; `named` are bodies that forces act on, where they are not
+    the nearest feet, `forces` how forces are checked and mended, and their clock.
     """
     if len(motions) != len(loads):
         raise BadData(
@@ -143,12 +131,7 @@ def identify_subject(
     options: IdentifyOptions,
     sources: Sequence[Source] = (),
 ) -> Identified:
-    """Identify the masses of a scaled model from a subject's motions.
-
-    Raises
-    ------
-    BadData, BadFile, BadModel : what is wrong with the input, in one line
-    """
+    """Identify the masses of a scaled model from a subject's motions."""
     mass = check_mass(model, mass)
     used = [
         usable(
@@ -234,15 +217,8 @@ def tables_folder(out: Path) -> Path:
 def write_identified(
     identified: Identified, out: Path, subject: str = "", tables: Path | None = None
 ) -> tuple[str, ...]:
-    """Write the model, and beside it a folder of tables and a report; whole or not at all.
-
-    Parameters
-    ----------
-    tables : the folder, by default `tables_folder`
-
-    Returns
-    -------
-    what the model's file could not hold, one line each
+    """Write the model, and beside it a folder of tables and a report, whole or not at all. Returns what the model's
+    file could not hold.
     """
     identification = identified.found
     return write_made_model(

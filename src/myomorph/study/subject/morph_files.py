@@ -26,21 +26,13 @@ METERS: Mapping[str, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 
 @dataclass(frozen=True)
 class MorphFiles:
-    """What a morph is made from.
+    """What a morph is made from: the model whose muscles are carried over; a folder of the target's bones,
+    `<body>.obj`, `.stl`, `.ply` or `.vtp`; pairs of points, CSV; the source's own meshes, by default beside the model;
+    a closed surface of the target's skin, for masses; the target's mass [kg].
 
-    Attributes
-    ----------
-    source : model whose muscles are carried over
-    bones : folder of the target's bones, `<body>.obj`, `.stl`, `.ply` or `.vtp`
-    landmarks : pairs of points, CSV
-    geometry : folder of the source's own meshes, None to look beside the model
-    skin : closed surface of the target's skin, for masses
-    unit : of bones and skin
-    mass : of the target [kg]
-    together : the bones lie as one scan shows them, in one frame
-    mirror : a body without a bone takes the mirrored one of its other side
-    across : axis of ground across the source's plane of symmetry
-    links : virtual links, bodies without a bone on which muscles branch, with the bones around each
+    `together`: the bones lie as one scan shows them, in one frame; `mirror`: a body without a bone takes the mirrored
+    one of its other side, `across` the axis of ground; `links`: bodies without a bone on which muscles branch, with the
+    bones around each.
     """
 
     source: Path
@@ -98,12 +90,7 @@ def bones_of(
 
 
 def bone_files(folder: Path) -> dict[str, Path]:
-    """Mesh files of a folder by their stems.
-
-    Raises
-    ------
-    BadFile : there is no such folder, no mesh in it, or two files for one bone
-    """
+    """Mesh files of a folder by their stems."""
     if not folder.is_dir():
         raise BadFile(folder, "is not a folder", f"give the folder of the target's bones, <body>{ENDINGS[1]} and so on")
     result: dict[str, Path] = {}
@@ -120,16 +107,7 @@ def bone_files(folder: Path) -> dict[str, Path]:
 
 
 def read_bones(folder: Path, bodies: Sequence[str], unit: Unit, notes: list[str]) -> dict[str, Surface]:
-    """The target's bones [m] by the body of the model that each file is named after.
-
-    Parameters
-    ----------
-    notes : takes up files that no body is named after
-
-    Raises
-    ------
-    BadFile : no file is named after a body, or one cannot be read
-    """
+    """The target's bones [m] by the body of the model that each file is named after; notes take up files of no body."""
     files = bone_files(folder)
     by_name = {body.lower(): body for body in bodies}
     unknown = [path.name for stem, path in files.items() if stem.lower() not in by_name]

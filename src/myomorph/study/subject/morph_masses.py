@@ -48,25 +48,15 @@ def with_morphed_masses(
     pose: Motion | None = None,
     together: Sequence[Sequence[str]] = (),
 ) -> tuple[Model, tuple[str, ...]]:
-    """The morphed model with the masses of its new body.
+    """The morphed model with the masses of its new body, of `mass` [kg] as a whole, by default what the maps or volume
+    times `DENSITY` give.
 
-    With a skin, mass points fill it and belong to the nearest bones ([D] eq. 3.5 to 3.8). Without one, the masses that
-    the bones' maps carried over stay, in one proportion; or mass points fill an envelope grown around the bones: flesh
-    on each bone as thick, for its length, as the source's bones need for the source's masses, everywhere thicker or
-    thinner in one proportion so that the whole has its mass. Where source and target have other bodies, flesh is a
-    tenth of each bone's length at first. Bodies without bones keep their share.
-
-    Parameters
-    ----------
-    mass : of the whole model [kg]; by default what the maps or volume times `DENSITY` give
-    skin : closed, in the ground and the pose of the model [m]
-    by : without a skin, "carried" or "envelope"; "" is "carried" where source and target have the same bodies
-    pose : in which skin and skeleton match; the default pose where it is not given
-    together : bodies around one belly, for an envelope
-
-    Raises
-    ------
-    BadData : a mass that is not positive, no bone and no skin, or a skin or mass that cannot be this skeleton's
+    With a skin (closed, in the ground and in `pose`), mass points fill it and belong to the nearest bones ([D] eq. 3.5
+    to 3.8). Without one, by "carried" the masses that the bones' maps carried over stay, in one proportion; by
+    "envelope" mass points fill one grown around the bones: flesh on each bone as thick, for its length, as the source's
+    bones need for the source's masses, everywhere thicker or thinner in one proportion so that the whole has its mass.
+    Where source and target have other bodies, flesh is a tenth of each bone's length at first. Bodies without bones
+    keep their share; bodies `together` are around one belly.
     """
     if mass is not None and not (np.isfinite(mass) and mass > 0.0):
         raise BadData(f"a mass of {mass:g} kg: expected above 0")
@@ -96,12 +86,7 @@ def _carried(model: Model, mass: float | None) -> tuple[Model, tuple[str, ...]]:
 def with_skin_masses(
     model: Model, skin: Surface, mass: float | None = None, *, pose: Motion | None = None
 ) -> tuple[Model, tuple[str, ...]]:
-    """The model with masses of points that fill a skin; parameters as of `with_morphed_masses`.
-
-    Raises
-    ------
-    BadData : a skin that encloses nothing, another body's volume, or is not around the model
-    """
+    """The model with masses of points that fill a skin; parameters as of `with_morphed_masses`."""
     checked = check_skin(skin)
     if pose is None:
         fitted = pose_model_to_skin(model, checked)
@@ -140,18 +125,9 @@ def with_envelope_masses(
     pose: Motion | None = None,
     together: Sequence[Sequence[str]] = (),
 ) -> tuple[Model, tuple[str, ...]]:
-    """The model with masses of points that fill an envelope grown around its bones.
-
-    Parameters
-    ----------
-    bones : by body, in the bodies' frames [m]
-    mass : of the whole model [kg]; by default volume times `DENSITY`
-    flesh : thickness over each bone at first, as a share of its length; `SOFT_TISSUE` where it is not given
-    pose, together : as of `with_morphed_masses`
-
-    Raises
-    ------
-    BadData : no bone of the model's bodies, or a mass that cannot be that of this skeleton
+    """The model with masses of points that fill an envelope grown around its bones [m], in the bodies' frames, with
+    `flesh` at first over each as a share of its length (else `SOFT_TISSUE`); other parameters as of
+    `with_morphed_masses`.
     """
     known = {name: bone for name, bone in bones.items() if name in model.body_names}
     if not known:

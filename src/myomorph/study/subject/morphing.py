@@ -54,12 +54,7 @@ class MorphSettings(SettingGroup):
 
 @dataclass(frozen=True, eq=False)
 class Morphed:
-    """A morph, its checks, and what it was made from.
-
-    Attributes
-    ----------
-    warnings : of the files, one line each
-    """
+    """A morph, its checks, what it was made from, and warnings of the files."""
 
     morph: Morph
     checks: MorphChecks
@@ -68,17 +63,7 @@ class Morphed:
 
 
 def morph_files(files: MorphFiles, settings: MorphSettings, model: Model | None = None) -> Morphed:
-    """The source model in the target's bones.
-
-    Parameters
-    ----------
-    model : the source, where it was read already
-
-    Raises
-    ------
-    MyomorphError
-        where a file cannot be read, or a bone or its landmarks cannot be what they say
-    """
+    """The source model in the target's bones."""
     model = reading.open_model(files.source) if model is None else model
     warnings = list(model.warnings)
     with reading.about(files.source):
@@ -122,13 +107,9 @@ def map_bones(
     settings: MorphSettings,
     together: bool = False,
 ) -> dict[str, BoneMap]:
-    """The map of every bone that the target has a surface or landmarks of, by body; the largest first.
-
-    Parameters
-    ----------
-    ours, theirs : surfaces of source and target, in their bodies' frames
-    pairs : landmarks
-    together : the target's bones share one frame, so that those found tell where the next one lies
+    """The map of every bone that the target has a surface or landmarks of, by body; the largest first. `ours` and
+    `theirs` are surfaces of source and target; `together` these share one frame, so that those found tell where the
+    next one lies.
     """
     wanted = [body for body in model.body_names if body in theirs or body in pairs]
     wanted.sort(key=lambda body: -spread(theirs[body]) if body in theirs else 0.0)
@@ -175,17 +156,9 @@ def write_morphed(
     bones: Mapping[str, Surface] | None = None,
     page: str = "",
 ) -> tuple[str, ...]:
-    """Write the model, and beside it a folder with its bones, tables and report; whole or not at all.
-
-    Parameters
-    ----------
-    tables : the folder, by default `tables_folder`
-    bones : surfaces by body of the new model, by default those that the maps lead to
-    page : the report, where it tells more than the morph alone
-
-    Returns
-    -------
-    what the model's file could not hold, one line each
+    """Write the model, and beside it a folder with its bones (by default those that the maps lead to), tables and
+    report (`page` where it tells more than the morph alone); whole or not at all. Returns what the model's file could
+    not hold.
     """
     # Brings jinja2: loaded only where it is needed.
     from myomorph.report.morph.morph_page import morph_page

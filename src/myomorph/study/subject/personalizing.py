@@ -105,13 +105,7 @@ class PersonalizedFiles:
 def personalize_files(
     files: PersonalFiles, settings: Mapping[str, Any], model: Model | None = None
 ) -> PersonalizedFiles:
-    """Fit muscles to the recordings of files.
-
-    Raises
-    ------
-    MyomorphError
-        where a file cannot be read, does not fit the model, or something is missing
-    """
+    """Fit muscles to the recordings of files."""
     files.check()
     model = reading.open_model(files.model) if model is None else model
     settings_fields = {field.name for kind in (Differentiation, ForceOptions) for field in fields(kind)}
@@ -183,11 +177,6 @@ def read_passive(path: Path, model: Model) -> PersonalTrial:
 
     Columns named as coordinates hold the pose; columns named `COORDINATE_moment` (or `_force`) the torque that muscles
     and joints apply about the coordinate, which turns it up where positive [N m or N], blank where it was not measured.
-
-    Raises
-    ------
-    BadFile, BadData
-        where the table cannot be read, or has no coordinate or no torque
     """
     with reading.about(path):
         table = read_sto(path)
@@ -219,11 +208,8 @@ def tables_folder(out: Path) -> Path:
 
 
 def write_personalized(made: PersonalizedFiles, out: Path, tables: Path | None = None) -> tuple[str, ...]:
-    """Write the model, and beside it a folder of tables; whole or not at all.
-
-    Returns
-    -------
-    what the model's file could not hold, one line each
+    """Write the model, and beside it a folder of tables, whole or not at all. Returns what the model's file could not
+    hold.
     """
     return write_made_model(
         made.found.model, made.provenance, out, tables or tables_folder(out), lambda folder: _write(made, folder)

@@ -60,18 +60,7 @@ def refine_files(
     options: RefineOptions,
     settings: Settings,
 ) -> Refined:
-    """Refine a calibrated model and its motions from files of markers and forces.
-
-    Parameters
-    ----------
-    recordings : each with markers and loads
-    mass : of the subject [kg]; the model's by default
-    settings : of the steps `ik` and `id`, as for trials
-
-    Raises
-    ------
-    MyomorphError : a file cannot be read, or does not fit the model
-    """
+    """Refine a calibrated model and its motions from files of markers and forces; by default of the model's mass."""
     model = open_model(model_file)
     mass = check_mass(model, mass)
     trials = [open_trial(recording, settings, model) for recording in recordings]
@@ -81,12 +70,7 @@ def refine_files(
 
 
 def refined(trials: Sequence[TrialInputs], mass: float | None, options: RefineOptions, name: str) -> Refined:
-    """Refine from opened trials; those without markers or forces are left out.
-
-    Raises
-    ------
-    BadData : no trial has both
-    """
+    """Refine from opened trials; those without markers or forces are left out."""
     recordings, warnings = [], []
     for trial in trials:
         warnings += [f"{trial.name}: {text}" for text in trial.warnings]
@@ -114,11 +98,8 @@ def tables_folder(out: Path) -> Path:
 
 
 def write_refined(refined: Refined, out: Path, tables: Path | None = None) -> tuple[str, ...]:
-    """Write the model, and beside it a folder of motions, tables and a report; whole or not at all.
-
-    Returns
-    -------
-    what the model's file could not hold, one line each
+    """Write the model, and beside it a folder of motions, tables and a report, whole or not at all. Returns what the
+    model's file could not hold.
     """
     refinement = refined.found
 

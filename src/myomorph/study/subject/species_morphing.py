@@ -95,13 +95,7 @@ def species_tables() -> tuple[str, ...]:
 
 
 def read_species(table: str | Path) -> SpeciesTable:
-    """The species table of a name, as `human-mouse`, or of a TOML file.
-
-    Raises
-    ------
-    BadFile : there is no such table or file, or it is not TOML
-    BadData : what it says cannot be
-    """
+    """The species table of a name, as `human-mouse`, or of a TOML file."""
     known = species_tables()
     is_known = str(table) in known
     path = files("myomorph.morph") / "data" / f"{str(table).replace('-', '_')}.toml" if is_known else Path(table)
@@ -254,20 +248,12 @@ def _frame(table: Table) -> AnatomicalFrame:
 
 @dataclass(frozen=True)
 class SpeciesFiles:
-    """What a morph to another species is made from.
+    """What a morph to another species is made from: the model whose muscles are carried over, that of the skeleton
+    whose joints stay, and the name or file of a species table; folders of their meshes, by default beside them.
 
-    Attributes
-    ----------
-    source : model whose muscles are carried over
-    target : model of the other species' skeleton, whose joints stay
-    species : name of a table that comes with Myomorph, or a TOML file
-    geometry, target_geometry : folders of the models' meshes, None to look beside the models
-    beside : keep the target's own muscles too
-    mirror : the other side gets the mirror images of the muscles
-    mass : of the target [kg]; segments then have the species table's shares
-    skin : closed surface of the target in the skeleton's default pose, which masses are taken from
-    unit : of the skin
-    protocol : a table of markers of the species, whose recordings the model shall follow
+    `beside`: keep the target's own muscles too; `mirror`: the other side gets the mirror images of the muscles;
+    segments get the species table's shares of `mass` [kg], or masses from `skin`, closed, in the skeleton's default
+    pose; `protocol`: a table of markers of the species, whose recordings the model shall follow.
     """
 
     source: Path
@@ -293,13 +279,7 @@ class SpeciesFiles:
 
 
 def species_files(files: SpeciesFiles, settings: MorphSettings) -> tuple[Morphed, Mapping[str, Surface]]:
-    """The source's muscles on the target's skeleton, and the target's bones by body, to be written beside the model.
-
-    Raises
-    ------
-    MyomorphError
-        where a file cannot be read, or the table does not fit the models
-    """
+    """The source's muscles on the target's skeleton, and the target's bones by body, to be written beside the model."""
     if files.target.suffix.lower() not in (".xml", ".mjcf", ".osim"):
         raise BadFile(files.target, "is no model", "give the skeleton of the other species as .osim or .xml")
     table = read_species(files.species)

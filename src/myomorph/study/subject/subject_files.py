@@ -102,17 +102,11 @@ class SubjectFiles:
 
 @dataclass(frozen=True)
 class MadeModel:
-    """Where a subject's own steps leave the model that the trials use.
+    """Where a subject's own steps leave the model that the trials use, and the file beside which its meshes lie.
 
-    Attributes
-    ----------
-    path : of its file
-    drawn : file beside which its meshes lie
-    gains : of the subject's EMG channels, None where no step finds them
-    motions : folder with refined coordinates of the subject's trials, None where no step finds them
-    soft_tissue : table of how much more markers move than the mass, None where no step finds it; where they do not
-        there is no such file
-    sizes : tables of how far off the model may be, one of each step; where a step finds none it is not there
+    None where no step makes them: gains of EMG channels, folder with refined coordinates of trials, table of how much
+    more markers move than the mass (no file where they do not). `sizes` are tables of how far off the model may be;
+    where a step finds none it is not there.
     """
 
     path: Path
@@ -131,14 +125,8 @@ class MadeModel:
 
 @dataclass(frozen=True)
 class SubjectInputs:
-    """What a step on a subject begins with: its files, and the model that the steps before have made.
-
-    Attributes
-    ----------
-    settings : of all steps, by step
-    path : of the model's file
-    model : itself; its source is the file beside which its meshes lie
-    done : steps that made it
+    """What a step on a subject begins with: its files, all steps' settings, and the model (with its file) that the
+    steps `done` have made; the model's source is the file beside which its meshes lie.
     """
 
     files: SubjectFiles
@@ -161,12 +149,8 @@ class SubjectInputs:
 def recordings_provenance(
     step: str, subject: SubjectInputs, more: Mapping[str, object] = FrozenMap({}), earlier: Sequence[str] = ()
 ) -> Provenance:
-    """What a step makes of all recordings of a subject is derived from: the model so far, the recordings, its options.
-
-    Parameters
-    ----------
-    more : further options that the step depends on
-    earlier : steps of trials on whose settings it depends too
+    """What a step makes of all recordings of a subject is derived from: the model so far, the recordings, its options
+    and `more`, the settings of `earlier` steps of trials.
     """
     files = subject.files
     sources = list(dict.fromkeys(source for trial in subject.trials() for source in trial.sources))

@@ -18,12 +18,8 @@ from myomorph.study.trial.trial_files import Settings
 
 
 def check_out_model(out: Path, tables: Path | None = None, read: Iterable[Path | None] = ()) -> None:
-    """Raise `BadFile` where a model cannot be written under this name.
-
-    Parameters
-    ----------
-    tables : the folder beside it
-    read : what the model is made from, which neither may replace
+    """Raise `BadFile` where a model cannot be written under this name, with a folder beside it; neither may replace
+    what is read.
     """
     if out.suffix.lower() != ".osim":
         raise BadFile(out, f"is no name for a model: it ends in '{out.suffix}'", "give a name that ends in .osim")
@@ -44,20 +40,8 @@ def write_made_model(
     fill: Callable[[Path], None],
     notes: Sequence[str] = (),
 ) -> tuple[str, ...]:
-    """Write a model, and a folder with what it was made from and what `fill` puts there.
-
-    Parameters
-    ----------
-    fill : writes tables and a report into the folder it is given
-    notes : what may not be believed of it, one line each
-
-    Returns
-    -------
-    what the model's file could not hold, one line each
-
-    Raises
-    ------
-    BadFile : the model cannot be written under this name
+    """Write a model, and a folder with what it was made from, notes, and the tables and report that `fill` writes
+    there. Returns what the model's file could not hold.
     """
     check_out_model(out)
     with tempfile.TemporaryDirectory(prefix=f".{out.name}.", dir=out.parent) as temporary:
@@ -72,17 +56,7 @@ def write_made_model(
 def subject_steps(
     files: SubjectFiles, settings: Settings, folder: Path, fresh: bool = False, model: Model | None = None
 ) -> FolderSteps[SubjectInputs]:
-    """The steps on a subject, whose results go into a folder: `calibrated.osim`, `identified.osim`, and their tables.
-
-    Parameters
-    ----------
-    fresh : compute every step, whatever an earlier run left
-    model : that the first step begins with, None to read it
-
-    Raises
-    ------
-    BadFile, BadModel : that model cannot be read
-    """
+    """Steps on a subject, whose results go into a folder: `calibrated.osim`, `identified.osim`, and their tables."""
     begun = made_model(files, (), folder).open() if model is None else model
     inputs = SubjectInputs(files, settings, files.model, begun)
     return FolderSteps("subject", inputs, Outcome(files.name, "", folder), fresh)

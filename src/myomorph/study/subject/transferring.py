@@ -30,17 +30,8 @@ class Transferred:
 
 
 def transfer_files(lower: Path, higher: Path, pose: Path | None, options: TransferOptions) -> Transferred:
-    """Give a model with more joints the lengths, markers and masses of a subject's model.
-
-    Parameters
-    ----------
-    lower : calibrated and identified
-    higher : with more joints
-    pose : coordinates of the lower model, of which the first frame counts; its default pose without
-
-    Raises
-    ------
-    MyomorphError : a file cannot be read, or the models have too few joint centers in common
+    """Give a model with more joints the lengths, markers and masses of a subject's calibrated and identified one, in a
+    pose of this: the first frame of a file, its default without.
     """
     subject = open_model(lower)
     motion = None if pose is None else read_motion(pose, subject)
@@ -56,11 +47,8 @@ def tables_folder(out: Path) -> Path:
 
 
 def write_transferred(transferred: Transferred, out: Path) -> tuple[str, ...]:
-    """Write the model, and beside it a folder of tables; whole or not at all.
-
-    Returns
-    -------
-    what the model's file could not hold, one line each
+    """Write the model, and beside it a folder of tables, whole or not at all. Returns what the model's file could not
+    hold.
     """
     result = transferred.found
 

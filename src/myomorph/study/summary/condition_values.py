@@ -34,13 +34,7 @@ Row = tuple[str, ...]
 
 
 class RunningMeans(Generic[Name]):
-    """Number, mean and sum of squared deviations of columns, one after the other (Welford 1962).
-
-    Attributes
-    ----------
-    columns : place of each name
-    count, mean, squares : (samples, columns)
-    """
+    """Number, mean and sum of squared deviations (samples, columns), one after the other (Welford 1962)."""
 
     def __init__(self, samples: int) -> None:
         self.columns: dict[Name, int] = {}
@@ -106,10 +100,9 @@ class GrowingCondition:
         self._alone: tuple[str, str] | None = None
 
     def add(self, subject: str, trial: str, values: Sequence[Value], cycle: str, curves: Mapping[str, Series]) -> None:
-        """One more trial.
-
-        Only curves over strides are averaged: whole trials are not aligned with each other, and their mean would be
-        that of different parts of the motion. The curves of an only trial without strides are kept as they are.
+        """One more trial. Only curves over strides are averaged: whole trials are not aligned with each other, and
+        their mean would be that of different parts of the motion. The curves of an only trial without strides are kept
+        as they are.
         """
         self.trials += 1
         subject_means = self._subjects.setdefault(subject, _Subject())

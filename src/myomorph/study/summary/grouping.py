@@ -35,13 +35,8 @@ VALUES = "group_values.csv"
 
 
 def compare_stored(plan: GroupPlan, out: Path, folder: Path, name: str = "") -> Comparison:
-    """Compare the groups from the results in `out/subject/trial`; writes a page and four tables into a folder.
-
-    A trial without results or strides is left out, said on the page.
-
-    Raises
-    ------
-    BadData : a group of which no subject has strides
+    """Compare the groups from the results in `out/subject/trial`; writes a page and four tables into a folder. A trial
+    without results or strides is left out, said on the page.
     """
     notes: list[str] = []
     rows: list[tuple[str, str, TrialStrides]] = []

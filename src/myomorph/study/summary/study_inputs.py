@@ -18,13 +18,7 @@ from myomorph.study.trial.report_key import KEY
 
 @dataclass(frozen=True)
 class StudyInputs:
-    """The trials of a study when all have ended.
-
-    Attributes
-    ----------
-    outcomes : of all trials, and of subjects' own steps
-    out : folder of the results
-    """
+    """The trials of a study, and subjects' own steps, when all have ended."""
 
     plan: Plan
     outcomes: tuple[Outcome, ...]
@@ -36,12 +30,7 @@ class StudyInputs:
 
 
 def tables_provenance(study: StudyInputs, tables: tuple[str, ...]) -> Provenance:
-    """What the tables of a study are derived from.
-
-    Parameters
-    ----------
-    tables : names of those that each trial has
-    """
+    """What the tables of a study are derived from, each trial's own being `tables`."""
     plan = study.plan
     sources = []
     for outcome in study.outcomes:

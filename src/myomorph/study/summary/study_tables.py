@@ -143,20 +143,9 @@ class _Trial:
 
 
 def gather_study(plan: Plan, outcomes: Sequence[Outcome], out: Path, folder: Path) -> None:
-    """Write the tables of a study and its page, `study.html`, from what trials wrote beside their results.
-
-    Trials stand in the order of the study file, whenever they ended. One that failed has the values of the steps that
-    ended well.
-
-    Parameters
-    ----------
-    outcomes : of all trials, and of subjects' own steps
-    out : folder of the study
-    folder : that takes the tables and the page
-
-    Raises
-    ------
-    BadData : a trial's own tables are of another kind
+    """Write the tables of a study and its page, `study.html`, into a folder, from what trials wrote beside their
+    results. Trials stand in the order of the study file, whenever they ended. One that failed has the values of the
+    steps that ended well.
     """
     if not has_parquet():
         # What an earlier run has left would hold other values than the tables beside it.

@@ -30,14 +30,9 @@ _Name = tuple[str, str]
 @read_only
 @dataclass(frozen=True)
 class _Own:
-    """A quantity of one subject in one condition.
-
-    Attributes
-    ----------
-    mean, square : of its trials: mean and, with two or more, squared standard error, else NaN
-    count : of trials
-    error : (draws,) of the mean, None where not all trials were drawn
-    scatter : mean over the draws of the squared standard error by which errors of trials differ
+    """A quantity of one subject in one condition: mean over its trials and, of two or more, squared standard error,
+    else NaN; (draws,) errors of the mean, None where not all trials were drawn; mean over the draws of the squared
+    standard error by which errors of trials differ.
     """
 
     mean: float
@@ -193,13 +188,8 @@ def _mean_variance(errors: Sequence[Array | None]) -> float:
 def _intervals(
     difference: float, square: float, freedom: float, drawn: float, held: bool
 ) -> tuple[float, float, float, float, float]:
-    """Interval by the spread, standard deviation by draws, and interval with both.
-
-    Parameters
-    ----------
-    square : squared standard error by the spread, NaN where there is none
-    drawn : variance of the difference by draws, NaN where nothing was drawn
-    held : whether the spread holds the errors of the draws, else they add to it
+    """Interval by the spread (squared standard error, NaN for none), standard deviation by draws (their variance, NaN
+    for none), and interval with both: held, the spread holds the errors of the draws, else they add to it.
     """
     student = float(student_quantile(freedom, 0.5 + 0.5 * CONFIDENCE)) if np.isfinite(square) else np.nan
     normal = float(ndtri(0.5 + 0.5 * CONFIDENCE))

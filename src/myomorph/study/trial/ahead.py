@@ -70,12 +70,8 @@ class Ahead:
 
 
 def compile_ahead(steps: Sequence[str], wraps: frozenset[str] = frozenset()) -> Ahead:
-    """Compile the muscle kernels in a child where steps after the first need them and they are not cached.
-
-    Parameters
-    ----------
-    steps : of one recording, in order
-    wraps : of `wraps_of` its model
+    """Compile the muscle kernels in a child where steps after the first need them, for a model with `wraps_of`, and
+    they are not cached.
     """
     child = None
     if any(step in MUSCLE_STEPS for step in steps[1:]) and not cached(wraps):
@@ -132,12 +128,7 @@ def compiling() -> Iterator[None]:
 
 
 def two_links(wraps: frozenset[str] = frozenset()) -> Model:
-    """The smallest model that has a muscle: two bodies, a hinge each, one muscle across the second; one more a wrap.
-
-    Parameters
-    ----------
-    wraps : as of `wraps_of`
-    """
+    """The smallest model that has a muscle: two bodies, a hinge each, one muscle across the second; one more a wrap."""
     still, z = Transform.identity(), np.array([0.0, 0.0, 1.0])
     bodies, joints = [], []
     for name, parent in (("first", GROUND), ("second", "first")):

@@ -38,17 +38,11 @@ MAX_NAMED = 8
 
 @dataclass(frozen=True)
 class FiberWork:
-    """What fibers and tendon of one muscle do in one stride.
+    """What fibers and tendon of one muscle do in one stride (1, 2, ... of the muscle's own leg; 0 for the whole
+    recording), from `start` to `stop` [s].
 
-    Attributes
-    ----------
-    stride : 1, 2, ... of the muscle's own leg; 0 for the whole recording, where it has no strides
-    start, stop : of the stride [s]
-    fiber_done, fiber_absorbed : positive work of the fibers, and negative, as a positive number [J]
-    tendon_returned, tendon_stored : likewise of the tendon [J]
-    fiber_peak, tendon_peak : greatest power [W]
-    max_strain : of the tendon
-    shortest, longest : fiber length over optimal fiber length
+    Positive work, and negative as a positive number, of the fibers and of the tendon [J], greatest powers [W], the
+    tendon's strain, fiber length over optimal.
     """
 
     muscle: str
@@ -70,16 +64,8 @@ def fiber_work(
     time: Array, muscles: tuple[str, ...], fibers: Fibers, optimal: Mapping[str, float], strides: Strides | None
 ) -> tuple[FiberWork, ...]:
     """Work, powers, strains and lengths of every muscle in every stride of its own leg, or in the whole recording.
-
-    Frames near an end of the recording (`Fibers.transient`) and unsolved ones are left out; a stride with less than
-    two others is left out itself.
-
-    Parameters
-    ----------
-    time : (frames,) [s]
-    muscles : of the columns of `fibers`
-    optimal : optimal fiber length of every muscle [m]
-    strides : of the recording; None where it has none
+    Frames near an end of the recording (`Fibers.transient`) and unsolved ones are left out; a stride with less than two
+    others is left out itself.
     """
     found = []
     for m, name in enumerate(muscles):
@@ -111,13 +97,8 @@ def _work(time: Array, power: Array) -> tuple[float, float]:
 
 
 def write_fibers(tension: Tension, model: Model, strides: Strides | None, output: StepOutput) -> tuple[str, ...]:
-    """Write fibers and tendons of elastic tendons, and return what is to be known of them, one line each.
-
-    Nothing is written where tendons were rigid.
-
-    Parameters
-    ----------
-    strides : over which work is summed; None for the whole recording
+    """Write fibers and tendons of elastic tendons, work over strides or the whole recording, and return what is to be
+    known of them. Nothing is written where tendons were rigid.
     """
     fibers = tension.fibers
     if fibers is None:

@@ -20,16 +20,8 @@ SAME = 1e-5
 
 
 def put_fit_beside(writer: ResultWriter, motion: Path, model: Model, time: Array) -> bool:
-    """Write the marker errors of `ik` at some times into another result, where they belong to its coordinates.
-
-    Parameters
-    ----------
-    motion : table of coordinates; `ik` writes `NAME_ik.nc` beside `NAME.mot`
-    time : of the result's frames [s]
-
-    Returns
-    -------
-    whether there was a result of these coordinates
+    """Write the marker errors of `ik` (`NAME_ik.nc` beside `NAME.mot`) at some times [s] into another result, where
+    they belong to its coordinates; whether there were any.
     """
     beside = motion.with_name(f"{motion.stem}_ik{STORED}")
     if not beside.is_file():

@@ -22,19 +22,8 @@ from myomorph.study.trial.trial_inputs import TrialInputs, TrialNotes
 
 
 def open_trial(files: TrialFiles, settings: Settings, model: Model | None = None) -> TrialInputs:
-    """Read the files of a recording and make of them what the steps take.
-
-    Inputs are opened in the order of their table, those only that the trial has.
-
-    Parameters
-    ----------
-    settings : of each step
-    model : the model, where it was read already
-
-    Raises
-    ------
-    MyomorphError
-        where a file cannot be read, or does not fit the model
+    """Read the files of a recording and make of them what the steps take. Inputs are opened in the order of their
+    table, those only that the trial has.
     """
     model = open_model(files.model) if model is None else model
     opening = Opening(files.model, model, options_of(settings), files.inputs, ByType())
@@ -67,13 +56,8 @@ def open_trial(files: TrialFiles, settings: Settings, model: Model | None = None
 def options_of(settings: Settings) -> OptionSet:
     """What a study file or a command says to the steps, as values of their options.
 
-    Options that several steps have, as the low-pass filter, are one for all: the last step that names one counts.
-    Steps to which nothing is said are not looked at, so that commands without them start faster.
-
-    Raises
-    ------
-    UnknownName
-        where the report is to use a preset that does not exist
+    Options that several steps have, as the low-pass filter, are one for all: the last step that names one counts. Steps
+    to which nothing is said are not looked at, so that commands without them start faster.
     """
     result = OptionSet()
     for name in (*STEPS["trial"], REPORT):

@@ -117,13 +117,8 @@ def write_report(home: Path, prepared: Prepared) -> Path:
 
 
 class TrialResults:
-    """The results of a trial as its tables and its report show them: read and prepared once, when first wanted.
-
-    Parameters
-    ----------
-    path : of the result file
-    stored : what it holds, None to read it
-    page : whether a page is made of it, too, which needs more than tables of values
+    """The results of a trial as its tables and its report show them: read and prepared once, when first wanted. A page
+    needs more than tables of values.
     """
 
     def __init__(self, path: Path, model: Model, stored: Stored | None = None, page: bool = True):
@@ -142,13 +137,7 @@ class TrialResults:
 
 
 def joined(parts: Sequence[Stored]) -> Stored:
-    """Several results of one recording as one.
-
-    Raises
-    ------
-    BadData
-        where their times differ
-    """
+    """Several results of one recording as one."""
     first = parts[0]
     values, names, made, facts = dict(first.values), dict(first.names), dict(first.provenance), dict(first.facts)
     for part in parts[1:]:
@@ -163,17 +152,7 @@ def joined(parts: Sequence[Stored]) -> Stored:
 
 
 def model_of(stored: Stored, demo_model: ModelMaker | None = None) -> Model:
-    """The model that results were made with, read again.
-
-    Parameters
-    ----------
-    demo_model : makes the model of a demo by its name
-
-    Raises
-    ------
-    BadFile
-        where the file is gone or has changed since
-    """
+    """The model that results were made with, read again; a demo's by its name."""
     sources = list(
         dict.fromkeys(
             source for made in stored.provenance.values() for source in made.sources if source.role == "model"

@@ -52,15 +52,7 @@ _LEFTOVER = re.compile(r"^\..+\.([a-z0-9_]{8}|part)$")
 
 
 class TrialSteps(JobSteps):
-    """The steps of one recording, whose results go into one file in its folder.
-
-    Parameters
-    ----------
-    asked : steps that are asked for, the report among them or not
-    folder : of the results
-    fresh : compute every step, whatever is there
-    results : what is known before the first of the steps
-    """
+    """Steps of one recording, whose results go into one file in its folder; `results` are known before the first."""
 
     def __init__(
         self,
@@ -195,16 +187,12 @@ class TrialSteps(JobSteps):
         return _report(self.trial, outcome, shown) if self.reports else outcome
 
     def _gather(self, outcome: Outcome) -> Stored | None:
-        """Move the steps' tables up and put their values, and those reused, into one file.
+        """Move the steps' tables up and put their values, and those reused, into one file; returns what it holds, where
+        all was in memory.
 
-        Results of steps that nobody asks for now stay as long as they would come out the same.
-
-        The order is that of the steps, whichever of them were reused, so that the file is the same either way. The
-        tables of muscle paths, of which there are many, get a folder of their own.
-
-        Returns
-        -------
-        what the file holds, where that was all in memory
+        Results of steps that nobody asks for now stay as long as they would come out the same. The order is that of the
+        steps, whichever of them were reused, so that the file is the same either way. The tables of muscle paths, of
+        which there are many, get a folder of their own.
         """
         held, parts = self._held, self.parts
         fresh = [step for step in outcome.done if step in held.files or (parts / step / PART).is_file()]
@@ -250,29 +238,17 @@ def run_trial(
     fresh: bool = False,
     results: StepResults | None = None,
 ) -> Outcome:
-    """Run the steps of one recording into a folder: tables, `<trial>.nc`, `values.csv` and `report.html`.
-
-    A step whose inputs, options and version are those of an earlier run is reused. Where a step fails, what the
-    steps before it found is kept.
-
-    Parameters
-    ----------
-    fresh : compute every step, whatever is there
-    results : what is known before the first of the steps
+    """Run the steps of one recording into a folder: tables, `<trial>.nc`, `values.csv` and `report.html`. A step whose
+    inputs, options and version are those of an earlier run is reused. Where a step fails, what the steps before it
+    found is kept.
     """
     job = TrialSteps(trial, steps, folder, fresh, results)
     return run_steps(job, job.steps)
 
 
 class _Held:
-    """Values of steps that would quickly be computed again, in memory until they are put into one file.
-
-    Only where an earlier run left nothing, which must not be lost between the two.
-
-    Parameters
-    ----------
-    parts : folder of the steps' own results
-    allowed : whether anything is held
+    """Values of steps that would quickly be computed again, in memory until they are put into one file. Only where an
+    earlier run left nothing, which must not be lost between the two.
     """
 
     def __init__(self, parts: Path, allowed: bool):

@@ -33,13 +33,8 @@ QUALITY_COLUMNS = ("quantity", "value", "unit", "limit", "state", "worst", "time
 
 
 def write_trial_values(results: TrialResults, outcome: Outcome) -> None:
-    """Write `values.csv`, `curves.csv` and `quality.csv` beside a trial's results, from these alone.
-
-    Where every step was taken over from an earlier run and the files are there, they stay.
-
-    Raises
-    ------
-    BadFile : the results cannot be read, or the folder not be written
+    """Write `values.csv`, `curves.csv` and `quality.csv` beside a trial's results, from these alone. Where every step
+    was taken over from an earlier run and the files are there, they stay.
     """
     names = (VALUES, CURVES, QUALITY)
     steps = [step for step in outcome.done if step != REPORT]
@@ -94,10 +89,8 @@ def trial_values(
     signals: Sequence[Signals],
     cycles: Sequence[Cycles | None],
 ) -> Iterator[Value]:
-    """All numbers of a trial, one after the other.
-
-    Of every signal its extremes and mean over the trial; where there are strides also those of each stride, as the
-    mean over the strides.
+    """All numbers of a trial, one after the other. Of every signal its extremes and mean over the trial; where there
+    are strides also those of each stride, as the mean over the strides.
     """
     steps = trial_steps()
     for step in steps:
@@ -191,15 +184,8 @@ def _family_and_name(heading: str) -> tuple[str, str]:
 
 
 def read_curves(path: Path, only: tuple[str, ...] = ()) -> tuple[str, dict[str, Series]]:
-    """Curves that `write_trial_values` wrote: over what (`OF_STRIDE` or `OF_TRIAL`), and by family over percents.
-
-    Parameters
-    ----------
-    only : beginnings of the families that are wanted, () for all
-
-    Raises
-    ------
-    BadData : another kind of file
+    """Curves that `write_trial_values` wrote: over what (`OF_STRIDE` or `OF_TRIAL`), and by family (whose names begin
+    with one of `only`, () for all) over percents.
     """
     with path.open(newline="", encoding="utf-8") as stream:
         head = next(csv.reader(stream), [])

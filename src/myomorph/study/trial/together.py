@@ -113,13 +113,8 @@ def together_of(
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """One subject or object of what is solved together.
-
-    Attributes
-    ----------
-    recorded : its coordinates, as inverse kinematics or a file gave them
-    source : the file of its model, or the table of an object
-    made : key of what the coordinates were derived from, "" for those of a file, which is a source itself
+    """One subject or object of what is solved together: its coordinates, the file of its model or the table of an
+    object, and the key of what the coordinates were derived from, "" for those of a file, which is a source itself.
     """
 
     trial: TrialInputs
@@ -135,13 +130,7 @@ def object_model(description: dict[str, Any]) -> Model:
 
 
 def object_part(table: ObjectTable, path: Path) -> Part:
-    """An object of known inertia, moving as a file says.
-
-    Raises
-    ------
-    BadFile, BadData
-        where the file is no table of the coordinates tx, ty, tz, rx, ry, rz, or the inertia is none of a body
-    """
+    """An object of known inertia, moving as a file says."""
     description = table.model_dump()
     model = object_model(description)
     sources = (file_source("motion", path), value_source("object", table.name, sorted(description.items())))
@@ -151,13 +140,7 @@ def object_part(table: ObjectTable, path: Path) -> Part:
 
 
 def join_trials(together: Together, parts: Mapping[str, Part], settings: Settings) -> tuple[TrialInputs, Poses]:
-    """One recording made of those of its parts, with their coordinates at common times.
-
-    Raises
-    ------
-    BadData
-        where the parts have no time in common, or differ in the settings of their steps
-    """
+    """One recording made of those of its parts, with their coordinates at common times."""
     for name, part in parts.items():
         if part.trial.get(RecordedTorques) is not None:
             raise BadData(

@@ -74,13 +74,7 @@ class TrialFiles:
 
 
 def trial_files(model: Path, name: str = "", subject: str = "", **values: object) -> TrialFiles:
-    """The files of a trial from values of the keys of its inputs, as a study file names them.
-
-    Examples
-    --------
-    >>> from pathlib import Path
-    >>> from myomorph.study.trial.trial_files import trial_files
-    >>> trial_files(Path("arm.osim"), motion=Path("reach.mot"), time=(0.0, 0.5)).time
-    (0.0, 0.5)
+    """The files of a trial from values of the keys of its inputs, as a study file names them:
+    `trial_files(Path("arm.osim"), motion=Path("reach.mot"), time=(0.0, 0.5))`.
     """
     return TrialFiles(model, name, subject, settings_of_keys(values))

@@ -36,12 +36,8 @@ LOADED = 0.05
 
 @dataclass(frozen=True)
 class TrialNotes:
-    """Sentences about a recording.
-
-    Attributes
-    ----------
-    real, assumed, simulated : for the first lines of the report
-    root : what the forces at the root are where they are not residuals, see `report.trial.report_input.Dynamics`
+    """Sentences about a recording, for the first lines of the report; `root` is what the forces at the root are where
+    they are not residuals, see `report.trial.report_input.Dynamics`.
     """
 
     real: tuple[str, ...] = ()
@@ -68,11 +64,8 @@ class KnownTruth:
 
 @dataclass(frozen=True, eq=False)
 class JoinedParts:
-    """Parts of a recording that joins those of several subjects and objects.
-
-    Attributes
-    ----------
-    models : each part's name, and the file of its model or what makes the model of an object
+    """Parts of a recording that joins those of several subjects and objects: each one's name, and the file of its model
+    or what makes the model of an object.
     """
 
     models: Mapping[str, str | dict[str, object]]
@@ -90,12 +83,8 @@ class JoinedParts:
 class TrialInputs:
     """One recording of one subject with all that the steps need, whatever files or programs it came from.
 
-    Attributes
-    ----------
-    options : of all steps
-    inputs : opened and fitted to the model, found by their types: `Recording`, `ExternalLoads`, `RecordedEmg`, ...
-    sources : inputs by their hashes
-    warnings : what the readers of the files reported, one line each
+    `inputs` are opened and fitted to the model, found by their types: `Recording`, `ExternalLoads`, `RecordedEmg`, ...;
+    `sources` are inputs by their hashes; `warnings` come from the readers of the files.
     """
 
     name: str
@@ -161,11 +150,8 @@ class TrialInputs:
 
 
 class Value(NamedTuple):
-    """One number of a trial: the step it comes from, what it is, and its unit.
-
-    Attributes
-    ----------
-    low, high, sd : limits of 90 % and standard deviation of draws, NaN where nothing was drawn
+    """One number of a trial, the step it comes from, and its unit; limits of 90 % and standard deviation of draws, NaN
+    where nothing was drawn.
     """
 
     step: str
@@ -180,18 +166,12 @@ class Value(NamedTuple):
 @read_only
 @dataclass(frozen=True, eq=False)
 class Signals:
-    """Columns of one kind.
+    """Columns of one kind that a step made, named as the model names coordinates, bodies and muscles, so that sides can
+    be told.
 
-    Attributes
-    ----------
-    step : that made them
-    series : named as the model names coordinates, bodies and muscles, so that sides can be told
-    endings : added to each name in tables of values
-    units : of each column
-    statistics : of each column that tables of values have, some of `EXTREMES`
-    curve : what the curves over the cycle are called, with their unit; "" where none are drawn
-    factor : from the columns to the curves (names,)
-    drawn : columns of the curves
+    In tables of values each name gets its ending, unit, and statistics, some of `EXTREMES`; `curve` is what the curves
+    over the cycle of the columns `drawn` are called, with their unit ("" where none are), `factor` (names,) from the
+    columns to these.
     """
 
     step: str

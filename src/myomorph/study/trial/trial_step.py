@@ -51,13 +51,7 @@ def step_provenance(step: Step[Any], trial: TrialInputs) -> Provenance:
 
 
 def run_step(step: Step[Any], trial: TrialInputs, results: StepResults, output: StepOutput) -> StepResults:
-    """Run a step, write its tables into a folder and its values into a result file.
-
-    Raises
-    ------
-    BadData
-        where a result is missing that the step needs
-    """
+    """Run a step, write its tables into a folder and its values into a result file."""
     for kind in step.needs:
         if results.get(kind) is None:
             giver = next(each.name for each in trial_steps() if each.gives is kind)

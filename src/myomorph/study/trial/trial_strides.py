@@ -79,13 +79,7 @@ class TrialStrides:
 
 
 def limbs_of(model: Model, plan: StridePlan) -> tuple[tuple[Limb, ...], str]:
-    """Limbs and trunk of a model, as points named by bodies.
-
-    Raises
-    ------
-    UnknownName : a body that the model does not have
-    BadData : no limb is told, and no body is named as a foot
-    """
+    """Limbs and trunk of a model, as points named by bodies."""
     children = {joint.parent: joint.child for joint in reversed(model.joints)}
     limbs_bodies = dict(plan.limbs) or {foot: (foot, children.get(foot, foot)) for foot in feet_of(model)}
     if not limbs_bodies:
@@ -128,9 +122,8 @@ def _below(model: Model, body: str) -> tuple[str, ...]:
 
 
 def trial_strides(stored: Stored, model: Model, plan: StridePlan) -> TrialStrides:
-    """Strides of a result in every stretch of time in which the body was seen: by plates, else events, else motion.
-
-    As `walking_strides` finds them, but for what the plan names, and for a body that is out of sight in between.
+    """Strides of a result in every stretch of time in which the body was seen: by plates, else events, else motion. As
+    `walking_strides` finds them, but for what the plan names, and for a body that is out of sight in between.
     """
     limbs, points, trunk = _points(stored, model, plan)
     names = tuple(limb.name for limb in limbs)
@@ -204,9 +197,8 @@ def _parts(points: Series, trunk: str) -> list[Series]:
 
 
 def animal_of(name: str, results: Sequence[tuple[Stored, Model, TrialStrides]]) -> Animal:
-    """All strides of a subject's trials: parameters of every limb, and curves over the cycle.
-
-    What belongs to a side is cut at the strikes of that side's limb, everything else at those of the first limb.
+    """All strides of a subject's trials: parameters of every limb, and curves over the cycle. What belongs to a side is
+    cut at the strikes of that side's limb, everything else at those of the first limb.
     """
     scalars: dict[str, list[Array]] = {}
     curves: dict[str, list[Cycles]] = {}
@@ -236,10 +228,9 @@ def animal_of(name: str, results: Sequence[tuple[Stored, Model, TrialStrides]]) 
 
 
 def in_one_turn(animals: Sequence[Animal]) -> tuple[Animal, ...]:
-    """The animals with every phase in the turn in which it is nearest to the others: 0.02 and 0.98 are 0.04 apart.
-
-    The middle of all animals, each by the direction of its own mean, is put between -0.25 and 0.75; the phases of an
-    animal are within half a turn of its own mean, and that within half a turn of the middle.
+    """The animals with every phase in the turn in which it is nearest to the others: 0.02 and 0.98 are 0.04 apart. The
+    middle of all animals, each by the direction of its own mean, is put between -0.25 and 0.75; the phases of an animal
+    are within half a turn of its own mean, and that within half a turn of the middle.
     """
     found = [dict(animal.scalars) for animal in animals]
     for name in dict.fromkeys(name for table in found for name in table if name.startswith(PHASE)):
@@ -316,14 +307,9 @@ def _joined(parts: Sequence[Cycles]) -> Cycles:
 
 @dataclass(frozen=True)
 class StridePlan:
-    """How strides of a trial are found where neither plates nor events show them.
-
-    Attributes
-    ----------
-    trunk : body that feet are seen from, "" for the last one that carries all feet
-    limbs : by name, the body that tells strikes and, where given, the one that tells lifts; () for the model's feet
-    direction : of travel in ground, None to find it
-    belt : speed of a treadmill [m/s], None to find it
+    """How strides of a trial are found where neither plates nor events show them: the body that feet are seen from (""
+    for the last that carries all feet); by limb, the body that tells strikes and, where given, the one that tells
+    lifts, () for the model's feet; direction of travel in ground and speed of a treadmill [m/s], None to find them.
     """
 
     trunk: str = ""

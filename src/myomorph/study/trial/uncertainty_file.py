@@ -17,13 +17,7 @@ STEP = "uncertainty"
 
 
 def read_sizes(path: Path) -> dict[str, Any]:
-    """Settings of the step 'uncertainty' from a TOML file, `name = size`, with or without the heading `[uncertainty]`.
-
-    Raises
-    ------
-    BadFile
-        where it is no TOML, or names something else
-    """
+    """Settings of the step 'uncertainty' from a TOML file, `name = size`, with or without heading `[uncertainty]`."""
     sizes = read_toml(path)
     sizes = sizes.get(STEP, sizes)
     known = {setting.name: setting.kind for kind in step_head(STEP).options for setting in settings_of(kind)}
@@ -38,13 +32,7 @@ def read_sizes(path: Path) -> dict[str, Any]:
 
 
 def drawn_settings(draws: int | None, path: Path | None, workers: int | None = None) -> dict[str, dict[str, Any]]:
-    """Settings of the step 'uncertainty' from options of a command; none without `--draws` and `--uncertainty`.
-
-    Raises
-    ------
-    BadData
-        `--workers` for no draws, or fewer workers than one
-    """
+    """Settings of the step 'uncertainty' from options of a command; none without `--draws` and `--uncertainty`."""
     options = {"draws": draws, "workers": workers}
     given = {name: value for name, value in options.items() if value is not None}
     if draws is None and path is None:

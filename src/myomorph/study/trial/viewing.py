@@ -29,21 +29,8 @@ def open_replay(
     served: Callable[[int], None] | None = None,
     demo_model: ModelMaker | None = None,
 ) -> Replay:
-    """A page that shows the results of one folder, or of several in one scene.
-
-    Parameters
-    ----------
-    folders : folders of results, or single result files
-    port : of the page; any free one where not given
-    served : called with the port once the page can be opened, before the results are read
-    demo_model : makes the model of a demo by its name
-
-    Raises
-    ------
-    BadFile
-        where there are no results with a motion, or the model they were made with is gone
-    BadData
-        where the port is taken
+    """A page, on a free port by default, that shows the results (with a motion) of one folder or file, or of several in
+    one scene; `served` is called with the port once the page can be opened, before the results are read.
     """
     choices = [recordings(folder, demo_model) for folder in folders]
     # Brings Numba and rich: loaded only where it is needed.
@@ -53,9 +40,8 @@ def open_replay(
 
 
 def recordings(folder: str | Path, demo_model: ModelMaker | None = None) -> Mapping[str, Callable[[], ReportInput]]:
-    """The recordings of a folder of results by name, each opened when it is called; those with a motion.
-
-    Files in one folder belong together where they tell of the same trial at the same times.
+    """The recordings of a folder of results by name, each opened when it is called; those with a motion. Files in one
+    folder belong together where they tell of the same trial at the same times.
     """
     folder = Path(folder)
     if folder.is_file():

@@ -64,15 +64,12 @@ class ErrorOptions:
 
 @dataclass(frozen=True)
 class ErrorShare:
-    """What one source adds to one result.
+    """What one source (an attribute of `ErrorOptions`, or "swings" for what differs from swing to swing) adds to one of
+    `cohort.QUANTITIES`.
 
-    Attributes
-    ----------
-    source : an attribute of `ErrorOptions`, or "swings" for what differs from swing to swing
-    prior_sd : assumed standard deviation of the source, NaN of the swings
-    quantity : as in `cohort.QUANTITIES`
-    sd : root of the variance that the result would lose were the source known, in the result's unit
-    share : of the result's variance; sources that the swings tell only together have one share together
+    `prior_sd` is that assumed of the source, NaN of the swings; `sd` the root of the variance that the result would
+    lose were the source known, in its unit; `share` that of its variance, one for sources that the swings show only
+    together.
     """
 
     source: str
@@ -90,13 +87,7 @@ def thinned(swing_recording: SwingRecording) -> SwingRecording:
 
 
 def disturbed(swing_recording: SwingRecording, source: str, axis: int, size: float) -> SwingRecording:
-    """The recording as it would be had an instrument this error.
-
-    Parameters
-    ----------
-    source, axis : as in `ErrorOptions.sources`
-    size : of the error, in the unit of its standard deviation
-    """
+    """The recording as it would be had an instrument this error of `ErrorOptions.sources`, in the unit of its SD."""
     moment, force = swing_recording.wrench[:, :3].copy(), swing_recording.wrench[:, 3:].copy()
     along = np.eye(3)[axis]
     if source in ("plate_position", "joint_center"):

@@ -28,20 +28,15 @@ class Influences:
 
     Swings of a trial die away, so that few blocks hold most of what is known: draws with replacement, which lose the
     first swing of a trial every third time, scatter far more than the estimate does. Here the swings stay as they are
-    and only their misfits are drawn: with u_b twice what the estimate changes when half of block b is left out,
+    and only their misfits are drawn: with u_b (`blocks`) twice what the estimate changes when half of block b is left
+    out,
 
         draw = estimate + t sum_b z_b u_b,    z_b normal,  t = sqrt(dof / chi^2_dof)
 
     (the wild bootstrap of Wu 1986 in clusters, Cameron, Gelbach, Miller 2008, of influences that grow with a block's
     leverage as MacKinnon and White 1985 ask; t with the degrees of freedom of Satterthwaite 1946). Where the sums of
-    u_b over trials scatter more than independent blocks could make them, trials are drawn instead of blocks.
-
-    Attributes
-    ----------
-    values : (estimates,)
-    blocks : (blocks, estimates) twice the value less the value without half of the block
-    trial : (blocks,) which trial a block belongs to
-    parted : by how much less blocks scatter because they share frames (`SwingSums.parted`)
+    u_b over trials (`trial` of each block) scatter more than independent blocks could make them, trials are drawn
+    instead of blocks; `parted` is by how much less blocks scatter because they share frames (`SwingSums.parted`).
     """
 
     values: Array
@@ -88,8 +83,8 @@ def _variance(parts: Array) -> Array:
 def _freedom(parts: Array) -> Array:
     """(estimates,) degrees of freedom of sums of squares of normal parts, from 1 to one less than the parts.
 
-    Satterthwaite's (sum s^2)^2 / sum s^4 of the variances s^2, with sum s^4 = sum u^4 / 3 and
-    (sum s^2)^2 = (sum u^2)^2 - 2 sum s^4 on average.
+    Satterthwaite's (sum s^2)^2 / sum s^4 of the variances s^2, with sum s^4 = sum u^4 / 3 and (sum s^2)^2 = (sum u^2)^2
+    - 2 sum s^4 on average.
     """
     squares = np.square(parts)
     fourth = np.square(squares).sum(axis=0) / 3.0
@@ -101,13 +96,8 @@ def _freedom(parts: Array) -> Array:
 @read_only
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Steps 1 and 2 from some of the blocks.
-
-    Attributes
-    ----------
-    counts : (blocks,) how often each block counts
-    joint : from the torque by inverse dynamics
-    plate : from the moment about the joint that the plate measures
+    """Steps 1 and 2 from blocks that count `counts` times: viscosity of the joint by inverse dynamics (`joint`), and
+    from the moment about the joint that the plate measures (`plate`).
     """
 
     counts: Array
@@ -123,13 +113,7 @@ class Solution:
 
 @dataclass(frozen=True, eq=False)
 class ConditionSolution:
-    """All swings of a condition, and what each block adds.
-
-    Attributes
-    ----------
-    whole : with every block
-    lacking : (blocks,) with `LACKING` of one block left out
-    """
+    """All swings of a condition; `lacking` (blocks,) is the solution with `LACKING` of one block left out."""
 
     sums: SwingSums
     whole: Solution
@@ -149,12 +133,7 @@ class ConditionSolution:
 
 
 def solve_condition(sums: SwingSums, inertial: InertiaOptions, stiffness: bool) -> ConditionSolution:
-    """Inertia and joint viscosity of the sums, with all blocks and with a part of each left out.
-
-    Raises
-    ------
-    BadData : fewer than three blocks, or as `limb_inertia`
-    """
+    """Inertia and joint viscosity of the sums, with all blocks and with a part of each left out."""
     if len(sums) < 3:
         raise BadData(
             f"{len(sums)} blocks of swings in all: intervals need at least three; record longer, release more often, "

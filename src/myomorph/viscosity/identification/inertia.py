@@ -51,14 +51,11 @@ class InertiaOptions:
 @read_only
 @dataclass(frozen=True, eq=False)
 class LimbInertia:
-    """The limb as one rigid link.
+    """The limb as one rigid link: `parameters` (10,) about the joint's center ([D] order), `noise` (6,) the root mean
+    square of measured less predicted wrench, by which its rows are weighted [N m], [N].
 
-    Attributes
-    ----------
-    parameters : (10,) about the joint's center ([D] order)
-    noise : (6,) root mean square of measured less predicted wrench, by which its rows are weighted [N m], [N]
-    hidden : whether the mass hides behind an unknown zero of the plate; parameters[0] is then a guess
-    possible : whether a body can have the parameters that the wrench shows, up to its noise
+    `hidden`: the mass hides behind an unknown zero of the plate, parameters[0] is a guess; `possible`: a body can have
+    the parameters that the wrench shows, up to its noise.
     """
 
     parameters: Array
@@ -83,18 +80,9 @@ def limb_inertia(
 ) -> LimbInertia:
     """Parameters phi that minimise sum |(wrench - wrench_rows phi - offset) / noise|^2, of a possible body.
 
-    Each row of the wrench is weighted by its own residual, found by repetition. Parameters that the swings
-    do not show (the axial inertia, all but seven or fewer of a hinge) come from the prior of
-    `InertiaOptions`; what they do show outweighs it by the number of frames.
-
-    Parameters
-    ----------
-    counts : (blocks,) how often each block counts; once where None
-    noise : (6,) of the wrench, found where None [N m], [N]
-
-    Raises
-    ------
-    BadData : the forces say that the limb has no mass, or no moment about the joint
+    Each row of the wrench is weighted by its own residual, found by repetition unless `noise` (6,) [N m], [N] is known.
+    Parameters that the swings do not show (the axial inertia, all but seven or fewer of a hinge) come from the prior of
+    `InertiaOptions`; what they do show outweighs it by the number of frames. `counts` (blocks,): how often each counts.
     """
     options = options or InertiaOptions()
     counts = np.ones(len(sums)) if counts is None else counts

@@ -41,14 +41,8 @@ MASS_AND_MOMENT = 4
 @read_only
 @dataclass(frozen=True, eq=False)
 class Instruments:
-    """Errors of the sources of `ErrorOptions`, from their prior and the swings.
-
-    Attributes
-    ----------
-    sources : name and axis of each
-    prior : (sources,) standard deviation assumed, in the unit of each
-    errors : (sources,) estimated
-    covariance : (sources, sources) of what is left unknown
+    """Errors of the sources (name and axis) of `ErrorOptions`, from their prior standard deviations and the swings,
+    with the covariance of what is left unknown.
     """
 
     sources: tuple[tuple[str, int], ...]
@@ -78,9 +72,8 @@ class Instruments:
 
     @property
     def surprises(self) -> tuple[str, ...]:
-        """A line for every error that the swings put farther from zero than its assumed standard deviation explains.
-
-        An estimate from a prior that is right scatters with the variance that the swings take off the prior's.
+        """A line for every error that the swings put farther from zero than its assumed standard deviation explains. An
+        estimate from a prior that is right scatters with the variance that the swings take off the prior's.
         """
         lines = []
         for source, axis, prior, size, left in self.rows:
@@ -112,7 +105,7 @@ def _axis(source: str, axis: int) -> str:
 def estimate_instruments(
     conditions: Mapping[str, Sequence[SwingRecording]], options: ErrorOptions, free_zero: Sequence[str] = ()
 ) -> Instruments:
-    """Errors theta that all swings share, by least squares with priors, from recordings of one specimen.
+    """Errors theta that all swings share, by least squares with priors, from recordings of one specimen by condition.
 
     With B_k what a unit of error k changes of the measured wrench, in every condition
 
@@ -121,11 +114,7 @@ def estimate_instruments(
 
     d and s of each axis, k, d_M, m and c are free in each condition, theta is the same in all, with the standard
     deviations of its prior. Each equation is weighted by what it leaves and by how many independent samples that has.
-
-    Parameters
-    ----------
-    conditions : recordings by condition
-    free_zero : conditions whose plate was not set to zero: a constant wrench of each trial is free
+    In conditions of `free_zero`, whose plate was not set to zero, a constant wrench of each trial is free.
     """
     known = Instruments.assumed(options)
     thin = {
@@ -227,11 +216,8 @@ def _solved(parts: Sequence[Sequence[_Equations]], known: Instruments, last: Ins
 
 
 def _reduced(equations: _Equations, theta: Array, scale: Array) -> tuple[Array, Array, float]:
-    """Normal equations of the errors with the unknowns of the equations' own taken off, and their weight.
-
-    Parameters
-    ----------
-    theta : (sources,) last errors, in units of `scale`, from which the weight is found
+    """Normal equations of the errors with the unknowns of the equations' own taken off, and their weight, found from
+    the last errors `theta` in units of `scale`.
     """
     inertial = np.concatenate([part.reshape(-1, part.shape[2]) for part in equations.own])
     errors = np.concatenate([part.reshape(-1, part.shape[2]) for part in equations.errors]) * scale

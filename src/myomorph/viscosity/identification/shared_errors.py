@@ -35,15 +35,10 @@ def with_shared_errors(
 ) -> tuple[SpecimenViscosity, tuple[ErrorShare, ...]]:
     """The specimen with intervals widened by errors that all its swings share, and what each source adds.
 
-    Every source is put into the recordings once with one standard deviation about or along each axis, and the whole
-    identification repeated: g of each result. The result's variance is then g C g beside what swings scatter, with C
-    the covariance of what is not known of the errors. Both conditions stand on one plate and have one center, so they
-    share each error.
-
-    Parameters
-    ----------
-    specimen_viscosity : from recordings that are rid of the errors of `instruments`
-    instruments : what the swings told of the errors; by default nothing, which leaves those assumed
+    Every source is put into the recordings (rid of the errors of `instruments`) once with one standard deviation about
+    or along each axis, and the whole identification repeated: g of each result. The result's variance is then g C g
+    beside what swings scatter, with C the covariance of what is not known of the errors. Both conditions stand on one
+    plate and have one center, so they share each error.
     """
     instruments = instruments or Instruments.assumed(errors)
     conditions = {name: condition for name in COLUMNS if (condition := getattr(specimen_viscosity, name)) is not None}
@@ -104,12 +99,8 @@ def with_shared_errors(
 def _shares(
     swings: Mapping[str, float], slopes: Mapping[str, Array], instruments: Instruments
 ) -> tuple[ErrorShare, ...]:
-    """The table of sources and results.
-
-    Parameters
-    ----------
-    swings : standard deviation of each result from the scatter of swings
-    slopes : (sources,) what a unit of each error changes of each result
+    """The table of sources and results, of standard deviations by the scatter of `swings` and what a unit of each error
+    (sources,) changes.
     """
     names = list(dict.fromkeys(name for name, _ in instruments.sources))
     known = {name: instruments.covariance - instruments.known(name) for name in names}

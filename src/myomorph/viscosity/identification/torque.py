@@ -28,13 +28,8 @@ MAX_SHIFT = 1.5
 @read_only
 @dataclass(frozen=True, eq=False)
 class JointViscosity:
-    """d_J of [S] eq. 1, the sign that resists: torque = -d rate.
-
-    Attributes
-    ----------
-    one : of all axes alike, as the paper prints it, at least 0 [N m s/rad]
-    axes : (axes,) each for itself, at least 0 [N m s/rad]
-    residual : (axes,) root mean square of torque + one rate [N m]
+    """d_J of [S] eq. 1, the sign that resists: torque = -d rate; for all axes alike, as the paper prints it, and each
+    for itself (axes,), at least 0 [N m s/rad]; root mean square of torque + one rate (axes,) [N m].
     """
 
     one: float
@@ -43,14 +38,11 @@ class JointViscosity:
 
 
 def torque_problem(products: Array, parameters: Array | None, stiffness: bool = True) -> Array:
-    """(axes, 2 + muscles, 2 + muscles) products of [torque, rate, u] of each axis, torque = torque_rows phi.
+    """(axes, 2 + muscles, 2 + muscles) products of [torque, rate, u] of each axis, torque = torque_rows phi, from
+    `SwingSums.torque_total`; without `parameters` the torque that the plate measures.
 
-    Parameters
-    ----------
-    products : (axes, n, n) as `SwingSums.torque_total` gives them
-    parameters : (10,) phi; None for the torque that the plate measures instead
-    stiffness : take off what a spring and a constant torque of each axis explain, so that neither biases what
-        resists motion
+    `stiffness`: take off what a spring and a constant torque of each axis explain, so that neither biases what resists
+    motion.
     """
     if stiffness:
         products = eliminated(products, [CONSTANT, ANGLE])
@@ -66,12 +58,7 @@ def torque_problem(products: Array, parameters: Array | None, stiffness: bool = 
 
 
 def joint_viscosity(problem: Array, frames: float) -> JointViscosity:
-    """Least squares of torque = -d rate, d at least 0, over all axes together and each by itself.
-
-    Parameters
-    ----------
-    problem : (axes, 2 + muscles, 2 + muscles) of `torque_problem`
-    """
+    """Least squares of torque = -d rate, d at least 0, over all axes of `torque_problem`, and over each."""
     power, square = -problem[:, TORQUE, SPEED], problem[:, SPEED, SPEED]
     axes = np.maximum(np.divide(power, square, out=np.zeros_like(power), where=square > 0.0), 0.0)
     common = max(float(power.sum() / square.sum()), 0.0) if square.sum() > 0.0 else 0.0
@@ -82,13 +69,8 @@ def joint_viscosity(problem: Array, frames: float) -> JointViscosity:
 @read_only
 @dataclass(frozen=True, eq=False)
 class MuscleSolution:
-    """d_M of [S] eq. 3: torque + d_J rate = -J_M^T d_M J_M rate.
-
-    Attributes
-    ----------
-    common : one value of all muscles [N s/m]
-    by_pcsa : the factor of given shares [N s/m]
-    by_muscle : (muscles,) each for itself, drawn towards the common value [N s/m]
+    """d_M of [S] eq. 3: torque + d_J rate = -J_M^T d_M J_M rate [N s/m]; one value of all muscles, the factor of the
+    shares by cross-section, and each muscle for itself, drawn towards the common value.
     """
 
     common: float
@@ -99,12 +81,7 @@ class MuscleSolution:
 @read_only
 @dataclass(frozen=True, eq=False)
 class MuscleProblem:
-    """Normal equations H d = g of the muscles' viscosities.
-
-    Attributes
-    ----------
-    H : (muscles, muscles), g : (muscles,)
-    """
+    """Normal equations H d = g of the muscles' viscosities."""
 
     H: Array
     g: Array
@@ -137,12 +114,8 @@ class MuscleProblem:
 
 
 def muscle_problem(problem: Array, joint: Array) -> MuscleProblem:
-    """The equations of the muscles with the joint's own torque -d_J rate taken off.
-
-    Parameters
-    ----------
-    problem : (axes, 2 + muscles, 2 + muscles) of `torque_problem`, of the swings with muscles
-    joint : (axes,) d_J of the swings without muscles [N m s/rad]
+    """The equations of the muscles (`torque_problem` of swings with them), the joint's own torque -d_J rate taken off;
+    d_J (axes,).
     """
     H = problem[:, FIRST:, FIRST:].sum(axis=0)
     g = -(problem[:, TORQUE, FIRST:] + joint[:, None] * problem[:, SPEED, FIRST:]).sum(axis=0)
@@ -152,13 +125,8 @@ def muscle_problem(problem: Array, joint: Array) -> MuscleProblem:
 def noise_variance(blocks: Array, joint: Array) -> float:
     """Variance that noise, independent between frames, would need for scores that scatter over the blocks as they do.
 
-    The scores are those of the muscles' values that fit best without any restraint, so that muscles which differ do
-    not count as noise; frames that depend on each other count as what they are.
-
-    Parameters
-    ----------
-    blocks : (blocks, axes, 2 + muscles, 2 + muscles) `torque_problem` of each block
-    joint : (axes,) d_J [N m s/rad]
+    The scores are those of the muscles' values that fit best without any restraint, so that muscles which differ do not
+    count as noise; frames that depend on each other count as what they are.
     """
     each = [muscle_problem(block, joint) for block in blocks]
     H, g = np.sum([block.H for block in each], axis=0), np.sum([block.g for block in each], axis=0)
@@ -170,14 +138,8 @@ def noise_variance(blocks: Array, joint: Array) -> float:
 
 
 def ridge_strength(problem: MuscleProblem, variance: float, common: float, spread: float) -> float:
-    """Strength with which single muscles are drawn to the common value: variance / (spread common)^2.
-
-    The prior of a muscle's viscosity is then normal about the common value with that relative standard deviation.
-
-    Parameters
-    ----------
-    variance : of `noise_variance`
-    spread : relative standard deviation of the muscles' viscosities about the common one
+    """Strength with which single muscles are drawn to the common value: variance / (spread common)^2. The prior of a
+    muscle's viscosity is then normal about the common value with that relative standard deviation.
     """
     if not common > 0.0:
         return float("inf")
@@ -186,13 +148,7 @@ def ridge_strength(problem: MuscleProblem, variance: float, common: float, sprea
 
 
 def solve_muscles(problem: MuscleProblem, pcsa: Array, strength: float) -> MuscleSolution:
-    """Common, scaled and single values.
-
-    Parameters
-    ----------
-    pcsa : (muscles,) shares of the physiological cross-section, mean 1
-    strength : of `ridge_strength`
-    """
+    """Common, scaled and single values; `pcsa` (muscles,) are shares of the physiological cross-section, mean 1."""
     common = problem.along(np.ones(len(problem.g)))
     single = np.full(len(problem.g), common)
     if np.isfinite(strength):
@@ -205,13 +161,8 @@ def neutral_position(sums: SwingSums, parameters: Array) -> Array:
 
     Only angles that are counted from the neutral position make a ball's spring linear in them: with R_rest moved by a
     small c, log(exp(c) exp(theta)) = theta + c + c x theta / 2 + ... The last part is neither spring nor constant, does
-    work like a damper in a conical swing, and 0.02 rad of it change the viscosity by 1 % (`docs/viscosity.md`).
-
-    Least squares of torque = -d rate - u d_M - k (angle + c): d, d_M and c of each axis, k of all.
-
-    Parameters
-    ----------
-    parameters : (10,) of the limb
+    work like a damper in a conical swing, and 0.02 rad of it change the viscosity by 1 % (`docs/viscosity.md`). Least
+    squares of torque = -d rate - u d_M - k (angle + c): d, d_M and c of each axis, k of all.
     """
     left = _without_dampers(sums, parameters)
     varying = eliminated(left, [2])

@@ -24,16 +24,11 @@ MAX_FRAMES = 1200
 @read_only
 @dataclass(frozen=True, eq=False)
 class SwingCurves:
-    """One trial as charts show it, thinned.
+    """One trial as charts show it, thinned: (frames,) [s] and number of the swing, -1 where frames are not used.
 
-    Attributes
-    ----------
-    time : (frames,) [s]
-    swing : (frames,) number of the swing, -1 where frames are not used
-    angles, rates : (frames, axes) [rad], [rad/s]
-    torque, passive : (frames, axes) by inverse dynamics, and -viscosity times rates [N m]
-    wrench, predicted : (frames, 6) on the base, measured and by the inertial parameters, NaN where a frame is
-        not used [N m], [N]
+    `angles` and `rates` (frames, axes) [rad], [rad/s]; `torque` by inverse dynamics and `passive`, -viscosity times
+    rates [N m]; `wrench` (frames, 6) on the base, measured, and `predicted` by the inertial parameters, NaN in frames
+    that are not used.
     """
 
     trial: str
@@ -51,17 +46,11 @@ class SwingCurves:
 @read_only
 @dataclass(frozen=True, eq=False)
 class ShownCondition:
-    """A specimen with its muscles, or without them.
+    """A specimen with its muscles, or without them: viscosities over all axes and of each [N m s/rad], and which axes
+    swings moved enough; `residual` (6,), root mean square of measured less predicted wrench.
 
-    Attributes
-    ----------
-    viscosity, axis_viscosity : one value over all axes, and one an axis [N m s/rad]
-    excited : whether the swings moved an axis enough
-    residual : (6,) root mean square of measured less predicted wrench
-    trials, swings, seconds : that were used
-    curves : of the trial with the most swings
-    plate_viscosity : the one value from the moment that the plate measures, a check [N m s/rad]
-    by_trial : which intervals are by trial, because trials differ more than their swings explain
+    `curves` are of the trial with the most swings; `plate_viscosity` is from the moment that the plate measures, a
+    check; `by_trial` names intervals that are by trial, because trials differ more than their swings explain.
     """
 
     axes: tuple[str, ...]
@@ -81,17 +70,12 @@ class ShownCondition:
 
 @dataclass(frozen=True)
 class PassiveModel:
-    """One model of the passive torque, fitted to the swings without or with muscles.
+    """One model of the passive torque, fitted to the swings "without" or "with" muscles: `terms`, as "viscosity +
+    stiffness", and their values, printed with units.
 
-    Attributes
-    ----------
-    condition : "without" or "with"
-    terms : what it is made of, as "viscosity + stiffness"
-    values : of its terms, printed with their units
-    viscosity : what it says of the viscosity [N m s/rad]
-    aic, bic : above that of the best model; smaller is better
-    angle_error, wrench_error : of held-out swings it predicts, root mean square [rad], [N m]; NaN where not known
-    chosen : whether it is the simplest of those that the data cannot tell from the best
+    `viscosity` [N m s/rad]; criteria above those of the best model, smaller is better; root mean square errors of
+    held-out swings [rad], [N m], NaN where not known; `chosen`: the simplest of those that the data cannot tell from
+    the best.
     """
 
     condition: str
@@ -108,12 +92,8 @@ class PassiveModel:
 @read_only
 @dataclass(frozen=True, eq=False)
 class HeldOutSwing:
-    """A swing that the models did not see, predicted by integrating forward from its first frame.
-
-    Attributes
-    ----------
-    measured : (frames, axes) angles [rad]
-    predicted : the same by each model
+    """A swing that the models did not see: angles (frames, axes) [rad], measured and as each model predicts them by
+    integrating forward from its first frame.
     """
 
     condition: str
@@ -126,15 +106,7 @@ class HeldOutSwing:
 @read_only
 @dataclass(frozen=True, eq=False)
 class CutoffScan:
-    """What the choice of the low-pass filter changes.
-
-    Attributes
-    ----------
-    cutoffs : (choices,) [Hz]
-    chosen : the one that was used [Hz]
-    values : (choices,) of each quantity, by its name in `cohort.QUANTITIES`
-    reason : why it was chosen
-    """
+    """What the choice of the filter changes: `values` (choices,) of each of `cohort.QUANTITIES`; cutoffs [Hz]."""
 
     cutoffs: Array
     chosen: float
@@ -144,13 +116,8 @@ class CutoffScan:
 
 @dataclass(frozen=True)
 class ArmError:
-    """One kind of error of the moment arms.
-
-    Attributes
-    ----------
-    kind, size : in words
-    sd, bias : of the common muscle viscosity, relative
-    low, median, high : 2.5, 50 and 97.5 percent of the draws [N s/m]
+    """One kind of error of the moment arms, in words: relative SD and bias of the common muscle viscosity; 2.5, 50 and
+    97.5 percent of the draws [N s/m].
     """
 
     kind: str
@@ -165,14 +132,8 @@ class ArmError:
 @read_only
 @dataclass(frozen=True, eq=False)
 class ArmSpread:
-    """What an error of the moment arms does to the muscles' viscosity.
-
-    Attributes
-    ----------
-    errors : (levels,) relative standard deviation of the moment arms
-    low, median, high : (levels,) of the common value, 2.5, 50 and 97.5 percent of the draws [N s/m]
-    draws : of each level
-    kinds : the same for other kinds of error
+    """What moment arms with relative errors (levels,) do to the muscles' common viscosity: 2.5, 50 and 97.5 percent of
+    the draws of each level [N s/m], and the same for other kinds of error.
     """
 
     errors: Array
@@ -197,16 +158,10 @@ class Residual:
 class SpecimenReport:
     """All that is shown of one specimen; what was not made is None or empty.
 
-    Attributes
-    ----------
-    row : its values in the tables
-    truth : of a virtual specimen, by quantity
-    paper : the printed values of the same specimen, by quantity
-    scans : residual maps of scanned bones
-    failure : why it could not be done, "" where it could
-    errors : what swings, instruments and model add to each result
-    instruments : errors of instruments, assumed and as the swings tell them
-    shoulder : whether the joint is the glenohumeral one, of which literature and paper have values
+    `row` are its values in the tables; `truth` those of a virtual specimen and `paper` the printed ones, by quantity;
+    `scans` residual maps of scanned bones; `failure` why it could not be done, else ""; `errors` what swings,
+    instruments and model add to each result; `instruments` their errors, assumed and as the swings show them;
+    `shoulder`: the joint is the glenohumeral one, of which literature and paper have values.
     """
 
     name: str
@@ -231,14 +186,7 @@ class SpecimenReport:
 
 @dataclass(frozen=True, eq=False)
 class ViscosityInput:
-    """Everything the report on a cohort shows.
-
-    Attributes
-    ----------
-    notes : what is real, simulated and assumed, shown first
-    sources : input files with their hashes
-    steps : how it was made
-    """
+    """Everything the report on a cohort shows; `notes`, on what is real, simulated and assumed, come first."""
 
     title: str
     specimens: tuple[SpecimenReport, ...]
@@ -291,13 +239,7 @@ def shown_condition(condition: Condition) -> ShownCondition:
 
 
 def swing_curves(recording: SwingRecording, parameters: Array, viscosity: float) -> SwingCurves:
-    """A trial's curves, at most `MAX_FRAMES` of them.
-
-    Parameters
-    ----------
-    parameters : (10,) of the limb
-    viscosity : of the line through torque against velocity [N m s/rad]
-    """
+    """A trial's curves, at most `MAX_FRAMES`, with the line of a viscosity [N m s/rad] of torque against velocity."""
     keep = slice(None, None, -(-len(recording) // MAX_FRAMES))
     rates = recording.rates[keep]
     unused = ~recording.used[keep][:, None]

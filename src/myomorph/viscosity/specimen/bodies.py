@@ -24,14 +24,8 @@ ASTRAY = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Anatomy:
-    """A source model in its default pose, with what of it belongs to a specimen.
-
-    Attributes
-    ----------
-    model : the source
-    bones : base, limb's first body, and the others, in tree order
-    poses : of the default pose
-    homes : for every body of the source that moves with a bone, that bone and its pose in it
+    """A source model in its default pose; its bones are base, limb's first body, and the others, in tree order. `homes`
+    has for every body that moves with a bone that bone and its pose in it.
     """
 
     model: Model
@@ -46,14 +40,8 @@ class Anatomy:
 
 
 def anatomy(model: Model, base: str, first: str, bones: Sequence[str]) -> Anatomy:
-    """Where every body of a model belongs: bodies beyond a bone, and between two, move with the nearer bone.
-
-    Bodies between base and limb (phantoms of a joint) and all that does not hang on the limb belong nowhere.
-
-    Raises
-    ------
-    UnknownName : a bone is no body of the model
-    BadModel : the limb does not hang on the base, or a bone not on the limb
+    """Where every body of a model belongs: bodies beyond a bone, and between two, move with the nearer bone. Bodies
+    between base and limb (phantoms of a joint) and all that does not hang on the limb belong nowhere.
     """
     for name in (base, first, *bones):
         index_of("body", name, model.body_names)
@@ -102,18 +90,9 @@ def _home(model: Model, parents: dict[str, str], body: str, base: str, first: st
 
 
 def joint_center(source: Anatomy, base: str, first: str) -> tuple[Array, Array, float]:
-    """The point in ground that all axes of rotation between two bodies go through, in the default pose.
-
-    Returns
-    -------
-    center : (3,) the point nearest to all the axes; where they are parallel, that nearest to the first
-        body's origin [m]
-    directions : (axes, 3) of the axes in ground
-    distance : of the axis farthest from it [m]
-
-    Raises
-    ------
-    BadModel : there is no axis of rotation
+    """The point (3,) in ground that all axes of rotation between two bodies go through, in the default pose; their
+    directions (axes, 3); the distance of the axis farthest from it [m]. Where they are parallel, the point nearest to
+    the first body's origin.
     """
     poses, tree = source.poses, source.poses.tree
     between = tree.supports[tree.body_index[first]] & ~tree.supports[tree.body_index[base]]
@@ -154,10 +133,8 @@ def moved_parameters(parameters: Array, pose: Transform) -> Array:
 
 
 def held_joint(source: Anatomy, bone: str) -> tuple[Joint, tuple[Coordinate, ...]]:
-    """The joint that holds a bone on the bone before it: joints of bodies between them as one chain of axes.
-
-    A bone that the source welds gets three rotations, because the wires may hold it at another angle than
-    the model.
+    """The joint that holds a bone on the bone before it: joints of bodies between them as one chain of axes. A bone
+    that the source welds gets three rotations, because the wires may hold it at another angle than the model.
     """
     model = source.model
     by_child = {joint.child: joint for joint in model.joints}

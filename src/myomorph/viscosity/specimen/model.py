@@ -34,15 +34,9 @@ AXES = ("x", "y", "z")
 
 @dataclass(frozen=True)
 class SpecimenNames:
-    """What of a model makes a specimen.
-
-    Attributes
-    ----------
-    base : body that is fixed to the plate (the scapula)
-    first : first body of the limb, on the other side of the joint (the humerus)
-    bones : bodies that carry markers; base and first belong to them whether named or not
-    muscles : strands in the model by the muscle's name; empty for all muscles between base and limb
-    joint : what the joint between them is taken for; a hinge has the one axis of the model's joint
+    """What of a model makes a specimen: the body on the plate (the scapula), the limb's first (the humerus), the bodies
+    that carry markers, and strands of the model by the muscle's name, empty for all between base and limb. A hinge has
+    the one axis of the model's joint.
     """
 
     base: str
@@ -54,15 +48,11 @@ class SpecimenNames:
 
 @dataclass(frozen=True, eq=False)
 class SwingTrial:
-    """One raw recording of a swing.
+    """One raw recording of a swing: markers in the laboratory, whose axes are those of the model's ground; wrenches on
+    the plate's clock that count for the base, whatever body they name; start and end of what is to be used [s].
 
-    Attributes
-    ----------
-    markers : in the laboratory, whose axes are those of the model's ground
-    wrenches : on the base, on the clock of the plate; whatever body they name, they count for the base
-    time : start and end of what is to be used [s], None for all
-    tare : the plate with the fixture but without limb, of which the mean is taken off; None where the plate
-        was set to zero so
+    `tare`: the plate with the fixture but without limb, of which the mean is taken off; None where it was set to zero
+    so.
     """
 
     name: str
@@ -78,21 +68,13 @@ class Specimen:
     """A base, a joint and a limb, everything else of the model gone.
 
     The base stands on the ground by six coordinates that are zero at `stand`; the joint turns by the angles of
-    body-fixed rotations that are zero at the model's default pose, or at another that `resting` sets. The
-    middle rotation is the one nearest to the limb's long axis, so that a limb that hangs and swings stays far
-    from the pose in which the other two fall together.
+    body-fixed rotations that are zero at the model's default pose, or at another that `resting` sets. The middle
+    rotation is the one nearest to the limb's long axis, so that a limb that hangs and swings stays far from the pose in
+    which the other two fall together.
 
-    Attributes
-    ----------
-    model : its bodies are the bones
-    names : what it was made of
-    center : (3,) of the joint, in the base [m]
-    center_in_limb : (3,) the same point in the limb's first body [m]
-    base_coordinates, joint_coordinates, held_coordinates : names
-    axes : of rotation that the joint leaves free: "x", "y", "z" of the limb's first body, or a hinge's name
-    axis_vectors : (axes, 3) those axes in the limb's first body
-    muscles : names, each with its strands in the model
-    notes : what is otherwise than in the source, one line each
+    The joint's `center` is in the base, `center_in_limb` in the limb's first body [m]; `axes` are those that the joint
+    leaves free, "x", "y", "z" of that body or a hinge's name, `axis_vectors` (axes, 3) in it; `notes` on what is
+    otherwise than in the source.
     """
 
     model: Model
@@ -135,9 +117,8 @@ class Specimen:
 
     @cached_property
     def pendulum(self) -> Model:
-        """The limb as one link whose origin is the joint's center and whose axes are those of its first body.
-
-        Its joint stands on the ground where the base carries it, and has the specimen's coordinates.
+        """The limb as one link whose origin is the joint's center and whose axes are those of its first body. Its joint
+        stands on the ground where the base carries it, and has the specimen's coordinates.
         """
         joint = self._joint(self.first)
         frame = self.stand @ joint.parent_frame
@@ -159,9 +140,8 @@ class Specimen:
         return replace(self, model=self._with_joint(replace(joint, parent_frame=frame)))
 
     def resting(self, rotation: Array) -> Specimen:
-        """The same specimen whose joint coordinates are zero where the limb has a rotation (3, 3) in the base.
-
-        A hinge keeps its zero.
+        """The same specimen whose joint coordinates are zero where the limb has a rotation (3, 3) in the base. A hinge
+        keeps its zero.
         """
         if len(self.joint_coordinates) == 1:
             return self
@@ -198,14 +178,9 @@ class Specimen:
 def build_specimen(model: Model, names: SpecimenNames) -> Specimen:
     """The specimen of [S] out of a shoulder model, or of any model with a limb on a base.
 
-    The base stands on six coordinates; between base and limb is a ball joint of three coordinates at the
-    center of the model's joint, or a hinge, whatever phantom bodies the model has there. Joints beyond stay, as
-    coordinates that wires hold. Bodies beyond a bone move with it, everything else of the model is dropped.
-
-    Raises
-    ------
-    UnknownName : a body or muscle that the model does not have
-    BadModel : the limb does not hang on the base, nothing turns it, or a muscle runs over what is dropped
+    The base stands on six coordinates; between base and limb is a ball joint of three coordinates at the center of the
+    model's joint, or a hinge, whatever phantom bodies the model has there. Joints beyond stay, as coordinates that
+    wires hold. Bodies beyond a bone move with it, everything else of the model is dropped.
     """
     source = anatomy(model, names.base, names.first, names.bones)
     center, directions, distance = joint_center(source, names.base, names.first)

@@ -59,11 +59,8 @@ STRANDS: tuple[tuple[tuple[str, ...], ...], ...] = (
 
 
 def fig1_muscles(model: Model) -> Mapping[str, tuple[str, ...]]:
-    """The 11 muscles of [S] figure 1: the paper's name to the strands of the model.
-
-    Raises
-    ------
-    BadModel : the model has other names than the two families that are known
+    """The 11 muscles of [S] figure 1: the paper's name to the strands of the model, of two families whose names are
+    known.
     """
     known = set(model.muscle_names)
     lacking = [[strand for muscle in family for strand in muscle if strand not in known] for family in STRANDS]
@@ -80,21 +77,8 @@ def fig1_muscles(model: Model) -> Mapping[str, tuple[str, ...]]:
 def kept_muscles(
     source: Anatomy, names: Mapping[str, tuple[str, ...]], coordinates: frozenset[str]
 ) -> tuple[dict[str, tuple[str, ...]], tuple[Muscle, ...], tuple[WrapObject, ...], list[str]]:
-    """Muscles whose paths run on bones alone, with the surfaces they wrap around.
-
-    Parameters
-    ----------
-    names : the muscles wanted, with their strands; empty for all that run between base and limb
-    coordinates : that the specimen keeps
-
-    Returns
-    -------
-    names with strands, muscles, wrap objects, and what is otherwise than in the source, one line each
-
-    Raises
-    ------
-    UnknownName : a strand is no muscle of the model
-    BadModel : a strand that was asked for runs over what is no part of the specimen
+    """Muscles, all between base and limb or those named, whose paths run on bones alone, with their strands and the
+    surfaces they wrap around; last what is otherwise than in the source.
     """
     model, base = source.model, source.bones[0]
     wanted = names or {muscle.name: (muscle.name,) for muscle in model.muscles if _crosses(source, muscle, base)}

@@ -76,14 +76,8 @@ class ScanFiles(Strict):
 
 @dataclass(frozen=True, eq=False)
 class ScannedModel:
-    """A model with the markers of a CT.
-
-    Attributes
-    ----------
-    model : bones of the size of the scanned ones, with the clusters' markers
-    bones : how each was laid on the model's
-    clusters : the markers found in each cluster's surface
-    notes : what looks wrong, one line each
+    """A model with bones of the size of the scanned ones and the markers of a CT; how each bone was laid on the
+    model's, and the markers found in each cluster's surface.
     """
 
     model: Model
@@ -94,15 +88,7 @@ class ScannedModel:
 
 def model_from_scans(model: Model, scans: Sequence[ScanFiles], recorded: Markers | None = None) -> ScannedModel:
     """The model with the markers of scanned clusters on its bones, and how well all of it fits ([S] figure 3).
-
-    Parameters
-    ----------
-    recorded : a trial, whose distances between markers tell which ball is which and are checked against the scan
-
-    Raises
-    ------
-    UnknownName : a body that the model does not have
-    BadFile, BadData : a file that cannot be read, clusters whose markers are not found or not told apart
+    Distances between markers of a recorded trial tell which ball is which and are checked against the scan.
     """
     bones, clusters = [], []
     for scan in scans:
@@ -127,13 +113,8 @@ def model_from_scans(model: Model, scans: Sequence[ScanFiles], recorded: Markers
 
 
 def read_picks(path: Path) -> dict[str, Array]:
-    """Rows of a table of picked points, (3,) or (6,) by name: x, y, z of the scan and bone_x, bone_y, bone_z.
-
-    A first line of words is skipped.
-
-    Raises
-    ------
-    BadFile : it cannot be read, or a line is no name and three or six numbers
+    """Rows of a table of picked points, (3,) or (6,) by name: x, y, z of the scan and bone_x, bone_y, bone_z. A first
+    line of words is skipped.
     """
     try:
         rows = list(csv.reader(path.read_text(encoding="utf-8-sig").splitlines()))

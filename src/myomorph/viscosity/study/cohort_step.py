@@ -25,12 +25,7 @@ from myomorph.viscosity.study.specimen_step import SPECIMEN, read_specimen
 
 @dataclass(frozen=True)
 class CohortInputs:
-    """The specimens of a study when all have ended.
-
-    Attributes
-    ----------
-    outcomes : of the specimens, in the order of the plan
-    """
+    """The specimens of a study, in the order of the plan, when all have ended."""
 
     plan: ViscosityPlan
     outcomes: tuple[Outcome, ...]

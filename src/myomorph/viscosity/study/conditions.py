@@ -44,18 +44,12 @@ class Prepared:
 
 @dataclass(frozen=True, eq=False)
 class Identified:
-    """What the conditions of one specimen come to.
+    """What the conditions of one specimen come to: `found` with intervals that hold errors which all swings share, and
+    those of attachments; `by_swings` of swings alone, by which a swing is judged too small.
 
-    Attributes
-    ----------
-    found : with intervals that hold errors which all swings share, and those of attachments
-    by_swings : with intervals of swings alone, by which a swing is judged too small
-    instruments : what the swings tell of errors that they share
-    conditions : with their equations, rid of those errors, and faults
-    options : with the law of the passive torque decided
-    reason : why the cut-off is what it is
-    lost : conditions that could not be used, a line each
-    conflicts : where instruments are not what is assumed of them, and criteria of a law disagree, a line each
+    `conditions` are rid of the shared errors that the swings tell (`instruments`); `options` have the law of the
+    passive torque decided; `reason` is why the cut-off is what it is; `lost` and `conflicts` name conditions that could
+    not be used, instruments that are not as assumed, and criteria of a law that disagree.
     """
 
     found: SpecimenViscosity
@@ -74,12 +68,7 @@ class Identified:
 def identify_conditions(
     specimen: Specimen, files: SpecimenFiles, tracked: Mapping[str, Prepared], options: StudyOptions
 ) -> Identified:
-    """Identify a specimen from the tracked trials of one condition or both.
-
-    Raises
-    ------
-    BadData : neither condition can be used
-    """
+    """Identify a specimen from the tracked trials of one condition or both."""
     lost: list[str] = []
     cutoff, reason = _cutoff(options, tracked)
     conditions = _equations(tracked, cutoff, options.identification.tare == "known", lost)

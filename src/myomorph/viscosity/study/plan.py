@@ -365,19 +365,8 @@ def fixed_plan(
     time: tuple[float, float] | None = None,
     settings: Mapping[str, Any] = FrozenMap({}),
 ) -> ViscosityPlan:
-    """The plan of one specimen whose files are given by hand.
-
-    Parameters
-    ----------
-    files : of each of `CONDITIONS`, recordings and their forces, which may be empty
-    settings : of all steps, by option
-
-    Raises
-    ------
-    BadData
-        where something is missing, or there are not as many forces as recordings
-    BadFile
-        where a file does not exist
+    """The plan of one specimen whose files are given by hand: recordings and their forces, which may be empty, of each
+    of `CONDITIONS`; settings of all steps.
     """
     if model is None:
         raise BadData("give a study file, or --model with --intact and --removed")

@@ -195,23 +195,12 @@ def write_store(viscosity_input: ViscosityInput, folder: Path) -> None:
 
 
 def read_store(folder: Path) -> ViscosityInput:
-    """What `write_store` wrote.
-
-    Raises
-    ------
-    BadFile
-        where it is something else
-    """
+    """What `write_store` wrote."""
     return read_value(folder / STORE, ViscosityInput)
 
 
 def write_value(value: object, path: Path, digits: int | None = None) -> None:
-    """Write a value of which a report is made.
-
-    Parameters
-    ----------
-    digits : of numbers in arrays, None for all
-    """
+    """Write a value of which a report is made, numbers in arrays with so many digits."""
     write_whole(json.dumps(_plain(value, digits), separators=(",", ":")) + "\n", path)
 
 
@@ -227,13 +216,7 @@ def read_value(path: Path, kind: type[Kind]) -> Kind:
 
 
 def remake_report(folder: Path) -> Path:
-    """Make `report.html` of a folder of results again.
-
-    Raises
-    ------
-    BadFile
-        as `read_store`
-    """
+    """Make `report.html` of a folder of results again."""
     write_whole(viscosity_page(read_store(folder)), folder / REPORT)
     return folder / REPORT
 

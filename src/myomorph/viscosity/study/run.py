@@ -35,17 +35,7 @@ def open_cohort_steps(model: Model | None, read: str, fresh: bool, *, inputs: Co
 
 
 def graph_of(plan: ViscosityPlan, out: Path, fresh: bool = False, mark: RunMark | None = None) -> Graph:
-    """What a study of swinging limbs has to do.
-
-    Parameters
-    ----------
-    fresh : compute every specimen, whatever an earlier run left
-    mark : the run that the folder belongs to
-
-    Raises
-    ------
-    BadData : an option is out of its range
-    """
+    """What a study of swinging limbs has to do, `fresh` whatever an earlier run left."""
     options = StudyOptions.of(plan.settings)
     settings = FrozenMap({specimen_step.STEP.name: plan.settings})
 

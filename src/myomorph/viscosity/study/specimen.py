@@ -131,11 +131,8 @@ def with_cutoffs(
     options: ViscosityOptions,
     hidden: Collection[str] = (),
 ) -> SpecimenReport:
-    """The report with what other cut-offs of the filter would have given.
-
-    Parameters
-    ----------
-    hidden : conditions whose plate hides the mass
+    """The report with what other cut-offs of the filter would have given; the mass of conditions in `hidden` is not
+    shown.
     """
     values: dict[str, Array] = {}
     for name, condition_tracked in tracked.items():
@@ -197,18 +194,8 @@ class Studied:
 
 
 def study_specimen(files: SpecimenFiles, options: StudyOptions, advance: Advance) -> Studied:
-    """Identify one specimen.
-
-    A condition that cannot be used is named in the notes, and what the other one shows is still found.
-
-    Parameters
-    ----------
-    advance : called with the share of the specimen's work just done
-
-    Raises
-    ------
-    BadData, BadFile, BadModel, UnknownName
-        where neither condition can be used
+    """Identify one specimen. A condition that cannot be used is named in the notes, and what the other one shows is
+    still found; `advance` is called with the share of the work just done.
     """
     opened, conditions, lost = _opened(files, options, advance)
     specimen, notes = opened.specimen, list(opened.notes)
@@ -339,11 +326,8 @@ def _tracked(
 def _judged(
     viscosity: SpecimenViscosity, by_swings: SpecimenViscosity, conditions: Mapping[str, Prepared], notes: list[str]
 ) -> tuple[SpecimenReport, SpecimenViscosity]:
-    """The specimen without what its recordings cannot tell, and every fault as a note.
-
-    Parameters
-    ----------
-    by_swings : the same with intervals of swings alone, by which a swing is judged too small
+    """The specimen without what its recordings cannot tell, and every fault as a note; a swing is judged too small by
+    intervals `by_swings` alone.
     """
     lacking: set[str] = set()
     parts: dict[str, Condition | None] = {"without": by_swings.without, "with": by_swings.intact}

@@ -53,13 +53,7 @@ def specimen_provenance(specimen: SpecimenInputs) -> Provenance:
 
 
 def read_specimen(home: Path) -> SpecimenReport:
-    """What is shown of a specimen, from the folder of its results.
-
-    Raises
-    ------
-    BadFile
-        where there is no such result
-    """
+    """What is shown of a specimen, from the folder of its results."""
     return read_value(home / SPECIMEN, SpecimenReport)
 
 

@@ -42,9 +42,8 @@ WHOLE = 9
 
 
 def turn_to(up: str, gravity: Array) -> Array:
-    """(3, 3) that turns vectors of a laboratory, whose axis `up` points up, into axes with this gravity.
-
-    The shortest turn; identity where the axis points up already.
+    """(3, 3) that turns vectors of a laboratory, whose axis `up` points up, into axes with this gravity: the shortest
+    turn.
     """
     lab = np.eye(3)[AXES.index(up)]
     own = -np.asarray(gravity) / np.linalg.norm(gravity)
@@ -63,18 +62,8 @@ def turned(wrenches: Wrenches, rotation: Array) -> Wrenches:
 
 
 def carrying(wrenches: Wrenches, gravity: Array, name: str, up: str | None = None) -> tuple[Wrenches, tuple[str, ...]]:
-    """The wrenches as what carries a hanging limb; reversed, and said so, where they are what the limb does.
-
-    A plate that was set to zero with the limb on it tells nothing of the vertical.
-
-    Parameters
-    ----------
-    up : axis of the laboratory that the study file says points up
-
-    Raises
-    ------
-    BadData
-        where the weight hangs aslant to the model's vertical
+    """The wrenches as what carries a hanging limb; reversed, and said so, where they are what the limb does. A plate
+    that was set to zero with the limb on it tells nothing of the vertical.
     """
     force = wrenches.forces.sum(axis=1)
     force = force[np.isfinite(force).all(axis=1)]
@@ -115,18 +104,8 @@ class OpenedSpecimen:
 
 
 def open_specimen(files: SpecimenFiles, recorded: Markers) -> OpenedSpecimen:
-    """The specimen that a model holds, its bones those that carry at least three of the recorded markers.
-
-    With a CT, markers come from the scanned clusters.
-
-    Parameters
-    ----------
-    recorded : a trial of it
-
-    Raises
-    ------
-    BadFile, BadModel, UnknownName
-        where the model cannot be read, or has no such base, limb or muscles
+    """The specimen that a model holds, its bones those that carry at least three of the recorded markers. With a CT,
+    markers come from the scanned clusters.
     """
     with about(files.model):
         model = _model(files.model, recorded.names)
@@ -237,17 +216,8 @@ def _muscles(model: Model) -> dict[str, tuple[str, ...]]:
 def open_swing(
     swing: SwingFiles, model: Model, files: SpecimenFiles, place: Callable[[Trial], Trial] | None = None
 ) -> tuple[SwingTrial, tuple[str, ...]]:
-    """A recording of a swing, in the model's ground axes, and what its files had to say.
-
-    Parameters
-    ----------
-    files : of its specimen: forces without the limb, which axis points up
-    place : puts the plates of a C3D file where they are
-
-    Raises
-    ------
-    BadFile, BadData
-        where a file is not what it should be, has none of the model's markers, or hangs aslant
+    """A recording of a swing, in the model's ground axes, and what its files had to say; `place` puts the plates of a
+    C3D file where they are.
     """
     recorded = read_recording(swing.markers)
     if files.up is not None:
@@ -290,14 +260,8 @@ def open_wrench(path: Path, place: Callable[[Trial], Trial] | None = None) -> Wr
 
 
 def wrench_of_table(path: Path) -> Wrenches:
-    """A table of one force: its nine columns are force, point and torque, as OpenSim writes them.
-
-    Columns are known by their endings (vx, px, and x of a torque); else their order tells.
-
-    Raises
-    ------
-    BadFile
-        where there are not nine columns
+    """A table of one force: its nine columns are force, point and torque, as OpenSim writes them, known by their
+    endings (vx, px, and x of a torque), else by their order.
     """
     table = read_sto(path)
     if len(table.names) != WHOLE:
@@ -321,13 +285,7 @@ def _triple(names: Sequence[str], kind: str) -> list[int] | None:
 
 
 def plate_wrenches(trial: Trial) -> Wrenches:
-    """Force and moment of all plates of a C3D file, as measured: not set to zero, about the plates' centers.
-
-    Raises
-    ------
-    BadFile
-        where the file has no plates
-    """
+    """Force and moment of all plates of a C3D file, as measured: not set to zero, about the plates' centers."""
     if not trial.plate_recordings:
         raise BadFile(trial.source, "holds no force plates", "give 'loads': a table of force, point and torque")
     parts = []

@@ -68,13 +68,7 @@ def study_template() -> str:
 
 
 def write_template(folder: Path) -> Path:
-    """Write `study.toml` into a folder, which is made; a file that is there is never replaced.
-
-    Raises
-    ------
-    BadFile
-        where there is one already
-    """
+    """Write `study.toml` into a folder, which is made; a file that is there is never replaced."""
     path = folder / NAME
     if path.exists():
         raise BadFile(path, "exists already", "give another folder")

@@ -20,15 +20,11 @@ from myomorph.viscosity.specimen.model import Specimen
 @read_only
 @dataclass(frozen=True, eq=False)
 class LimbMotion:
-    """A limb in motion about its joint's center, everything distal of the joint one rigid link.
+    """A limb in motion about its joint's center, everything distal of the joint one rigid link: its rotations to
+    ground, d(rate about a free axis)/d(coordinate's velocity) and rates about the free axes [rad/s].
 
-    Attributes
-    ----------
-    rotations : (frames, 3, 3) of the limb's first body in ground
-    slopes : (frames, axes, coordinates) d(rate about a free axis)/d(coordinate's velocity)
-    rates : (frames, axes) angular velocity about the free axes [rad/s]
-    wrench_rows : (frames, 6, 10) moment about the center and force that unit parameters need, ground axes
-    torque_rows : (frames, axes, 10) the moment along the free axes
+    `wrench_rows` (frames, 6, 10): moment about the center and force that unit parameters need, ground axes;
+    `torque_rows` (frames, axes, 10): the moment along the free axes.
     """
 
     rotations: Array
@@ -39,15 +35,8 @@ class LimbMotion:
 
 
 def limb_motion(specimen: Specimen, motion: Motion) -> LimbMotion:
-    """Rotation, rates and rows of a motion of the specimen's joint; NaN in frames where the motion is NaN.
-
-    Parameters
-    ----------
-    motion : of the joint's coordinates, with velocities and accelerations; the base at its stand
-
-    Raises
-    ------
-    BadData : the motion has no derivatives
+    """Rotation, rates and rows of a motion, with derivatives, of the specimen's joint, the base at its stand; NaN where
+    it is.
     """
     pendulum = specimen.pendulum
     tree = compile_tree(pendulum)
@@ -63,11 +52,10 @@ def limb_motion(specimen: Specimen, motion: Motion) -> LimbMotion:
 
 
 def lengthening(specimen: Specimen, motion: Motion, slopes: Array) -> Array:
-    """(frames, strands, axes) d(length)/d(angle about a free axis), J_M of [S] eq. 3 [m/rad].
+    """(frames, strands, axes) d(length)/d(angle about a free axis), J_M of [S] eq. 3 [m/rad], NaN where the motion is.
 
-    Strands stand muscle after muscle, each divided by the root of their number (see `SwingRecording`). Moment
-    arms about the coordinates become arms about the axes by the inverse of `slopes` (frames, axes, coordinates).
-    NaN where the motion is.
+    Strands stand muscle after muscle, each divided by the root of their number (see `SwingRecording`). Moment arms
+    about the coordinates become arms about the axes by the inverse of `slopes` (frames, axes, coordinates).
     """
     strands = [(strand, len(muscle)) for muscle in specimen.muscles.values() for strand in muscle]
     result = np.full((len(motion), len(strands), len(specimen.axes)), np.nan)
@@ -84,21 +72,11 @@ def lengthening(specimen: Specimen, motion: Motion, slopes: Array) -> Array:
 
 
 def differentiate_joint(specimen: Specimen, motion: Motion, cutoff: float | None = None) -> Motion:
-    """The motion of a specimen's joint with velocities and accelerations, low-pass filtered first.
+    """The motion of a specimen's joint with velocities and accelerations, low-pass filtered first at `cutoff` [Hz].
 
-    As `motion.filters.differentiate`, but a ball is filtered as a quaternion, which no pose makes singular:
-    omega = 2 vec(conj(q) dq/dt) / |q|^2. Angles near a quarter turn of the middle rotation have large rates, which
-    together still are that omega.
-
-    Parameters
-    ----------
-    motion : of the joint's coordinates [rad], NaN where it is not known
-    cutoff : [Hz]; None for none
-
-    Raises
-    ------
-    BadData
-        where no run of six frames is free of gaps
+    As `motion.filters.differentiate`, but a ball is filtered as a quaternion, which no pose makes singular: omega = 2
+    vec(conj(q) dq/dt) / |q|^2. Angles near a quarter turn of the middle rotation have large rates, which together still
+    are that omega.
     """
     if len(specimen.joint_coordinates) == 1:
         return differentiate(motion, cutoff)
@@ -130,10 +108,9 @@ def continuous(quaternions: Array) -> Array:
 
 
 def angular_motion(values: Array, velocities: Array, accelerations: Array) -> tuple[Rotation, Array, Array]:
-    """Rotations, angular rates and accelerations (frames, 3) along the body's axes.
-
-    Of quaternions (frames, 4), w first and of any length, and their derivatives: with s = |q|,
-    omega = 2 vec(conj(q) q') / s^2 and alpha = 2 vec(conj(q) q'') / s^2 - 2 omega s' / s.
+    """Rotations, angular rates and accelerations (frames, 3) along the body's axes, of quaternions (frames, 4), w first
+    and of any length, and their derivatives: with s = |q|, omega = 2 vec(conj(q) q') / s^2 and alpha = 2 vec(conj(q)
+    q'') / s^2 - 2 omega s' / s.
     """
     square = np.sum(values**2, axis=1, keepdims=True)
     growth = np.sum(values * velocities, axis=1, keepdims=True) / square
@@ -149,8 +126,7 @@ def _vector_part(first: Array, second: Array) -> Array:
 
 
 def _angle_rates(axes: Array, angles: Array, rates: Array, gains: Array) -> tuple[Array, Array]:
-    """Rates and accelerations (frames, 3) of body-fixed rotations about `axes` (3, 3), of those along the body's axes.
-
+    """Rates and accelerations (frames, 3) of body-fixed rotations about `axes` (3, 3), of those along the body's axes:
     omega = S(q) q', alpha = S q'' + S' q'; the columns of S are the axes as the body sees them.
     """
     last, middle = (Rotation.from_rotvec(angles[:, axis, None] * axes[axis]) for axis in (2, 1))
@@ -167,10 +143,9 @@ def _angle_rates(axes: Array, angles: Array, rates: Array, gains: Array) -> tupl
 
 
 def on_one_branch(specimen: Specimen, motion: Motion) -> Motion:
-    """The same motion with angles that neither jump by a turn nor to the other branch of a ball's three rotations.
-
-    The middle one of three rotations is brought within a quarter turn, the others of a ball within half a turn; a
-    joint's only angle may go on beyond.
+    """The same motion with angles that neither jump by a turn nor to the other branch of a ball's three rotations. The
+    middle one of three rotations is brought within a quarter turn, the others of a ball within half a turn; a joint's
+    only angle may go on beyond.
     """
     values = np.array(motion.values)
     for joint in specimen.model.joints:

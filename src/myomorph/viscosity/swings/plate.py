@@ -45,9 +45,8 @@ MIN_CLOCK_ERROR = 5e-4
 
 
 def wrench_about(wrenches: Wrenches, center: Array) -> Array:
-    """(samples, 6) moment about a point (3,) in ground and force of all wrenches together; NaN where one lacks.
-
-    A point of application that is unknown counts only where there is a force.
+    """(samples, 6) moment about a point (3,) in ground and force of all wrenches together; NaN where one lacks. A point
+    of application that is unknown counts only where there is a force.
     """
     still = (wrenches.forces == 0.0).all(axis=2)[..., None]
     arms = np.where(still & ~np.isfinite(wrenches.points), 0.0, wrenches.points - center)
@@ -56,13 +55,8 @@ def wrench_about(wrenches: Wrenches, center: Array) -> Array:
 
 
 def on_clock(time: Array, values: Array, frames: Array) -> Array:
-    """(frames, columns) values (samples, columns) at other times; NaN outside the samples and at their gaps.
-
-    Samples that come faster than the frames pass a zero-lag low-pass at `ANTI_ALIAS` of the frames' rate first.
-
-    Raises
-    ------
-    BadData : fewer than four samples are finite
+    """(frames, columns) values (samples, columns) at other times; NaN outside the samples and at their gaps. Samples
+    that come faster than the frames pass a zero-lag low-pass at `ANTI_ALIAS` of the frames' rate first.
     """
     known = np.isfinite(values).all(axis=1)
     if known.sum() < 4:
@@ -106,26 +100,13 @@ def wrench_clock(
     options: ClockOptions | None = None,
     used: np.ndarray | None = None,
 ) -> Clock:
-    """Offset and drift that leave the least of wrench = rows phi + constant, phi and constant unknown.
+    """The plate's clock: offset and drift that leave the least of wrench = rows phi + constant, phi and constant
+    unknown.
 
-    The wrench knows the motion it comes from, whatever the masses are ([S] step 1), so it is its own
-    synchronisation signal. The constant takes what the plate was tared with. Rows and wrench are low-pass filtered
-    alike, so neither needs to be filtered before (`ClockOptions.cutoff`).
-
-    Parameters
-    ----------
-    time : (frames,) of the markers, the reference [s]
-    rows : (frames, 6, parameters) moment and force that unit parameters cause, as `SwingRecording.wrench_rows`
-    wrench_time, wrench : (samples,) on the plate's clock [s], (samples, 6) about the same point [N m], [N]
-    used : (frames,) whether a frame takes part, False where the limb is touched
-
-    Returns
-    -------
-    the plate's clock: `clock.apply(wrenches)` brings the recording to the markers' times
-
-    Raises
-    ------
-    BadData : too little in common, or a limb that hardly moves
+    The wrench (samples, 6) knows the motion it comes from, whatever the masses are ([S] step 1), so it is its own
+    synchronisation signal. The constant takes what the plate was tared with. Rows (frames, 6, parameters, as
+    `SwingRecording.wrench_rows`) and wrench are low-pass filtered alike, so neither needs to be filtered before
+    (`ClockOptions.cutoff`); `used` is False in frames in which the limb is touched.
     """
     if rows.ndim != 3 or rows.shape[1] != 6 or wrench.shape[1:] != (6,):
         raise BadData(
@@ -140,17 +121,10 @@ def plate_clock(
 ) -> tuple[Clock, list[str]]:
     """Offset and drift of the plate, or the clock as it is where nothing speaks against it; and what is doubtful.
 
-    Frames in which a hand carries the limb mislead the fit, and can be told only once the clocks agree. So the
-    clock as given is tried first; where the motion then does not explain the wrench, the lag at which most
-    frames agree (least median mismatch of the force) is the start.
-
-    Parameters
-    ----------
-    time, rows : (frames,), (frames, 6, 10) of the markers
-    slow : (frames, 6, 10) the rows filtered at `CUTOFF`
-    whole : (frames,) out of the reach of the filter's ends
-    wrench_time, wrench : (samples,), (samples, 6) as measured
-    share : as `TrackingOptions.touch`
+    Frames in which a hand carries the limb mislead the fit, and can be told only once the clocks agree. So the clock as
+    given is tried first; where the motion then does not explain the wrench, the lag at which most frames agree (least
+    median mismatch of the force) is the start. `slow` are the rows filtered at `CUTOFF`, `whole` the frames out of the
+    reach of the filter's ends, `share` as `TrackingOptions.touch`.
     """
     known = np.asarray(np.isfinite(wrench).all(axis=1))
     start, end = np.flatnonzero(known)[[0, -1]]

@@ -133,19 +133,12 @@ def touched_frames(
     share: float,
     reach: float,
 ) -> list[np.ndarray]:
-    """Per trial, (frames,) where something besides the joint carries the limb.
+    """Per trial, (frames,) where something besides the joint carries the limb, from rows (frames, 6, 10) and wrenches.
 
-    While nobody touches the limb, force = rows phi + constant with one phi over all trials. A robust fit finds
-    phi from the frames that agree, which must be the most; frames whose mismatch, averaged over `WINDOW`,
-    passes both `OUTLYING` of its usual size and a share of what the swing's force varies are touched. Moments
-    tell nothing: a joint carries hardly any, whether the limb is held or not.
-
-    Parameters
-    ----------
-    rows, wrenches : (frames, 6, 10) and (frames, 6) of each trial, filtered alike
-    candidates : (frames,) frames that may count
-    share : mismatch below which nothing is called a touch, as part of the swing's largest change of force
-    reach : how far a touch spoils its neighbours [s]
+    While nobody touches the limb, force = rows phi + constant with one phi over all trials. A robust fit finds phi from
+    the frames that agree, which must be the most; frames whose mismatch, averaged over `WINDOW`, passes both `OUTLYING`
+    of its usual size and a `share` of what the swing's force varies are touched, and neighbors within `reach` [s].
+    Moments tell nothing: a joint carries hardly any, whether the limb is held or not.
     """
     mismatch, largest = force_mismatch([Y[:, 3:, :4] for Y in rows], [wrench[:, 3:] for wrench in wrenches], candidates)
     result = []
@@ -163,12 +156,8 @@ def force_mismatch(
     rows: Sequence[Array], forces: Sequence[Array], candidates: Sequence[np.ndarray]
 ) -> tuple[list[Array], float]:
     """Measured less predicted force (frames, 3) of each trial, and how far the predicted one moves from its mean [N].
-
-    Least absolute errors first, then weights that forget what is far off.
-
-    Parameters
-    ----------
-    rows : (frames, 3, 4) force of unit mass and first moments
+    Least absolute errors first, then weights that forget what is far off; rows (frames, 3, 4) of unit mass and first
+    moments.
     """
     trials = len(rows)
     chosen = [np.flatnonzero(use)[:: max(1, int(use.sum()) // SAMPLES)] for use in candidates]
@@ -197,15 +186,11 @@ def force_mismatch(
 
 
 def swing_numbers(angle: Array, rate: Array, free: np.ndarray, least: float) -> np.ndarray:
-    """(frames,) number of the swing, -1 where the limb is not free.
+    """(frames,) number of the swing, -1 where the limb is not free, of the dominant rotation [rad], [rad/s].
 
-    In every unbroken run of free frames a swing lasts from one turn to the next but one; the first begins with
-    the release. A turn counts if the limb has come `least` [rad] away from the turn before. What follows the
-    last turn is cut into pieces as long as the swings before.
-
-    Parameters
-    ----------
-    angle, rate : (frames,) along the dominant rotation [rad], [rad/s]
+    In every unbroken run of free frames a swing lasts from one turn to the next but one; the first begins with the
+    release. A turn counts if the limb has come `least` [rad] away from the turn before. What follows the last turn is
+    cut into pieces as long as the swings before.
     """
     numbers = np.full(len(angle), -1)
     following = 0

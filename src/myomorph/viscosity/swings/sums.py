@@ -48,12 +48,8 @@ def moment_rows(swing_recording: SwingRecording) -> Array:
 
 
 class PredictedRows(NamedTuple):
-    """The wrench rows of a recording and their instruments, (frames, 6, 10) each.
-
-    Attributes
-    ----------
-    rows : `wrench_rows` without the acceleration of directions in which the limb is still
-    instruments : the same rows with the acceleration that the state predicts
+    """The wrench rows of a recording without the acceleration of directions in which the limb is still, and their
+    instruments, the same with the acceleration that the state predicts; (frames, 6, 10) each.
     """
 
     rows: Array
@@ -61,17 +57,14 @@ class PredictedRows(NamedTuple):
 
 
 def predicted_rows(recordings: Sequence[SwingRecording], frames: Sequence[np.ndarray]) -> list[PredictedRows]:
-    """Rows of every recording with the measured acceleration, and with the one that the state predicts.
+    """Rows of every recording with the measured acceleration, and with the one that the state predicts, fitted in
+    `frames`.
 
-    A rigid limb on a joint with linear spring and damper accelerates by I^-1 (m c x g - omega x I omega - d omega
-    - k theta): linear in the direction of gravity, the products of the rates, the rates and the angles. The fit of
-    the measured acceleration to these has hardly any of its noise, and what it has is not that of the acceleration
-    at the same instant. Rows with it are the instruments of step 1 (Janot, Vandanjon, Gautier 2014): least squares
-    on the rows themselves draws the parameters towards zero, because noise in a row counts as motion.
-
-    Parameters
-    ----------
-    frames : of each recording, those that take part in the fit
+    A rigid limb on a joint with linear spring and damper accelerates by I^-1 (m c x g - omega x I omega - d omega - k
+    theta): linear in the direction of gravity, the products of the rates, the rates and the angles. The fit of the
+    measured acceleration to these has hardly any of its noise, and what it has is not that of the acceleration at the
+    same instant. Rows with it are the instruments of step 1 (Janot, Vandanjon, Gautier 2014): least squares on the rows
+    themselves draws the parameters towards zero, because noise in a row counts as motion.
     """
     along = free_directions(recordings)
     states = [_state(recording) for recording in recordings]
@@ -129,21 +122,15 @@ def _rows_of(rotations: Array, accelerations: Array) -> Array:
 @read_only
 @dataclass(frozen=True, eq=False)
 class SwingSums:
-    """Sums of products over blocks of swings.
+    """Sums of products over blocks of swings; `names` are those of the trials.
 
-    Attributes
-    ----------
-    names : of the trials
-    trial : (blocks,) which trial a block belongs to
-    frames : (blocks,) frames in a block, a frame in a fade shared by two
-    uses : (blocks,) the frames of each block's own swings in its trial, without those of the fades
-    wrench : (blocks, 6, 22, 22) of [wrench_rows, wrench, predicted_rows, 1], one matrix a row of the wrench
-    torque : (blocks, axes, 14 + muscles, 14 + muscles) of [torque_rows, rate, angle, 1, plate, u], one matrix an
-        axis; `plate` is the moment that the plate measures about the axis, and u_m = J_m J_m . rates the torque
-        of muscle m of unit viscosity, sign turned
-    still : frames left out because the limb hardly swung any more
-    parted : sum of the squares of a frame's shares in its blocks, mean over the frames: 1 without fades. Sums of
-        noise that is independent between frames scatter between blocks by so much of what they do in the whole
+    `trial`, `frames` (blocks,): its trial and how many frames it has, one in a fade shared by two; `uses`: the frames
+    of each block's own swings, without fades; `wrench` (blocks, 6, 22, 22): of [wrench_rows, wrench, predicted_rows,
+    1], one matrix a row of the wrench; `torque` (blocks, axes, 14 + muscles, same): of [torque_rows, rate, angle, 1,
+    plate, u], `plate` the moment that the plate measures about the axis, u_m = J_m J_m . rates the torque of muscle m
+    of unit viscosity, sign turned; `still`: frames left out because the limb hardly swung any more; `parted`: sum of
+    the squares of a frame's shares in its blocks, mean over the frames, 1 without fades, by so much sums of independent
+    noise scatter between blocks of what they do in the whole.
     """
 
     names: tuple[str, ...]
@@ -172,16 +159,9 @@ class SwingSums:
 
 
 def swing_sums(recordings: Sequence[SwingRecording], swings: int = 1, least: float = 0.1) -> SwingSums:
-    """The recordings of one condition as sums over blocks of `swings` successive swings.
-
-    Parameters
-    ----------
-    least : swings whose root mean square rate is below this share of the fastest swing's are left out: a limb at
-        rest tells nothing of what resists motion, but its noise biases all
-
-    Raises
-    ------
-    BadData : no recording, no usable frame, numbers that are not finite, or recordings of other axes or muscles
+    """The recordings of one condition as sums over blocks of `swings` successive swings. Swings whose root mean square
+    rate is below `least` of the fastest swing's are left out: a limb at rest tells nothing of what resists motion, but
+    its noise biases all.
     """
     if not recordings:
         raise BadData("no recording of swings is given")
@@ -310,10 +290,9 @@ def _products(columns: Array, weight: Array) -> Array:
 
 
 def eliminated(products: Array, columns: Sequence[int]) -> Array:
-    """Products (..., n, n) with what the given columns explain taken off all others; theirs become zero.
-
-    The normal equations of the rest are then those of the fit with the given columns left free
-    (Frisch and Waugh 1933; the Schur complement).
+    """Products (..., n, n) with what the given columns explain taken off all others; theirs become zero. The normal
+    equations of the rest are then those of the fit with the given columns left free (Frisch and Waugh 1933; the Schur
+    complement).
     """
     result = np.array(products)
     for column in columns:
@@ -328,10 +307,9 @@ def eliminated(products: Array, columns: Sequence[int]) -> Array:
 
 
 def effective_samples(runs: Sequence[Array]) -> float:
-    """Independent samples that tell the variance of series (frames, n): N / sum_k rho_k^2 (Bartlett 1946).
-
-    The lags k are of either sign, to half the longest run. White noise through an ideal low-pass has two
-    samples a period of its cutoff.
+    """Independent samples that tell the variance of series (frames, n): N / sum_k rho_k^2 (Bartlett 1946). The lags k
+    are of either sign, to half the longest run. White noise through an ideal low-pass has two samples a period of its
+    cutoff.
     """
     length = max(len(run) for run in runs)
     size = next_fast_len(2 * length)

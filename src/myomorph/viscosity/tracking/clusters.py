@@ -30,12 +30,7 @@ Relabel = dict[int, int]
 
 
 class Clusters:
-    """The markers that specimen and recording share, by bone, with the distances that the model says.
-
-    Attributes
-    ----------
-    columns : marker columns of the recording, by bone
-    """
+    """The markers that specimen and recording share, by bone (`columns` of it), with the model's distances."""
 
     def __init__(self, specimen: Specimen, markers: Markers, tolerance: float):
         self.names, self.tolerance = markers.names, tolerance
@@ -85,17 +80,9 @@ class Clusters:
 def checked_clusters(specimen: Specimen, markers: Markers, name: str, tolerance: float) -> tuple[Markers, list[str]]:
     """The markers with their own names, what does not belong unseen, and what was found, one line each.
 
-    Distances between the markers of a bone tell: exchanged labels are put back where that brings all distances
-    right; a single marker that is off its cluster, and whole clusters that no change of labels explains, are
-    left out in those frames.
-
-    Parameters
-    ----------
-    tolerance : of a distance against the model's [m]
-
-    Raises
-    ------
-    BadData : the base, or the whole limb, is not marked; a cluster is another than the model's
+    Distances between the markers of a bone tell, within a tolerance [m] of the model's: exchanged labels are put back
+    where that brings all distances right; a single marker that is off its cluster, and whole clusters that no change of
+    labels explains, are left out in those frames.
     """
     clusters = Clusters(specimen, markers, tolerance)
     notes = _unmarked(specimen, clusters, name)
@@ -172,10 +159,9 @@ def _exchanged(clusters: Clusters, relabel: Relabel, when: str, name: str) -> st
 
 
 def _turned_over(specimen: Specimen, clusters: Clusters, values: Array, time: Array, name: str) -> list[str]:
-    """Put right exchanges that distances cannot show, because two sides of a cluster are alike.
-
-    The bone then seems turned over, and its joints do not meet those of the bones beside it: labels are exchanged
-    where that brings the joints together.
+    """Put right exchanges that distances cannot show, because two sides of a cluster are alike. The bone then seems
+    turned over, and its joints do not meet those of the bones beside it: labels are exchanged where that brings the
+    joints together.
     """
     notes = []
     places = {marker.name: marker.location for marker in specimen.model.markers}

@@ -20,17 +20,12 @@ WINDOW = 0.25
 
 @dataclass(frozen=True)
 class Slip:
-    """Something held that moved.
+    """A coordinate that is held, or the "base", that moved in a trial, fastest at `time` [s], by `amount` between its
+    extremes, each the mean over `WINDOW`, or against the other trials, in `unit` "rad" or "m".
 
-    Attributes
-    ----------
-    trial, what : the trial, and the coordinate or "base"
-    time : where it moves fastest; the trial's start if it moved before [s]
-    amount : between its extremes, each the mean over `WINDOW`, or against the other trials, in `unit`
-    lasting : whether it stays where it went (a wire slipped), instead of going to and fro (a wire is loose)
-    unit : "rad" or "m"
-    before : whether it moved before this trial, and stands still in it
-    center_off : whether it goes to and fro with a limb that turns about another point than the center that is used
+    `lasting`: it stays where it went (a wire slipped), instead of going to and fro (a wire is loose); `before`: it
+    moved before this trial, and stands still in it; `center_off`: it goes to and fro with a limb that turns about
+    another point than the center that is used.
     """
 
     trial: str
@@ -66,11 +61,8 @@ def mean_rotation(rotations: Array, weights: Array | None = None) -> Array:
 
 
 def cluster_poses(places: Array, seen: Array) -> tuple[Array, Array]:
-    """Poses that bring a bone's markers (markers, 3) onto those seen (frames, markers, 3): least squares (Kabsch 1976).
-
-    Returns
-    -------
-    rotations (frames, 3, 3) and origins (frames, 3) [m], NaN where fewer than three markers are seen
+    """Rotations (frames, 3, 3) and origins (frames, 3) that bring a bone's markers (markers, 3) onto those seen
+    (frames, markers, 3): least squares (Kabsch 1976) [m]; NaN where fewer than three are seen.
     """
     finite = np.asarray(np.isfinite(seen).all(axis=2))
     weight = finite.astype(float)[..., None]
@@ -93,12 +85,8 @@ def cluster_poses(places: Array, seen: Array) -> tuple[Array, Array]:
 def rotation_center(base: tuple[Array, Array], limb: tuple[Array, Array]) -> tuple[Array, Array]:
     """The point of a limb that stays nearest to one of the base: (3,) in the base and (3,) in the limb [m].
 
-    min sum |R_b c_b + p_b - R_l c_l - p_l|^2 over all frames (SCoRE: Ehrig et al. 2006, Journal of
-    Biomechanics 39:2798).
-
-    Parameters
-    ----------
-    base, limb : rotations (frames, 3, 3) and origins (frames, 3) in ground [m], finite
+    min sum |R_b c_b + p_b - R_l c_l - p_l|^2 over all frames (SCoRE: Ehrig et al. 2006, Journal of Biomechanics
+    39:2798), of finite rotations (frames, 3, 3) and origins (frames, 3) in ground.
     """
     rows = np.concatenate([base[0], -limb[0]], axis=2).reshape(-1, 6)
     both = np.linalg.lstsq(rows, (limb[1] - base[1]).ravel(), rcond=None)[0]
@@ -129,11 +117,8 @@ def mean_base(specimen: Specimen, motions: Sequence[Motion], weights: Sequence[A
 def mean_held(
     specimen: Specimen, motions: Sequence[Motion], weights: Sequence[Array], slipped: Sequence[Sequence[str]] = ()
 ) -> dict[str, float]:
-    """The one value of every held coordinate over all trials; of angles, the mean on the circle [rad or m].
-
-    Parameters
-    ----------
-    slipped : what slipped in each trial, which then does not count unless it slipped in all
+    """The one value of every held coordinate over all trials; of angles, the mean on the circle [rad or m]. What
+    slipped in a trial does not count unless it slipped in all.
     """
     means = {}
     for name in specimen.held_coordinates:
@@ -164,11 +149,8 @@ def slips_within(specimen: Specimen, name: str, motion: Motion, turned: float, m
 def base_slips(
     specimen: Specimen, name: str, time: Array, rotations: Array, origins: Array, turned: float, moved: float
 ) -> list[Slip]:
-    """The base where it turns by more than `turned` [rad], or the joint's center by more than `moved` [m], in a trial.
-
-    Parameters
-    ----------
-    rotations, origins : (frames, 3, 3), (frames, 3) of the base in ground, NaN where not seen [m]
+    """The base (NaN where not seen) where it turns by more than `turned` [rad], or the joint's center by more than
+    `moved` [m], in a trial.
     """
     seen = np.isfinite(origins).all(axis=1)
     if not seen.any():
@@ -189,12 +171,8 @@ def slips_before(
     turned: float,
     moved: float,
 ) -> list[Slip]:
-    """What stands elsewhere in a trial than in the mean of all: moved between two trials.
-
-    Parameters
-    ----------
-    held : mean value of every held coordinate
-    center : (3,) mean place of the joint's center in ground [m]
+    """What stands elsewhere in a trial than in the mean of all, held coordinates and the joint's center in ground [m]:
+    moved between two trials.
     """
     result = []
     start = float(motion.time[0])

@@ -22,7 +22,8 @@ MIN_MARKERS = 3
 
 
 def shaped(specimen: Specimen, trials: Sequence[Markers]) -> tuple[Specimen, float]:
-    """The specimen whose joint's center and markers on the limb are where the motion says, and how far these moved.
+    """The specimen whose joint's center and markers on the limb are where the motion says (its base fixed, held joints
+    locked, nothing slipped), and the root mean square by which markers moved against the center [m].
 
     Places out of a CT or a model do not fit each other and the center to better than some tenths of a millimeter, which
     turns into angles that are too small or too large by a part in a thousand, in the same sense in every swing. The
@@ -32,15 +33,6 @@ def shaped(specimen: Specimen, trials: Sequence[Markers]) -> tuple[Specimen, flo
 
     by least squares (Gauss-Newton steps from which the rotations R are eliminated). How the bones stand in the limb is
     kept: the places as a whole do not turn.
-
-    Parameters
-    ----------
-    specimen : its base fixed where it stands, held joints locked
-    trials : markers of all trials, in which nothing slipped
-
-    Returns
-    -------
-    the specimen, and the root mean square by which markers moved against the center [m]
     """
     poses = _limb_poses(specimen)
     common = set.intersection(*(set(trial.names) for trial in trials))
@@ -98,12 +90,8 @@ def _fixed_point(rotations: Array, seen: Array, weight: Array) -> tuple[Array, A
 
 
 def _step(rotations: Array, places: Array, seen: Array, weight: Array) -> Array:
-    """(1 + markers, 3) change of center and places that fits best what was seen, the rotations free to follow.
-
-    Parameters
-    ----------
-    rotations : (frames, 3, 3) nearest at these places (markers, 3)
-    seen : (frames, markers, 3) from the center
+    """(1 + markers, 3) change of center and places that fits best what was seen (frames, markers, 3) from the center;
+    the rotations, nearest at these places, free to follow.
     """
     count = len(places)
     y = np.einsum("fij,mj->fmi", rotations, places)

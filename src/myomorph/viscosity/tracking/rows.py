@@ -35,20 +35,11 @@ class _Filtered:
 def swing_recordings(
     tracked: TrackedSpecimen, cutoff: float | None, muscles: bool = True
 ) -> tuple[SwingRecording, ...]:
-    """The trials of one condition as the equations of [S] step 1 to 3.
+    """The trials of one condition as the equations of [S] step 1 to 3, with J_M where `muscles` are wanted.
 
-    Motion and wrench pass the same low-pass. The rest of `angles` is the mean rotation over the free swings of
-    all trials, one for the condition. Frames at ends and gaps, as far as the filter reaches, and frames in which
-    the limb is touched have swing -1.
-
-    Parameters
-    ----------
-    cutoff : of the low-pass of motion and wrench [Hz]; None for none
-    muscles : also J_M; without it the recordings have no muscles
-
-    Raises
-    ------
-    BadData : no trial has a frame of free swing
+    Motion and wrench pass the same low-pass, `cutoff` [Hz]. The rest of `angles` is the mean rotation over the free
+    swings of all trials, one for the condition. Frames at ends and gaps, as far as the filter reaches, and frames in
+    which the limb is touched have swing -1.
     """
     specimen, trials = tracked.specimen, tracked.trials
     made = [_filtered(specimen, trial, cutoff) for trial in trials]
@@ -96,10 +87,9 @@ def _angles(specimen: Specimen, filtered: _Filtered, rest: Array) -> Array:
 
 
 def _swung(specimen: Specimen, filtered: _Filtered, angles: Array, free: np.ndarray) -> tuple[Array, Array]:
-    """(frames,) how far the limb is out, and its rate, by which swings are told from each other.
-
-    Of a ball, how far the direction that hangs down on average is out sideways, along the main direction of the
-    swing: however much the limb twists about it meanwhile.
+    """(frames,) how far the limb is out, and its rate, by which swings are told from each other. Of a ball, how far the
+    direction that hangs down on average is out sideways, along the main direction of the swing: however much the limb
+    twists about it meanwhile.
     """
     if len(specimen.joint_coordinates) == 1 or not free.any():
         return angles[:, 0], filtered.limb.rates[:, 0]

@@ -61,20 +61,12 @@ def track(
     options: TrackingOptions | None = None,
     progress: Progress | None = None,
 ) -> TrackedSpecimen:
-    """Motion of the joint and wrench on the base in every trial of one condition.
+    """Motion of the joint and wrench on the base in every trial of one condition, between which the specimen stays on
+    the plate and its wires in place; `progress` counts each frame twice.
 
-    Labels are checked by the distances within clusters. Inverse kinematics with everything free then gives
-    the one pose of the base and the one value of every held joint over all trials; with those fixed, it is
-    solved again for the joint alone. The wrench is moved to the joint's center and to the markers' clock.
-
-    Parameters
-    ----------
-    trials : of one condition, between which the specimen stays on the plate and its wires in place
-    progress : called with the number of frames just done, each frame twice
-
-    Raises
-    ------
-    BadData : no trial; markers that are not the model's; a plate that recorded at other times
+    Labels are checked by the distances within clusters. Inverse kinematics with everything free then gives the one pose
+    of the base and the one value of every held joint over all trials; with those fixed, it is solved again for the
+    joint alone. The wrench is moved to the joint's center and to the markers' clock.
     """
     options = options or TrackingOptions()
     if not trials:
@@ -131,10 +123,9 @@ def _held_still(
     weights: Sequence[Array],
     options: TrackingOptions,
 ) -> tuple[Transform, dict[str, float], list[list[Slip]]]:
-    """Pose of the base, value of what is held, and what moved all the same, of each trial, in it or before it.
-
-    A base that its own markers show at rest is only drawn along by a joint whose center, or by markers whose places,
-    do not fit the motion.
+    """Pose of the base, value of what is held, and what moved all the same, of each trial, in it or before it. A base
+    that its own markers show at rest is only drawn along by a joint whose center, or by markers whose places, do not
+    fit the motion.
     """
     limits = options.slip, options.shift
     slips = [slips_within(specimen, name, motion, *limits) for name, motion in zip(names, motions, strict=True)]
@@ -170,9 +161,8 @@ def _started(specimen: Specimen, trials: Sequence[Markers]) -> Specimen:
 def _centered(
     specimen: Specimen, trials: Sequence[Markers], options: TrackingOptions
 ) -> tuple[Specimen, tuple[str, ...]]:
-    """The specimen about the center that was asked for, and how far the limb's own center is from the model's.
-
-    A hinge, and a limb that hardly turns or of which fewer than three markers are seen, tell no center.
+    """The specimen about the center that was asked for, and how far the limb's own center is from the model's. A hinge,
+    and a limb that hardly turns or of which fewer than three markers are seen, tell no center.
     """
     if not _turns_enough(specimen, trials):
         return specimen, ()
@@ -254,9 +244,8 @@ def _posed(specimen: Specimen, held: Mapping[str, float]) -> Specimen:
 def _joint_alone(
     specimen: Specimen, markers: Markers, away: Array, motion: Motion, slips: Sequence[Slip], progress: Progress | None
 ) -> KinematicsFit:
-    """Inverse kinematics of the joint; what slipped follows its course in this trial instead of the mean.
-
-    A joint whose base moved is brought back by how far its center was `away` (frames, 3) [m].
+    """Inverse kinematics of the joint; what slipped follows its course in this trial instead of the mean. A joint whose
+    base moved is brought back by how far its center was `away` (frames, 3) [m].
     """
     markers = replace(markers, values=markers.values - away[:, None])
     slipped = [slip.what for slip in slips if slip.what != "base"]
@@ -304,10 +293,9 @@ def _wrench(
 
 
 def _rows(specimen: Specimen, motion: Motion) -> tuple[Array, Array, np.ndarray]:
-    """(frames, 6, 10) rows, and those at the cutoff that looks for hands, and the frames out of reach of its ends.
-
-    Rows are filtered as the wrench is, after the motion has passed a filter that leaves fast twists as they are:
-    what is then left of wrench - rows phi is no matter of filters.
+    """(frames, 6, 10) rows, and those at the cutoff that looks for hands, and the frames out of reach of its ends. Rows
+    are filtered as the wrench is, after the motion has passed a filter that leaves fast twists as they are: what is
+    then left of wrench - rows phi is no matter of filters.
     """
     quick = differentiate_joint(specimen, motion, QUICK)
     rows = limb_motion(specimen, quick).wrench_rows

@@ -51,18 +51,12 @@ class TrackingOptions:
 @read_only
 @dataclass(frozen=True, eq=False)
 class TrackedTrial:
-    """A trial as motion and wrench on the markers' clock, neither filtered.
+    """A trial as motion of the joint's coordinates [rad], NaN where too few markers are seen, and wrench (frames, 6) on
+    the base [N m], [N], NaN where the plate did not record; on the markers' clock, neither filtered.
 
-    Attributes
-    ----------
-    motion : of the joint's coordinates [rad], NaN where too few markers are seen
-    wrench : (frames, 6) on the base, moment about the joint's center and force, in ground [N m], [N]; NaN
-        where the plate did not record
-    touched : (frames,) whether something besides the joint carries the limb
-    rms : (frames,) of the distances between markers and model [m]
-    clock : of the plate against the markers, as it was taken
-    notes : what was found odd, one line each
-    origin : (3,) mean point of the plate's wrench from the joint's center, in ground [m]
+    `touched` (frames,): something besides the joint carries the limb; `rms` (frames,) of the distances between markers
+    and model [m]; `clock`: the plate's against the markers', as taken; `origin`: mean point of the plate's wrench from
+    the joint's center, in ground [m].
     """
 
     name: str
@@ -77,15 +71,7 @@ class TrackedTrial:
 
 @dataclass(frozen=True, eq=False)
 class TrackedSpecimen:
-    """The trials of one condition.
-
-    Attributes
-    ----------
-    specimen : its base fixed where it stood, held joints locked as they were
-    held : value of every held coordinate [rad or m]
-    slips : what was held and moved all the same
-    notes : about all trials together, one line each
-    """
+    """The trials of one condition; the base of the specimen fixed where it stood, held joints locked as they were."""
 
     specimen: Specimen
     trials: tuple[TrackedTrial, ...]

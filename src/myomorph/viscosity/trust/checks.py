@@ -40,13 +40,10 @@ DRIFT = 5e-3
 class PlateZero:
     """What the constant part of the wrench says against what the moving part says.
 
-    Attributes
-    ----------
-    mass : that the constant force amounts to [kg]
-    least_mass : |h|^2 / I, below which no body has first moment h and inertia I about the joint [kg]
-    moment : constant moment about the joint that the limb does not explain (3,) [N m]
-    own_moment : |h| g, the limb's at a right angle to gravity [N m]
-    oscillation : I / |h|, the distance from the joint beyond which no mass center lies [m]
+    `mass`: what the constant force amounts to [kg]; `least_mass`: |h|^2 / I, below which no body has first moment h and
+    inertia I about the joint; `moment` (3,): constant one about the joint that the limb does not explain [N m];
+    `own_moment`: |h| g, the limb's at a right angle to gravity; `oscillation`: I / |h|, the distance from the joint
+    beyond which no mass center lies [m].
     """
 
     mass: float
@@ -59,14 +56,9 @@ class PlateZero:
 def plate_zero(recordings: Sequence[SwingRecording], sums: SwingSums | None = None) -> PlateZero:
     """Identify first moment and inertia from what changes alone, then see what is left of the wrench.
 
-    On a fixed base the mass shows only as the constant force m g, which a zero set with the limb on the plate
-    takes away; the first moment h = m c and the inertia I show in what changes. Since I >= m c^2 for every
-    body, m >= |h|^2 / I, and c <= I / |h|, the distance of the center of oscillation.
-
-    Raises
-    ------
-    BadData
-        as `swing_sums` and `limb_inertia`
+    On a fixed base the mass shows only as the constant force m g, which a zero set with the limb on the plate takes
+    away; the first moment h = m c and the inertia I show in what changes. Since I >= m c^2 for every body, m >= |h|^2 /
+    I, and c <= I / |h|, the distance of the center of oscillation.
     """
     sums = swing_sums(recordings) if sums is None else sums
     parameters = limb_inertia(sums, None, InertiaOptions(tare="unknown")).parameters.copy()
@@ -83,13 +75,7 @@ def plate_zero(recordings: Sequence[SwingRecording], sums: SwingSums | None = No
 
 
 def recording_findings(recordings: Sequence[SwingRecording]) -> tuple[Finding, ...]:
-    """Faults that recordings of one condition show before anything is identified of them.
-
-    Raises
-    ------
-    BadData
-        as `swing_sums` and `limb_inertia`
-    """
+    """Faults that recordings of one condition show before anything is identified of them."""
     sums = swing_sums(recordings)
     findings = []
     if len(sums) < 3:
@@ -119,10 +105,9 @@ def recording_findings(recordings: Sequence[SwingRecording]) -> tuple[Finding, .
 
 
 def condition_findings(condition: Condition) -> tuple[Finding, ...]:
-    """Faults that show in what was identified: a swing too small, or not about an axis; a limb that cannot be.
-
-    An axis is excited where its rates are at least `LEAN` of the fastest axis' and its viscosity has an interval
-    narrower than plus or minus `MAX_RELATIVE_WIDTH` of the one value.
+    """Faults that show in what was identified: a swing too small, or not about an axis; a limb that cannot be. An axis
+    is excited where its rates are at least `LEAN` of the fastest axis' and its viscosity has an interval narrower than
+    plus or minus `MAX_RELATIVE_WIDTH` of the one value.
     """
     viscosity = condition.viscosity
     rates = np.concatenate([each.rates[each.used] for each in condition.recordings])

@@ -49,16 +49,12 @@ class FilterOptions:
 @read_only
 @dataclass(frozen=True, eq=False)
 class Residuals:
-    """Residual analysis of one signal (Winter 2009, section 3.4.4.3).
+    """Residual analysis of one signal (Winter 2009, section 3.4.4.3): root mean square (n,) of signal less filtered
+    signal at cutoffs (n,) [Hz].
 
-    Attributes
-    ----------
-    name : of the signal
-    cutoffs : (n,) [Hz]
-    residual : (n,) root mean square of signal less filtered signal, in the signal's unit
-    noise : what the straight line through the upper cutoffs says at 0 Hz: the noise
-    cutoff : lowest at which the residual is no more than that: as much signal is lost as noise is let through [Hz]
-    band : highest frequency at which the spectrum stands above that of the noise [Hz]
+    `noise`: what the straight line through the upper cutoffs says at 0 Hz; `cutoff`: lowest at which the residual is no
+    more than that, as much signal is lost as noise is let through; `band`: highest frequency at which the spectrum
+    stands above that of the noise.
     """
 
     name: str
@@ -71,13 +67,8 @@ class Residuals:
 
 @dataclass(frozen=True, eq=False)
 class CutoffChoice:
-    """The cutoff for motion and wrench alike.
-
-    Attributes
-    ----------
-    cutoff : the highest that any signal asks for, within `MIN_CUTOFF` and `MAX_CUTOFF` [Hz]
-    reason : in a line
-    signals : each signal's analysis
+    """The cutoff [Hz] for motion and wrench alike: the highest that any signal asks for, within `MIN_CUTOFF` and
+    `MAX_CUTOFF`.
     """
 
     cutoff: float
@@ -88,14 +79,8 @@ class CutoffChoice:
 @read_only
 @dataclass(frozen=True, eq=False)
 class CutoffScan:
-    """Results of one condition over cutoffs; NaN where a cutoff leaves nothing to identify.
-
-    Attributes
-    ----------
-    cutoffs : (n,) [Hz]
-    mass : (n,) [kg]
-    com : (n,) distance of the mass center from the joint [m]
-    viscosity : (n,) the one value [N m s/rad]
+    """Mass, distance of the mass center from the joint and the one viscosity of a condition over cutoffs (n,); NaN
+    where a cutoff leaves nothing to identify [Hz, kg, m, N m s/rad].
     """
 
     cutoffs: Array
@@ -112,13 +97,7 @@ class CutoffScan:
 
 
 def residual_analysis(name: str, parts: Sequence[Array], rate: float) -> Residuals:
-    """Residual and spectrum of one signal, in unbroken parts (frames,), over cutoffs to a fifth of the rate.
-
-    Raises
-    ------
-    BadData
-        no part of at least 2 s
-    """
+    """Residual and spectrum of one signal, in unbroken parts (frames,), over cutoffs to a fifth of the rate."""
     parts = [part - part.mean() for part in parts if len(part) >= 2.0 * rate]
     if not parts:
         raise BadData(f"the cutoff of '{name}' needs 2 s without gaps at once: record longer, or give a cutoff")
@@ -138,14 +117,9 @@ def residual_analysis(name: str, parts: Sequence[Array], rate: float) -> Residua
 def choose_cutoff(conditions: Sequence[TrackedSpecimen]) -> CutoffChoice:
     """One cutoff for motion and wrench of all conditions, so that a difference between them is not the filter's.
 
-    A low-pass leaves an equation as it is as long as both its sides pass the same filter; what it may not do is
-    bend the motion, from which the sides are made by products. So the cutoff is the highest that the residual
-    analysis of any joint coordinate or component of the wrench asks for.
-
-    Raises
-    ------
-    BadData
-        as `residual_analysis`
+    A low-pass leaves an equation as it is as long as both its sides pass the same filter; what it may not do is bend
+    the motion, from which the sides are made by products. So the cutoff is the highest that the residual analysis of
+    any joint coordinate or component of the wrench asks for.
     """
     tracked = [trial for condition in conditions for trial in condition.trials]
     if not tracked:
@@ -176,12 +150,7 @@ def scan_cutoffs(
     cutoffs: Sequence[float] = SCANNED,
     options: ViscosityOptions | None = None,
 ) -> CutoffScan:
-    """Mass, mass center and viscosity of one condition at several cutoffs.
-
-    Parameters
-    ----------
-    recordings_at : from a cutoff [Hz] to the recordings, as `swing_recordings` of a tracked condition
-    """
+    """Mass, mass center and viscosity of one condition at several cutoffs [Hz]."""
     options = options or ViscosityOptions()
     rows = np.full((len(cutoffs), 3), np.nan)
     for row, cutoff in zip(rows, cutoffs, strict=True):

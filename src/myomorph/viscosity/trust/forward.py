@@ -40,14 +40,8 @@ DECAY_A_STEP = 0.25
 @read_only
 @dataclass(frozen=True, eq=False)
 class SwingMotion:
-    """A window of a swing, measured or predicted.
-
-    Attributes
-    ----------
-    time : (frames,) [s]
-    rotations : (frames, 3, 3) of the limb's first body in ground
-    rates : (frames, 3) angular velocity in that body's axes [rad/s]
-    wrench : (frames, 6) on the base, about the joint's center and in ground axes [N m], [N]
+    """A window of a swing, measured or predicted: rotations (frames, 3, 3) of the limb's first body in ground, its
+    rates in that body's axes [rad/s], wrench (frames, 6) on the base, about the joint's center and in ground axes.
     """
 
     time: Array
@@ -57,23 +51,13 @@ class SwingMotion:
 
 
 def swing_forward(recording: SwingRecording, frames: slice, parameters: Array, law: PassiveLaw) -> SwingMotion:
-    """The window that a rigid limb with a passive law would have swung from the state of its first frame.
+    """The window that a rigid limb (10,) with a passive law would have swung from the state of its first frame.
 
         I w' + w x I w - h x R^T g = tau(angles, w),    R' = R [w]x
 
-    about the joint's center in the limb's axes, h = m c (Newton-Euler); a hinge keeps the component along its
-    axis. Runge-Kutta of order 4, each frame in as many steps as the law needs. Moment arms, where the law has
-    muscles, are those of the measured pose of the same moment.
-
-    Parameters
-    ----------
-    frames : the window, at equal steps of time
-    parameters : (10,) of the limb, [D] order
-
-    Raises
-    ------
-    BadData
-        where the window is too short or uneven in time, or the parameters are of no body that can swing
+    about the joint's center in the limb's axes, h = m c (Newton-Euler); a hinge keeps the component along its axis.
+    Runge-Kutta of order 4, each frame (of equal steps of time) in as many steps as the law needs. Moment arms, where
+    the law has muscles, are those of the measured pose of the same moment.
     """
     time = recording.time[frames]
     steps = np.diff(time)
@@ -111,9 +95,8 @@ def measured_motion(recording: SwingRecording, frames: slice) -> SwingMotion:
 
 
 def base_wrench(rotations: Array, rates: Array, accelerations: Array, parameters: Array, gravity: Array) -> Array:
-    """Wrench (frames, 6) that carries a moving limb: moment about its center of rotation, force, in ground axes.
-
-    Rates and accelerations (frames, 3) are along the limb's axes.
+    """Wrench (frames, 6) that carries a moving limb: moment about its center of rotation, force, in ground axes. Rates
+    and accelerations (frames, 3) are along the limb's axes.
     """
     inertia, first_moment, mass = inertia_matrices(parameters), parameters[1:4], parameters[0]
     moment = accelerations @ inertia + np.cross(rates, rates @ inertia)
@@ -142,10 +125,8 @@ def angles_apart(a: Array, b: Array) -> Array:
 
 @kernel
 def _forward(step, substeps, matrices, vectors, law, lengthening):
-    """Rotations, rates and accelerations of every frame.
-
-    `matrices`: the first pose, the pose at rest, inertia and its inverse; `vectors`: the first rates, first
-    moment, gravity, axis of the hinge or zeros.
+    """Rotations, rates and accelerations of every frame. `matrices`: the first pose, the pose at rest, inertia and its
+    inverse; `vectors`: the first rates, first moment, gravity, axis of the hinge or zeros.
     """
     frames = len(lengthening)
     rotations, rates, accelerations = np.empty((frames, 3, 3)), np.empty((frames, 3)), np.empty((frames, 3))
@@ -245,13 +226,7 @@ def _rotation_vector(r):
 @read_only
 @dataclass(frozen=True, eq=False)
 class Window:
-    """Whole swings of one recording that follow each other.
-
-    Attributes
-    ----------
-    frames : of the recording
-    blocks : their numbers in the sums of all recordings
-    """
+    """Whole swings of one recording that follow each other; `blocks` are their numbers in the sums of all."""
 
     recording: SwingRecording
     frames: slice
@@ -279,11 +254,8 @@ class Window:
         return swing_forward(self.recording, self.frames, parameters, law)
 
     def errors(self, predicted: SwingMotion, free_offset: bool) -> Array:
-        """(3,) mean square of angle [rad^2], moment [(N m)^2] and force [N^2], measured less predicted.
-
-        Parameters
-        ----------
-        free_offset : the plate's zero is not known, so that only changes of the wrench are compared
+        """(3,) mean square of angle [rad^2], moment [(N m)^2] and force [N^2], measured less predicted; with
+        `free_offset` (the plate's zero is not known) only changes of the wrench are compared.
         """
         measured = self.measured
         wrench = measured.wrench - predicted.wrench
@@ -295,13 +267,8 @@ class Window:
 
 
 def windows(recordings: Sequence[SwingRecording], sums: SwingSums, horizon: float, count: int) -> list[Window]:
-    """Up to `count` windows of at least `horizon` [s], spread over the recordings.
-
-    Where no two are so long, single swings; where there are no two of these either, none.
-
-    Parameters
-    ----------
-    sums : of the recordings, its blocks single swings
+    """Up to `count` windows of at least `horizon` [s], spread over the recordings, whose sums have single swings as
+    blocks. Where no two are so long, single swings; where there are no two of these either, none.
     """
     for least in (horizon, 0.0):
         spans = _every(recordings, sums, least)

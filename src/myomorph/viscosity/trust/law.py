@@ -32,22 +32,14 @@ Groups = list[list[int]]
 @read_only
 @dataclass(frozen=True, eq=False)
 class PassiveLaw:
-    """Torque of a joint from its angles and rates.
+    """Torque of a joint from its angles and rates, the letters those of the fields' first words in their order.
 
         tau = -d w - k theta + s - c w / sqrt(|w|^2 + width^2) - e |w| w - d_M J_M^T J_M w
 
-    For a ball w and theta have three components and friction acts against the direction of w; d and k may
-    differ by axis. The spring is linear in the rotation vector from wherever angles are counted.
-
-    Attributes
-    ----------
-    viscosity : d (axes,) [N m s/rad]
-    stiffness : k (axes,) [N m/rad]
-    rest_moment : s = k theta_0 (axes,), theta_0 the angle where the spring is at rest [N m]
-    coulomb : c [N m]
-    quadratic : e [N m s^2/rad^2]
-    muscle : d_M, the same for every muscle [N s/m]
-    width : [rad/s]
+    For a ball w and theta have three components and friction acts against the direction of w; d [N m s/rad] and k [N
+    m/rad] may differ by axis; s = k theta_0 [N m], theta_0 the angle where the spring is at rest; c [N m], e [N m
+    s^2/rad^2], d_M the same for every muscle [N s/m], width [rad/s]. The spring is linear in the rotation vector from
+    wherever angles are counted.
     """
 
     viscosity: Array
@@ -107,15 +99,10 @@ def resistances(angles: Array, rates: Array, lengthening: Array, width: float) -
 @read_only
 @dataclass(frozen=True, eq=False)
 class PassiveProblem:
-    """The torques of one condition and what each coefficient of a law explains of them.
+    """The torques of one condition and what each coefficient of a law explains of them, in blocks of single swings.
 
-    Attributes
-    ----------
-    sums : its blocks are single swings
-    products : (blocks, 10 + 3 axes + 3, ...) of [torque_rows, resistances], all axes together
-    width : of Coulomb friction [rad/s]
-    inertial : how the limb's parameters are identified
-    noise : (6,) of the wrench [N m], [N]
+    `products` (blocks, 10 + 3 axes + 3, ...) of [torque_rows, resistances], all axes together; `width` of Coulomb
+    friction [rad/s]; `inertial`: how the limb's parameters are identified; `noise` (6,) of the wrench.
     """
 
     recordings: tuple[SwingRecording, ...]
@@ -147,11 +134,8 @@ class PassiveProblem:
         return limb_inertia(self.sums, counts, self.inertial, self.noise).parameters
 
     def fit(self, terms: Sequence[str], counts: Array, parameters: Array) -> tuple[Array, Array]:
-        """Coefficients (..., 3 axes + 3) and what they leave of the torque's sum of squares (...,).
-
-        Parameters
-        ----------
-        counts : (..., blocks), parameters : (..., 10)
+        """Coefficients (..., 3 axes + 3) and what they leave of the torque's sum of squares (...,), of counts (...,
+        blocks) and parameters (..., 10).
         """
         products = np.tensordot(counts, self.products, axes=1)
         phi = np.asarray(parameters)
@@ -177,13 +161,7 @@ class PassiveProblem:
 
 
 def law_columns(terms: Sequence[str], axes: int) -> tuple[Array, Groups]:
-    """What a law's own coefficients (columns) are among the 3 axes + 3 of `PassiveLaw` (rows).
-
-    Raises
-    ------
-    UnknownName
-        a term that does not exist
-    """
+    """What a law's own coefficients (columns) are among the 3 axes + 3 of `PassiveLaw` (rows)."""
     eye = np.eye(3 * axes + 3)
     columns: list[Array] = []
     groups: Groups = []
@@ -210,9 +188,8 @@ def law_columns(terms: Sequence[str], axes: int) -> tuple[Array, Groups]:
 
 
 def bounded_least_squares(H: Array, g: Array, groups: Groups) -> tuple[Array, Array]:
-    """The x (..., n) that minimises x H x / 2 - g x, the first of each group at least 0, and g x (...,).
-
-    Every choice of groups that are not 0 is solved and the best feasible one taken: exact, for a few groups.
+    """The x (..., n) that minimises x H x / 2 - g x, the first of each group at least 0, and g x (...,). Every choice
+    of groups that are not 0 is solved and the best feasible one taken: exact, for a few groups.
     """
     scale = np.sqrt(np.maximum(np.diagonal(H, axis1=-2, axis2=-1), 1e-300))
     scaled, right = H / scale[..., :, None] / scale[..., None, :], g / scale

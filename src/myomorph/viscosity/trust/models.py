@@ -88,18 +88,11 @@ class PassiveOptions:
 
 @dataclass(frozen=True, eq=False)
 class PassiveFit:
-    """One law, as the torques and the swings judge it.
+    """One law, as the torques and the swings judge it: coefficients by name, units in `UNITS`; root mean square of
+    torque that it leaves [N m]; criteria above the lowest of all laws.
 
-    Attributes
-    ----------
-    terms : of the law
-    coefficients : by name, units in `UNITS`
-    law : with these coefficients
-    free : number of coefficients
-    residual : root mean square of torque that the law leaves [N m]
-    aic, bic : above the lowest of all laws
-    angle_error : root mean square angle between measured and predicted limb over the held-out windows [rad]
-    moment_error, force_error : root mean square of measured less predicted wrench, same windows [N m], [N]
+    Errors are root mean square over the held-out windows: angle between measured and predicted limb [rad], wrench [N
+    m], [N].
     """
 
     terms: tuple[str, ...]
@@ -144,18 +137,12 @@ class Prediction:
 
 @dataclass(frozen=True, eq=False)
 class PassiveComparison:
-    """Which passive law the swings ask for.
+    """Which passive law the swings ask for, of `fits` in the order of `LAWS`.
 
-    Attributes
-    ----------
-    fits : one a law, in the order of `LAWS`
-    chosen : `by_bic` where it is plain or predicts held-out windows far better than `PLAIN` laws, else the best of
-        these
-    by_bic : the simplest law whose BIC is within `MAX_CRITERION_DIFFERENCE` of the lowest
-    samples : frames times axes
-    effective : independent samples among them, which the criteria count
-    horizon : mean length of the windows that were predicted [s]
-    prediction : the first of these; None where no two windows could be had
+    `by_bic` is the simplest whose BIC is within `MAX_CRITERION_DIFFERENCE` of the lowest; `chosen` is that where it is
+    plain or predicts held-out windows far better than `PLAIN` laws, else the best of these. `samples` are frames times
+    axes, `effective` the independent ones, which the criteria count; `horizon` is the mean length of the windows
+    predicted [s], `prediction` the first, None where no two could be had.
     """
 
     fits: tuple[PassiveFit, ...]
@@ -193,26 +180,15 @@ def compare_passive_laws(
 ) -> PassiveComparison:
     """Fit every law to the torques of one condition, and let it predict windows that it has not seen.
 
-    All laws are least squares of the same torques, torque_rows phi, with coefficients of at least 0 and a free
-    rest angle. The criteria count independent samples, not frames, for a low-pass leaves about two a period of
-    its cutoff:
+    All laws (terms among `TERMS`; viscosity alone must be one) are least squares of the same torques, torque_rows phi,
+    with coefficients of at least 0 and a free rest angle. The criteria count independent samples, not frames, for a
+    low-pass leaves about two a period of its cutoff:
 
         AIC = n ln(RSS / N) + 2 free,   BIC = n ln(RSS / N) + ln(n) free,   n = N / sum_k rho_k^2
 
-    with rho the autocorrelation of what the richest law leaves (`effective_samples`). A prediction, and the
-    inertia and law that make it, know nothing of the window but its first frame. The angles of a ball are counted
-    from where its spring is slack (`neutral_position`), for only from there is the spring linear in them.
-
-    Parameters
-    ----------
-    laws : terms of each, among `TERMS`; viscosity alone must be one of them
-
-    Raises
-    ------
-    BadData
-        as `swing_sums` and `limb_inertia`
-    UnknownName
-        a term that does not exist
+    with rho the autocorrelation of what the richest law leaves (`effective_samples`). A prediction, and the inertia and
+    law that make it, know nothing of the window but its first frame. The angles of a ball are counted from where its
+    spring is slack (`neutral_position`), for only from there is the spring linear in them.
     """
     options = options or PassiveOptions()
     inertial = InertiaOptions(options.tare, options.prior_sd)
@@ -320,12 +296,7 @@ def _shown(
 def _estimates(
     terms: Sequence[str], value: Array, draws: Array, axes: Sequence[str], slack: Rotation
 ) -> dict[str, Estimate]:
-    """Coefficients by name, with the intervals of draws (draws, 3 axes + 3).
-
-    Parameters
-    ----------
-    slack : from which the angles are counted, by the zero that was given
-    """
+    """Coefficients by name, with the intervals of draws (draws, 3 axes + 3); angles are counted from `slack`."""
     n = len(axes)
     columns: dict[str, int] = {}
     for term in terms:

@@ -69,15 +69,11 @@ class MomentArmOptions:
 @read_only
 @dataclass(frozen=True, eq=False)
 class MomentArmSpread:
-    """What one kind of error does to d_M, the common viscosity of the muscles.
+    """What one kind of error does to d_M [N s/m], the common viscosity of the muscles: one factor for all muscles; one
+    a muscle; or an offset of each muscle's arms, constant in the limb's axes.
 
-    Attributes
-    ----------
-    kind : one factor for all muscles; one a muscle; or an offset of each muscle's arms, constant in the limb's axes
-    error : standard deviation of the factor, relative, or of each component of the offset [m]
-    exact : d_M with the arms as given [N s/m]
-    draws : (draws,) d_M with arms in error [N s/m]
-    first_order : relative standard deviation of d_M by its slopes; NaN for an offset
+    `error`: standard deviation of the factor, relative, or of each component of the offset [m]; `exact`: d_M with the
+    arms as given; `first_order`: its relative standard deviation by its slopes, NaN for an offset.
     """
 
     kind: Kind
@@ -104,13 +100,8 @@ class MomentArmSpread:
 @read_only
 @dataclass(frozen=True, eq=False)
 class MomentArmSensitivity:
-    """Sensitivity of d_M to moment arms.
-
-    Attributes
-    ----------
-    muscles : names
-    slopes : (muscles,) relative change of d_M over relative change of that muscle's moment arms; they sum to -2
-    spreads : one a kind of error
+    """Sensitivity of d_M to moment arms: its relative change over that of each muscle's moment arms (they sum to -2),
+    and the spread by each kind of error.
     """
 
     muscles: tuple[str, ...]
@@ -127,19 +118,8 @@ def moment_arm_sensitivity(
 ) -> MomentArmSensitivity:
     """Spread of d_M when every muscle's moment arms are systematically wrong.
 
-    The common value of swings with muscles is d_M = v g / v H v with v_m the square of the factor of muscle m,
-    so a factor s of all arms makes it d_M / s^2.
-
-    Parameters
-    ----------
-    intact : swings with muscles
-    parameters : (10,) of the limb with muscles
-    joint : d_J of the swings without muscles, one or (axes,) [N m s/rad]
-
-    Raises
-    ------
-    BadData
-        the swings have no moment arms, or show no viscosity of muscles
+    The common value of swings with muscles, less d_J of those without, is d_M = v g / v H v with v_m the square of the
+    factor of muscle m, so a factor s of all arms makes it d_M / s^2.
     """
     options = options or MomentArmOptions()
     random = np.random.default_rng(options.seed)
@@ -175,11 +155,6 @@ def with_attachments(
     The draws say how far d_M scatters, in its logarithm, when arms are off by offsets of each muscle. That their middle
     lies below is left out: points that are off change only the two components of an arm across the muscle, and less in
     the mean than such offsets do.
-
-    Parameters
-    ----------
-    shares : without this source
-    level : of the intervals
     """
     muscles, intact, bare = specimen_viscosity.muscles, specimen_viscosity.intact, specimen_viscosity.without
     if muscles is None or intact is None or bare is None or options.offset <= 0.0:
@@ -281,9 +256,8 @@ def _offset_columns(swing_recording: SwingRecording, use: np.ndarray, parameters
 
 
 def _offset_maps(delta: Array) -> Array:
-    """(axes, 4 + n, 2 + muscles) from `_offset_columns` to torque, rate and u with arms off by delta (muscles, axes).
-
-    u_a = J_a (J . w) + delta_a (J . w) + sum_b delta_b J_a w_b + delta_a delta . w
+    """(axes, 4 + n, 2 + muscles) from `_offset_columns` to torque, rate and u with arms off by delta (muscles, axes):
+    u_a = J_a (J . w) + delta_a (J . w) + sum_b delta_b J_a w_b + delta_a delta . w.
     """
     count, axes = delta.shape
     muscle = np.arange(count)

@@ -22,16 +22,8 @@ from myomorph.tension.task import TensionTask
 @read_only
 @dataclass(frozen=True, eq=False)
 class Quantity:
-    """A table of the chain.
-
-    Attributes
-    ----------
-    name : of its file
-    names : columns
-    values : (frames, names) as they were computed without errors
-    table : from values to what is written
-    unit : of the values
-    units, factors : of each column in tables that people read, and from the values to these
+    """A table of the chain, values (frames, names) as they were computed without errors; `table` makes of values what
+    is written. `units` and `factors`: of each column in tables that people read, and from the values to these.
     """
 
     name: str
@@ -45,12 +37,7 @@ class Quantity:
 
 
 def muscle_quantities(trial: TrialInputs, task: TensionTask, strength: Strength | None) -> list[Quantity]:
-    """Tables of tensions and of what follows from them.
-
-    Raises
-    ------
-    TooWeak : reserves of a draw give more than they may
-    """
+    """Tables of tensions and of what follows from them; `TooWeak` where reserves of a draw give more than they may."""
     tension, _ = task.solved(lambda count: None)
     if strength is not None:
         strength.check(tension)

@@ -76,16 +76,10 @@ class ShareDraw(Draw):
 class Chain:
     """What was computed of a trial without errors, and from what.
 
-    Attributes
-    ----------
-    tense : whether tensions are asked for
-    markers : that draws move: those recorded, else the model's own on the motion that was given; None without any
-    base : what inverse kinematics makes of these
-    residuals : root mean square error of each marker in the recording [m]
-    loads : external forces as recorded
-    sensors : inertial sensors as they were used, None without any
-    pose_step, torque_step, tension_step : of so many frames one is drawn; errors change slowly, and frames do not
-        depend on each other. The second divides the third
+    `markers` that draws move are those recorded, else the model's own on the motion that was given, `base` what inverse
+    kinematics makes of them; `residuals`: root mean square error of each marker in the recording [m]; `loads` and
+    `sensors` as recorded. Of so many frames (`*_step`) one is drawn: errors change slowly, and frames do not depend on
+    each other. The second divides the third.
     """
 
     trial: TrialInputs
@@ -141,11 +135,8 @@ class Chain:
         return tuple(zip(whole, part, strict=True))
 
     def drawn(self, draw: Draw) -> dict[str, Array]:
-        """Values of all tables under the errors of a draw, at the frames that are drawn.
-
-        Raises
-        ------
-        one of `FAILURES`, where the drawn trial has no solution
+        """Values of all tables under the errors of a draw, at the frames that are drawn; one of `FAILURES` where there
+        is no solution.
         """
         trial, sources = drawn_trial(self, draw), draw.sources
         moved = acts(sources, MOVED)
@@ -266,12 +257,8 @@ def every(step: int, torques: Torques) -> Torques:
 
 
 def chain_of(trial: TrialInputs, poses: Poses, torques: Torques | None, tense: bool, thin: bool) -> Chain:
-    """What a trial's results are drawn around.
-
-    Parameters
-    ----------
-    tense : whether tensions are asked for
-    thin : draw poses and tensions `POSES` and `TENSIONS` times a second, where more frames are recorded
+    """What a trial's results are drawn around; `thin`, poses and tensions are `POSES` and `TENSIONS` times a second,
+    where more frames are recorded.
     """
     markers, base, residuals, recorded = None, None, dict[str, float](), poses.recorded
     sensors = None

@@ -21,12 +21,8 @@ LOADS = ("total_", "medial_", "lateral_")
 @read_only
 @dataclass(frozen=True)
 class _Columns:
-    """Columns of a table whose numbers are kept.
-
-    Attributes
-    ----------
-    step, endings, statistics : as the step's own signals have them
-    factors : to the units of tables of values
+    """Columns of a table whose numbers are kept, as the step's own signals have them, with factors to the units of
+    tables of values.
     """
 
     step: str
@@ -61,15 +57,8 @@ class _Columns:
 @read_only
 @dataclass(frozen=True, eq=False)
 class DrawnValues:
-    """What is kept of each draw beside its tables.
-
-    Attributes
-    ----------
-    times : of each table
-    kept : columns of each table
-    strides : None where the trial is no walk
-    names : step and quantity of every number
-    tables : of each number, the table that it comes from
+    """What is kept of each draw beside its tables: columns of these at their times, and step, quantity and table of
+    every number.
     """
 
     times: Mapping[str, Array]
@@ -85,12 +74,7 @@ class DrawnValues:
 
 
 def drawn_values(quantities: Sequence[Quantity], strides: TrialStrides | None) -> DrawnValues:
-    """Which numbers of tables are kept: those that the steps' own tables of values have.
-
-    Parameters
-    ----------
-    quantities : at the frames that are drawn
-    """
+    """Which numbers of tables (at the frames that are drawn) are kept: those that the steps' tables of values have."""
     kept = {quantity.name: columns for quantity in quantities if (columns := _columns(quantity)) is not None}
     times = {quantity.name: quantity.time for quantity in quantities}
     names, tables = [], list[str]()

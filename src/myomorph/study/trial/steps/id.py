@@ -48,13 +48,8 @@ MAX_EFFECT = 0.25
 
 @dataclass(frozen=True, eq=False)
 class Torques:
-    """Generalized forces of a motion.
-
-    Attributes
-    ----------
-    motion : coordinates that forces belong to (filtered where asked for), with derivatives
-    torques : generalized forces (frames, coordinates) [N m or N]
-    wrenches : external forces at the motion's times, as measured
+    """Generalized forces (frames, coordinates) [N m or N] of a motion, filtered where asked for, with derivatives;
+    external forces at its times, as measured.
     """
 
     motion: Motion
@@ -64,9 +59,8 @@ class Torques:
 
 
 def cutoff_of(trial: TrialInputs, recorded: Motion) -> float | None:
-    """Cutoff of the low-pass filter of a motion and its external forces [Hz], None for no filter.
-
-    A refined motion was filtered with its forces already: only a lower cutoff changes it.
+    """Cutoff of the low-pass filter of a motion and its external forces [Hz], None for no filter. A refined motion was
+    filtered with its forces already: only a lower cutoff changes it.
     """
     cutoff, refined = trial.options[Differentiation].cutoff, trial.get(RefinedMotion)
     if refined is not None and (cutoff is None or cutoff >= refined.cutoff):
@@ -108,9 +102,8 @@ def filter_effect(trial: TrialInputs, recorded: Motion, dynamics: Torques) -> tu
 def with_derivatives(trial: TrialInputs, recorded: Motion) -> tuple[Motion, tuple[str, ...]]:
     """The motion with velocities and accelerations, cut to the time that is used, with closed loops closed; and notes.
 
-    Where soft tissue is known, it is that of the body's mass; a refined motion is that already.
-
-    Derivatives are taken of all frames first, as OpenSim does, so the cut leaves no edges.
+    Where soft tissue is known, it is that of the body's mass; a refined motion is that already. Derivatives are taken
+    of all frames first, as OpenSim does, so the cut leaves no edges.
     """
     motion = differentiate(recorded, cutoff_of(trial, recorded))
     tissue = trial.get(SoftTissue)
@@ -128,11 +121,8 @@ def every_frame(step: int, motion: Motion) -> Motion:
 
 
 def solve_dynamics(trial: TrialInputs, recorded: Motion, step: int = 1) -> Torques:
-    """Inverse dynamics of coordinates, external forces filtered as the motion; or the torques that a file gives.
-
-    Parameters
-    ----------
-    step : of so many frames one is computed; all are filtered
+    """Inverse dynamics of coordinates, external forces filtered as the motion; or the torques that a file gives. Of so
+    many frames (`step`) one is computed; all are filtered.
     """
     given, loads = trial.get(RecordedTorques), trial.get(ExternalLoads)
     if given is not None:

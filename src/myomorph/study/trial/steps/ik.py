@@ -40,13 +40,8 @@ FINDINGS = "ik_findings"
 
 @dataclass(frozen=True, eq=False)
 class Poses:
-    """Coordinates over time, as inverse kinematics or a file gave them.
-
-    Attributes
-    ----------
-    fit : of the markers, None where the coordinates are those of a file
-    notes : what may not be believed, one line each
-    findings : of the checks of markers, which the notes report
+    """Coordinates over time, as inverse kinematics (`fit`) or a file gave them; findings of the checks of markers,
+    which the notes report.
     """
 
     recorded: Motion
@@ -86,13 +81,7 @@ def _with_sensors(trial: TrialInputs, checked: CheckedFit | None) -> CheckedFit:
 
 
 def used_markers(trial: TrialInputs, markers: Markers) -> Markers:
-    """The part of a recording that is used; with crossings only, markers are hidden elsewhere.
-
-    Raises
-    ------
-    BadData
-        where crossings are asked for, but there is none
-    """
+    """The part of a recording that is used; with crossings only, markers are hidden elsewhere."""
     markers = markers if trial.time is None else cut(markers, *trial.time)
     options = trial.options[CrossingOptions]
     if not options.only:

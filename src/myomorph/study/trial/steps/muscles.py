@@ -37,25 +37,13 @@ BLOCK = 512
 def write_muscles(
     model: Model, motion: Motion, recorded: Motion, writer: ResultWriter, folder: Path, title: str
 ) -> str:
-    """Write `lengths.sto`, `velocities.sto` and `moment_arms_<coordinate>.sto`, and the same into a result.
+    """Write `lengths.sto`, `velocities.sto` and `moment_arms_<coordinate>.sto` of a motion with velocities, and the
+    same into a result; returns what was found, in one line.
 
-    Only pairs of a muscle and a coordinate that can have a moment arm are computed and written; a
-    coordinate that no muscle crosses gets no file. Frames without coordinates (NaN) stay NaN.
-
-    Parameters
-    ----------
-    motion : with velocities; moment arms belong to it, as tensions do
-    recorded : the same frames, of which the lengths are: a filter cuts off turning points, and noise shows in
-        velocities alone
-
-    Returns
-    -------
-    what was found, in one line
-
-    Raises
-    ------
-    BadModel
-        where the model has no muscles
+    Moment arms belong to the motion, as tensions do; lengths are those of the frames as recorded: a filter cuts off
+    turning points, and noise shows in velocities alone. Only pairs of a muscle and a coordinate that can have a moment
+    arm are computed and written; a coordinate that no muscle crosses gets no file. Frames without coordinates (NaN)
+    stay NaN.
     """
     paths = ReportedPaths(model)
     stored = _variables(writer, model, motion, paths.pairs)
@@ -105,12 +93,8 @@ def _table(motion: Motion, names: tuple[str, ...], values: Array, title: str, pa
 
 @dataclass(frozen=True, eq=False)
 class MuscleLengths:
-    """Lengths and velocities of muscle-tendon paths; moment arms stay in the file.
-
-    Attributes
-    ----------
-    lengths, velocities : (frames, muscles) [m], [m/s]; None where they are in the file alone
-    summary : what a command prints, "" where the result was read back
+    """Lengths and velocities (frames, muscles) [m], [m/s] of muscle-tendon paths, None where they are in the file
+    alone; moment arms stay there. `summary` is what a command prints, "" where the result was read back.
     """
 
     lengths: Series | None = None

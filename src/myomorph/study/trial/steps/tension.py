@@ -67,13 +67,8 @@ CONTACT_GROUPS = "contact_groups.sto"
 
 @dataclass(frozen=True, eq=False)
 class Tensions:
-    """Muscle tensions of a motion.
-
-    Attributes
-    ----------
-    contacts : which site touches what, where contact forces were estimated
-    loads : every external force, those of estimated contacts included
-    carried : generalized forces of the motion under all of them
+    """Muscle tensions of a motion; where contact forces were estimated, which site touches what. `loads` are every
+    external force, those of estimated contacts included, `carried` the generalized forces under all of them.
     """
 
     tension: Tension

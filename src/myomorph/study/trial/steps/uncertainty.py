@@ -96,12 +96,7 @@ class DrawWorkers:
 
 @dataclass(frozen=True)
 class _FoundHash:
-    """What limits depend on beside options and sources.
-
-    Attributes
-    ----------
-    error_sizes : hash of the sizes that steps on the subject found
-    """
+    """What limits depend on beside options and sources: the hash of the sizes that steps on the subject found."""
 
     error_sizes: str
 
@@ -175,14 +170,9 @@ def _shares(
     results: Iterator[Tables | None],
     advance: Callable[[int], None],
 ) -> dict[str, Shares]:
-    """What groups of sources contribute to the variance: Jansen's estimator, on numbers that all draws share.
-
-    Source: Jansen 1999; Saltelli et al. 2010.
-
-    Parameters
-    ----------
-    jobs : of each group and number, with the group alone and, where errors do not just add up, with all but it
-    results : what they come to
+    """What groups of sources contribute to the variance: Jansen's estimator (Jansen 1999; Saltelli et al. 2010), on
+    numbers that all draws share. Jobs are, of each group and number, with the group alone and, where errors do not just
+    add up, with all but it.
     """
     done = set(draws.done)
     numbers = sorted({job.number for job in jobs} & done)
