@@ -33,8 +33,7 @@ from myomorph.model.spatial import (
     vector_from_rotation,
 )
 from myomorph.motion.ik import KinematicsFit, inverse_kinematics
-from myomorph.motion.sensors.mounting import SensorOptions
-from myomorph.motion.sensors.orientation import with_orientations
+from myomorph.motion.sensors.mounting import SensorOptions, with_orientations
 from myomorph.motion.sensors.sensor_kinematics import SensorRecording, sensor_kinematics
 from myomorph.motion.sync import cut
 from myomorph.rigid.marker_positions import marker_positions

@@ -32,8 +32,8 @@ from myomorph.study.subject.body_points import body_points
 from myomorph.study.subject.calibrating import _recording
 from myomorph.study.subject.identifying import MAPS
 from myomorph.study.subject.subject_files import BodyOptions, BodyShape
-from myomorph.study.trial.open_trial import open_trial
 from myomorph.study.trial.steps.ik import solve_kinematics
+from myomorph.study.trial.trial_inputs import open_trial
 
 PLUGIN = "c3d-gait-plugingait"
 LENHART_MASS = 73.3

@@ -14,8 +14,8 @@ import time
 from benchmarks.accuracy.viscosity.virtual import joint_run
 from myomorph.simulate.shoulder import VirtualSpecimen, virtual_specimen
 from myomorph.viscosity.identification.identify import ViscosityOptions, identify_specimen
-from myomorph.viscosity.tracking.rows import swing_recordings
 from myomorph.viscosity.tracking.track import track
+from myomorph.viscosity.tracking.tracked import swing_recordings
 from myomorph.viscosity.trust.cutoff import choose_cutoff
 
 SECONDS, TRIALS, DRAWS = 30.0, 4, 500

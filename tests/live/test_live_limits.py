@@ -25,8 +25,7 @@ from myomorph.rigid.tree import compile_tree
 from myomorph.study.trial.load import load
 from myomorph.uncertainty.bodies import Draw, drawn_model
 from myomorph.uncertainty.normals import Normals
-from myomorph.uncertainty.online_errors import SlowNoise
-from myomorph.uncertainty.pose_slopes import SlopeFinder
+from myomorph.uncertainty.online_errors import SlopeFinder, SlowNoise
 from myomorph.uncertainty.sources import GROUPS, Sources
 
 NONE = replace(Sources(), **{name: 0.0 for names in GROUPS.values() for name in names if name != "skin_time"})

@@ -10,7 +10,7 @@ import pytest
 from myomorph.model.model import Marker
 from myomorph.model.series import Markers
 from myomorph.motion.ik import InverseKinematicsOptions, pose_problem
-from myomorph.motion.pose_equations import normal_equations
+from myomorph.motion.pose_problem import normal_equations
 from myomorph.motion.tasks.coordinates import CoordinateTask
 from myomorph.motion.tasks.task import keep_residuals, new_work, sum_of_costs
 from myomorph.rigid.couplers import couple

@@ -9,9 +9,16 @@ import pytest
 from tests.motion.test_turns import bounded_walker, recorded
 
 from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics, pose_problem, tracked_markers
-from myomorph.motion.marker_checks import MarkerCheckOptions, checked_kinematics, name_findings, near_names
+from myomorph.motion.marker_checks import (
+    MarkerCheckOptions,
+    checked_kinematics,
+    edges_of,
+    exchanges,
+    excursions,
+    name_findings,
+    near_names,
+)
 from myomorph.motion.marker_influence import left_out, marker_frames, undetermined
-from myomorph.motion.marker_steps import edges_of, exchanges, excursions
 from myomorph.motion.marker_swaps import front_pairs, limb_pairs, side_pairs
 from myomorph.rigid.tree import compile_tree
 from myomorph.study.inputs.reading import fitted_to, open_model, read_recording

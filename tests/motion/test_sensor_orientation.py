@@ -15,7 +15,7 @@ from myomorph.model.spatial import (
     rotation_from_vector,
     vector_from_rotation,
 )
-from myomorph.motion.sensors.orientation import rotations_at, with_orientations
+from myomorph.motion.sensors.mounting import rotations_at, with_orientations
 from myomorph.simulate.sensors import raw_signals
 from stick_figure import stick_figure
 

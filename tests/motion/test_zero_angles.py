@@ -9,11 +9,10 @@ from myomorph.model.model import Model
 from myomorph.model.scale import scale
 from myomorph.model.series import Markers
 from myomorph.model.spatial import axis_rotation
-from myomorph.motion.body.angle_slopes import angle_slopes
-from myomorph.motion.body.mean_posture import symmetric_posture
+from myomorph.motion.body.angle_slopes import Slides, angle_slopes, sliding
+from myomorph.motion.body.priors import symmetric_posture
 from myomorph.motion.body.shared_fit import reduce, settle
 from myomorph.motion.body.shared_problem import FrameSet, Prior, SharedProblem
-from myomorph.motion.body.sliding_skin import Slides, sliding
 from myomorph.motion.calibrate import CalibrationOptions, calibrate
 from myomorph.motion.calibration import STATIC
 from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics, pose_problem

@@ -18,9 +18,9 @@ from myomorph.study.inputs.by_type import OptionSet
 from myomorph.study.inputs.reading import open_model
 from myomorph.study.plan.plan import read_plan
 from myomorph.study.step.step import step_of
-from myomorph.study.trial.open_trial import open_trial
 from myomorph.study.trial.reporting import report_input
 from myomorph.study.trial.run_trial import TrialSteps
+from myomorph.study.trial.trial_inputs import open_trial
 
 STEPS = ("ik", "id", "muscles", "tension")
 """Those of the version that wrote the file."""

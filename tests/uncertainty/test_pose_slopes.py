@@ -11,7 +11,7 @@ import pytest
 from myomorph.demo.arm import example_files
 from myomorph.io.formats import read_model, read_trial
 from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics, poses_near, tracked_markers
-from myomorph.uncertainty.pose_slopes import SlopeFinder
+from myomorph.uncertainty.online_errors import SlopeFinder
 
 
 def test_what_they_leave_out_falls_with_the_square_of_the_errors(tmp_path: Path) -> None:

@@ -16,9 +16,8 @@ from myomorph.model.spatial import Transform
 from myomorph.motion.clocks import Clock
 from myomorph.viscosity.specimen.model import SpecimenNames, SwingTrial, build_specimen
 from myomorph.viscosity.swings.recording import REACH, SwingRecording, swing_numbers, touched_frames, whole_frames
-from myomorph.viscosity.tracking.rows import swing_recordings
 from myomorph.viscosity.tracking.track import track
-from myomorph.viscosity.tracking.tracked import TrackedSpecimen, TrackedTrial, TrackingOptions
+from myomorph.viscosity.tracking.tracked import TrackedSpecimen, TrackedTrial, TrackingOptions, swing_recordings
 
 SPECIMEN = arm_specimen()
 CUTOFF = 10.0

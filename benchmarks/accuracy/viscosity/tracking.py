@@ -57,7 +57,7 @@ def _trials(arm: float, noise: float, slip: Mapping[str, float] | None = None) -
 
 def _errors(tracked: Any, exact: list[Any], cutoff: float | None) -> tuple[np.ndarray, np.ndarray]:
     """(frames, 3) errors of the humerus' rotation [degrees] and of its rates [rad/s], along its axes."""
-    from myomorph.viscosity.tracking.rows import swing_recordings
+    from myomorph.viscosity.tracking.tracked import swing_recordings
 
     turns, rates = [], []
     for one, truth in zip(swing_recordings(tracked, cutoff, muscles=False), exact, strict=True):

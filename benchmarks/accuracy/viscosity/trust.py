@@ -18,8 +18,8 @@ from myomorph.simulate.shoulder import virtual_specimen
 from myomorph.viscosity.identification.identify import ViscosityOptions, identify_specimen
 from myomorph.viscosity.specimen.model import Specimen
 from myomorph.viscosity.swings.motion import lengthening, limb_motion
-from myomorph.viscosity.tracking.rows import swing_recordings
 from myomorph.viscosity.tracking.track import track
+from myomorph.viscosity.tracking.tracked import swing_recordings
 from myomorph.viscosity.trust.cutoff import choose_cutoff, scan_cutoffs
 from myomorph.viscosity.trust.models import PassiveComparison, compare_passive_laws
 from myomorph.viscosity.trust.moment_arms import OFFSET, MomentArmOptions, moment_arm_sensitivity

@@ -43,8 +43,8 @@ def joint_run(seed: int) -> JointRun:
     from myomorph.simulate.laboratory import Noise
     from myomorph.viscosity.identification.identify import ViscosityOptions, identify_specimen
     from myomorph.viscosity.specimen.model import SpecimenNames, SwingTrial, build_specimen
-    from myomorph.viscosity.tracking.rows import swing_recordings
     from myomorph.viscosity.tracking.track import track
+    from myomorph.viscosity.tracking.tracked import swing_recordings
     from myomorph.viscosity.trust.cutoff import choose_cutoff
     from truths.mechanical_joint import mechanical_joint
 
@@ -124,8 +124,8 @@ def specimen_run(given: tuple[int, bool]) -> SpecimenRun:
     from myomorph.simulate.shoulder import virtual_specimen
     from myomorph.viscosity.cohort import specimen_row
     from myomorph.viscosity.identification.identify import identify_specimen
-    from myomorph.viscosity.tracking.rows import swing_recordings
     from myomorph.viscosity.tracking.track import track
+    from myomorph.viscosity.tracking.tracked import swing_recordings
     from myomorph.viscosity.trust.cutoff import choose_cutoff
     from myomorph.viscosity.trust.moment_arms import OFFSET, MomentArmOptions, moment_arm_sensitivity
 

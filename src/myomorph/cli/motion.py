@@ -28,10 +28,10 @@ from myomorph.study.inputs.imu import ImuFiles
 from myomorph.study.inputs.markers import MarkersFile
 from myomorph.study.inputs.motion import MotionFile as Coordinates
 from myomorph.study.step.step import StepOutput, step_of
-from myomorph.study.trial.open_trial import open_trial
 from myomorph.study.trial.steps import id as dynamics
 from myomorph.study.trial.steps import ik
 from myomorph.study.trial.trial_files import TrialFiles
+from myomorph.study.trial.trial_inputs import open_trial
 from myomorph.study.trial.trial_step import StepResults, run_step
 from myomorph.study.trial.uncertainty_file import STEP as UNCERTAINTY
 from myomorph.study.trial.uncertainty_file import drawn_settings, limits_summary

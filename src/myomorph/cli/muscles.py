@@ -20,11 +20,11 @@ from myomorph.cli.output import folder_with, said, warn
 from myomorph.report.trial.summary_lines import tension_line
 from myomorph.study.inputs.motion import MotionFile as Coordinates
 from myomorph.study.step.step import StepOutput, step_of
-from myomorph.study.trial.fit_beside import put_fit_beside
-from myomorph.study.trial.open_trial import open_trial
 from myomorph.study.trial.steps import ik, muscles, tension
 from myomorph.study.trial.steps.id import filter_summary
+from myomorph.study.trial.steps.ik import put_fit_beside
 from myomorph.study.trial.trial_files import TrialFiles
+from myomorph.study.trial.trial_inputs import open_trial
 from myomorph.study.trial.trial_step import StepResults, run_step
 from myomorph.study.trial.uncertainty_file import STEP as UNCERTAINTY
 from myomorph.study.trial.uncertainty_file import drawn_settings, limits_summary

@@ -90,8 +90,7 @@ def print_dry_run(
 ) -> int:
     """Print what a run by so many workers would do; the exit status."""
     # Imported by the command that needs it: --help and the others start without.
-    from myomorph.study.run.dry_run import dry_run
-    from myomorph.study.run.dry_run_text import dry_run_lines
+    from myomorph.study.run.dry_run import dry_run, dry_run_lines
 
     looked = dry_run(graph_of(out), out, fresh, count)
     for line in dry_run_lines(looked, excluded, conditions):

@@ -19,9 +19,9 @@ from myomorph.cli.options import (
 from myomorph.cli.output import folder_with, said, warn
 from myomorph.study.inputs.motion import MotionFile as Coordinates
 from myomorph.study.step.step import StepOutput, step_of
-from myomorph.study.trial.open_trial import open_trial
 from myomorph.study.trial.steps.ik import Poses, recorded_poses
 from myomorph.study.trial.trial_files import TrialFiles
+from myomorph.study.trial.trial_inputs import open_trial
 from myomorph.study.trial.trial_step import StepResults, run_step, steps_before
 
 

@@ -10,8 +10,13 @@ from numpy.typing import NDArray
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
-from myomorph.motion.body.mean_posture import symmetric_posture
-from myomorph.motion.body.priors import SideDifference, calibration_prior, side_differences, usual_shifts
+from myomorph.motion.body.priors import (
+    SideDifference,
+    calibration_prior,
+    side_differences,
+    symmetric_posture,
+    usual_shifts,
+)
 from myomorph.motion.body.shared_fit import Minimum, minimise, place_at_fixed_angles, reduce, settle, settle_anew
 from myomorph.motion.body.shared_problem import Point, SharedProblem
 from myomorph.motion.calibration import CalibrationOptions, Distances

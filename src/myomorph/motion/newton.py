@@ -4,7 +4,7 @@ A step d of the free coordinates solves
 
     min 1/2 d^T (H + damping D) d + g^T d  so that  G d = -e,  lower <= c + d <= upper
 
-with the sums of `pose_equations`, the gaps e of the loops, their derivatives G and the curvature of their multipliers
+with the sums of `normal_equations`, the gaps e of the loops, their derivatives G and the curvature of their multipliers
 in H (`tasks.loops`). Coordinates that the loops determine are eliminated; every pose on the way closes the loops. An
 open model has none of these, and the same steps.
 """
@@ -18,10 +18,11 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from myomorph.model.arrays import Array
-from myomorph.motion.pose_equations import mean_curvature, normal_equations
-from myomorph.motion.pose_problem import PoseProblem
+from myomorph.motion.pose_problem import PoseProblem, mean_curvature, normal_equations
+from myomorph.motion.tasks.coordinates import CoordinateTask
 from myomorph.motion.tasks.loops import close, eliminate, hold_variables, new_closing, ties_at
-from myomorph.motion.tasks.table import KINDS
+from myomorph.motion.tasks.markers import MarkerTask
+from myomorph.motion.tasks.orientations import OrientationTask
 from myomorph.motion.tasks.task import Task, keep_residuals, new_work, shown, sum_of_costs
 from myomorph.rigid.coordinates import Ints
 from myomorph.rigid.frames import CHUNK, over_frames
@@ -363,3 +364,11 @@ def solve_in_place(L, n):
             total -= L[t, j] * L[n, t]
         L[n, j] = total / L[j, j]
     return True
+
+
+KINDS: tuple[type[Task], ...] = (
+    MarkerTask,
+    CoordinateTask,
+    OrientationTask,
+)
+"""Every problem has arrays of these in this order, be they empty, so that one compiled loop serves all of them."""

@@ -1,4 +1,4 @@
-"""Inverse kinematics as the kernels read it: tasks, what may move, and loops that stay closed."""
+"""Inverse kinematics as the kernels read it: tasks, what may move, loops that stay closed, and the normal equations."""
 
 from __future__ import annotations
 
@@ -8,7 +8,11 @@ from myomorph.model.arrays import Array
 from myomorph.motion.tasks.coordinates import CoordinateArrays
 from myomorph.motion.tasks.loops import Ties
 from myomorph.motion.tasks.markers import MarkerArrays
-from myomorph.rigid.coordinates import Ints
+from myomorph.motion.tasks.task import add_tasks
+from myomorph.rigid.coordinates import KIND, SINES, WIDTH, Ints, evaluate
+from myomorph.rigid.couplers import fold_dependents
+from myomorph.rigid.kernels import bare
+from myomorph.rigid.tree import ROTATION
 
 
 class PoseProblem(NamedTuple):
@@ -45,3 +49,175 @@ class PoseProblem(NamedTuple):
     def with_coordinates(self, **fields: Any) -> PoseProblem:
         """The problem with other fields of its coordinates' values."""
         return self._replace(tasks=(self.markers, self.coordinates._replace(**fields), *self.tasks[2:]))
+
+
+@bare
+def mean_curvature(P, work):
+    """Mean Gauss-Newton diagonal of the tasks of bodies, in units, over the variables that these move."""
+    total, moved = 0.0, 0
+    for j in P.free:
+        shared = work.D[j] - work.direct[j]
+        if shared > 0.0:
+            total += shared * P.unit[j] ** 2
+            moved += 1
+    return total / moved if moved > 0 else 1.0
+
+
+@bare
+def normal_equations(T, P, frame, c, work):
+    """Hessian H and gradient g of half the cost in the independent coordinates; poses are those of c.
+
+    Axis k moves a point at x by J_k = v_k + w_k x x (w_k = 0 for a translation). With the point's error e,
+    g_k = sum J_k . e, and for an axis i that comes before or is k, H_ik = sum J_i . J_k + w_i . sum J_k x e; a curved
+    axis function adds phi'' sum J_k . e. All these sums run over the points beyond k and follow from the sums of 1, x,
+    x x^T, e and x e^T, which are gathered body by body from the leaves: the cost does not grow with points times axes.
+    Rows of slopes in the twists of bodies are gathered alike. The diagonal of the Gauss-Newton part goes to D. Returns
+    the cost.
+    """
+    H, g, D, direct, fields, points = work.H, work.g, work.D, work.direct, work.fields, work.points
+    for i in range(c.shape[0]):
+        g[i] = D[i] = direct[i] = 0.0
+        for j in range(c.shape[0]):
+            H[i, j] = 0.0
+    for b in range(points.shape[0]):
+        for i in range(points.shape[1]):
+            points[b, i] = 0.0
+    work.has_rows[0] = False
+    # Points relative to one of the body keep the squares small wherever the laboratory's origin is.
+    for i in range(3):
+        work.origin[i] = work.p[-1, i]
+    cost = add_tasks(P.tasks, c, frame, work)
+    has_rows = work.has_rows[0]
+    axis_fields(T, c, work)
+    for b in range(T.parent.shape[0] - 1, 0, -1):
+        S = points[b]
+        if S[0] > 0.0 or has_rows:
+            for axis in range(T.axis_start[b + 1] - 1, T.axis_start[b] - 1, -1):
+                w0, w1, w2 = fields[axis, 0], fields[axis, 1], fields[axis, 2]
+                v0, v1, v2 = fields[axis, 3], fields[axis, 4], fields[axis, 5]
+                # F = sum J, N = sum x cross J, Q = sum J cross e, all weighted.
+                F0 = S[0] * v0 + w1 * S[3] - w2 * S[2]
+                F1 = S[0] * v1 + w2 * S[1] - w0 * S[3]
+                F2 = S[0] * v2 + w0 * S[2] - w1 * S[1]
+                N0 = S[2] * v2 - S[3] * v1 + (S[7] + S[9]) * w0 - S[5] * w1 - S[6] * w2
+                N1 = S[3] * v0 - S[1] * v2 - S[5] * w0 + (S[4] + S[9]) * w1 - S[8] * w2
+                N2 = S[1] * v1 - S[2] * v0 - S[6] * w0 - S[8] * w1 + (S[4] + S[7]) * w2
+                trace = S[13] + S[17] + S[21]
+                Q0 = v1 * S[12] - v2 * S[11] + S[13] * w0 + S[14] * w1 + S[15] * w2 - trace * w0
+                Q1 = v2 * S[10] - v0 * S[12] + S[16] * w0 + S[17] * w1 + S[18] * w2 - trace * w1
+                Q2 = v0 * S[11] - v1 * S[10] + S[19] * w0 + S[20] * w1 + S[21] * w2 - trace * w2
+                along = v0 * S[10] + v1 * S[11] + v2 * S[12]
+                along += w0 * (S[18] - S[20]) + w1 * (S[19] - S[15]) + w2 * (S[14] - S[16])
+                if has_rows:
+                    extra = row_sums(work.rows[b], work.row_gradient[b], fields[axis])
+                    N0, N1, N2 = N0 + extra[0], N1 + extra[1], N2 + extra[2]
+                    F0, F1, F2 = F0 + extra[3], F1 + extra[4], F2 + extra[5]
+                    along += extra[6]
+                add_gradient(T, work, axis, along)
+                a, h = axis, b
+                while h > 0:
+                    while a >= T.axis_start[h]:
+                        plain = fields[a, 3] * F0 + fields[a, 4] * F1 + fields[a, 5] * F2
+                        plain += fields[a, 0] * N0 + fields[a, 1] * N1 + fields[a, 2] * N2
+                        curved = fields[a, 0] * Q0 + fields[a, 1] * Q1 + fields[a, 2] * Q2
+                        add_pair(T, work, axis, a, plain, curved)
+                        a -= 1
+                    h = T.parent[h]
+                    a = T.axis_start[h + 1] - 1
+            for i in range(S.shape[0]):
+                points[T.parent[b], i] += S[i]
+        if has_rows:
+            gather_rows(work.rows, work.row_gradient, b, T.parent[b])
+    for i in range(c.shape[0]):
+        for j in range(i):
+            H[j, i] = H[i, j]
+    fold_dependents(T, c, H, g, D)
+    for j in P.free:
+        H[j, j] += direct[j]
+        D[j] += direct[j]
+    return cost
+
+
+@bare
+def row_sums(rows, gradient, field):
+    """Product of the rows of a body (6, 6) with the velocity field of an axis (6,), and that of their gradient."""
+    return (
+        row_product(rows[0], field),
+        row_product(rows[1], field),
+        row_product(rows[2], field),
+        row_product(rows[3], field),
+        row_product(rows[4], field),
+        row_product(rows[5], field),
+        row_product(gradient, field),
+    )
+
+
+@bare
+def row_product(row, field):
+    """Scalar product of a row with a velocity field."""
+    total = 0.0
+    for i in range(6):
+        total += row[i] * field[i]
+    return total
+
+
+@bare
+def gather_rows(rows, gradient, body, parent):
+    """Add the sums of a body to those of its parent."""
+    for i in range(6):
+        gradient[parent, i] += gradient[body, i]
+        for j in range(6):
+            rows[parent, i, j] += rows[body, i, j]
+
+
+@bare
+def axis_fields(T, c, work):
+    """Velocity field (w, v) of every axis about `work.origin`, and the curvature of its function."""
+    fields, curvature, z = work.fields, work.curvature, work.origin
+    for axis in range(T.axis_kind.shape[0]):
+        u0, u1, u2 = work.w[axis, 0], work.w[axis, 1], work.w[axis, 2]
+        if T.axis_kind[axis] == ROTATION:
+            r0, r1, r2 = work.o[axis, 0] - z[0], work.o[axis, 1] - z[1], work.o[axis, 2] - z[2]
+            fields[axis, 0], fields[axis, 1], fields[axis, 2] = u0, u1, u2
+            fields[axis, 3], fields[axis, 4], fields[axis, 5] = u2 * r1 - u1 * r2, u0 * r2 - u2 * r0, u1 * r0 - u0 * r1
+        else:
+            fields[axis, 0] = fields[axis, 1] = fields[axis, 2] = 0.0
+            fields[axis, 3], fields[axis, 4], fields[axis, 5] = u0, u1, u2
+        curvature[axis, 0] = curvature[axis, 1] = curvature[axis, 2] = 0.0
+        f = T.axis_function[axis]
+        if T.functions.table[f, KIND] == SINES or T.functions.table[f, WIDTH] > 2:
+            i, j = T.axis_coordinate[axis, 0], T.axis_coordinate[axis, 1]
+            _, _, _, d11, d12, d22 = evaluate(T.functions, f, c[i] if i >= 0 else 0.0, c[j] if j >= 0 else 0.0)
+            curvature[axis, 0], curvature[axis, 1], curvature[axis, 2] = d11, d12, d22
+
+
+@bare
+def add_gradient(T, work, axis, along):
+    """Gradient through axis axis, and what the curvature of its function adds to the Hessian."""
+    i, j = T.axis_coordinate[axis, 0], T.axis_coordinate[axis, 1]
+    work.g[i] += work.dphi[axis, 0] * along
+    work.H[i, i] += work.curvature[axis, 0] * along
+    if j >= 0:
+        work.g[j] += work.dphi[axis, 1] * along
+        work.H[j, j] += work.curvature[axis, 2] * along
+        work.H[max(i, j), min(i, j)] += work.curvature[axis, 1] * along
+
+
+@bare
+def add_pair(T, work, axis, a, plain, curved):
+    """Lower triangle of the Hessian between the coordinates of axis axis and of an earlier axis a (or axis)."""
+    for s in range(2):
+        i = T.axis_coordinate[axis, s]
+        if i < 0:
+            break
+        for t in range(2):
+            j = T.axis_coordinate[a, t]
+            # Two coordinates of one axis pair up both ways: the lower triangle takes one of them.
+            if j < 0 or (a == axis and i < j):
+                continue
+            share = work.dphi[axis, s] * work.dphi[a, t]
+            if i == j and a != axis:
+                share *= 2.0
+            work.H[max(i, j), min(i, j)] += share * (plain + curved)
+            if i == j:
+                work.D[i] += share * plain

@@ -18,7 +18,7 @@ from myomorph.model.spatial import (
     vector_from_rotation,
 )
 from myomorph.motion.filters import natural_spline
-from myomorph.motion.sensors.orientation import earth_to_ground
+from myomorph.motion.sensors.mounting import earth_to_ground
 from myomorph.motion.turns import floating_coordinates
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.loops import free_coordinates

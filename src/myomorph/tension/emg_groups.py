@@ -7,8 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from myomorph.model.arrays import Array
-from myomorph.motion.emg_delay import EmgCalibration, SynergyWeights
-from myomorph.motion.synergies import Synergies, find_synergies
+from myomorph.motion.emg_delay import EmgCalibration, Synergies, SynergyWeights, find_synergies
 from myomorph.tension.emg_frames import TrackedFrames
 from myomorph.tension.emg_tracking import Fit, Group, TorqueTracking, action_cosines, alike
 

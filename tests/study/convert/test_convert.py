@@ -12,8 +12,7 @@ from myomorph.io.trc import read_trc
 from myomorph.model.errors import BadData, BadFile
 from myomorph.model.series import Z_UP_TO_Y_UP, Markers
 from myomorph.study.convert.axes import axes_of_text, turned
-from myomorph.study.convert.convert import ConvertOptions, convert
-from myomorph.study.convert.feet import side_of
+from myomorph.study.convert.convert import ConvertOptions, convert, side_of
 from myomorph.study.convert.recording import Recording, read_parts
 from myomorph.study.inputs.plate_wrenches import recorded_wrenches
 from myomorph.study.inputs.reading import read_recording

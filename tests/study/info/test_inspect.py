@@ -13,7 +13,7 @@ from myomorph.io.trc import write_trc
 from myomorph.model.errors import BadFile, MyomorphError
 from myomorph.model.series import Markers, Table
 from myomorph.study.info.inspect import inspect
-from myomorph.study.info.inspection import Inspection
+from myomorph.study.info.inspect_recording import Inspection
 
 KINDS = (".trc", ".mot", ".sto", ".c3d")
 

@@ -8,8 +8,7 @@ import pytest
 
 from identified_arm import put_on_plate
 from myomorph.study.plan.plan import read_plan
-from myomorph.study.run.dry_run import dry_run
-from myomorph.study.run.dry_run_text import dry_run_lines
+from myomorph.study.run.dry_run import dry_run, dry_run_lines
 from myomorph.study.run.job_plan import graph_of
 from myomorph.study.run.run import run_study
 from myomorph.study.run.step_times import in_words

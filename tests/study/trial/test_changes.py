@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from myomorph.model.provenance import Provenance, Source
-from myomorph.study.step.changes import changes
+from myomorph.study.step.job_steps import changes
 
 BEFORE = Provenance(
     "id",

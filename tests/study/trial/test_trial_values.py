@@ -21,7 +21,6 @@ from myomorph.study.inputs.loads import ExternalLoads
 from myomorph.study.plan.plan import read_plan
 from myomorph.study.run.run import run_study
 from myomorph.study.trial import reporting
-from myomorph.study.trial.open_trial import open_trial
 from myomorph.study.trial.reporting import TrialResults
 from myomorph.study.trial.run_trial import run_trial
 from myomorph.study.trial.tidy import (
@@ -37,6 +36,7 @@ from myomorph.study.trial.tidy import (
     write_trial_values,
 )
 from myomorph.study.trial.trial_files import trial_files
+from myomorph.study.trial.trial_inputs import open_trial
 
 ANGLE, TORQUE = "joint angle [°]", "joint torque [N·m/kg]"
 

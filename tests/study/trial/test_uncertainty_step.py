@@ -15,13 +15,13 @@ from myomorph.store.results import read_result
 from myomorph.study.plan.plan import read_plan
 from myomorph.study.run.run import run_study
 from myomorph.study.trial.load import load
-from myomorph.study.trial.open_trial import open_trial
 from myomorph.study.trial.steps import draw_workers
 from myomorph.study.trial.steps.draw_workers import attempts
 from myomorph.study.trial.steps.drawn_trials import chain_of
 from myomorph.study.trial.steps.id import solve_dynamics
 from myomorph.study.trial.steps.ik import recorded_poses
 from myomorph.study.trial.trial_files import trial_files
+from myomorph.study.trial.trial_inputs import open_trial
 from myomorph.uncertainty.bodies import Draw
 from myomorph.uncertainty.normals import Normals
 from myomorph.uncertainty.sources import GROUPS, Sources

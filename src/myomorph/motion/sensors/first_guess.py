@@ -13,7 +13,7 @@ from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.inertial_sensors import InertialSensors
 from myomorph.model.model import Model
 from myomorph.model.spatial import axis_rotation, rotation_from_vector, vector_from_rotation
-from myomorph.motion.sensors.orientation import rotations_at
+from myomorph.motion.sensors.mounting import rotations_at
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import Tree
 

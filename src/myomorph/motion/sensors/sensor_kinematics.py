@@ -48,9 +48,10 @@ from myomorph.motion.sensors.mounting import (
     SensorOptions,
     bodies_of_sensors,
     orientation_tasks,
+    rotations_at,
     weights_seen,
+    with_orientations,
 )
-from myomorph.motion.sensors.orientation import rotations_at, with_orientations
 from myomorph.motion.sensors.undetermined import LikelyAngles, Seen, joint_angles, likely_angles, undetermined
 from myomorph.motion.sync import take_frames
 from myomorph.motion.tasks.coordinates import CoordinateTask

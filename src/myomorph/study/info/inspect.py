@@ -13,7 +13,7 @@ from myomorph.io.formats import model_format, read_model, trial_format
 from myomorph.io.sto import read_sto
 from myomorph.model.errors import BadFile
 from myomorph.model.model import Model
-from myomorph.study.info.inspection import Inspection
+from myomorph.study.info.inspect_recording import Inspection
 
 TABLES = (".mot", ".sto")
 EXPECTED = "expected a model (.osim, .xml), markers (.trc, .c3d, .mat, .h5) or a table (.mot, .sto)"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,7 +12,6 @@ from myomorph.io.c3d.read import emg_channels
 from myomorph.model.arrays import Array, runs
 from myomorph.model.series import Markers, Series, Table, Trial
 from myomorph.motion.crossings import crossings
-from myomorph.study.info.inspection import Inspection
 
 SHOWN = 12
 SELDOM = 0.2
@@ -244,3 +244,18 @@ def _count(number: int, what: str) -> str:
 
 def _names(names: Sequence[str], most: int = 400) -> str:
     return ", ".join(names[:most]) + (f", ... ({len(names)} in all)" if len(names) > most else "")
+
+
+@dataclass(frozen=True)
+class Inspection:
+    """What a file holds: its kind in words, (label, text) in the order to show them, and what looks wrong."""
+
+    kind: str
+    facts: tuple[tuple[str, str], ...]
+    warnings: tuple[str, ...] = ()
+
+    def lines(self) -> list[str]:
+        """The inspection as text, a fact or a warning a line."""
+        width = max((len(label) for label, _ in self.facts), default=0)
+        shown = [self.kind, *(f"  {label:<{width}}  {text}" for label, text in self.facts)]
+        return shown + [f"  warning: {line}" for line in self.warnings]

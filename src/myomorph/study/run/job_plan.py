@@ -29,11 +29,11 @@ from myomorph.study.step.step_table import REPORT, STEPS
 from myomorph.study.subject.subject_files import MadeModel, SubjectFiles, made_model
 from myomorph.study.subject.subjects import subject_steps
 from myomorph.study.summary.study_inputs import StudyInputs
-from myomorph.study.trial.open_trial import open_trial
 from myomorph.study.trial.run_trial import TrialSteps
 from myomorph.study.trial.steps import ik
 from myomorph.study.trial.together import Part, Together, join_trials, object_part
 from myomorph.study.trial.trial_files import Settings, TrialFiles
+from myomorph.study.trial.trial_inputs import open_trial
 from myomorph.study.trial.trial_step import StepResults
 
 TABLES = "tables"

@@ -37,11 +37,10 @@ from myomorph.study.step.step import Step
 from myomorph.study.subject.found_errors import personal_errors
 from myomorph.study.subject.subject_files import SubjectInputs, recordings_provenance
 from myomorph.study.subject.subjects import write_made_model
-from myomorph.study.trial.open_trial import open_trial
 from myomorph.study.trial.steps.id import solve_dynamics
 from myomorph.study.trial.steps.ik import recorded_poses, solve_kinematics
 from myomorph.study.trial.trial_files import TrialFiles
-from myomorph.study.trial.trial_inputs import TrialInputs
+from myomorph.study.trial.trial_inputs import TrialInputs, open_trial
 from myomorph.tension.emg_calibration import EmgOptions, emg_targets
 from myomorph.tension.personal.fit import STEPS
 from myomorph.tension.personal.personalize import (

@@ -34,10 +34,9 @@ from myomorph.study.subject.found_errors import refined_errors
 from myomorph.study.subject.identifying import check_mass
 from myomorph.study.subject.subject_files import SubjectInputs, recordings_provenance
 from myomorph.study.subject.subjects import write_made_model
-from myomorph.study.trial.open_trial import open_trial
 from myomorph.study.trial.steps.ik import solve_kinematics
 from myomorph.study.trial.trial_files import Settings, TrialFiles
-from myomorph.study.trial.trial_inputs import TrialInputs
+from myomorph.study.trial.trial_inputs import TrialInputs, open_trial
 
 Rows = Sequence[Mapping[str, object]]
 MOTIONS = "motions"

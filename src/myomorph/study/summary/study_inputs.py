@@ -13,7 +13,7 @@ from myomorph.store.outcome import Outcome
 from myomorph.store.results import DAMAGED, STORED, file_name, file_source, made_from, provenance_of, value_source
 from myomorph.study.plan.plan import Plan
 from myomorph.study.step.step import Step
-from myomorph.study.trial.report_key import KEY
+from myomorph.study.trial.trial_step import KEY
 
 
 @dataclass(frozen=True)

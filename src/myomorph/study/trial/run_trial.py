@@ -34,11 +34,20 @@ from myomorph.study.step.job_steps import JobSteps, run_steps
 from myomorph.study.step.step import StepOutput, large_variables, step_of, trial_steps
 from myomorph.study.step.step_table import REPORT, STEPS
 from myomorph.study.trial.ahead import Ahead, compile_ahead, wraps_of
-from myomorph.study.trial.report_key import KEY, PAGE, keep_facts, report_is_made, report_key, same_report
 from myomorph.study.trial.reporting import TrialResults, write_report
 from myomorph.study.trial.tidy import write_trial_values
 from myomorph.study.trial.trial_inputs import TrialInputs
-from myomorph.study.trial.trial_step import StepResults, run_step, step_provenance
+from myomorph.study.trial.trial_step import (
+    KEY,
+    PAGE,
+    StepResults,
+    keep_facts,
+    report_is_made,
+    report_key,
+    run_step,
+    same_report,
+    step_provenance,
+)
 
 PARTS = ".steps"
 PART = f"step{STORED}"

@@ -32,10 +32,9 @@ from myomorph.study.inputs.phases import Phases
 from myomorph.study.inputs.torques import RecordedTorques
 from myomorph.study.step.step import step_head
 from myomorph.study.step.step_table import REPORT, STEPS
-from myomorph.study.trial.open_trial import options_of
 from myomorph.study.trial.steps.ik import Poses
 from myomorph.study.trial.trial_files import Settings, TrialFiles
-from myomorph.study.trial.trial_inputs import JoinedParts, TrialInputs, TrialNotes
+from myomorph.study.trial.trial_inputs import JoinedParts, TrialInputs, TrialNotes, options_of
 from myomorph.tension.emg_calibration import EmgOptions
 from myomorph.tension.terms.contacts import ContactOptions
 

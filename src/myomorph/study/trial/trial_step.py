@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
+from myomorph import __version__
 from myomorph.model.errors import BadData
 from myomorph.model.provenance import Provenance
-from myomorph.store.results import provenance_of
-from myomorph.store.settings import plain_settings
+from myomorph.store.netcdf import open_netcdf
+from myomorph.store.results import DAMAGED, STORED, ResultWriter, file_name, provenance_of, value_source
+from myomorph.store.settings import ReportOptions, plain_settings
 from myomorph.study.inputs.by_type import ByType
 from myomorph.study.inputs.reading import about
-from myomorph.study.step.step import Step, StepOutput, trial_steps
+from myomorph.study.step.step import Step, StepOutput, step_of, trial_steps
 from myomorph.study.trial.trial_inputs import TrialInputs
 
 
@@ -64,3 +68,41 @@ def run_step(step: Step[Any], trial: TrialInputs, results: StepResults, output: 
     output.writer.remarks(step.name, getattr(result, "notes", ()))
     output.writer.provenance(step_provenance(step, trial))
     return results
+
+
+KEY = "report_key"
+PAGE = "report.html"
+
+
+def report_key(trial: TrialInputs, done: Sequence[str]) -> str:
+    """Hash of all that a report is made of: results by their keys, and its settings."""
+    results = sorted(step_provenance(step_of(step), trial).key for step in done)
+    settings = sorted(plain_settings(trial.options[ReportOptions]).items())
+    return value_source("report", trial.name, __version__, results, settings, sorted(trial.facts.items())).sha256
+
+
+def keep_facts(writer: ResultWriter, trial: TrialInputs, done: Sequence[str]) -> None:
+    """Write the facts of the recording as they are now, before those of an earlier run are reused. Warnings stay those
+    of the steps, which add their own.
+    """
+    for name, text in trial.facts.items():
+        if name != "warnings":
+            writer.fact(name, text)
+    writer.fact(KEY, report_key(trial, done))
+
+
+def report_is_made(folder: Path, trial: TrialInputs, done: Sequence[str]) -> bool:
+    """Whether the report of a folder is that of its results and of the present facts."""
+    return (folder / PAGE).is_file() and same_report(folder, trial, done)
+
+
+def same_report(folder: Path, trial: TrialInputs, done: Sequence[str]) -> bool:
+    """Whether results hold the present facts of the recording, such as the subject's mass."""
+    stored = folder / f"{file_name(trial.name)}{STORED}"
+    if not stored.is_file():
+        return False
+    try:
+        with open_netcdf(stored) as file:
+            return file.attributes.get(KEY, "") == report_key(trial, done)
+    except DAMAGED:
+        return False

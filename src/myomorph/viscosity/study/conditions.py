@@ -19,8 +19,7 @@ from myomorph.viscosity.identification.shared_errors import with_shared_errors
 from myomorph.viscosity.specimen.model import Specimen
 from myomorph.viscosity.study.plan import CONDITIONS, SpecimenFiles, StudyOptions
 from myomorph.viscosity.swings.recording import SwingRecording
-from myomorph.viscosity.tracking.rows import swing_recordings
-from myomorph.viscosity.tracking.tracked import TrackedSpecimen
+from myomorph.viscosity.tracking.tracked import TrackedSpecimen, swing_recordings
 from myomorph.viscosity.trust.checks import TARED, recording_findings, tracking_findings
 from myomorph.viscosity.trust.cutoff import choose_cutoff
 from myomorph.viscosity.trust.models import PassiveComparison, PassiveOptions, compare_passive_laws

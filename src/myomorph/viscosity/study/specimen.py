@@ -41,9 +41,8 @@ from myomorph.viscosity.study.conditions import Prepared, identify_conditions
 from myomorph.viscosity.study.plan import CONDITIONS, SpecimenFiles, StudyOptions, SwingFiles
 from myomorph.viscosity.study.swing_files import OpenedSpecimen, open_specimen, open_swing, recorded_markers
 from myomorph.viscosity.swings.recording import SwingRecording
-from myomorph.viscosity.tracking.rows import swing_recordings
 from myomorph.viscosity.tracking.track import track
-from myomorph.viscosity.tracking.tracked import TrackedSpecimen
+from myomorph.viscosity.tracking.tracked import TrackedSpecimen, swing_recordings
 from myomorph.viscosity.trust.checks import TARED, TOO_SMALL, condition_findings
 from myomorph.viscosity.trust.cutoff import SCANNED, choose_cutoff, scan_cutoffs
 from myomorph.viscosity.trust.models import UNITS, PassiveComparison, PassiveOptions, compare_passive_laws

@@ -1,4 +1,4 @@
-"""Options of following a specimen's bones, and the result: motion, wrench and doubts of every trial."""
+"""Following a specimen's bones: options, and motion, wrench and warnings of every trial, filtered to equations."""
 
 from __future__ import annotations
 
@@ -7,13 +7,17 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.series import Motion
 from myomorph.motion.clocks import Clock
 from myomorph.viscosity.specimen.model import Specimen
-from myomorph.viscosity.tracking.held import Slip
+from myomorph.viscosity.swings.motion import LimbMotion, differentiate_joint, lengthening, limb_motion
+from myomorph.viscosity.swings.plate import CUTOFF, lowpass_runs
+from myomorph.viscosity.swings.recording import REACH, SwingRecording, near, swing_numbers, whole_frames
+from myomorph.viscosity.tracking.held import Slip, mean_rotation
 
 
 @dataclass(frozen=True)
@@ -78,3 +82,120 @@ class TrackedSpecimen:
     held: Mapping[str, float]
     slips: tuple[Slip, ...]
     notes: tuple[str, ...] = ()
+
+
+MIN_ROTATION = 0.005
+"""Angle between two turns under which the limb counts as still [rad]."""
+
+
+@read_only
+@dataclass(frozen=True, eq=False)
+class _Filtered:
+    """A trial on the way: motion with derivatives, limb, wrench through the same filter, frames out of reach."""
+
+    motion: Motion
+    limb: LimbMotion
+    wrench: Array
+    whole: np.ndarray
+
+
+def swing_recordings(
+    tracked: TrackedSpecimen, cutoff: float | None, muscles: bool = True
+) -> tuple[SwingRecording, ...]:
+    """The trials of one condition as the equations of [S] step 1 to 3, with J_M where `muscles` are wanted.
+
+    Motion and wrench pass the same low-pass, `cutoff` [Hz]. The rest of `angles` is the mean rotation over the free
+    swings of all trials, one for the condition. Frames at ends and gaps, as far as the filter reaches, and frames in
+    which the limb is touched have swing -1.
+    """
+    specimen, trials = tracked.specimen, tracked.trials
+    made = [_filtered(specimen, trial, cutoff) for trial in trials]
+    # Hands were found at `CUTOFF`; a lower one smears them further.
+    further = max(0.0, 0.5 * REACH * (1.0 / cutoff - 1.0 / CUTOFF)) if cutoff else 0.0
+    free = [
+        parts.whole & ~near(trial.touched, trial.motion.time, further)
+        for parts, trial in zip(made, trials, strict=True)
+    ]
+    if not any(frames.any() for frames in free):
+        raise BadData(
+            f"none of the trials {', '.join(trial.name for trial in trials)} has a frame of free swing with motion and "
+            "wrench, beyond the reach of the filter: record longer, or raise the cutoff"
+        )
+    rest = _rest(specimen, made, free)
+    return tuple(
+        _recording(specimen, trial, parts, use, rest, muscles)
+        for trial, parts, use in zip(trials, made, free, strict=True)
+    )
+
+
+def _filtered(specimen: Specimen, trial: TrackedTrial, cutoff: float | None) -> _Filtered:
+    motion = differentiate_joint(specimen, trial.motion, cutoff)
+    wrench = lowpass_runs(trial.wrench, motion.rate, cutoff)
+    finite = np.asarray(np.isfinite(motion.values).all(axis=1) & np.isfinite(wrench).all(axis=1))
+    return _Filtered(motion, limb_motion(specimen, motion), wrench, whole_frames(motion.time, finite, cutoff))
+
+
+def _rest(specimen: Specimen, made: list[_Filtered], free: list[np.ndarray]) -> Array:
+    """(3, 3) mean rotation of a ball in free swing, or (1,) mean angle of a hinge."""
+    if len(specimen.joint_coordinates) == 1:
+        angles = np.concatenate([parts.motion.values[use, 0] for parts, use in zip(made, free, strict=True)])
+        return np.array([angles.mean() if len(angles) else 0.0])
+    rotations = np.concatenate([parts.limb.rotations[use] for parts, use in zip(made, free, strict=True)])
+    return mean_rotation(rotations) if len(rotations) else np.eye(3)
+
+
+def _angles(specimen: Specimen, filtered: _Filtered, rest: Array) -> Array:
+    if len(specimen.joint_coordinates) == 1:
+        return filtered.motion.values - rest
+    angles = np.full((len(filtered.motion), 3), np.nan)
+    seen = np.isfinite(filtered.limb.rotations).all(axis=(1, 2))
+    angles[seen] = Rotation.from_matrix(rest.T @ filtered.limb.rotations[seen]).as_rotvec()
+    return angles
+
+
+def _swung(specimen: Specimen, filtered: _Filtered, angles: Array, free: np.ndarray) -> tuple[Array, Array]:
+    """(frames,) how far the limb is out, and its rate, by which swings are told from each other. Of a ball, how far the
+    direction that hangs down on average is out sideways, along the main direction of the swing: however much the limb
+    twists about it meanwhile.
+    """
+    if len(specimen.joint_coordinates) == 1 or not free.any():
+        return angles[:, 0], filtered.limb.rates[:, 0]
+    gravity = np.asarray(specimen.model.gravity) / np.linalg.norm(specimen.model.gravity)
+    rotations = filtered.limb.rotations
+    down = (gravity @ rotations[free]).mean(axis=0)
+    lever = rotations @ (down / np.linalg.norm(down))
+    speed = np.cross(np.einsum("fij,fj->fi", rotations, filtered.limb.rates), lever)
+    level = speed[free] - np.outer(speed[free] @ gravity, gravity)
+    main = np.linalg.eigh(level.T @ level)[1][:, -1]
+    return lever @ main, speed @ main
+
+
+def _recording(
+    specimen: Specimen,
+    trial: TrackedTrial,
+    filtered: _Filtered,
+    free: np.ndarray,
+    rest: Array,
+    muscles: bool,
+) -> SwingRecording:
+    angles = _angles(specimen, filtered, rest)
+    names = tuple(specimen.muscles) if muscles else ()
+    none = np.zeros((len(filtered.motion), 0, len(specimen.axes)))
+    arms = lengthening(specimen, filtered.motion, filtered.limb.slopes) if muscles else none
+    return SwingRecording(
+        name=trial.name,
+        time=np.array(filtered.motion.time),
+        wrench_rows=filtered.limb.wrench_rows,
+        wrench=np.array(filtered.wrench),
+        torque_rows=filtered.limb.torque_rows,
+        rates=filtered.limb.rates,
+        angles=angles,
+        axes=specimen.axes,
+        muscles=names,
+        lengthening=arms,
+        rotations=filtered.limb.rotations,
+        gravity=np.array(specimen.model.gravity),
+        swing=swing_numbers(*_swung(specimen, filtered, angles, free), free, MIN_ROTATION),
+        strands=tuple(i for i, muscle in enumerate(specimen.muscles.values()) for _ in muscle) if muscles else (),
+        origin=trial.origin,
+    )

@@ -1,22 +1,25 @@
-"""Tables that draws of errors are computed of: torques, tensions, and the forces that follow from these."""
+"""What draws of errors are computed of: tables of torques and tensions, drawn strengths, numbers that are kept."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from myomorph.io.loads import loads_table
 from myomorph.model.arrays import Array, read_only
+from myomorph.model.errors import MyomorphError
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.series import Series, Table
 from myomorph.store.settings import TensionTables
-from myomorph.study.trial.steps.drawn_strength import Strength
+from myomorph.study.trial.joint_contact_step import ENDING as JOINT_CONTACT
 from myomorph.study.trial.steps.id import Torques, shown_torques, torque_table
-from myomorph.study.trial.trial_inputs import TrialInputs
+from myomorph.study.trial.trial_inputs import EXTREMES, IN_STRIDE, TrialInputs, statistics_of
+from myomorph.study.trial.trial_strides import TrialStrides, by_side
 from myomorph.tension.joint_contact import JointPoints
 from myomorph.tension.task import TensionTask
+from myomorph.tension.tension import RESERVE, Tension
 
 
 @read_only
@@ -76,3 +79,145 @@ def quantity_of(name: str, time: Array, names: tuple[str, ...], values: Array, u
 
     count = len(names)
     return Quantity(name, time, names, values, table, unit, (unit,) * count, np.ones(count))
+
+
+LARGE = 0.3
+"""Share of the largest torque from which a coordinate's muscles are judged: those of toes are weak in every model."""
+BEYOND = 0.2
+"""Share of a coordinate's largest torque that its reserve may give beyond its share in the result."""
+
+
+class TooWeak(MyomorphError):
+    """A drawn body whose muscles cannot do what was recorded."""
+
+
+@dataclass(frozen=True)
+class Strength:
+    """What share of the largest torque of coordinates reserves may give in a draw, by the coordinates' names."""
+
+    most: dict[str, float]
+
+    @classmethod
+    def of(cls, tension: Tension) -> Strength:
+        """What the result without errors needs, and a tolerance."""
+        peaks, reserves = _torques(tension), _reserves(tension)
+        largest = max(peaks.values(), default=0.0)
+        judged = [name for name in reserves if peaks.get(name, 0.0) > LARGE * largest]
+        return cls({name: reserves[name] / peaks[name] + BEYOND for name in judged})
+
+    def check(self, tension: Tension) -> None:
+        """Raise `TooWeak` where reserves of a draw give more."""
+        peaks, reserves = _torques(tension), _reserves(tension)
+        for name, most in self.most.items():
+            if reserves[name] > most * peaks[name]:
+                share = 100.0 * reserves[name] / max(peaks[name], 1e-300)
+                raise TooWeak(
+                    f"the reserve of {name} gives {share:.0f} % of its torque, {100.0 * most:.0f} % at most can be"
+                )
+
+
+def _torques(tension: Tension) -> dict[str, float]:
+    return dict(zip(tension.coordinates, _peaks(tension.torques), strict=True))
+
+
+def _reserves(tension: Tension) -> dict[str, float]:
+    peaks = zip(tension.reserve_names, _peaks(tension.reserves), strict=True)
+    return {name.removeprefix(RESERVE): peak for name, peak in peaks if name.startswith(RESERVE)}
+
+
+def _peaks(values: np.ndarray) -> list[float]:
+    return np.abs(np.nan_to_num(values)).max(axis=0, initial=0.0).tolist()
+
+
+PEAKS = ("maximum", "mean")
+LOADS = ("total_", "medial_", "lateral_")
+
+
+@read_only
+@dataclass(frozen=True)
+class _Columns:
+    """Columns of a table whose numbers are kept, as the step's own signals have them, with factors to the units of
+    tables of values.
+    """
+
+    step: str
+    columns: tuple[int, ...]
+    names: tuple[str, ...]
+    endings: tuple[str, ...]
+    statistics: tuple[str, ...]
+    factors: Array
+
+    def quantities(self, in_stride: bool) -> list[tuple[str, str]]:
+        """Step and quantity, in the order of `of`."""
+        where = ("", f" {IN_STRIDE}") if in_stride else ("",)
+        return [
+            (self.step, f"{name}{ending}, {what}{words}")
+            for words in where
+            for what in self.statistics
+            for name, ending in zip(self.names, self.endings, strict=True)
+        ]
+
+    def of(self, time: Array, values: Array, strides: TrialStrides | None) -> Array:
+        """Numbers of a table (frames, columns)."""
+        series = Series(time, self.names, values[:, self.columns] * self.factors)
+        whole = statistics_of(series.values)
+        statistics = [whole[what] for what in self.statistics]
+        cycles = None if strides is None else by_side(series, strides)
+        if cycles is not None:
+            each = statistics_of(cycles.values, axis=1)
+            statistics += [statistics_of(each[what])["mean"] for what in self.statistics]
+        return np.concatenate(statistics)
+
+
+@read_only
+@dataclass(frozen=True, eq=False)
+class DrawnValues:
+    """What is kept of each draw beside its tables: columns of these at their times, and step, quantity and table of
+    every number.
+    """
+
+    times: Mapping[str, Array]
+    kept: Mapping[str, _Columns]
+    strides: TrialStrides | None
+    names: tuple[tuple[str, str], ...]
+    tables: tuple[str, ...]
+
+    def of(self, tables: Mapping[str, Array]) -> Array:
+        """All numbers of a draw (names,)."""
+        parts = [kept.of(self.times[name], tables[name], self.strides) for name, kept in self.kept.items()]
+        return np.concatenate(parts) if parts else np.zeros(0)
+
+
+def drawn_values(quantities: Sequence[Quantity], strides: TrialStrides | None) -> DrawnValues:
+    """Which numbers of tables (at the frames that are drawn) are kept: those that the steps' tables of values have."""
+    kept = {quantity.name: columns for quantity in quantities if (columns := _columns(quantity)) is not None}
+    times = {quantity.name: quantity.time for quantity in quantities}
+    names, tables = [], list[str]()
+    for name, columns in kept.items():
+        walks = strides is not None and by_side(_first(columns, times[name]), strides) is not None
+        named_values = columns.quantities(walks)
+        names += named_values
+        tables += [name] * len(named_values)
+    return DrawnValues(times, kept, strides, tuple(names), tuple(tables))
+
+
+def _first(columns: _Columns, time: Array) -> Series:
+    return Series(time, columns.names, np.zeros((len(time), len(columns.names))))
+
+
+def _columns(quantity: Quantity) -> _Columns | None:
+    count = len(quantity.names)
+    every = tuple(range(count))
+    if quantity.name == "coordinates":
+        return _Columns("ik", every, quantity.names, ("",) * count, EXTREMES, quantity.factors)
+    if quantity.name == "torques":
+        endings = tuple("_moment" if unit == "N m" else "_force" for unit in quantity.units)
+        return _Columns("id", every, quantity.names, endings, EXTREMES, np.ones(count))
+    if quantity.name in ("activations", "forces"):
+        ending = "_activation" if quantity.name == "activations" else "_force"
+        return _Columns("tension", every, quantity.names, (ending,) * count, PEAKS, np.ones(count))
+    if quantity.name == "joint_contact_forces":
+        loads = tuple(index for index, name in enumerate(quantity.names) if name.startswith(LOADS))
+        names = tuple(quantity.names[index] for index in loads)
+        return _Columns("tension", loads, names, (JOINT_CONTACT,) * len(loads), PEAKS, np.ones(len(loads)))
+    return None

@@ -27,8 +27,7 @@ from myomorph.study.inputs.emg import RecordedEmg
 from myomorph.study.inputs.loads import ExternalLoads
 from myomorph.study.inputs.refined import RefinedMotion
 from myomorph.study.inputs.torques import RecordedTorques
-from myomorph.study.trial.steps.drawn_quantities import Quantity, muscle_quantities, torque_quantity
-from myomorph.study.trial.steps.drawn_strength import Strength, TooWeak
+from myomorph.study.trial.steps.drawn_quantities import Quantity, Strength, TooWeak, muscle_quantities, torque_quantity
 from myomorph.study.trial.steps.id import Torques, cutoff_of, every_frame, solve_dynamics
 from myomorph.study.trial.steps.ik import Poses, solve_kinematics
 from myomorph.study.trial.steps.tension import task_of

@@ -22,9 +22,8 @@ from myomorph.store.uncertainty_store import ERRORS, get_uncertainty, put_uncert
 from myomorph.study.inputs.by_type import OptionSet
 from myomorph.study.step.step import Step, StepOutput
 from myomorph.study.trial.steps.draw_workers import Tables, attempts
-from myomorph.study.trial.steps.drawn_quantities import Quantity
+from myomorph.study.trial.steps.drawn_quantities import Quantity, drawn_values
 from myomorph.study.trial.steps.drawn_trials import COARSE, ShareDraw, alone, chain_of, frozen
-from myomorph.study.trial.steps.drawn_values import drawn_values
 from myomorph.study.trial.steps.id import Torques
 from myomorph.study.trial.steps.ik import Poses
 from myomorph.study.trial.steps.tension import Tensions
