@@ -76,10 +76,7 @@ class Preset:
     pictures: int = 9  # in the strip
 
     def __post_init__(self) -> None:
-        for kind, names, known in (
-            ("muscle", self.muscles, tuple(MUSCLES)),
-            ("cut", self.cuts, CUTS),
-        ):
+        for kind, names, known in (("muscle", self.muscles, tuple(MUSCLES)), ("cut", self.cuts, CUTS)):
             for name in names:
                 check_name(kind, name, known, f"the preset '{self.name}': the report")
 

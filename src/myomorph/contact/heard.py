@@ -96,12 +96,7 @@ def heard_contacts(
 
 
 def _impacts_by_motion(
-    plan: SoundPlan,
-    heard: HeardImpacts,
-    struck: Mapping[int, str],
-    model: Model,
-    motion: Motion,
-    sites: Sequence[Site],
+    plan: SoundPlan, heard: HeardImpacts, struck: Mapping[int, str], model: Model, motion: Motion, sites: Sequence[Site]
 ) -> tuple[Impact, ...]:
     """Impulses as effective mass times change of velocity, along each instrument's direction."""
     by_name = {site.name: site for site in sites}

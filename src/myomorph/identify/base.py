@@ -7,13 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from myomorph.identify.base_parameters import (
-    BaseParameters,
-    base_parameters,
-    base_sizes,
-    held_in,
-    link_levels,
-)
+from myomorph.identify.base_parameters import BaseParameters, base_parameters, base_sizes, held_in, link_levels
 from myomorph.identify.least_squares import (
     Recording,
     Rows,

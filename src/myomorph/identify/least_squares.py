@@ -23,14 +23,7 @@ from myomorph.model.series import Motion, Wrenches
 from myomorph.motion.filters import lowpass
 from myomorph.rigid.frames import over_frames
 from myomorph.rigid.kernels import kernel
-from myomorph.rigid.regressor import (
-    BLOCK,
-    base_regressor,
-    base_wrench,
-    frames_of,
-    regressor_blocks,
-    sum_of_wrenches,
-)
+from myomorph.rigid.regressor import BLOCK, base_regressor, base_wrench, frames_of, regressor_blocks, sum_of_wrenches
 
 FILTER_REACH = 3.0
 """How far a filter's ends reach, times 1 / cutoff, until rounding."""

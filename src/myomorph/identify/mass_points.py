@@ -132,12 +132,7 @@ def prior_variances(points: MassPoints, options: MassPointOptions | None = None)
 
 
 def solve_mass_points(
-    points: MassPoints,
-    A: Array,
-    b: Array,
-    *,
-    mass: float | None = None,
-    options: MassPointOptions | None = None,
+    points: MassPoints, A: Array, b: Array, *, mass: float | None = None, options: MassPointOptions | None = None
 ) -> MassPointFit:
     """Positive masses of points that meet measured parameters and stay near their reference, [D] eq. 3.10.
     `points`: with weights and reference masses; `A` (rows, 10 links) what was measured of the parameters, in units of

@@ -74,12 +74,7 @@ class PseudoInertiaFit:
 
 
 def solve_pseudo_inertia(
-    A: Array,
-    b: Array,
-    reference: Array,
-    *,
-    mass: float | None = None,
-    options: PseudoInertiaOptions | None = None,
+    A: Array, b: Array, reference: Array, *, mass: float | None = None, options: PseudoInertiaOptions | None = None
 ) -> PseudoInertiaFit:
     """Physically possible parameters that meet measured ones and stay near a reference.
     `A` (rows, 10 links), b (rows,) what was measured, in units of its noise (`BaseFit.rows`); `reference` (links, 10)
@@ -98,12 +93,7 @@ def solve_pseudo_inertia(
 
 
 def solve_ridge(
-    A: Array,
-    b: Array,
-    reference: Array,
-    *,
-    mass: float | None = None,
-    options: PseudoInertiaOptions | None = None,
+    A: Array, b: Array, reference: Array, *, mass: float | None = None, options: PseudoInertiaOptions | None = None
 ) -> PseudoInertiaFit:
     """The same problem without the inequalities: least squares that may give parameters no body can have."""
     problem = _Changes.of(A, b, reference, mass, options or PseudoInertiaOptions())

@@ -11,13 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import solve_triangular
 
-from myomorph.identify.base_parameters import (
-    BaseParameters,
-    base_parameters,
-    base_sizes,
-    link_levels,
-    root_coordinates,
-)
+from myomorph.identify.base_parameters import BaseParameters, base_parameters, base_sizes, link_levels, root_coordinates
 from myomorph.identify.least_squares import fold, levels, rank_and_condition, with_prior
 from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData

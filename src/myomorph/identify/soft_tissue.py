@@ -55,12 +55,7 @@ class Fitted:
         return np.sqrt(held_out(parts, lambda fold: strength.fit(parts, noise, sd, parts.without(fold)), noise))
 
 
-def with_soft_tissue(
-    model: Model,
-    markers: Fitted,
-    strength: Strength,
-    use: Use = "auto",
-) -> Fitted:
+def with_soft_tissue(model: Model, markers: Fitted, strength: Strength, use: Use = "auto") -> Fitted:
     """The recordings with the motion of the body's mass, where that predicts unseen parts better.
 
     Alphas of groups of coordinates are unknowns beside the base parameters, and the wrench is linearized in them until

@@ -12,14 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from myomorph.identify.body.center_fit import (
-    CenterFit,
-    LengthMatch,
-    between_grounds,
-    first_frame,
-    hinge_cues,
-    skeleton,
-)
+from myomorph.identify.body.center_fit import CenterFit, LengthMatch, between_grounds, first_frame, hinge_cues, skeleton
 from myomorph.identify.body.points import Links, frames_in_ground, links_of
 from myomorph.identify.body.regions import (
     Center,

@@ -76,10 +76,7 @@ class Paths:
         return self.arrays.arm[:, 1] == 1
 
     def evaluate(
-        self,
-        coordinates: Array,
-        speeds: Array | None = None,
-        progress: Callable[[int], None] | None = None,
+        self, coordinates: Array, speeds: Array | None = None, progress: Callable[[int], None] | None = None
     ) -> tuple[Array, Array, Array]:
         """Lengths, velocities and moment arms of all muscles.
         `coordinates` (frames, coordinates) in the model's order; dependent ones are set here [rad or m]; `speeds`

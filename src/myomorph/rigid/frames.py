@@ -34,10 +34,7 @@ def thread_count() -> int:
 
 
 def over_frames(
-    task: Callable[[int, int], None],
-    frames: int,
-    progress: Callable[[int], None] | None = None,
-    chunk: int = CHUNK,
+    task: Callable[[int, int], None], frames: int, progress: Callable[[int], None] | None = None, chunk: int = CHUNK
 ) -> None:
     """Call `task(start, stop)` for all frames, chunk by chunk, in `thread_count()` threads.
     `task`: fills its part of arrays that exist already; an exception ends the whole; `frames`: how many there are;

@@ -26,12 +26,7 @@ NEAREST = np.inf
 
 
 def cog_weights(
-    points: Array,
-    links: Links,
-    *,
-    exponent: float = 4.0,
-    taking: ArrayLike | None = None,
-    smallest: float = SMALLEST,
+    points: Array, links: Links, *, exponent: float = 4.0, taking: ArrayLike | None = None, smallest: float = SMALLEST
 ) -> sparse.csr_array:
     """w_d: shares as |p_ij|^-exponent of the distance to the links' mass centers, [D] eq. 3.14.
     `points` (points, 3) in ground [m]; `exponent`: 4 in the paper; `taking` (links,) whether a link may have a share;
@@ -49,12 +44,7 @@ def nearest_weights(points: Array, links: Links, *, taking: ArrayLike | None = N
 
 
 def bone_weights(
-    points: Array,
-    links: Links,
-    *,
-    exponent: float = 4.0,
-    taking: ArrayLike | None = None,
-    smallest: float = SMALLEST,
+    points: Array, links: Links, *, exponent: float = 4.0, taking: ArrayLike | None = None, smallest: float = SMALLEST
 ) -> sparse.csr_array:
     """w_b: shares as d_ij^-exponent of the distance to the links' bones, the straight pieces `links.bones`.
 

@@ -149,13 +149,7 @@ class Problem:
         def part(start: int, stop: int) -> None:
             s = slice(start, stop)
             predict_frames(
-                tree,
-                self.pose.markers.body,
-                locations,
-                *(rate[s] for rate in rates),
-                wrench[s],
-                places[s],
-                residual[s],
+                tree, self.pose.markers.body, locations, *(rate[s] for rate in rates), wrench[s], places[s], residual[s]
             )
 
         over_frames(part, len(trial.time))

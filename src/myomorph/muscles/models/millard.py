@@ -254,17 +254,9 @@ def active_force_length(
     half_plateau = 0.05
     shoulder = 1.0 - half_plateau
     y_transition = 1.0 - shallow_slope * (shoulder - transition)
-    ascending = (
-        0.5 * (minimum + transition),
-        0.5 * y_transition,
-        1.25 * y_transition / (transition - minimum),
-    )
+    ascending = (0.5 * (minimum + transition), 0.5 * y_transition, 1.25 * y_transition / (transition - minimum))
     shallow = (0.5 * (transition + shoulder), 0.5 * (1.0 + y_transition), shallow_slope)
-    descending = (
-        0.5 * (1.0 + half_plateau + maximum),
-        0.5,
-        -1.0 / ((maximum - half_plateau) - (1.0 + half_plateau)),
-    )
+    descending = (0.5 * (1.0 + half_plateau + maximum), 0.5, -1.0 / ((maximum - half_plateau) - (1.0 + half_plateau)))
     points = [
         (minimum, minimum_value, 0.0),
         ascending,
