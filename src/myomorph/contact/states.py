@@ -351,9 +351,8 @@ def contact_activations(
 def preferred_directions(model: Model, motion: Motion, sites: Sequence[Site], pivot: float = PIVOT) -> Array:
     """Preferred directions of forces at sites on the ground: to a pivot above the subject's center of mass.
 
-    What two feet push against each other moves nothing, so physics leaves it open. Walkers' ground forces meet
-    near a point above the center of mass, the virtual pivot point (Maus et al. 2010): a force towards it costs
-    least.
+    What two feet push against each other moves nothing, so physics leaves it open. Walkers' ground forces meet near a
+    point above the center of mass, the virtual pivot point (Maus et al. 2010): a force towards it costs least.
 
     Parameters
     ----------

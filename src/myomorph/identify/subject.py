@@ -102,8 +102,7 @@ class Identification:
     chosen : name among `parameters` of those that the model has
     identified : name of those that were identified, which the model has unless they predict unseen motion worse
     parameters : (bodies, 10) by name: each way of identifying, the shape alone, the generic model at its mass
-    residuals : (2,) root mean square of the base wrench's misfit of each in the frames used, moment [N m]
-        and force [N]
+    residuals : (2,) root mean square of the base wrench's misfit of each in the frames used, moment [N m] and force [N]
     unseen : the same of identified and generic masses on what was not used: recordings given apart, else each
         recording or part in turn, with the strength of the prior chosen without it
     tried : relative standard deviation of the prior -> held-out misfit (2,)

@@ -105,11 +105,10 @@ def transfer(
 ) -> Transfer:
     """Give a model with more joints the lengths, marker places and masses of one with fewer.
 
-    Lengths: a region with two joint centers is scaled evenly in all directions, so that their distance
-    is the lower model's; the pelvis and the torso, which have three or more, along the axes of their
-    bodies, one factor an axis for all of them, as evenly as their distances allow: the chain of the spine
-    shares the length of the trunk. Head, hands and toes, which have one, take the mean factor of the
-    region they hang on.
+    Lengths: a region with two joint centers is scaled evenly in all directions, so that their distance is the lower
+    model's; the pelvis and the torso, which have three or more, along the axes of their bodies, one factor an axis for
+    all of them, as evenly as their distances allow: the chain of the spine shares the length of the trunk. Head, hands
+    and toes, which have one, take the mean factor of the region they hang on.
 
     Markers: they are fixed to the body on which the higher model has a marker of that name, or of the
     same name as the lower model's body, or to that of the region whose bone is nearest.

@@ -111,9 +111,8 @@ def piecewise_linear(x: ArrayLike, y: ArrayLike) -> PiecewisePolynomial:
 def simm_spline(x: ArrayLike, y: ArrayLike) -> PiecewisePolynomial:
     """Cubic spline with OpenSim's `SimmSpline` end conditions, continued by straight lines.
 
-    The third derivative at each end equals that of the cubic through the four end points
-    (Forsythe, Malcolm and Moler 1977); with two points it is a line, with three a parabola-like
-    cubic with equal second derivatives.
+    The third derivative at each end equals that of the cubic through the four end points (Forsythe, Malcolm and Moler
+    1977); with two points it is a line, with three a parabola-like cubic with equal second derivatives.
 
     `x` (points,) strictly ascending abscissae; `y` (points,) ordinates.
     """

@@ -82,8 +82,7 @@ class PathWrap:
     ----------
     wrap_object : name, unique in the model
     method : of ellipsoids: "hybrid", "midpoint" or "axial"
-    first, last : numbers, from 1 as OpenSim counts, of the path points between which it may wrap; -1 for
-        the ends
+    first, last : numbers, from 1 as OpenSim counts, of the path points between which it may wrap; -1 for the ends
     """
 
     wrap_object: str

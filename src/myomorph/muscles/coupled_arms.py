@@ -7,11 +7,10 @@ of speeds onto those that keep loops closed and couplers true,
     arm_k = (P e_k)^T r / (P e_k)_k,     r_j = -dl/dq_j with every coordinate moved alone
 
 (Sherman, Seth and Delp 2013; `MomentArmSolver` of OpenSim). Locked coordinates stay, except k itself. What is "as
-little" hangs on the speeds that are counted. OpenSim counts the rates of most coordinates, but for the three
-rotations of a `ScapulothoracicJoint`, `EllipsoidJoint`, `BallJoint` and `FreeJoint` the angular velocity along the
-joint's axes, which stands under the coordinate's name; so are ours where a loop is closed. Sums of these arms do
-not balance torques, for each holds the others' share: muscle forces take the null space instead, see
-`rigid.closed_motion`.
+little" hangs on the speeds that are counted. OpenSim counts the rates of most coordinates, but for the three rotations
+of a `ScapulothoracicJoint`, `EllipsoidJoint`, `BallJoint` and `FreeJoint` the angular velocity along the joint's axes,
+which stands under the coordinate's name; so are ours where a loop is closed. Sums of these arms do not balance torques,
+for each holds the others' share: muscle forces take the null space instead, see `rigid.closed_motion`.
 """
 
 from __future__ import annotations

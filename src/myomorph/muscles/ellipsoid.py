@@ -1,7 +1,6 @@
 """The point of an ellipse or ellipsoid nearest to a given one (Eberly, Graphics Gems IV), as OpenSim finds it.
 
-The special cases near the axes and planes are OpenSim's: they decide on which side of an ellipsoid
-a muscle path runs.
+The special cases near the axes and planes are OpenSim's: they decide on which side of an ellipsoid a muscle path runs.
 """
 
 from __future__ import annotations

@@ -4,12 +4,11 @@ The chain has a node for each active point, and two more for each surface the pa
 are those of OpenSim's `GeometryPath` (4.6). It keeps the last wrap from frame to frame but loses it
 before it is used, so frames do not depend on history.
 
-A quirk of OpenSim 4.6 is kept, since it changes lengths by millimeters where a path has two surfaces
-or more: within a frame, the place in ground of a point on a surface is that of the pass in which it
-was first asked for, though later passes move it (`_look_at`). Lengths and directions use the place first
-seen, the force acts at the last one. OpenSim's lengthening speed then has a part that is no rate of
-length (it is not zero when the whole body turns); ours is -sum r qdot. MuJoCo's tendons take
-`tendon_nodes`.
+A quirk of OpenSim 4.6 is kept, since it changes lengths by millimeters where a path has two surfaces or more: within a
+frame, the place in ground of a point on a surface is that of the pass in which it was first asked for, though later
+passes move it (`_look_at`). Lengths and directions use the place first seen, the force acts at the last one. OpenSim's
+lengthening speed then has a part that is no rate of length (it is not zero when the whole body turns); ours is -sum r
+qdot. MuJoCo's tendons take `tendon_nodes`.
 """
 
 from __future__ import annotations

@@ -1,10 +1,9 @@
 """The way around a cylinder as OpenSim defines it (`WrapCylinder`, 4.6), one segment at a time.
 
-In the frame of the surface its axis is z and its middle the origin. The path of least length would
-be a helix; OpenSim takes the tangent points of the projection along the axis, slides them along the
-axis into the plane of both points and an apex of the cylinder, and joins them by a helix. Where a
-path has several surfaces the points are slid on until the helix leaves at the angle of the straight
-parts, to within 0.1 degrees.
+In the frame of the surface its axis is z and its middle the origin. The path of least length would be a helix; OpenSim
+takes the tangent points of the projection along the axis, slides them along the axis into the plane of both points and
+an apex of the cylinder, and joins them by a helix. Where a path has several surfaces the points are slid on until the
+helix leaves at the angle of the straight parts, to within 0.1 degrees.
 """
 
 from __future__ import annotations
@@ -169,8 +168,7 @@ def _helix(a, b, r, s, radius, long, single):
 def _flat_view(p, q, r, turn):
     """What sliding leaves as it is, of p, a tangent point q, and the point w that r turned by `turn` makes.
 
-    Seen along the axis: squares of the distances p q, q w and p w, and how far along p w the point
-    nearest to q lies.
+    Seen along the axis: squares of the distances p q, q w and p w, and how far along p w the point nearest to q lies.
     """
     c, s = math.cos(turn), math.sin(turn)
     w0, w1 = c * r[0] - s * r[1], s * r[0] + c * r[1]

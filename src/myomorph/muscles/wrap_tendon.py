@@ -1,14 +1,13 @@
 """Tendons around spheres and cylinders in the way of MuJoCo: one surface between two sites.
 
-The path lies in a plane: for a sphere the one through both points and its center, for a cylinder
-the one across its axis, along which the path then climbs evenly. In the plane it is straight, an
-arc of the circle, straight. The path takes the near way round, and only where the surface is in its
-way; but where the center lies within the triangle of both points and a side point outside of the
-surface, it takes the way over that side in any case. A side point inside of the surface makes the
-path run through the inside of the ring and touch it at one point (a pulley seen from within). These
-are the rules of MuJoCo 4.0 (`tendon/spatial/geom` in its documentation, found out by experiment).
-Versions before 4.0 went over the side of a side point outside wherever the straight line passes the
-center on the other side of it, and of both ways took the one whose ends point more towards it.
+The path lies in a plane: for a sphere the one through both points and its center, for a cylinder the one across its
+axis, along which the path then climbs evenly. In the plane it is straight, an arc of the circle, straight. The path
+takes the near way round, and only where the surface is in its way; but where the center lies within the triangle of
+both points and a side point outside of the surface, it takes the way over that side in any case. A side point inside of
+the surface makes the path run through the inside of the ring and touch it at one point (a pulley seen from within).
+These are the rules of MuJoCo 4.0 (`tendon/spatial/geom` in its documentation, found out by experiment). Versions before
+4.0 went over the side of a side point outside wherever the straight line passes the center on the other side of it, and
+of both ways took the one whose ends point more towards it.
 """
 
 from __future__ import annotations

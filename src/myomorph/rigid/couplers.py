@@ -36,9 +36,8 @@ def couple_rates(T, c, cdot, cddot):
 def gather_dependents(T, c, rows):
     """Turn derivatives in all coordinates into derivatives in the independent ones, in place.
 
-    Each row of `rows` (n, coordinates) holds df/dc; afterwards the entry of an independent
-    coordinate includes what reaches f through the coordinates that follow it, and the entries of
-    dependent coordinates are left as they were.
+    Each row of `rows` (n, coordinates) holds df/dc; afterwards the entry of an independent coordinate includes what
+    reaches f through the coordinates that follow it, and the entries of dependent coordinates are left as they were.
     """
     for index in range(T.coupler_coordinate.shape[0] - 1, -1, -1):
         i, j = T.coupler_source[index, 0], T.coupler_source[index, 1]

@@ -23,10 +23,9 @@ from myomorph.rigid.vectors import along, cross, dot, matrix, minus, plus, put_v
 def inverse_dynamics(model: Model, motion: Motion, wrenches: Wrenches | None = None) -> Series:
     """Generalized force of every coordinate that makes the model move as given.
 
-    tau = Phi^T (M a + h - gravity - external), by the recursive Newton-Euler algorithm
-    (Featherstone 2008, ch. 5) over elementary axes. As in OpenSim's tool, every coordinate has its
-    own column, and couplers and closed loops transmit no force; `closed_motion.loop_torques` folds the
-    dependent ones in.
+    tau = Phi^T (M a + h - gravity - external), by the recursive Newton-Euler algorithm (Featherstone 2008, ch. 5) over
+    elementary axes. As in OpenSim's tool, every coordinate has its own column, and couplers and closed loops transmit
+    no force; `closed_motion.loop_torques` folds the dependent ones in.
 
     Parameters
     ----------

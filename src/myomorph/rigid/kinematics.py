@@ -136,8 +136,7 @@ class Poses:
     def jacobian(self, frame: int, body: int, point: Array) -> Array:
         """d(twist)/d(coordinates) of a body, (6, coordinates): angular, then linear at `point`.
 
-        Both rows are in ground; `point` (3,) is given in ground [m]. Dependent coordinates keep
-        columns of their own.
+        Both rows are in ground; `point` (3,) is given in ground [m]. Dependent coordinates keep columns of their own.
         """
         arrays = self.tree.arrays
         columns = np.zeros((6, len(self.tree.model.coordinates)))

@@ -1,12 +1,11 @@
 """The balance of torques over frames: A x = b of all terms, on the free coordinates.
 
-Columns of A are the generalized forces of one unit of each unknown: a muscle's moment arms times
-its force per unit activation, an actuator's direction times its optimal force. What falls on a
-coordinate that a coupler drives is handed on to the coordinates it follows: tau_free = tau + C^T
-tau_dependent with C = d(dependent)/d(free). Closed loops are taken alike: of the coordinates they tie, some
-follow the others (`rigid.loops.loop_basis`), so that loads of the loop's own joint drop out. Rows of locked and
-prescribed coordinates are left out, for whatever holds them there takes any load. Rows that terms add stand behind
-those of the coordinates, each with an unknown of its own behind all others.
+Columns of A are the generalized forces of one unit of each unknown: a muscle's moment arms times its force per unit
+activation, an actuator's direction times its optimal force. What falls on a coordinate that a coupler drives is handed
+on to the coordinates it follows: tau_free = tau + C^T tau_dependent with C = d(dependent)/d(free). Closed loops are
+taken alike: of the coordinates they tie, some follow the others (`rigid.loops.loop_basis`), so that loads of the loop's
+own joint drop out. Rows of locked and prescribed coordinates are left out, for whatever holds them there takes any
+load. Rows that terms add stand behind those of the coordinates, each with an unknown of its own behind all others.
 """
 
 from __future__ import annotations

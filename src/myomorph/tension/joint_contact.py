@@ -1,9 +1,8 @@
 """Forces at the contact points of a joint: how the force that a joint transmits is shared among places that only push.
 
 The medial and lateral condyles of a knee are the usual case. Two points on a line give the two-point method: the force
-along their normal and the moment about the axis across their line, the adduction moment, determine both
-(Winby et al. 2009; Fregly et al. 2012; Lerner et al. 2015). Any number of points with normals of their own goes the
-same way.
+along their normal and the moment about the axis across their line, the adduction moment, determine both (Winby et al.
+2009; Fregly et al. 2012; Lerner et al. 2015). Any number of points with normals of their own goes the same way.
 """
 
 from __future__ import annotations

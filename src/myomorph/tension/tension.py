@@ -50,9 +50,8 @@ class TensionOptions:
         and bushings of the model's joints always take part
     viscous : whether the muscles' viscosity takes part, a force that may push; 0 in models that have none. It
         does in OpenSim, where it is a force of its own beside the muscle's
-    curves : "rigid-tendon" or "opensim" force-length-velocity curves (see `hill_forces`), "constant"
-        for the maximum isometric force at any length and velocity, or "auto": "rigid-tendon" with
-        passive forces and "opensim" without
+    curves : "rigid-tendon" or "opensim" force-length-velocity curves (see `hill_forces`), "constant" for the maximum
+        isometric force at any length and velocity, or "auto": "rigid-tendon" with passive forces and "opensim" without
     reserve : optimal force of the reserves that are added where no actuators are given [N m or N]; by default 1 on a
         body of human size, less on a smaller one (`default_reserves`)
     residual : optimal force of what then holds a floating body [N], [N m]; by default 10 likewise

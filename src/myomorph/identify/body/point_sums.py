@@ -170,8 +170,7 @@ def respond(reference, freedom, floor, s, ds, t, start, stop, out):
 class PointSums:
     """Products with G (10 links, points): column j holds w_ij m(x_j) for every link i, m the ten monomials.
 
-    Points are counted from their mean, so that powers of four keep their digits wherever the ground's
-    origin is.
+    Points are counted from their mean, so that powers of four keep their digits wherever the ground's origin is.
     """
 
     x: Array  # (points, 3) from the mean of all [m]

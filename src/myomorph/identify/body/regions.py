@@ -181,12 +181,11 @@ def ground_pseudo_inertias(model: Model, pose: Motion) -> Array:
 def spread(inertia: Array, target: Array) -> Array:
     """(bodies, 4, 4) pseudo-inertias whose sum is `target`, by a change of those given that is as even as possible.
 
-    All masses grow by the same factor and all mass centers move by the same vector, which gives the sum its
-    mass and its mass center. With second moments P of the sum and Q of the target about the mass center,
-    both in the basis V that makes P = V V^T and Q = V L V^T with L diagonal: where L < 1 the bodies are
-    drawn together by the linear map that turns P into V min(L, 1) V^T and moves mass the least (Olkin and
-    Pukelsheim 1982); where L > 1 each body gets its share by mass of V max(L - 1, 0) V^T, without moving.
-    Every body stays physically possible.
+    All masses grow by the same factor and all mass centers move by the same vector, which gives the sum its mass and
+    its mass center. With second moments P of the sum and Q of the target about the mass center, both in the basis V
+    that makes P = V V^T and Q = V L V^T with L diagonal: where L < 1 the bodies are drawn together by the linear map
+    that turns P into V min(L, 1) V^T and moves mass the least (Olkin and Pukelsheim 1982); where L > 1 each body gets
+    its share by mass of V max(L - 1, 0) V^T, without moving. Every body stays physically possible.
 
     `inertia` (bodies, 4, 4) in ground, their sum of positive mass; `target` (4, 4) in ground.
     """

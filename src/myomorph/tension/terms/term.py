@@ -267,8 +267,7 @@ class Term:
     """A part of the tension problem. A term overrides what it adds; the rest adds nothing.
 
     What is asked of a term: once, when the problem is set up, `variables`, `entries`, `rows`, `penalties` and
-    `smoothing`; chunk by
-    chunk of frames, from several threads, `columns` and `row_values`.
+    `smoothing`; chunk by chunk of frames, from several threads, `columns` and `row_values`.
     """
 
     def variables(self) -> Variables:
