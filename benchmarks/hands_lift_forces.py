@@ -20,7 +20,7 @@ from myomorph.model.contacts import SharedWrench, Site
 from myomorph.model.join import join_models, join_motions
 from myomorph.rigid.frames import over_frames
 from myomorph.tension.certificates import ContactIntervals, contact_intervals
-from myomorph.tension.problem import tension_problem
+from myomorph.tension.problem import TensionInputs, tension_problem
 from myomorph.tension.tension import Tension
 from myomorph.tension.terms.contacts import ContactOptions, ContactTask
 
@@ -143,9 +143,9 @@ def found(folder: Path, lift: str, way: str) -> Lift:
 
 def left_open(asked: Task, frames: Sequence[int]) -> ContactIntervals:
     """What the data leave open of contact forces in some frames."""
-    problem, names = tension_problem(asked.model, asked.motion, asked.torques, contacts=asked.contacts)
+    problem = tension_problem(TensionInputs(asked.model, asked.motion, asked.torques, contacts=asked.contacts))
     over_frames(problem.solve, len(asked.motion), None, problem.window)
-    return contact_intervals(problem, problem.result(names), frames)
+    return contact_intervals(problem, problem.result(), frames)
 
 
 def _bottom() -> Array:

@@ -29,7 +29,7 @@ from myomorph.model.contacts import SharedWrench, Site
 from myomorph.model.inertia import inertial_parameters, with_inertial_parameters
 from myomorph.motion.sync import cut
 from myomorph.study.inputs.external_forces import force_table
-from myomorph.tension.solve import Tension
+from myomorph.tension.tension import Tension
 from myomorph.tension.terms.contacts import ContactOptions, ContactTask
 
 TABLES = (

@@ -36,7 +36,7 @@ from myomorph.muscles.scaling import default_path_lengths
 from myomorph.rigid.tree import compile_tree
 from myomorph.study.inputs.reading import fitted_to
 from myomorph.study.subject.species_morphing import read_species
-from myomorph.tension.solve import Tension
+from myomorph.tension.tension import Tension
 from truths.mouse_motion import CUTOFF, PAW, lengths_over, longest, part_of, place_of
 from truths.mouse_recordings import TREADMILL, gait_files
 

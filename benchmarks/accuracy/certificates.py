@@ -26,7 +26,7 @@ from myomorph.tension.certificates import (
     open_bounds,
     optimality,
 )
-from myomorph.tension.problem import TensionProblem, tension_problem
+from myomorph.tension.problem import TensionInputs, TensionProblem, tension_problem
 from myomorph.tension.relaxation import Relaxation, RelaxationOptions, relaxations
 from myomorph.tension.simplex import extremes
 from myomorph.tension.solved import solved_frames
@@ -55,9 +55,9 @@ def solved(
         hidden.sites, hidden.activations, preferred=preferred_directions(hidden.model, hidden.motion, hidden.sites)
     )
     torques = mm.inverse_dynamics(hidden.model, hidden.motion)
-    problem, names = tension_problem(hidden.model, hidden.motion, torques, contacts=change(task))
+    problem = tension_problem(TensionInputs(hidden.model, hidden.motion, torques, contacts=change(task)))
     over_frames(problem.solve, len(hidden.motion), None, problem.window)
-    return problem, problem.result(names)
+    return problem, problem.result()
 
 
 @cache
@@ -188,10 +188,10 @@ def measure_truth() -> Iterator[Row]:
     for known in (KNOWN[0], KNOWN[3], KNOWN[5]):
         inside, near, width, along, groups = [], [], [], [], ()
         for pair, motion in pairs:
-            problem, names = pair_problem(pair, motion, known)
+            problem = pair_problem(pair, motion, known)
             over_frames(problem.solve, len(motion), None, problem.window)
             frames = np.arange(10, len(motion) - 10, 4 * EVERY)
-            found = contact_intervals(problem, problem.result(names), frames.tolist())
+            found = contact_intervals(problem, problem.result(), frames.tolist())
             groups = found.groups
             truth = np.stack([pair.truth.forces[name] for name in groups], axis=1)[frames]
             miss = found.forces - truth
@@ -222,7 +222,7 @@ def pair_problem(pair: VirtualPair, motion: mm.Motion, known: Knowledge) -> tupl
     names = tuple(one.name for one in sites)
     columns = [pair.touching.names.index(name) for name in names]
     task = ContactTask(sites, mm.Series(motion.time, names, pair.touching.values[:, columns]))
-    return tension_problem(pair.model, motion, torques, contacts=task, emg=emg_target(pair, known.emg))
+    return tension_problem(TensionInputs(pair.model, motion, torques, contacts=task, emg=emg_target(pair, known.emg)))
 
 
 def together(wrenches: Sequence[mm.Wrenches]) -> mm.Wrenches:

@@ -20,7 +20,7 @@ from benchmarks.recordings import read_torques
 from myomorph.model.arrays import Array
 from myomorph.model.model import Actuator
 from myomorph.motion.sync import take_frames
-from myomorph.tension.solve import Tension
+from myomorph.tension.tension import Tension
 
 RATE = 100.0
 """Frames a second that are solved."""

@@ -13,7 +13,7 @@ import myomorph as mm
 from benchmarks.accuracy.tension import CASES, prepare
 from benchmarks.speed.elastic import stride, tiled, with_degroote
 from myomorph.motion.sync import take_frames
-from myomorph.tension.solve import Tension
+from myomorph.tension.tension import Tension
 
 DEFAULT = mm.TensionOptions(tendons="elastic")
 PASSIVE = mm.TensionOptions(tendons="elastic", min_activation="model", passive=True)

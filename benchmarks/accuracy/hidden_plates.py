@@ -12,7 +12,7 @@ import myomorph as mm
 from benchmarks.hidden_plates import CASES, Hidden, estimated, feet_of, foot_wrench, opened
 from myomorph.contact.shared import SharedOptions, shared_wrenches
 from myomorph.contact.states import ActivationOptions, ContactStateOptions, contact_activations, hysteresis, steady
-from myomorph.tension.solve import Tension
+from myomorph.tension.tension import Tension
 
 AXES = ("fore-aft", "vertical", "lateral")
 LOADED, UNLOADED = 0.05, 0.03

@@ -12,7 +12,7 @@ from myomorph.contact.plate_corners import first_corner
 from myomorph.contact.plates import loaded_samples
 from myomorph.model.arrays import runs
 from myomorph.morph.mirror.model import with_other_side
-from myomorph.tension.solve import Tension
+from myomorph.tension.tension import Tension
 from truths.mouse_hindlimb import FILE, mouse_hindlimb_model
 from truths.mouse_motion import (
     Mouse,

@@ -18,7 +18,7 @@ from myomorph.model.passive_dynamics import strand_viscosity, with_passive_dynam
 from myomorph.rigid.closed_motion import closed_motion
 from myomorph.rigid.dynamics import rates_of
 from myomorph.rigid.tree import compile_tree
-from myomorph.tension.solve import Tension
+from myomorph.tension.tension import Tension
 from myomorph.tension.terms.actuators import default_reserves
 from myomorph.viscosity.cohort import MEAN
 from myomorph.viscosity.identified_model import joint_bushing, joint_jacobian

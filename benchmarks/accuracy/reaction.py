@@ -23,7 +23,7 @@ from myomorph.rigid.dynamics import motion_arrays
 from myomorph.rigid.joint_wrenches import joint_wrenches
 from myomorph.rigid.tree import compile_tree
 from myomorph.tension.reaction import JointReactions
-from myomorph.tension.solve import Tension
+from myomorph.tension.tension import Tension
 from myomorph.tension.terms.emg import EmgTarget
 from trees import random_tree, to_pinocchio
 

@@ -17,7 +17,7 @@ from myomorph.motion.sync import take_frames
 from myomorph.rigid.closed_motion import closed_motion
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
-from myomorph.tension.solve import Tension
+from myomorph.tension.tension import Tension
 from myomorph.tension.terms.actuators import default_reserves
 
 MODEL = "shoulder-thoracoscapular/model_cmc/TSM_subject_CMC_noWeight.osim"

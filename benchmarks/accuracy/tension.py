@@ -23,7 +23,7 @@ from myomorph.io.sto import table_from_motion
 from myomorph.model.model import Actuator
 from myomorph.motion.sync import take_frames
 from myomorph.rigid.tree import compile_tree
-from myomorph.tension.solve import Tension
+from myomorph.tension.tension import Tension
 from myomorph.tension.terms.actuators import default_reserves
 
 

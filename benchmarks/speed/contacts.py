@@ -25,8 +25,7 @@ from myomorph.model.contacts import Cone, Site
 from myomorph.model.join import join_models, join_motions
 from myomorph.motion.sync import take_frames
 from myomorph.rigid.frames import over_frames, thread_count
-from myomorph.tension.problem import Balance, TensionProblem
-from myomorph.tension.solve import tension_problem
+from myomorph.tension.problem import Balance, TensionInputs, TensionProblem, tension_problem
 from myomorph.tension.terms.contacts import ContactOptions, ContactTask
 
 WALK = "rajagopal-walk-emg/"
@@ -131,7 +130,7 @@ def speed(case: ContactCase, rounds: int = 5) -> dict[str, object]:
     """Frames a second on all cores: the QP step alone, everything, and everything with forces smoothed."""
     torques = mm.inverse_dynamics(case.model, case.motion)
     smooth = replace(case.task, options=ContactOptions())
-    problem, _ = tension_problem(case.model, case.motion, torques, case.options, contacts=case.task)
+    problem = tension_problem(TensionInputs(case.model, case.motion, torques, case.options, contacts=case.task))
     frames = len(case.motion)
     parts = {start: problem.balance(start, min(start + 16, frames)) for start in range(0, frames, 16)}
     status: list[np.ndarray] = []
@@ -164,7 +163,7 @@ def speed(case: ContactCase, rounds: int = 5) -> dict[str, object]:
 def against_others(case: ContactCase, rounds: int = 3) -> Iterator[dict[str, object]]:
     """Milliseconds a frame on one core: ours and maintained solvers, same frames, alternating."""
     torques = mm.inverse_dynamics(case.model, case.motion)
-    problem, _ = tension_problem(case.model, case.motion, torques, case.options, contacts=case.task)
+    problem = tension_problem(TensionInputs(case.model, case.motion, torques, case.options, contacts=case.task))
     keep = (len(case.motion) - case.compared) // 2 + np.arange(case.compared)
     frames = quadratic(problem, problem.balance(0, len(case.motion)), keep)
     solvers = solvers_of(frames)

@@ -19,8 +19,8 @@ from benchmarks.speed.timing import alternate
 from data_collection import data_folder
 from myomorph.motion.sync import take_frames
 from myomorph.tension.dual import solve_separable
+from myomorph.tension.problem import TensionInputs, tension_problem
 from myomorph.tension.separable import Separable, no_links, no_penalties
-from myomorph.tension.solve import tension_problem
 from myomorph.tension.terms.actuators import free_coordinates
 
 
@@ -86,7 +86,9 @@ def frames_of(folder: Path, case: QpCase) -> QuadraticFrames:
     keep = np.flatnonzero((whole.time >= case.start) & (whole.time <= case.end))[:: case.step]
     motion = take_frames(whole, keep)
     torques = read_torques(folder / case.loads if case.loads else None, model, motion)
-    problem, _ = tension_problem(model, motion, torques, mm.TensionOptions(passive=False, reserve=10.0, residual=100.0))
+    problem = tension_problem(
+        TensionInputs(model, motion, torques, mm.TensionOptions(passive=False, reserve=10.0, residual=100.0))
+    )
     values, right = problem.balance(0, len(motion))[:2]
     S = problem.separable
     columns = np.repeat(np.arange(len(S.weight)), np.diff(S.start))

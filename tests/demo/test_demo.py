@@ -26,7 +26,7 @@ from myomorph.simulate.squat import (
 from myomorph.store import stored as store
 from myomorph.store.results import read_result
 from myomorph.study.trial.reporting import report_folder
-from myomorph.tension.solve import TensionOptions
+from myomorph.tension.tension import TensionOptions
 
 OPTIONS = SimulationOptions(duration=2.0, squats=1, rate=40.0)
 

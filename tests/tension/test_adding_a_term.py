@@ -13,7 +13,8 @@ from walking import task, walk
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import Actuator, index_of
 from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.tension.solve import solve_tension, tension_problem
+from myomorph.tension.problem import TensionInputs, tension_problem
+from myomorph.tension.solve import solve_tension
 from myomorph.tension.terms.actuators import default_reserves
 from myomorph.tension.terms.emg import EmgTarget
 from myomorph.tension.terms.term import Columns, Frames, Penalties, Rows, Smoothing, Term, Unknowns, Variables
@@ -132,7 +133,7 @@ def unit(program: Program, **factors: float) -> np.ndarray:
 
 def test_co_contraction_of_an_antagonist_pair_is_the_optimum_of_the_whole_program(walker):
     model, motion, tau = walker
-    problem, _ = tension_problem(model, motion, tau)
+    problem = tension_problem(TensionInputs(model, motion, tau))
     free = solve_tension(model, motion, tau)
     found = solve_tension(model, motion, tau, terms=[CoContraction("soleus_r", "tibant_r", 2.0, weight=8.0)])
     assert found.optimal.all()
@@ -160,7 +161,7 @@ def test_terms_add_up_with_contacts_emg_and_each_other(walker):
     ]
     found = solve_tension(model, motion, tau, contacts=asked, emg=emg, terms=added)
     assert found.optimal.all()
-    problem, _ = tension_problem(model, motion, tau, contacts=asked, emg=emg)
+    problem = tension_problem(TensionInputs(model, motion, tau, contacts=asked, emg=emg))
     limited = 0
     for frame in range(len(motion)):
         bare = frame_program(problem, frame)
@@ -188,9 +189,9 @@ def test_a_term_with_an_unknown_of_its_own_acts_as_the_actuator_that_it_is(walke
     model, motion, tau = walker
     name = "ankle_angle_r"
     suit = Exosuit(model.coordinate_names.index(name), 40.0)
-    problem, names = tension_problem(model, motion, tau, terms=[suit])
+    problem = tension_problem(TensionInputs(model, motion, tau, terms=[suit]))
     problem.solve(0, len(motion))
-    found = problem.result(names)
+    found = problem.result()
     motor = Actuator("motor", "coordinate", 40.0, coordinate=name, min_control=-np.inf, max_control=0.0)
     same = solve_tension(model, motion, tau, actuators=(*default_reserves(model), motor))
     np.testing.assert_allclose(found.activations, same.activations, atol=1e-7)
@@ -213,4 +214,4 @@ def test_terms_that_do_not_fit_are_refused(walker):
     with pytest.raises(BadData, match="2 terms of the tension problem link frames: expected one"):
         solve_tension(model, motion, tau, terms=[Slow("soleus_r"), Slow("tibant_r")])
     with pytest.raises(BadData, match="Exosuit, which is not a part"):
-        tension_problem(model, motion, tau)[0].unknowns.of(Exosuit(0, 1.0))
+        tension_problem(TensionInputs(model, motion, tau)).unknowns.of(Exosuit(0, 1.0))

@@ -28,7 +28,7 @@ from myomorph.tension.certificates import (
     open_bounds,
     optimality,
 )
-from myomorph.tension.problem import tension_problem
+from myomorph.tension.problem import TensionInputs, tension_problem
 from myomorph.tension.reaction import joint_reactions
 from myomorph.tension.solved import solved_frames
 from myomorph.tension.terms.contacts import ContactOptions, ContactTask
@@ -40,11 +40,11 @@ EXACT = CertificateOptions(residual=0.0, reserve=0.0)
 
 def solved(model, motion, task, actuators=(), **more):
     """The problem of a motion with contacts, solved, and what was found."""
-    problem, names = tension_problem(
-        model, motion, inverse_dynamics(model, motion), actuators=actuators, contacts=task, **more
+    problem = tension_problem(
+        TensionInputs(model, motion, inverse_dynamics(model, motion), actuators=actuators, contacts=task, **more)
     )
     over_frames(problem.solve, len(motion), None, problem.window)
-    return problem, problem.result(names)
+    return problem, problem.result()
 
 
 def intervals(sites, options=EXACT, measured=(), actuators=(), compliance=0.1):
@@ -281,10 +281,10 @@ def test_what_cannot_be_asked_is_named(walk):
     assert np.isnan(found.near_low).all()
     with pytest.raises(UnknownName, match="unknown contact group 'hand'"):
         found.of("hand")
-    bare, names = tension_problem(model, motion, inverse_dynamics(model, motion))
+    bare = tension_problem(TensionInputs(model, motion, inverse_dynamics(model, motion)))
     over_frames(bare.solve, len(motion))
     with pytest.raises(BadData, match="there are no contacts"):
-        contact_intervals(bare, bare.result(names))
+        contact_intervals(bare, bare.result())
 
 
 @pytest.mark.parametrize("gravity", [9.80665, 1.0, 0.01])

@@ -23,7 +23,9 @@ from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.kinematics import center_of_mass, forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.tension.passive_share import contact_notes
-from myomorph.tension.solve import TensionOptions, solve_contacts, solve_tension, tension_problem
+from myomorph.tension.problem import TensionInputs, tension_problem
+from myomorph.tension.solve import solve_contacts, solve_tension
+from myomorph.tension.tension import TensionOptions
 from myomorph.tension.terms.contacts import ContactOptions, ContactTask
 from myomorph.tension.terms.emg import EmgTarget
 
@@ -128,7 +130,7 @@ def test_passive_force_beyond_a_muscle_s_strength_is_reported_with_its_name(walk
     changed = tuple(one if one.name == "recfem_r" else own for own, one in zip(model.muscles, short, strict=True))
     notes = []
     for one in (model, replace(model, muscles=changed)):
-        solution = solve_contacts(one, motion, tau, contacts=task(one, motion))[1]
+        solution = solve_contacts(TensionInputs(one, motion, tau, contacts=task(one, motion)))[1]
         notes.append(contact_notes(solution.found))
     assert notes[0] == ()
     assert len(notes[1]) == 1
@@ -219,9 +221,9 @@ def test_the_fast_solution_is_that_of_the_readable_program_by_two_solvers(walker
         told[::2, 1] = np.nan
         emg = EmgTarget(("soleus_r", "tibant_l", "gaslat_r"), told, mode)
     ask = task(model, motion, sites, [shared(loads, sites)])
-    problem, names = tension_problem(model, motion, tau, contacts=ask, emg=emg)
+    problem = tension_problem(TensionInputs(model, motion, tau, contacts=ask, emg=emg))
     problem.solve(0, len(motion))
-    found = problem.result(names)
+    found = problem.result()
     assert found.optimal.all()
     for frame in range(0, len(motion), 3):
         program = frame_program(problem, frame)
@@ -299,7 +301,9 @@ def test_a_frame_that_contacts_cannot_carry_is_marked_and_the_rest_goes_on(walke
     activations[4] = 0.0
     names = tuple(site.name for site in sites)
     helpers = [
-        one for one in tension_problem(model, motion, tau)[0].actuators.actuators if one.name.startswith("reserve_")
+        one
+        for one in tension_problem(TensionInputs(model, motion, tau)).actuators.actuators
+        if one.name.startswith("reserve_")
     ]
     for smoothness in (0.0, 1.0):
         ask = ContactTask(sites, Series(motion.time, names, activations), options=ContactOptions(smoothness=smoothness))
@@ -330,7 +334,7 @@ def test_contacts_first_solves_the_equations_of_the_floating_body_alone(walker):
     model, motion, _, tau = walker
     ask = task(model, motion, formulation="sequential")
     found = solve_tension(model, motion, tau, contacts=ask)
-    together, _ = tension_problem(model, motion, tau, contacts=task(model, motion))
+    together = tension_problem(TensionInputs(model, motion, tau, contacts=task(model, motion)))
     roots = [name for name in together.assembly.rows if name.startswith("pelvis")]
     for frame in (1, 5, 9):
         whole = frame_program(together, frame)

@@ -14,7 +14,8 @@ from myomorph.model.series import Motion, Series
 from myomorph.motion.sync import take_frames
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.tension.dual import OPTIMAL
-from myomorph.tension.solve import solve_tension, tension_problem
+from myomorph.tension.problem import TensionInputs, tension_problem
+from myomorph.tension.solve import solve_tension
 
 
 @pytest.fixture(scope="module")
@@ -66,13 +67,13 @@ def test_a_window_reaches_the_optimum_of_all_its_frames_together(walker, smoothn
     model, motion, tau = walker
     tau = noisy(tau)
     ask = task(model, motion, smoothness=smoothness, window=len(motion), compliance=1.0)
-    problem, _ = tension_problem(model, motion, tau, contacts=ask)
+    problem = tension_problem(TensionInputs(model, motion, tau, contacts=ask))
     problem.solve(0, len(motion))
     stiffness = problem.smooth.stiffness
     np.testing.assert_allclose(stiffness, smoothness * (0.01 / 0.005) ** 2)
     push = problem.contacts.amounts / problem.contacts.generators.weight[0]
     theirs = all_at_once(problem, stiffness)
-    alone, _ = tension_problem(model, motion, tau, contacts=task(model, motion, compliance=1.0))
+    alone = tension_problem(TensionInputs(model, motion, tau, contacts=task(model, motion, compliance=1.0)))
     alone.solve(0, len(motion))
     apart = np.abs(push * (problem.amplitudes - theirs)).max()
     # In body weights: passes end at 1e-4 a pass.
@@ -84,9 +85,9 @@ def test_windows_one_after_another_are_as_good_as_one(walker, monkeypatch):
     model, motion, tau = walker
     ask = task(model, motion, smoothness=0.3, window=len(motion))
     whole = solve_tension(model, motion, noisy(tau), contacts=ask)
-    assert tension_problem(model, motion, tau, contacts=ask)[0].smooth.window == len(motion)
+    assert tension_problem(TensionInputs(model, motion, tau, contacts=ask)).smooth.window == len(motion)
     rolling = replace(ask, options=replace(ask.options, window=4))
-    one, _ = tension_problem(model, motion, noisy(tau), contacts=rolling)
+    one = tension_problem(TensionInputs(model, motion, noisy(tau), contacts=rolling))
     assert one.window < len(motion)
     weight = sum(body.mass for body in model.bodies) * 9.8
     found = solve_tension(model, motion, noisy(tau), contacts=rolling)

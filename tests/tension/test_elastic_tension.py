@@ -22,9 +22,11 @@ from myomorph.muscles.hill_arrays import compile_hill
 from myomorph.muscles.kinematics import muscle_kinematics
 from myomorph.muscles.model_table import muscle_model
 from myomorph.rigid.dynamics import inverse_dynamics
+from myomorph.tension.problem import TensionInputs
 from myomorph.tension.reaction import joint_reactions
 from myomorph.tension.recruitment import joint_load_term
-from myomorph.tension.solve import TensionOptions, solve_tension
+from myomorph.tension.solve import solve_tension
+from myomorph.tension.tension import TensionOptions
 from myomorph.tension.terms.co_contraction import CoContractionTerm
 from myomorph.tension.terms.emg import EmgTarget
 from myomorph.tension.terms.term import Rows, Term
@@ -226,9 +228,9 @@ def test_joint_loads_take_part_by_tendon_forces(data):
     """What the rows leave is the force of each joint, as the reactions of the same tensions say, and it falls."""
     model, motion, torques = arm(data)
     term = joint_load_term(model, motion, None, 1e-3)
-    problem, names = elastic.elastic_problem(model, motion, torques, ELASTIC, terms=[term])
+    problem = elastic.elastic_problem(TensionInputs(model, motion, torques, ELASTIC, terms=[term]))
     problem.solve(0, len(motion))
-    found = problem.result(names)
+    found = problem.result()
     assert found.optimal.all()
     assert found.fibers.certificate.residual < 1e-3
     weight = sum(body.mass for body in model.bodies) * np.linalg.norm(model.gravity)

@@ -13,7 +13,8 @@ from myomorph.model.series import Motion, Series
 from myomorph.motion.filters import differentiate
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.tension.elastic.thinning import FASTEST, along, picked, solved_every
-from myomorph.tension.solve import TensionOptions, solve_tension
+from myomorph.tension.solve import solve_tension
+from myomorph.tension.tension import TensionOptions
 
 ARM = "opensim-reference-small/"
 ELASTIC = TensionOptions(tendons="elastic")

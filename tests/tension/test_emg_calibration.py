@@ -19,7 +19,9 @@ from myomorph.tension import emg_calibration
 from myomorph.tension.emg_calibration import EmgOptions, EmgTrial, calibrate_emg, emg_targets
 from myomorph.tension.emg_conflicts import APART, conflict_line, emg_conflicts
 from myomorph.tension.emg_tracking import _bounded
-from myomorph.tension.solve import TensionOptions, solve_tension, tension_problem
+from myomorph.tension.problem import TensionInputs, tension_problem
+from myomorph.tension.solve import solve_tension
+from myomorph.tension.tension import TensionOptions
 from myomorph.tension.terms.emg import EmgTarget
 
 ARM = "opensim-reference-small/"
@@ -44,7 +46,7 @@ def swinging(data, muscles: tuple[str, ...]):
 def pair(data):
     """An antagonist pair that co-contracts by 0.3: model, motion, torques that its activations make, these, forces."""
     model, motion, torques = swinging(data, ("BRA", "TRIlat"))
-    problem, _ = tension_problem(model, motion, torques, RIGID)
+    problem = tension_problem(TensionInputs(model, motion, torques, RIGID))
     given = problem.balance(0, len(motion))
     count = len(problem.separable.weight)
     whole = np.zeros((len(motion), given.right.shape[1], count))

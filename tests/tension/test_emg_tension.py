@@ -12,7 +12,9 @@ from myomorph.model.series import Emg, Series
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.tension.emg_calibration import EmgOptions
 from myomorph.tension.emg_frames import tracked_frames
-from myomorph.tension.solve import TensionOptions, solve_tension, tension_problem
+from myomorph.tension.problem import TensionInputs, tension_problem
+from myomorph.tension.solve import solve_tension
+from myomorph.tension.tension import TensionOptions
 from myomorph.tension.terms.emg import EmgTarget
 
 MUSCLES = ("soleus_r", "tibant_l", "gaslat_r", "recfem_r")
@@ -54,9 +56,9 @@ def test_the_conditions_of_an_optimum_hold_with_emg_for_any_exponent(walker, exp
     model, motion, tau, told = walker
     emg = EmgTarget(MUSCLES, told, mode)
     options = TensionOptions(exponent=exponent)
-    problem, names = tension_problem(model, motion, tau, options, emg=emg)
+    problem = tension_problem(TensionInputs(model, motion, tau, options, emg=emg))
     problem.solve(0, len(motion))
-    found = problem.result(names)
+    found = problem.result()
     assert found.optimal.all()
     assert optimality(problem, found, exponent) < 1e-5
 
@@ -67,9 +69,9 @@ def test_emg_without_contacts_is_the_readable_program(walker, mode):
     told = told.copy()
     told[::2, 1] = np.nan
     emg = EmgTarget(MUSCLES, told, mode)
-    problem, names = tension_problem(model, motion, tau, emg=emg)
+    problem = tension_problem(TensionInputs(model, motion, tau, emg=emg))
     problem.solve(0, len(motion))
-    found = problem.result(names)
+    found = problem.result()
     for frame in range(0, len(motion), 3):
         theirs = solve_program(frame_program(problem, frame))[: len(model.muscles)]
         np.testing.assert_allclose(found.activations[frame], theirs, atol=1e-4)
@@ -133,7 +135,7 @@ def test_frames_without_a_body_in_sight_take_none_of_the_others(walker):
     ask, emg = task(model, motion), Emg(motion.time, MUSCLES, told)
     tells = np.array([[muscle == name for name in MUSCLES] for muscle in model.muscle_names], dtype=float)
     whole, part = (
-        tracked_frames(model, motion, Series(tau.time, tau.names, one), emg, tells, None, None, ask, 1)
+        tracked_frames(TensionInputs(model, motion, Series(tau.time, tau.names, one), contacts=ask), emg, tells, 1)
         for one in (tau.values, values)
     )
     assert len(part.time) == len(whole.time) - 1

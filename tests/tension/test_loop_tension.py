@@ -20,7 +20,8 @@ from myomorph.muscles.kinematics import muscle_kinematics
 from myomorph.muscles.passive import passive_generalized_forces
 from myomorph.rigid.closed_motion import closed_motion, loop_torques
 from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.tension.solve import TensionOptions, solve_tension
+from myomorph.tension.solve import solve_tension
+from myomorph.tension.tension import TensionOptions
 from myomorph.tension.terms.actuators import default_reserves
 
 FOLDER = "shoulder-thoracoscapular"

@@ -10,7 +10,7 @@ from test_dual import muscles, solve
 from test_solve import needed, walk
 
 from myomorph.model.errors import BadData
-from myomorph.tension.problem import TensionProblem, tension_problem
+from myomorph.tension.problem import TensionInputs, TensionProblem, tension_problem
 from myomorph.tension.solve import solve_tension
 from myomorph.tension.tension import TensionOptions
 from myomorph.tension.terms.muscles import SECOND_STAGE
@@ -71,9 +71,9 @@ def test_random_problems_have_the_least_greatest_activation_and_then_the_least_s
 
 def test_a_walk_is_recruited_as_linear_programs_say(data):
     model, motion, torques = walk(data, 6)
-    problem, names = tension_problem(model, motion, torques, MINMAX)
+    problem = tension_problem(TensionInputs(model, motion, torques, MINMAX))
     problem.solve(0, 6)
-    found = problem.result(names)
+    found = problem.result()
     assert found.optimal.all()
     np.testing.assert_allclose(needed(model, motion, torques, found), found.torques, atol=1e-5)
     A, b = columns(problem, 6)
@@ -91,9 +91,9 @@ def test_frames_of_minmax_do_not_depend_on_each_other(data):
     model, motion, torques = walk(data, 5)
     together = solve_tension(model, motion, torques, MINMAX)
     for k in (0, 3):
-        problem, names = tension_problem(model, motion, torques, MINMAX)
+        problem = tension_problem(TensionInputs(model, motion, torques, MINMAX))
         problem.solve(k, k + 1)
-        np.testing.assert_allclose(problem.result(names).activations[k], together.activations[k], atol=1e-7)
+        np.testing.assert_allclose(problem.result().activations[k], together.activations[k], atol=1e-7)
 
 
 def test_a_growing_exponent_ends_at_the_least_greatest_activation(data):

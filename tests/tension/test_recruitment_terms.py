@@ -14,11 +14,12 @@ from myomorph.muscles.path import compile_paths
 from myomorph.rigid.dynamics import inverse_dynamics, rates_of
 from myomorph.rigid.tree import compile_tree
 from myomorph.tension.contact_setting import Measurements
-from myomorph.tension.problem import tension_problem
+from myomorph.tension.problem import TensionInputs, tension_problem
 from myomorph.tension.reaction import joint_reactions
 from myomorph.tension.recruitment import RecruitmentOptions, joint_load_term, recruitment_terms
-from myomorph.tension.solve import TensionOptions, solve_tension
+from myomorph.tension.solve import solve_tension
 from myomorph.tension.task import tension_task
+from myomorph.tension.tension import TensionOptions
 from myomorph.tension.terms.actuators import default_reserves
 from myomorph.tension.terms.co_contraction import CoContractionTerm
 from truths.recruitment_programs import solve_program
@@ -37,9 +38,9 @@ def test_rows_of_joint_loads_are_joint_reactions(data):
     model, motion, wrenches = walk(data, KEEP)
     tau = inverse_dynamics(model, motion, wrenches)
     term = joint_load_term(model, motion, wrenches, 2.0, ("walker_knee_r", "hip_l", "ankle_r"))
-    problem, names = tension_problem(model, motion, tau, terms=[term])
+    problem = tension_problem(TensionInputs(model, motion, tau, terms=[term]))
     problem.solve(0, len(motion))
-    found = problem.result(names)
+    found = problem.result()
     weight = sum(body.mass for body in model.bodies) * np.linalg.norm(model.gravity)
     left = -weight * problem.x[:, -9:].reshape(len(motion), 3, 3)
     expected = joint_reactions(model, motion, found, wrenches, joints=term.joints, frame="ground").forces

@@ -18,7 +18,7 @@ from myomorph.motion.filters import differentiate
 from myomorph.motion.sync import take_frames
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.frames import over_frames
-from myomorph.tension.problem import tension_problem
+from myomorph.tension.problem import TensionInputs, tension_problem
 from myomorph.tension.relaxation import RelaxationOptions, relaxation_lines, relaxations
 from myomorph.tension.relaxation_program import Allowance, what_lacks, what_would_do
 from myomorph.tension.terms.contacts import ContactTask
@@ -36,9 +36,9 @@ def found(sites, touching=1.0, accelerations=None, options=STRICT, actuators=Non
     ready = np.broadcast_to(touching, (frames, len(sites)))
     task = ContactTask(sites, Series(motion.time, tuple(one.name for one in sites), ready))
     torques = inverse_dynamics(model, motion)
-    problem, names = tension_problem(model, motion, torques, actuators=actuators, contacts=task)
+    problem = tension_problem(TensionInputs(model, motion, torques, actuators=actuators, contacts=task))
     over_frames(problem.solve, frames, None, problem.window)
-    return relaxations(problem, problem.result(names), options)
+    return relaxations(problem, problem.result(), options)
 
 
 def test_a_body_that_its_contacts_carry_is_not_marked():
@@ -137,9 +137,9 @@ def test_a_foot_that_is_forgotten_in_a_walk_is_found(data):
     results = {}
     for name, given in (("whole", ready.values), ("forgotten", values)):
         task = ContactTask(sites, Series(motion.time, ready.names, given))
-        problem, names = tension_problem(model, motion, inverse_dynamics(model, motion), contacts=task)
+        problem = tension_problem(TensionInputs(model, motion, inverse_dynamics(model, motion), contacts=task))
         over_frames(problem.solve, len(motion), None, problem.window)
-        tension = problem.result(names)
+        tension = problem.result()
         assert tension.optimal.all()
         results[name] = relaxations(problem, tension)
     assert not {one.frame for one in results["whole"]} & set(gone.tolist())
@@ -153,11 +153,11 @@ def test_a_foot_that_is_forgotten_in_a_walk_is_found(data):
 def test_contacts_are_needed():
     model, motion = block(), standing_still(1)
     task = ContactTask(legs(TWO), Series(motion.time, ("leg0", "leg1"), np.ones((1, 2))))
-    problem, names = tension_problem(model, motion, inverse_dynamics(model, motion), contacts=task)
+    problem = tension_problem(TensionInputs(model, motion, inverse_dynamics(model, motion), contacts=task))
     over_frames(problem.solve, 1)
     problem.contacts = None
     with pytest.raises(BadData, match="there are no contacts"):
-        relaxations(problem, problem.result(names))
+        relaxations(problem, problem.result())
     with pytest.raises(BadData, match="expected above 0"):
         RelaxationOptions(residual=0.0)
 

@@ -35,7 +35,7 @@ from myomorph.rigid.tree import compile_tree
 from myomorph.study.subject.morph_masses import with_envelope_masses
 from myomorph.study.subject.species_morphing import read_species
 from myomorph.study.trial.reporting import surfaces_of
-from myomorph.tension.solve import Tension
+from myomorph.tension.tension import Tension
 from truths.mouse_recordings import (
     GAIT_LABELS,
     LOOSE,

@@ -31,7 +31,8 @@ from myomorph.report.trial.summary_lines import tension_line
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.store.progress import progress
 from myomorph.study.inputs import reading
-from myomorph.tension.solve import TensionOptions, solve_tension
+from myomorph.tension.solve import solve_tension
+from myomorph.tension.tension import TensionOptions
 
 
 def run_analyze(setup: AnalyzeSetup, source: Path) -> ToolResult:

@@ -87,7 +87,8 @@ def simulated_trial(options: SimulationOptions | None = None) -> TrialInputs:
     """The simulated capture, ready for all steps, with its truth."""
     # Brings SciPy: loaded only where it is needed.
     from myomorph.tension.recruitment import RecruitmentOptions, recruitment_terms
-    from myomorph.tension.solve import TensionOptions, solve_tension
+    from myomorph.tension.solve import solve_tension
+    from myomorph.tension.tension import TensionOptions
 
     options = options or SimulationOptions()
     model = marked_body()

@@ -16,7 +16,7 @@ from myomorph.tension.emg_conflicts import EmgConflict
 from myomorph.tension.fibers import Certificate, Fibers, Unreachable
 
 if TYPE_CHECKING:
-    from myomorph.tension.solve import Tension, TensionOptions
+    from myomorph.tension.tension import Tension, TensionOptions
 
 XYZ = ("x", "y", "z")
 FIBER_MEANINGS = {
@@ -273,7 +273,7 @@ def put_tension(writer: ResultWriter, tension: Tension, reserve_coordinates: tup
 def get_tension(stored: Stored, options: TensionOptions) -> Tension | None:
     """What `put_tension` wrote, or None."""
     # Brings SciPy: loaded only where it is needed.
-    from myomorph.tension.solve import Tension
+    from myomorph.tension.tension import Tension
 
     values, names = stored.values, stored.names
     if "activation" not in values:

@@ -22,6 +22,7 @@ from myomorph.tension.emg_level import kept_level, settled_fit
 from myomorph.tension.emg_swaps import swap_lines
 from myomorph.tension.emg_targets import EmgOptions, emg_targets, mapped_muscles
 from myomorph.tension.emg_tracking import Fit, Prior, TorqueTracking, gain_prior
+from myomorph.tension.problem import TensionInputs
 from myomorph.tension.tension import TensionOptions
 
 __all__ = ["EmgOptions", "EmgTrial", "calibrate_emg", "emg_targets", "mapped_muscles"]
@@ -77,8 +78,9 @@ def calibrate_emg(
     tells = np.array([[muscle in channels[name] for name in names] for muscle in model.muscle_names], dtype=float)
     # The matrices are small: waking further threads of BLAS for them costs more than they save.
     with threadpool_limits(limits=1, user_api="blas"):
+        setting = (tension or TensionOptions(), actuators)
         frames = [
-            tracked_frames(model, one.motion, one.torques, emg, tells, tension, actuators, one.contacts, every)
+            tracked_frames(TensionInputs(model, one.motion, one.torques, *setting, one.contacts), emg, tells, every)
             for one, emg in zip(trials, told, strict=True)
         ]
         heights = [np.vstack([emg.values, np.zeros((1, len(names)))]) for emg in told]

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from myomorph.model.arrays import Array, read_only
-from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Emg, Motion, Series
-from myomorph.tension.problem import tension_problem
-from myomorph.tension.tension import TensionOptions
+from myomorph.tension.problem import TensionInputs, tension_problem
 from myomorph.tension.terms.actuators import default_reserves
 from myomorph.tension.terms.contacts import ContactTask
 
@@ -46,30 +43,17 @@ def few_frames(motion: Motion, torques: Series, every: int) -> tuple[Motion, Ser
     return few, Series(few.time, torques.names, torques.values[chosen])
 
 
-def tracked_frames(
-    model: Model,
-    motion: Motion,
-    torques: Series,
-    emg: Emg,
-    tells: Array,
-    options: TensionOptions | None,
-    actuators: Sequence[Actuator] | None,
-    contacts: ContactTask | None,
-    every: int,
-) -> TrackedFrames:
+def tracked_frames(inputs: TensionInputs, emg: Emg, tells: Array, every: int) -> TrackedFrames:
     """Every so many frames of a trial, on the rows that say anything of the muscles under EMG.
-    `tells` (muscles, channels) True where a channel tells of a muscle; `options`, `actuators`, `contacts`: as for
-    `solve_tension`.
+    `tells` (muscles, channels) True where a channel tells of a muscle.
     """
-    few, wanted = few_frames(motion, torques, every)
-    touching = None if contacts is None else _thinned(contacts, slice(None, None, every))
-    problem, _ = tension_problem(model, few, wanted, options, actuators, contacts=touching)
+    few, wanted = few_frames(inputs.motion, inputs.torques, every)
+    touching = None if inputs.contacts is None else _thinned(inputs.contacts, slice(None, None, every))
+    problem = tension_problem(replace(inputs, motion=few, torques=wanted, contacts=touching))
     balance = problem.balance(0, len(few))
-    shape, rows = problem.separable, problem.assembly.coordinate_row
-    whole = np.zeros((len(few), balance.right.shape[1], len(shape.weight)))
-    whole[:, shape.row, np.repeat(np.arange(len(shape.weight)), np.diff(shape.start))] = balance.values
-    whole, right = whole[:, rows], balance.right[:, rows]
-    count = len(model.muscles)
+    rows = problem.assembly.coordinate_row
+    whole, right = problem.separable.dense(balance.values)[:, rows], balance.right[:, rows]
+    count = len(problem.muscles.strength)
     # Frames that are not known (a body not in sight) say nothing of how large the others are.
     known = np.nan_to_num(whole)
     size = np.sqrt(np.mean(right[np.isfinite(right)] ** 2)) + 1e-12
@@ -78,17 +62,14 @@ def tracked_frames(
         amplitudes = whole[:, :, problem.unknowns.of(problem.contacts)]
         largest = np.abs(known[:, :, problem.unknowns.of(problem.contacts)]).max(axis=(0, 1), initial=0.0)
         others.append(amplitudes * (LOUD * size / np.maximum(largest, 1e-12)))
-    added = (
-        {reserve.name for reserve in default_reserves(model)}
-        if actuators is None
-        else {actuator.name for actuator in actuators}
-    )
+    added = default_reserves(inputs.model) if inputs.actuators is None else inputs.actuators
+    names = {actuator.name for actuator in added}
     place = problem.unknowns.of(problem.actuators)
-    own = [index for index, name in enumerate(problem.unknowns.names[place]) if name not in added]
+    own = [index for index, name in enumerate(problem.unknowns.names[place]) if name not in names]
     others.append(whole[:, :, place][:, :, own])
     reached = np.abs(known[:, :, :count][:, :, tells.any(axis=1)]).max(axis=(0, 2), initial=0.0) > 0.0
     # Contacts that nobody measured act on all rows at once, so that one row says something of the others.
-    kept = reached if contacts is None else np.ones(len(rows), dtype=bool)
+    kept = reached if touching is None else np.ones(len(rows), dtype=bool)
     acting = np.concatenate(others, axis=2)[:, kept]
     good = np.isfinite(whole[:, kept]).all(axis=(1, 2)) & np.isfinite(right[:, kept]).all(axis=1)
     muscles = known[:, :, :count].reshape(-1, count)

@@ -12,7 +12,7 @@ from myomorph.model.errors import BadModel
 from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Motion, Series
 from myomorph.tension.dual import OPTIMAL
-from myomorph.tension.problem import tension_problem
+from myomorph.tension.problem import TensionInputs, tension_problem
 from myomorph.tension.tension import TensionOptions
 
 
@@ -47,7 +47,8 @@ class OnlineTension:
         rest = np.array([[coordinate.default for coordinate in model.coordinates]])
         still = Motion(np.zeros(1), model.coordinate_names, rest, np.zeros_like(rest))
         none = Series(np.zeros(1), model.coordinate_names, np.zeros_like(rest))
-        self._problem, self.actuators = tension_problem(model, still, none, options, actuators)
+        self._problem = tension_problem(TensionInputs(model, still, none, options or TensionOptions(), actuators))
+        self.actuators = tuple(actuator.name for actuator in self._problem.actuators.actuators)
         self.muscles = model.muscle_names
         self.rows = self._problem.assembly.rows
         shared, muscles = self._problem.separable, len(self.muscles)

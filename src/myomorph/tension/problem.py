@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -18,7 +18,7 @@ from myomorph.motion.sync import refuse_other_times
 from myomorph.muscles.passive import joint_forces
 from myomorph.rigid.closed_motion import loop_slopes, refuse_open
 from myomorph.rigid.dynamics import rates_of
-from myomorph.rigid.frames import CHUNK
+from myomorph.rigid.frames import CHUNK, over_frames
 from myomorph.rigid.loops import loop_basis
 from myomorph.rigid.tree import Tree, compile_tree
 from myomorph.tension.assembly import assemble, fold, take_off
@@ -34,80 +34,45 @@ from myomorph.tension.terms.muscles import HIGHEST_POWER, MuscleTerm
 from myomorph.tension.terms.term import Columns, Frames, Term, Unknowns, Variables, added_up, joined
 
 
-def tension_problem(
-    model: Model,
-    motion: Motion,
-    torques: Series,
-    options: TensionOptions | None = None,
-    actuators: Sequence[Actuator] | None = None,
-    *,
-    contacts: ContactTask | None = None,
-    emg: EmgTarget | None = None,
-    terms: Sequence[Term] = (),
-    only: Collection[str] | None = None,
-) -> tuple[TensionProblem, tuple[str, ...]]:
-    """What `solve_tension` solves with rigid tendons, set up but not solved, and the names of the actuators.
+@dataclass(frozen=True, eq=False)
+class TensionInputs:
+    """What `solve_tension` takes, which says what each is."""
 
-    With contacts it is the problem that finds their forces (`options_with_contacts`).
+    model: Model
+    motion: Motion
+    torques: Series
+    options: TensionOptions = field(default_factory=TensionOptions)
+    actuators: Sequence[Actuator] | None = None
+    contacts: ContactTask | None = None
+    emg: EmgTarget | None = None
+    terms: Sequence[Term] = ()
 
-    `only`: coordinates whose equations are kept, where not all are; The others, and errors, are those of
-    `solve_tension`.
-    """
-    options = options_with_contacts(options or TensionOptions(), contacts, terms)
-    tree = compile_tree(model)
-    inputs = (tree, motion, torques, options, actuators, contacts, emg, terms)
-    setup, names = problem_setup(*inputs, MuscleTerm(tree, options))
-    return TensionProblem(*setup, only), names
+    def enabled_actuators(self) -> tuple[Actuator, ...]:
+        """The model's own and those that are added, which replace those of the same name."""
+        model, options = self.model, self.options
+        default = self.actuators is None
+        added = default_reserves(model, options.reserve, options.residual) if default else tuple(self.actuators or ())
+        replaced = {actuator.name for actuator in added}
+        kept = [actuator for actuator in model.actuators if actuator.name not in replaced]
+        enabled = tuple(actuator for actuator in (*kept, *added) if actuator.enabled)
+        names = [actuator.name for actuator in enabled]
+        if len(set(names)) != len(names):
+            twice = next(name for name in names if names.count(name) > 1)
+            raise BadModel(f"two actuators are named '{twice}': leave one out or give it another name")
+        return enabled
 
 
-def options_with_contacts(
-    options: TensionOptions, contacts: ContactTask | None, terms: Sequence[Term] = ()
-) -> TensionOptions:
-    """Options of the problem that finds contact forces: with passive forces by `ContactOptions.contact_passive`.
+def tension_problem(inputs: TensionInputs, only: Collection[str] | None = None) -> TensionProblem:
+    """What `solve_tension` solves with rigid tendons, set up but not solved; errors are those of it.
 
+    With contacts it is the problem that finds their forces, with passive forces by `ContactOptions.contact_passive`.
     Further terms may speak of contacts and muscles alike: with any, one problem finds both by the options as they are.
+    `only`: coordinates whose equations are kept, where not all are.
     """
-    if contacts is None or terms or options.tendons == "elastic" or options.passive == contacts.options.contact_passive:
-        return options
-    return replace(options, passive=contacts.options.contact_passive)
-
-
-ProblemSetup = tuple[Tree, tuple[Term, ...], TensionOptions, Array, Array, Array, Array]
-
-
-def problem_setup(
-    tree: Tree,
-    motion: Motion,
-    torques: Series,
-    options: TensionOptions,
-    actuators: Sequence[Actuator] | None,
-    contacts: ContactTask | None,
-    emg: EmgTarget | None,
-    terms: Sequence[Term],
-    muscles: MuscleTerm,
-) -> tuple[ProblemSetup, tuple[str, ...]]:
-    """What a `TensionProblem` is made of but for `only`, and the names of the actuators; errors are those of it."""
-    model = tree.model
-    coordinates, rates = rates_of(tree, motion)
-    added = default_reserves(model, options.reserve, options.residual) if actuators is None else tuple(actuators)
-    given = {actuator.name for actuator in added}
-    own = [actuator for actuator in model.actuators if actuator.name not in given]
-    enabled = tuple(values for values in (*own, *added) if values.enabled)
-    names = tuple(actuator.name for actuator in enabled)
-    if len(set(names)) != len(names):
-        twice = next(name for name in names if names.count(name) > 1)
-        raise BadModel(f"two actuators are named '{twice}': leave one out or give it another name")
-    if contacts is None and not any(muscle.enabled for muscle in model.muscles):
-        raise BadModel(f"model '{model.name}' has no muscle that is switched on")
-    refuse_open(tree, coordinates)
-    tau = _torques_of(tree, motion, torques) - joint_forces(tree, coordinates, rates)
-    time = np.array(motion.time)
-    touching = None if contacts is None else ContactTerm(tree, time, contacts)
-    controls = options.exponent if options.exponent <= HIGHEST_POWER else 2.0
-    parts: list[Term] = [muscles, ActuatorTerm(tree, enabled, controls)]
-    parts += () if touching is None else contact_terms(touching)
-    parts += () if emg is None else (emg,)
-    return (tree, (*parts, *terms), options, time, coordinates, rates, tau), names
+    if inputs.contacts is not None and not inputs.terms and inputs.options.tendons == "rigid":
+        options = replace(inputs.options, passive=inputs.contacts.options.contact_passive)
+        inputs = replace(inputs, options=options)
+    return TensionProblem(inputs, MuscleTerm(compile_tree(inputs.model), inputs.options), only)
 
 
 def _torques_of(tree: Tree, motion: Motion, torques: Series) -> Array:
@@ -146,28 +111,29 @@ class TensionProblem:
     not; `window`: frames that are solved together.
     """
 
-    def __init__(
-        self,
-        tree: Tree,
-        terms: Sequence[Term],
-        options: TensionOptions,
-        time: Array,
-        coordinates: Array,
-        rates: Array,
-        torques: Array,
-        only: Collection[str] | None = None,
-    ):
-        self.options, self.terms, self._time = options, tuple(terms), time
-        self.coordinates, self._rates, self._tau = coordinates, rates, torques
-        self.muscles = next(term for term in terms if isinstance(term, MuscleTerm))
-        self.actuators = next(term for term in terms if isinstance(term, ActuatorTerm))
-        self.contacts = next((term for term in terms if isinstance(term, ContactTerm)), None)
+    def __init__(self, inputs: TensionInputs, muscles: MuscleTerm, only: Collection[str] | None = None):
+        model, motion, options = inputs.model, inputs.motion, inputs.options
+        tree, self.options, self.muscles = compile_tree(model), options, muscles
+        coordinates, self._rates = rates_of(tree, motion)
+        self.coordinates = coordinates
+        enabled = inputs.enabled_actuators()
+        if inputs.contacts is None and not any(muscle.enabled for muscle in model.muscles):
+            raise BadModel(f"model '{model.name}' has no muscle that is switched on")
+        refuse_open(tree, coordinates)
+        self._tau = _torques_of(tree, motion, inputs.torques) - joint_forces(tree, coordinates, self._rates)
+        time = self._time = np.array(motion.time)
+        self.contacts = None if inputs.contacts is None else ContactTerm(tree, time, inputs.contacts)
+        self.actuators = ActuatorTerm(tree, enabled, options.exponent if options.exponent <= HIGHEST_POWER else 2.0)
+        measured = () if self.contacts is None else contact_terms(self.contacts)
+        known = () if inputs.emg is None else (inputs.emg,)
+        terms: tuple[Term, ...] = (muscles, self.actuators, *measured, *known, *inputs.terms)
+        self.terms = terms
         parts = [term.variables() for term in terms]
         all_variables = joined(parts)
         first = np.cumsum([0, *(len(part) for part in parts)]).tolist()
         places = tuple(slice(*ends) for ends in pairwise(first))
-        self.unknowns = Unknowns(all_variables.names, tree.model.muscle_names, time, self.terms, places)
-        basis = loop_basis(tree, coordinates) if tree.model.loops else None
+        self.unknowns = Unknowns(all_variables.names, model.muscle_names, time, terms, places)
+        basis = loop_basis(tree, coordinates) if model.loops else None
         self._slopes = loop_slopes(basis, coordinates)
         self._adding = [(term, rows) for term in terms if (rows := term.rows(self.unknowns)) is not None]
         self.rows = [rows for _, rows in self._adding]
@@ -181,12 +147,12 @@ class TensionProblem:
             raise BadData(f"{len(linked)} terms of the tension problem link frames: expected one")
         self.smooth = linked[0] if linked else None
         self.window = CHUNK if self.smooth is None else self.smooth.window
-        frames, muscles = len(coordinates), len(tree.model.muscles)
+        frames, count = len(coordinates), len(model.muscles)
         # Activations lie apart from the other unknowns: they become a part of the result as they are.
-        self._activations = np.empty((frames, muscles))
-        self._others = np.empty((frames, len(self.separable.weight) - muscles))
-        self._forces = np.empty((frames, muscles))
-        self._viscous = np.empty((frames, muscles)) if self.muscles.viscous else np.zeros((1, 1))
+        self._activations = np.empty((frames, count))
+        self._others = np.empty((frames, len(self.separable.weight) - count))
+        self._forces = np.empty((frames, count))
+        self._viscous = np.empty((frames, count)) if muscles.viscous else np.zeros((1, 1))
         sites = 0 if self.contacts is None else len(self.contacts.generators.sites)
         self._contact_forces = np.empty((3, frames, sites, 3))
         self._balanced = np.empty((frames, len(self.assembly.rows)))
@@ -233,10 +199,7 @@ class TensionProblem:
         c = np.ascontiguousarray(self.coordinates[part])
         frames = Frames(part, c, self._rates[part])
         columns = [term.columns(frames) for term in self.terms]
-        entries, forces = (
-            np.hstack([column.entries for column in columns]),
-            np.hstack([column.forces for column in columns]),
-        )
+        entries, forces = (np.hstack([getattr(column, name) for column in columns]) for name in ("entries", "forces"))
         values, right = np.empty((count, len(self.separable.row))), np.zeros((count, len(assembly.pattern.order)))
         slopes, arrays, links = self._slopes[part], assembly.tree.arrays, assembly.links
         fold(arrays, links, c, slopes, entries, forces, self._tau[part], values, right)
@@ -244,10 +207,9 @@ class TensionProblem:
         take_off(arrays, links, c, slopes, entries, _given(columns), right)
         if self._adding:
             filled = [item.row_values(rows, frames) for item, rows in self._adding]
-            measured_rows = np.broadcast_to(
-                -np.concatenate([row.unit for row in self.rows]), (count, len(assembly.extra_row))
-            )
-            values[:, assembly.extra_place] = np.hstack([*(row for row, _ in filled), measured_rows])
+            units = np.concatenate([row.unit for row in self.rows])
+            own = np.broadcast_to(-units, (count, len(assembly.extra_row)))
+            values[:, assembly.extra_place] = np.hstack([*(row for row, _ in filled), own])
             right[:, assembly.extra_row] = np.hstack([row for _, row in filled])
         muscles = self.muscles.forces(frames)
         return Balance(values, right, muscles.active, muscles.passive, muscles.viscous, torques)
@@ -261,6 +223,11 @@ class TensionProblem:
         x, _, residual, iterations, status = (array[kept] for array in self.solved(balance, begin))
         self._residual[part], self._iterations[part], self._status[part] = residual, iterations, status
         self._store(part, x, Balance(*(array[kept] for array in balance)))
+
+    def solve_all(self, progress: Callable[[int], None] | None = None) -> Tension:
+        """Solve all frames; `progress` is called with the number of frames just done."""
+        over_frames(self.solve, len(self._time), progress, self.window)
+        return self.result()
 
     def renew(self, coordinates: Array, rates: Array, torques: Array) -> None:
         """Put other frames in the place of those that were given, as many.
@@ -307,11 +274,11 @@ class TensionProblem:
         if self.options.passive:
             self._passive.append(passive_peaks(balance.passive, self.muscles.strength, self._time[part]))
         if self.contacts is not None:
-            result = self.contacts.forces_of(part, self.coordinates[part], self.amplitudes[part])
-            self._contact_forces[:, part] = result
+            place = (part, self.coordinates[part], self.amplitudes[part])
+            self._contact_forces[:, part] = self.contacts.forces_of(*place)
 
-    def result(self, names: tuple[str, ...]) -> Tension:
-        """What was found, as a value; `names` are those of the actuators."""
+    def result(self) -> Tension:
+        """What was found, as a value."""
         peaks = greatest_peaks(self._passive, self._forces.shape[1])
         all_names = self.assembly.tree.model.muscle_names
         outcome = None
@@ -324,7 +291,7 @@ class TensionProblem:
             muscles=all_names,
             activations=self._activations,
             forces=self._forces,
-            reserve_names=names,
+            reserve_names=tuple(actuator.name for actuator in self.actuators.actuators),
             reserves=controls * self.actuators.optimal_forces,
             coordinates=self.assembly.rows,
             torques=self._balanced,

@@ -28,6 +28,17 @@ class Separable(NamedTuple):
     capped: int = 0  # the first so many variables lie under a common bound besides
     peak: float = 0.0  # what one unit of that bound costs, 0 for no such bound (see `ceiling.py`)
 
+    @property
+    def column(self) -> NDArray[np.int64]:
+        """(entries,) the variable that each entry of A belongs to."""
+        return np.repeat(np.arange(len(self.weight)), np.diff(self.start))
+
+    def dense(self, values: Array) -> Array:
+        """A (frames, rows, variables) from its entries (frames, entries)."""
+        A = np.zeros((len(values), len(self.first), len(self.weight)))
+        A[:, self.row, self.column] = values
+        return A
+
 
 class Links(NamedTuple):
     """Variables that should change little from frame to frame: stiffness_k w_i (amount_k - amount_(k-1))^2."""

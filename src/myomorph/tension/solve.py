@@ -11,25 +11,13 @@ import numpy as np
 from myomorph.model.errors import BadModel
 from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Motion, Series
-from myomorph.rigid.frames import over_frames
 from myomorph.tension.elastic.problem import solve_elastic
-from myomorph.tension.problem import TensionProblem, tension_problem
+from myomorph.tension.problem import TensionInputs, TensionProblem, tension_problem
 from myomorph.tension.tension import Tension, TensionOptions
 from myomorph.tension.terms.actuators import floating_joints
 from myomorph.tension.terms.contacts import ContactTask
 from myomorph.tension.terms.emg import EmgTarget
 from myomorph.tension.terms.term import Term
-
-__all__ = [
-    "ContactSolution",
-    "Tension",
-    "TensionOptions",
-    "TensionProblem",
-    "solve_contacts",
-    "solve_tension",
-    "tension_problem",
-    "with_contacts",
-]
 
 
 def solve_tension(
@@ -96,19 +84,18 @@ def solve_tension(
     >>> found.muscles, found.forces.shape, bool(found.optimal.all())
     (('flexor', 'extensor'), (61, 2), True)
     """
+    inputs = TensionInputs(model, motion, torques, options or TensionOptions(), actuators, contacts, emg, terms)
     if contacts is not None and contacts.options.formulation == "sequential":
-        return _sequential(model, motion, torques, options, actuators, progress, contacts, emg, terms)
-    if options is not None and options.tendons == "elastic":
-        return solve_elastic(
-            model, motion, torques, options, actuators, progress, contacts=contacts, emg=emg, terms=terms
-        )
-    if contacts is not None:
-        return solve_contacts(
-            model, motion, torques, options, actuators, progress, contacts=contacts, emg=emg, terms=terms
-        )[0]
-    problem, names = tension_problem(model, motion, torques, options, actuators, emg=emg, terms=terms)
-    over_frames(problem.solve, len(motion), progress, problem.window)
-    return problem.result(names)
+        return _sequential(inputs, progress)
+    if contacts is not None and inputs.options.tendons == "rigid":
+        return solve_contacts(inputs, progress)[0]
+    return _solve_once(inputs, progress)
+
+
+def _solve_once(inputs: TensionInputs, progress: Callable[[int], None] | None = None) -> Tension:
+    if inputs.options.tendons == "elastic":
+        return solve_elastic(inputs, progress)
+    return tension_problem(inputs).solve_all(progress)
 
 
 class ContactSolution(NamedTuple):
@@ -119,34 +106,19 @@ class ContactSolution(NamedTuple):
 
 
 def solve_contacts(
-    model: Model,
-    motion: Motion,
-    torques: Series,
-    options: TensionOptions | None = None,
-    actuators: Sequence[Actuator] | None = None,
-    progress: Callable[[int], None] | None = None,
-    *,
-    contacts: ContactTask,
-    emg: EmgTarget | None = None,
-    terms: Sequence[Term] = (),
+    inputs: TensionInputs, progress: Callable[[int], None] | None = None
 ) -> tuple[Tension, ContactSolution]:
     """`solve_tension` with simultaneous contacts and rigid tendons, and the problem that found their forces.
 
     That problem has passive muscle forces by `ContactOptions.contact_passive`. Where the tensions are to have others,
     they are found once more, under the contact forces.
-
-    Parameters and errors are those of `solve_tension`.
     """
-    options = options or TensionOptions()
-    problem, names = tension_problem(
-        model, motion, torques, options, actuators, contacts=contacts, emg=emg, terms=terms
-    )
-    over_frames(problem.solve, len(motion), progress, problem.window)
-    first = problem.result(names)
-    if problem.options == options:
+    problem = tension_problem(inputs)
+    first = problem.solve_all(progress)
+    if problem.options == inputs.options:
         return first, ContactSolution(problem, first)
-    tension = solve_tension(model, motion, torques_under(problem, torques), options, actuators, emg=emg)
-    return with_contacts(tension, first), ContactSolution(problem, first)
+    under = replace(inputs, torques=torques_under(problem, inputs.torques), contacts=None)
+    return with_contacts(_solve_once(under), first), ContactSolution(problem, first)
 
 
 def torques_under(problem: TensionProblem, torques: Series) -> Series:
@@ -173,34 +145,21 @@ def with_contacts(tension: Tension, found: Tension) -> Tension:
     )
 
 
-def _sequential(
-    model: Model,
-    motion: Motion,
-    torques: Series,
-    options: TensionOptions | None,
-    actuators: Sequence[Actuator] | None,
-    progress: Callable[[int], None] | None,
-    contacts: ContactTask,
-    emg: EmgTarget | None,
-    terms: Sequence[Term],
-) -> Tension:
+def _sequential(inputs: TensionInputs, progress: Callable[[int], None] | None) -> Tension:
     """Contact forces from the six equations of motion of every floating body, then muscles given these forces.
 
     It is what [D] ch. 4 argues against and most programs do. The first problem has the costs of contacts and
     residuals, and joints as ideal torques that cost nothing, which is to leave their equations out; the second has
     the contact forces as known ones.
     """
+    model = inputs.model
     roots = {name for joint in floating_joints(model) for name in joint.coordinates}
     if not roots:
         raise BadModel(
             f"model '{model.name}' has no body that floats freely: contact forces cannot be found before muscle "
             "tensions; use the simultaneous formulation"
         )
-    bare = replace(model, muscles=())
-    first, _ = tension_problem(bare, motion, torques, options, actuators, contacts=contacts, only=roots)
-    over_frames(first.solve, len(motion), None, first.window)
-    result = first.result(())
-    tension = solve_tension(
-        model, motion, torques_under(first, torques), options, actuators, progress, emg=emg, terms=terms
-    )
-    return with_contacts(tension, result)
+    first = tension_problem(replace(inputs, model=replace(model, muscles=()), emg=None, terms=()), roots)
+    result = first.solve_all()
+    under = replace(inputs, torques=torques_under(first, inputs.torques), contacts=None)
+    return with_contacts(_solve_once(under, progress), result)

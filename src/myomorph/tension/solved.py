@@ -88,8 +88,7 @@ def solved_frames(problem: TensionProblem, tension: Tension, frames: NDArray[np.
     spans = [(int(frames[0]), int(frames[-1]) + 1)] if together else [(int(frame), int(frame) + 1) for frame in frames]
     balance = [problem.balance(*span) for span in spans]
     values, b = (np.concatenate([getattr(array, name) for array in balance]) for name in ("values", "right"))
-    A = np.zeros((len(frames), b.shape[1], n))
-    A[:, shared.row, np.repeat(np.arange(n), np.diff(shared.start))] = values
+    A = shared.dense(values)
     muscles, first = len(tension.muscles), len(problem.unknowns)
     controls = muscles + tension.reserves.shape[1]
     # What the result says counts, and the unknowns of rows follow from the others.

@@ -20,19 +20,14 @@ from myomorph.tension.emg_calibration import EmgOptions, EmgTrial, calibrate_emg
 from myomorph.tension.emg_conflicts import EmgConflict, emg_conflicts
 from myomorph.tension.joint_contact import JointContactForces, JointPoints, joint_contact_forces
 from myomorph.tension.passive_share import passive_notes
+from myomorph.tension.problem import TensionInputs
 from myomorph.tension.reaction import joint_reactions
 from myomorph.tension.recruitment import RecruitmentOptions, recruitment_terms
 from myomorph.tension.relaxation import Relaxation, relaxation_lines, relaxations
-from myomorph.tension.solve import (
-    ContactSolution,
-    Tension,
-    TensionOptions,
-    solve_contacts,
-    solve_tension,
-    with_contacts,
-)
+from myomorph.tension.solve import ContactSolution, solve_contacts, solve_tension, with_contacts
+from myomorph.tension.tension import Tension, TensionOptions
 from myomorph.tension.terms.actuators import default_reserves
-from myomorph.tension.terms.contacts import ContactOptions, ContactTask
+from myomorph.tension.terms.contacts import ContactOptions
 from myomorph.tension.terms.emg import EmgTarget
 from myomorph.tension.terms.term import Term
 
@@ -130,13 +125,12 @@ class TensionTask:
     def _solved(self, advance: Callable[[int], None]) -> tuple[Tension, ContactSolution | None]:
         contacts = None if self.setting is None else self.setting.task
         emg = None if self.emg is None else self.emg.target
-        arguments = (self.model, self.motion, self.torques, self.options, self.actuators, advance)
-        elastic = self.options.tendons == "elastic"
-        # What contacts leave open is asked of the power criterion alone.
-        closed = elastic or self.options.recruitment == "minmax"
+        arguments = (self.model, self.motion, self.torques, self.options, self.actuators)
+        # What contacts leave open is asked of the power criterion and rigid tendons alone.
+        closed = self.options.tendons == "elastic" or self.options.recruitment == "minmax"
         if contacts is None or contacts.options.formulation == "sequential" or closed:
-            return solve_tension(*arguments, contacts=contacts, emg=emg, terms=self.terms), None
-        return solve_contacts(*arguments, contacts=contacts, emg=emg, terms=self.terms)
+            return solve_tension(*arguments, advance, contacts=contacts, emg=emg, terms=self.terms), None
+        return solve_contacts(TensionInputs(*arguments, contacts, emg, self.terms), advance)
 
     def notes(self, tension: Tension) -> tuple[str, ...]:
         """What is to be known of the solution, one line each."""
@@ -202,7 +196,7 @@ def tension_task(
     targets = None
     if emg is not None:
         contacts = None if setting is None else setting.task
-        targets = emg_targets_of(emg, model, motion, torques, options, actuators, contacts)
+        targets = emg_targets_of(emg, TensionInputs(model, motion, torques, options, actuators, contacts))
     terms: tuple[Term, ...] = ()
     later = None
     if recruitment is not None and (recruitment.joint_load or recruitment.co_contraction):
@@ -213,17 +207,9 @@ def tension_task(
     return TensionTask(model, motion, torques, options, actuators, setting, targets, wrenches, terms, later)
 
 
-def emg_targets_of(
-    recorded: EmgRecording,
-    model: Model,
-    motion: Motion,
-    torques: Series,
-    options: TensionOptions,
-    actuators: Sequence[Actuator],
-    contacts: ContactTask | None,
-) -> EmgTargets:
+def emg_targets_of(recorded: EmgRecording, inputs: TensionInputs) -> EmgTargets:
     """Targets of activations, with delay and gains of this recording (see `calibrate_emg`).
-    `torques`, `options`, `actuators`, `contacts`: as for the tensions that EMG is to take part in.
+    `inputs`: of the tensions that EMG is to take part in.
     """
     emg, muscles, chosen = recorded.emg, recorded.muscles, recorded.options
     if not muscles:
@@ -232,14 +218,14 @@ def emg_targets_of(
         return EmgTargets(None, None, (note,))
     calibration = recorded.calibration
     if calibration is None:
-        trial = EmgTrial(motion, torques, emg, contacts)
+        trial = EmgTrial(inputs.motion, inputs.torques, emg, inputs.contacts)
         maxima = {name: item for name, item in recorded.maxima.items() if name in muscles}
-        calibration = calibrate_emg(model, [trial], muscles, chosen, options, actuators, maxima)
+        calibration = calibrate_emg(inputs.model, [trial], muscles, chosen, inputs.options, inputs.actuators, maxima)
     # Gains of all trials may lack a channel that is noise, or absent, in another trial.
     lacking = [name for name in muscles if name not in calibration.channels]
     notes = (f"EMG of {', '.join(lacking)} takes no part: its gains were not found",) if lacking else ()
     known = {name: muscle for name, muscle in muscles.items() if name in calibration.channels}
-    target = emg_targets(emg, known or muscles, model, motion.time, chosen, calibration)
+    target = emg_targets(emg, known or muscles, inputs.model, inputs.motion.time, chosen, calibration)
     return EmgTargets(target, calibration, (*notes, *calibration.warnings))
 
 

@@ -164,7 +164,7 @@ def test_options_are_those_of_the_steps():
     from dataclasses import fields
 
     from myomorph.tension.recruitment import RecruitmentOptions
-    from myomorph.tension.solve import TensionOptions
+    from myomorph.tension.tension import TensionOptions
     from myomorph.tension.terms.contacts import ContactOptions
 
     settings = {one.name: one for one in step_settings()["tension"]}

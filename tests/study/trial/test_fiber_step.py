@@ -33,7 +33,8 @@ from myomorph.study.trial.fiber_step import (
     write_fibers,
 )
 from myomorph.tension.dual import STALLED
-from myomorph.tension.solve import Tension, TensionOptions, solve_tension
+from myomorph.tension.solve import solve_tension
+from myomorph.tension.tension import Tension, TensionOptions
 
 ARM = "opensim-reference-small/"
 ELASTIC = TensionOptions(tendons="elastic")

@@ -152,7 +152,8 @@ def test_one_axis_is_open_until_it_is_told(tmp_path):
 def test_tensions_find_what_one_axis_leaves_open(tmp_path):
     from myomorph.rigid.dynamics import inverse_dynamics
     from myomorph.tension.contact_setting import Measurements, set_contacts
-    from myomorph.tension.solve import TensionOptions, solve_tension
+    from myomorph.tension.solve import solve_tension
+    from myomorph.tension.tension import TensionOptions
     from myomorph.tension.terms.contacts import ContactOptions
 
     model, motion, _, _ = recording(tmp_path, ("fz",))

@@ -27,8 +27,8 @@ from myomorph.study.trial.steps.id import solve_dynamics
 from myomorph.study.trial.steps.ik import solve_kinematics
 from myomorph.study.trial.trial_inputs import TrialInputs
 from myomorph.tension.emg_calibration import EmgOptions, EmgTrial, calibrate_emg
-from myomorph.tension.solve import TensionOptions
 from myomorph.tension.task import added_reserves
+from myomorph.tension.tension import TensionOptions
 from myomorph.tension.terms.actuators import floating_joints
 
 GAINS, TRIALS = "gains.json", "trials.csv"

@@ -25,7 +25,7 @@ def parts_of(separable: Separable, elastic: NDArray[np.bool_]) -> list[Part]:
     `elastic` (muscles,) of the first unknowns, which have an elastic tendon.
     """
     unknowns, rows = len(separable.weight), len(separable.first)
-    column = np.repeat(np.arange(unknowns), np.diff(separable.start))
+    column = separable.column
     links = coo_array((np.ones(len(column)), (column, unknowns + separable.row)), shape=(unknowns + rows,) * 2)
     count, label = connected_components(links, directed=False)
     stretches = np.zeros(unknowns, np.bool_)

@@ -15,10 +15,8 @@ from threadpoolctl import threadpool_limits
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
-from myomorph.model.model import Actuator, Model
-from myomorph.model.series import Motion, Series
 from myomorph.rigid.frames import over_frames, thread_count
-from myomorph.rigid.tree import Tree, compile_tree
+from myomorph.rigid.tree import compile_tree
 from myomorph.tension.dual import INFEASIBLE, MISSING, OPTIMAL, STALLED
 from myomorph.tension.elastic.fibers_at import fibers_at
 from myomorph.tension.elastic.interior import Outcome
@@ -27,11 +25,8 @@ from myomorph.tension.elastic.term import ElasticMuscleTerm
 from myomorph.tension.elastic.thinning import along, balanced, picked, solved_every
 from myomorph.tension.elastic.windows import Frames, drawn, filled, program_of, runs, solve_part, start_of
 from myomorph.tension.fibers import Certificate, Fibers, Unreachable
-from myomorph.tension.problem import Balance, TensionProblem, problem_setup
-from myomorph.tension.tension import Tension, TensionOptions
-from myomorph.tension.terms.contacts import ContactTask
-from myomorph.tension.terms.emg import EmgTarget
-from myomorph.tension.terms.term import Term
+from myomorph.tension.problem import Balance, TensionInputs, TensionProblem
+from myomorph.tension.tension import Tension
 
 WINDOW = 256
 """Frames kept of each window of a long recording."""
@@ -56,54 +51,18 @@ MISSED = 1e-3
 """Torque left over, relative to 1 + the greatest, above which a frame is infeasible."""
 
 
-def elastic_problem(
-    model: Model,
-    motion: Motion,
-    torques: Series,
-    options: TensionOptions | None = None,
-    actuators: Sequence[Actuator] | None = None,
-    *,
-    contacts: ContactTask | None = None,
-    emg: EmgTarget | None = None,
-    terms: Sequence[Term] = (),
-) -> tuple[ElasticProblem, tuple[str, ...]]:
-    """What `solve_tension` solves with elastic tendons, set up but not solved, and the names of the actuators.
-
-    Parameters and errors are those of `solve_tension`.
-    """
-    options = options or TensionOptions(tendons="elastic")
-    if options.curves == "constant":
+def elastic_problem(inputs: TensionInputs) -> ElasticProblem:
+    """What `solve_tension` solves with elastic tendons, set up but not solved; errors are those of it."""
+    if inputs.options.curves == "constant":
         raise BadData("curves 'constant' with elastic tendons: a tendon stretches fibers, which need curves")
-    if getattr(options, "recruitment", "power") != "power":
-        raise BadData(
-            "recruitment 'minmax' is not built for elastic tendons: take recruitment 'power', or rigid tendons"
-        )
-    tree = compile_tree(model)
-    muscles = ElasticMuscleTerm(tree, options)
-    setup, names = problem_setup(tree, motion, torques, options, actuators, contacts, emg, terms, muscles)
-    return ElasticProblem(*setup), names
+    return ElasticProblem(inputs)
 
 
-def solve_elastic(
-    model: Model,
-    motion: Motion,
-    torques: Series,
-    options: TensionOptions | None = None,
-    actuators: Sequence[Actuator] | None = None,
-    progress: Callable[[int], None] | None = None,
-    *,
-    contacts: ContactTask | None = None,
-    emg: EmgTarget | None = None,
-    terms: Sequence[Term] = (),
-) -> Tension:
-    """`solve_tension` with elastic tendons; parameters and errors are those of it."""
-    problem, names = elastic_problem(
-        model, motion, torques, options, actuators, contacts=contacts, emg=emg, terms=terms
-    )
+def solve_elastic(inputs: TensionInputs, progress: Callable[[int], None] | None = None) -> Tension:
+    """`solve_tension` with elastic tendons; errors are those of it."""
     # Threads of the package share out windows and parts; those of BLAS would only wait for each other.
     with threadpool_limits(1, "blas"):
-        over_frames(problem.solve, len(motion), progress, problem.window)
-    return problem.result(names)
+        return elastic_problem(inputs).solve_all(progress)
 
 
 Solved = tuple[Outcome, tuple[float, float]]
@@ -127,17 +86,9 @@ class ElasticProblem(TensionProblem):
 
     muscles: ElasticMuscleTerm
 
-    def __init__(
-        self,
-        tree: Tree,
-        terms: Sequence[Term],
-        options: TensionOptions,
-        time: Array,
-        coordinates: Array,
-        rates: Array,
-        torques: Array,
-    ):
-        super().__init__(tree, terms, options, time, coordinates, rates, torques)
+    def __init__(self, inputs: TensionInputs):
+        super().__init__(inputs, ElasticMuscleTerm(compile_tree(inputs.model), inputs.options))
+        time = self._time
         frames, muscles = len(time), len(self.muscles.strength)
         self.lengths, self.speeds = np.empty((frames, muscles)), np.empty((frames, muscles))
         over_frames(self._measure, frames)
@@ -283,7 +234,7 @@ class ElasticProblem(TensionProblem):
         active, passive = term.rigid_forces(lengths, speeds)
         ratio, offset = (np.where(term.elastic, values / term.strength, 0.0) for values in (active, passive))
         muscles = len(term.strength)
-        column = np.repeat(np.arange(len(shared.weight)), np.diff(shared.start))
+        column = shared.column
         on_muscles = np.flatnonzero(column < muscles)
         stretched = on_muscles[term.elastic[column[on_muscles]]]
         rigid_values, rigid_right = values.copy(), right.copy()
@@ -304,9 +255,8 @@ class ElasticProblem(TensionProblem):
         shared, held = self.separable, x.copy()
         elastic = np.flatnonzero(self.muscles.elastic)
         held[:, elastic] = frames.forces[:, elastic]
-        column = np.repeat(np.arange(len(shared.weight)), np.diff(shared.start))
         left = frames.right.copy()
-        for entry, (row, unknown) in enumerate(zip(shared.row, column, strict=True)):
+        for entry, (row, unknown) in enumerate(zip(shared.row, shared.column, strict=True)):
             left[:, row] -= frames.values[:, entry] * held[:, unknown]
         return np.abs(left).max(axis=1), 1.0 + np.abs(frames.right).max(axis=1)
 
@@ -326,9 +276,9 @@ class ElasticProblem(TensionProblem):
         pulls = forces * self.muscles.strength + balance.viscous
         self._forces[part][:, elastic] = pulls[:, elastic]
 
-    def result(self, names: tuple[str, ...]) -> Tension:
-        """What was found, as a value, with its fibers; `names` are those of the actuators."""
-        tension = super().result(names)
+    def result(self) -> Tension:
+        """What was found, as a value, with its fibers."""
+        tension = super().result()
         outcome = fibers_at(self.muscles, self._time, self.lengths, self.speeds, self._tendon_forces, tension.forces)
         all_names = self.assembly.tree.model.muscle_names
         rigid = tuple(name for name, item in zip(all_names, self.muscles.elastic, strict=True) if not item)

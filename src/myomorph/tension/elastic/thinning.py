@@ -49,10 +49,8 @@ def balanced(shared: Separable, values: Array, right: Array, held: Array, muscle
     `values`, `right` (frames, entries) and (frames, rows) of the balance; `held` (frames, unknowns) with normalized
     forces in the columns of muscles on elastic tendons; `muscles` (unknowns,) which columns those are.
     """
-    column = np.repeat(np.arange(len(shared.weight)), np.diff(shared.start))
     low, high = np.where(muscles, MIN_FORCE, shared.lower), np.where(muscles, MAX_FORCE, shared.upper)
-    A = np.zeros((len(held), right.shape[1], held.shape[1]))
-    A[:, shared.row, column] = values
+    A = shared.dense(values)
     result = held.copy()
     for _ in range(PROJECTIONS):
         left = right - np.matmul(A, result[:, :, None])[..., 0]

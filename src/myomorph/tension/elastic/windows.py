@@ -125,7 +125,7 @@ def program_of(part: Part, frames: Frames, shared: Separable, term: ElasticMuscl
     mean = float(steps.mean())
     share = steps[:, None] / mean
     share_x = 0.5 * (np.concatenate([share[:1] * 0.0, share]) + np.concatenate([share, share[:1] * 0.0]))
-    column = np.repeat(np.arange(len(shared.weight)), np.diff(shared.start))
+    column = shared.column
     rank = np.full(len(shared.first), -1)
     rank[part.rows] = np.arange(len(part.rows))
 

@@ -14,7 +14,7 @@ from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series
 from myomorph.muscles.hill_arrays import compile_hill
 from myomorph.muscles.kinematics import muscle_kinematics
-from myomorph.tension.problem import tension_problem
+from myomorph.tension.problem import TensionInputs, tension_problem
 from myomorph.tension.tension import TensionOptions
 from myomorph.tension.terms.actuators import default_reserves
 from myomorph.tension.terms.emg import EmgTarget
@@ -95,7 +95,7 @@ class _Read:
         # With a force of F0 at any length, columns of A are moment arms times F0: couplers and loops are folded in.
         options = TensionOptions(curves="constant", passive=False)
         torques, measured = (trial.torques, None) if not trial.passive else _measured(model, trial)
-        problem, _ = tension_problem(model, motion, torques, options)
+        problem = tension_problem(TensionInputs(model, motion, torques, options))
         balance = problem.balance(0, len(motion))
         force = np.maximum(compile_hill(model).force, 1e-9)
         self.rows = problem.assembly.rows

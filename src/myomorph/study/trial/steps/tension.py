@@ -47,7 +47,7 @@ from myomorph.tension.emg_calibration import EmgOptions
 from myomorph.tension.joint_contact import JointPoints
 from myomorph.tension.passive_share import LARGE, contact_notes
 from myomorph.tension.recruitment import RecruitmentOptions
-from myomorph.tension.solve import ContactSolution, Tension, TensionOptions
+from myomorph.tension.solve import ContactSolution
 from myomorph.tension.task import (
     EmgRecording,
     TensionTask,
@@ -56,6 +56,7 @@ from myomorph.tension.task import (
     evenly_spaced,
     tension_task,
 )
+from myomorph.tension.tension import Tension, TensionOptions
 from myomorph.tension.terms.contacts import ContactOptions
 
 if TYPE_CHECKING:
