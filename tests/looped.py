@@ -10,7 +10,7 @@ from myomorph.model.functions import linear
 from myomorph.model.model import GROUND, Axis, Body, Coordinate, Joint, Loop, Marker, Model
 from myomorph.model.series import Markers
 from myomorph.model.spatial import Transform
-from myomorph.rigid.couplers import couple_frames
+from myomorph.rigid.coordinates import couple_frames
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from trees import functional_tree, random_rotation, random_tree, to_mujoco, to_pinocchio

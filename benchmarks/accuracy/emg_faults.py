@@ -15,7 +15,7 @@ from myomorph.model.arrays import Array
 from myomorph.motion.emg_checks import noise_faults
 from myomorph.motion.emg_delay import channel_means, shifted
 from myomorph.tension.emg_calibration import EmgOptions, EmgTrial, calibrate_emg
-from myomorph.tension.emg_swaps import swapped_channels
+from myomorph.tension.emg_held_out import swapped_channels
 
 Row = dict[str, object]
 

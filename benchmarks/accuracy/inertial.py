@@ -36,7 +36,7 @@ from myomorph.motion.ik import KinematicsFit, inverse_kinematics
 from myomorph.motion.sensors.mounting import SensorOptions, with_orientations
 from myomorph.motion.sensors.sensor_kinematics import SensorRecording, sensor_kinematics
 from myomorph.motion.sync import cut
-from myomorph.rigid.marker_positions import marker_positions
+from myomorph.rigid.kinematics import marker_positions
 from myomorph.rigid.tree import compile_tree
 from myomorph.simulate.sensors import SensorErrors, SimulatedSensors, simulated_sensors
 from myomorph.store.results import read_result

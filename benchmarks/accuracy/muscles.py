@@ -201,7 +201,7 @@ def _at(motion: mm.Motion, frame: int, values: np.ndarray) -> mm.Motion:
 
 def _consistent_speeds(paths: Paths, values: np.ndarray, motion: mm.Motion) -> np.ndarray:
     """The motion's speeds, those of dependent coordinates as their couplers give them."""
-    from myomorph.rigid.couplers import couple_rates_frames
+    from myomorph.rigid.coordinates import couple_rates_frames
 
     speeds = np.array(motion.velocities)
     couple_rates_frames(paths.tree.arrays, np.ascontiguousarray(values), speeds, np.zeros_like(speeds))

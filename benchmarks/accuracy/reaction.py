@@ -19,8 +19,7 @@ from myomorph.io.osim.actuators import read_actuators
 from myomorph.io.osim.read import read_osim
 from myomorph.model.arrays import Array
 from myomorph.model.model import Actuator
-from myomorph.rigid.dynamics import motion_arrays
-from myomorph.rigid.joint_wrenches import joint_wrenches
+from myomorph.rigid.dynamics import joint_wrenches, motion_arrays
 from myomorph.rigid.tree import compile_tree
 from myomorph.tension.reaction import JointReactions
 from myomorph.tension.tension import Tension

@@ -15,8 +15,7 @@ import myomorph as mm
 from benchmarks.accuracy.calibration import GAIT, HAMNER, OPENCAP, RAJAGOPAL, recorded
 from benchmarks.accuracy.calibration_static import KNEE, LENHART
 from benchmarks.accuracy.identification import SPACING, SUBJECTS, Subject, _loads
-from myomorph.identify.refine.fit import refine
-from myomorph.identify.refine.notes import refined_parts
+from myomorph.identify.refine.fit import refine, refined_parts
 from myomorph.identify.refine.options import RefineOptions
 from myomorph.identify.refine.predictions import errors_on
 from myomorph.identify.refine.refinement import Errors, SubjectTrial

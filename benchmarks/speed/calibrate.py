@@ -15,7 +15,7 @@ from data_collection import data_folder
 from myomorph.model.scale import scale
 from myomorph.motion.lengths import factors_of, lengths_of
 from myomorph.motion.sync import take_frames
-from myomorph.rigid.couplers import couple_frames
+from myomorph.rigid.coordinates import couple_frames
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 

@@ -22,7 +22,7 @@ from myomorph.identify.sequential import SequentialFit
 from myomorph.model.functions import linear
 from myomorph.model.inertia import inertial_parameters
 from myomorph.model.model import Axis, Coordinate
-from myomorph.rigid.couplers import couple_rates_frames
+from myomorph.rigid.coordinates import couple_rates_frames
 from myomorph.rigid.regressor import regressor_blocks
 from myomorph.rigid.tree import compile_tree
 from trees import floating_tree

@@ -16,7 +16,7 @@ from myomorph.model.errors import BadData
 from myomorph.model.segments import feet_of
 from myomorph.model.series import Motion, Series
 from myomorph.muscles.kinematics import muscle_kinematics
-from myomorph.muscles.scaling import default_path_lengths
+from myomorph.muscles.path import default_path_lengths
 from myomorph.report.trial.muscle_sections import length_cycle_section
 from myomorph.report.trial.prepared import prepare
 

@@ -7,7 +7,7 @@ import pytest
 
 from made_walker import walker
 from myomorph.analysis.foot_events import FootTrack, Limb, on_events
-from myomorph.analysis.running_events import running_contacts, vertical_force
+from myomorph.analysis.walking import running_contacts, vertical_force
 from myomorph.model.series import Event, Motion
 from myomorph.rigid.tree import compile_tree
 

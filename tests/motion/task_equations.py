@@ -9,7 +9,7 @@ from myomorph.model.series import Markers
 from myomorph.motion.ik import InverseKinematicsOptions, pose_problem
 from myomorph.motion.pose_problem import normal_equations
 from myomorph.motion.tasks.task import new_work, sum_of_costs
-from myomorph.rigid.couplers import couple
+from myomorph.rigid.coordinates import couple
 from myomorph.rigid.kernels import kernel
 from myomorph.rigid.kinematics import body_poses
 

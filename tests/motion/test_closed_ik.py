@@ -25,7 +25,7 @@ from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics, pos
 from myomorph.motion.lengths import lengths_of
 from myomorph.motion.online import OnlineKinematics
 from myomorph.motion.stretch import stretch_of
-from myomorph.rigid.couplers import couple_frames
+from myomorph.rigid.coordinates import couple_frames
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.loops import close_loops, closure, closure_jacobian, free_coordinates
 from myomorph.rigid.tree import compile_tree

@@ -8,7 +8,7 @@ from myomorph.model.scale import scale
 from myomorph.motion.ik import InverseKinematicsOptions, pose_problem
 from myomorph.motion.lengths import factors_of, lengths_of, mirrored_lengths, segments_that_stretch
 from myomorph.motion.stretch import skeleton, slopes_of_frame, stretch_of, with_travel
-from myomorph.rigid.couplers import couple_frames
+from myomorph.rigid.coordinates import couple_frames
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from stick_figure import stick_figure

@@ -18,7 +18,7 @@ from myomorph.model.spatial import (
 from myomorph.motion.ik import inverse_kinematics
 from myomorph.motion.sensors.mounting import SensorOptions, bodies_of_sensors
 from myomorph.motion.sensors.sensor_kinematics import SensorRecording, sensor_kinematics
-from myomorph.rigid.marker_positions import marker_positions
+from myomorph.rigid.kinematics import marker_positions
 from myomorph.rigid.tree import compile_tree
 from myomorph.simulate.sensors import NO_ERRORS, SensorErrors, simulated_sensors
 from stick_figure import stick_figure

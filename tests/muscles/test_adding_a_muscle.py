@@ -13,9 +13,8 @@ from myomorph.model.errors import BadModel
 from myomorph.model.series import Motion
 from myomorph.motion.filters import differentiate
 from myomorph.muscles.hill import hill_forces
-from myomorph.muscles.hill_arrays import activation_times
+from myomorph.muscles.hill_arrays import MODELS, activation_times
 from myomorph.muscles.kinematics import muscle_kinematics
-from myomorph.muscles.model_table import MODELS
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.tension.personal.curves import muscle_shapes
 from myomorph.tension.solve import solve_tension

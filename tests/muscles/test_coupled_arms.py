@@ -18,7 +18,7 @@ from myomorph.muscles.coupled_arms import loop_couplings, loop_groups
 from myomorph.muscles.kinematics import muscle_kinematics
 from myomorph.muscles.path import compile_paths
 from myomorph.muscles.reported_arms import arms_as_reported, crossings
-from myomorph.rigid.couplers import couple_frames
+from myomorph.rigid.coordinates import couple_frames
 from myomorph.rigid.loops import close_loops, closure_jacobian
 from myomorph.rigid.tree import compile_tree
 

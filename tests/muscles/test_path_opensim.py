@@ -12,7 +12,7 @@ from myomorph.io.formats import read_model
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.paths import MovingPathPoint
 from myomorph.muscles.path import compile_paths
-from myomorph.rigid.couplers import couple_frames
+from myomorph.rigid.coordinates import couple_frames
 
 opensim = pytest.importorskip("opensim")
 SAME = 1e-6

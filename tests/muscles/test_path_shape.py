@@ -14,8 +14,7 @@ from myomorph.model.arrays import Array
 from myomorph.model.functions import Function
 from myomorph.model.model import GROUND, Model
 from myomorph.model.paths import MovingPathPoint, Muscle
-from myomorph.muscles.path import compile_paths
-from myomorph.muscles.path_shape import ARC_PARTS, drawn_paths
+from myomorph.muscles.path import ARC_PARTS, compile_paths, drawn_paths
 from myomorph.rigid.kinematics import Poses
 from myomorph.rigid.tree import compile_tree
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.rigid.body_motion import body_motion
+from myomorph.rigid.kinematics import body_motion
 from myomorph.rigid.tree import compile_tree
 from trees import functional_tree, random_tree
 

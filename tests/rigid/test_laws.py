@@ -11,8 +11,7 @@ from myomorph.model.errors import BadModel, UnknownName
 from myomorph.model.functions import SineProduct, constant, polynomial, simm_spline
 from myomorph.model.model import Axis, Coupler
 from myomorph.model.series import Wrenches
-from myomorph.rigid.coordinates import compile_functions, evaluate
-from myomorph.rigid.couplers import couple_frames, gather_dependents
+from myomorph.rigid.coordinates import compile_functions, couple_frames, evaluate, gather_dependents
 from myomorph.rigid.dynamics import inverse_dynamics, motion_arrays
 from myomorph.rigid.kinematics import center_of_mass, forward_kinematics
 from myomorph.rigid.tree import compile_tree

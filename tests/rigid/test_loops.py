@@ -13,7 +13,7 @@ from myomorph.io.mjcf.read import model_from_mujoco
 from myomorph.model.errors import BadData
 from myomorph.model.spatial import Transform, axis_rotation
 from myomorph.rigid import loops
-from myomorph.rigid.couplers import couple_frames, couple_rates_frames
+from myomorph.rigid.coordinates import couple_frames, couple_rates_frames
 from myomorph.rigid.loop_kernels import half_rotation
 from myomorph.rigid.loops import (
     close_loops,

@@ -10,7 +10,7 @@ from test_laws import mechanical_energy
 
 from myomorph.io.formats import read_model
 from myomorph.model.series import Motion
-from myomorph.rigid.couplers import couple_frames, gather_dependents
+from myomorph.rigid.coordinates import couple_frames, gather_dependents
 from myomorph.rigid.dynamics import inverse_dynamics, motion_arrays
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree

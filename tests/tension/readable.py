@@ -2,7 +2,7 @@
 
     minimise  1/2 x^T H x + c^T x   subject to  A x = b,  G x <= h,  lower <= x <= upper
 
-Where the package adds unknowns to stay separable (`terms.measured`, `terms.emg`), this form has full cost matrices and
+Where the package adds unknowns to stay separable (`terms.contacts`, `terms.emg`), this form has full cost matrices and
 inequalities; both have one solution. Smoothness between frames has no place in it.
 """
 
@@ -19,8 +19,8 @@ from numpy.typing import ArrayLike
 from myomorph.model.arrays import Array
 from myomorph.model.contacts import Cone, tangents
 from myomorph.tension.problem import TensionProblem
+from myomorph.tension.terms.contacts import MEASURED_COST
 from myomorph.tension.terms.emg import STIFFNESS, EmgTarget
-from myomorph.tension.terms.measured import MEASURED_COST
 
 Cost: TypeAlias = tuple[Array, Array]
 """(H, c): H (n,) its diagonal or (n, n), c (n,)."""

@@ -22,10 +22,9 @@ from myomorph.rigid.closed_motion import closed_motion
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.kinematics import center_of_mass, forward_kinematics
 from myomorph.rigid.tree import compile_tree
-from myomorph.tension.passive_share import contact_notes
 from myomorph.tension.problem import TensionInputs, tension_problem
 from myomorph.tension.solve import solve_contacts, solve_tension
-from myomorph.tension.tension import TensionOptions
+from myomorph.tension.tension import TensionOptions, contact_notes
 from myomorph.tension.terms.contacts import ContactOptions, ContactTask
 from myomorph.tension.terms.emg import EmgTarget
 

@@ -18,9 +18,8 @@ from myomorph.model.series import Motion, Series
 from myomorph.motion.filters import differentiate
 from myomorph.motion.sync import take_frames
 from myomorph.muscles.fiber_jets import FLOOR, SLACKENED, TONE
-from myomorph.muscles.hill_arrays import compile_hill
+from myomorph.muscles.hill_arrays import compile_hill, muscle_model
 from myomorph.muscles.kinematics import muscle_kinematics
-from myomorph.muscles.model_table import muscle_model
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.tension.problem import TensionInputs
 from myomorph.tension.reaction import joint_reactions

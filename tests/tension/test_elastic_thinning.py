@@ -12,7 +12,7 @@ from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series
 from myomorph.motion.filters import differentiate
 from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.tension.elastic.thinning import FASTEST, along, picked, solved_every
+from myomorph.tension.elastic.windows import FASTEST, along, picked, solved_every
 from myomorph.tension.solve import solve_tension
 from myomorph.tension.tension import TensionOptions
 

@@ -21,9 +21,8 @@ from myomorph.motion.filters import differentiate
 from myomorph.motion.sync import resample_wrenches, take_frames
 from myomorph.muscles.path import compile_paths
 from myomorph.rigid.bushings import bushing_forces
-from myomorph.rigid.dynamics import inverse_dynamics
+from myomorph.rigid.dynamics import inverse_dynamics, joint_wrenches
 from myomorph.rigid.forward import gathered
-from myomorph.rigid.joint_wrenches import joint_wrenches
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.tension.applied import of_actuators, of_bushings, of_muscles, of_wrenches

@@ -21,9 +21,8 @@ from myomorph.muscles.kinematics import muscle_kinematics
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
-from myomorph.tension.passive_share import passive_notes
 from myomorph.tension.solve import solve_tension
-from myomorph.tension.tension import Tension, TensionOptions
+from myomorph.tension.tension import Tension, TensionOptions, passive_notes
 
 ARM = "opensim-reference-small/"
 WALK = "rajagopal-walk-emg/"

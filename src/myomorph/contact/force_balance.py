@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from myomorph.contact.foot_stance import belt_velocity, supported
+from myomorph.contact.foot_poses import belt_velocity, supported
 from myomorph.contact.force_inspection import Change, ForceSamples, Inspection, changed_wrenches
 from myomorph.contact.force_placement import FITS, MARKED, NEAR
 from myomorph.model.arrays import Array

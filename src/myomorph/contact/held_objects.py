@@ -25,8 +25,7 @@ from myomorph.model.contacts import Contacts, Site, Touch
 from myomorph.model.errors import BadData, check_name
 from myomorph.model.model import GROUND, Model
 from myomorph.model.series import Motion, Wrenches
-from myomorph.rigid.dynamics import external_arrays, motion_arrays
-from myomorph.rigid.joint_wrenches import joint_wrenches
+from myomorph.rigid.dynamics import external_arrays, joint_wrenches, motion_arrays
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 

@@ -12,7 +12,7 @@ from myomorph.model.arrays import Array
 from myomorph.model.inertia import parameters_of, pseudo_inertias
 from myomorph.model.model import Model, index_of
 from myomorph.model.series import Motion
-from myomorph.rigid.couplers import couple_frames, couple_rates_frames
+from myomorph.rigid.coordinates import couple_frames, couple_rates_frames
 from myomorph.rigid.kinematics import Poses, forward_kinematics
 from myomorph.rigid.regressor import base_regressor
 from myomorph.rigid.tree import ROTATION, Tree, compile_tree

@@ -23,8 +23,7 @@ from myomorph.motion.tasks.markers import MarkerTask
 from myomorph.motion.tasks.orientations import OrientationTask
 from myomorph.motion.tasks.task import TASKS, Task
 from myomorph.motion.turns import floating_coordinates, of_one_branch, of_one_turn
-from myomorph.rigid.coordinates import Ints
-from myomorph.rigid.couplers import couple_frames
+from myomorph.rigid.coordinates import Ints, couple_frames
 from myomorph.rigid.loops import closure, free_coordinates
 from myomorph.rigid.tree import Tree, compile_tree
 

@@ -17,7 +17,7 @@ from myomorph.model.sides import mirror_names
 from myomorph.motion.ik import KinematicsFit
 from myomorph.motion.pose_problem import PoseProblem
 from myomorph.motion.turns import floating_coordinates
-from myomorph.rigid.couplers import couple_frames
+from myomorph.rigid.coordinates import couple_frames
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import Tree, compile_tree
 

@@ -23,8 +23,7 @@ from myomorph.model.scale import scale, slides_freely
 from myomorph.motion.lengths import Length
 from myomorph.motion.tasks.loops import Ties
 from myomorph.motion.tasks.markers import MarkerArrays, seen_weight
-from myomorph.rigid.coordinates import Ints, evaluate
-from myomorph.rigid.couplers import gather_dependents
+from myomorph.rigid.coordinates import Ints, evaluate, gather_dependents
 from myomorph.rigid.kernels import bare, in_place, kernel
 from myomorph.rigid.kinematics import body_poses
 from myomorph.rigid.tree import ROTATION, compile_tree

@@ -22,8 +22,7 @@ import numpy as np
 
 from myomorph.model.arrays import Array
 from myomorph.rigid.bushings import angular_velocities
-from myomorph.rigid.coordinates import Ints
-from myomorph.rigid.couplers import gather_dependents
+from myomorph.rigid.coordinates import Ints, gather_dependents
 from myomorph.rigid.loops import RANK, closure_jacobian
 from myomorph.rigid.tree import Tree
 

@@ -1,9 +1,13 @@
-"""Hill-type muscles as flat arrays, which kernels read: with rigid tendons, and with elastic ones."""
+"""Hill-type muscles as flat arrays, which kernels read: with rigid tendons, and with elastic ones.
+
+A new class is one line of `MODELS`, and a module with the class.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from functools import lru_cache, partial
+from importlib import import_module
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -15,8 +19,34 @@ from myomorph.model.latest import Latest
 from myomorph.model.model import Model
 from myomorph.model.paths import Muscle
 from myomorph.muscles.curves import Curve, CurveArrays, pack_curves
-from myomorph.muscles.model_table import MODELS, muscle_model
 from myomorph.muscles.muscle_model import FiberSizes, MuscleModel, StaticOptimization
+
+MODELS: dict[str, str] = {
+    "Thelen2003Muscle": "myomorph.muscles.models.thelen:Thelen2003",
+    "Millard2012EquilibriumMuscle": "myomorph.muscles.models.millard:Millard2012",
+    "Millard2012AccelerationMuscle": "myomorph.muscles.models.millard:Millard2012Acceleration",
+    "DeGrooteFregly2016Muscle": "myomorph.muscles.models.degroote:DeGrooteFregly2016",
+    "RigidTendonMuscle": "myomorph.muscles.models.thelen:RigidTendon",
+    "Thelen2003Muscle_Deprecated": "myomorph.muscles.models.thelen:DeprecatedThelen2003",
+    "Schutte1993Muscle_Deprecated": "myomorph.muscles.models.thelen:Schutte1993",
+    "mujoco": "myomorph.muscles.models.mujoco:MujocoMuscle",
+}
+
+
+def muscle_model(muscle: Muscle) -> MuscleModel:
+    """The class of a muscle."""
+    if muscle.kind not in MODELS:
+        raise BadModel(f"muscle '{muscle.name}' is a {muscle.kind}: curves are known for {', '.join(MODELS)}")
+    return loaded(MODELS[muscle.kind])
+
+
+@lru_cache(maxsize=64)
+def loaded(place: str) -> MuscleModel:
+    """The class at a place of `MODELS`."""
+    module, name = place.split(":")
+    model: MuscleModel = getattr(import_module(module), name)()
+    return model
+
 
 Convention = Literal["rigid-tendon", "opensim"]
 CONVENTIONS: tuple[Convention, ...] = ("rigid-tendon", "opensim")

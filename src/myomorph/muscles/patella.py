@@ -22,9 +22,8 @@ import numpy as np
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.model import Joint, Model
 from myomorph.muscles.path import Paths
-from myomorph.rigid.body_motion import body_motion
-from myomorph.rigid.coordinates import Ints
-from myomorph.rigid.couplers import couple_rates_frames
+from myomorph.rigid.coordinates import Ints, couple_rates_frames
+from myomorph.rigid.kinematics import body_motion
 from myomorph.rigid.knees import flexion_coordinate, knee_joints
 
 PATELLA = "patella"

@@ -45,8 +45,7 @@ from myomorph.muscles.path_chain import (
     tendon_nodes,
     wrapped_nodes,
 )
-from myomorph.rigid.coordinates import Ints, evaluate
-from myomorph.rigid.couplers import couple
+from myomorph.rigid.coordinates import Ints, couple, evaluate
 from myomorph.rigid.kernels import in_place, inner, kernel
 from myomorph.rigid.kinematics import body_poses
 

@@ -11,8 +11,8 @@ from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, BadModel, UnknownName
 from myomorph.model.model import GROUND, Model
 from myomorph.opensim_tools.states import Analyzed, Result, Tables
-from myomorph.rigid.body_motion import BodyMotion, body_motion
 from myomorph.rigid.dynamics import motion_arrays
+from myomorph.rigid.kinematics import BodyMotion, body_motion
 
 WHOLE = "center_of_mass"
 

@@ -16,9 +16,8 @@ from myomorph.model.paths import PassiveTorque
 from myomorph.model.series import Series
 from myomorph.muscles.fiber_states import state_names
 from myomorph.opensim_tools.states import Analyzed, Result
-from myomorph.rigid.body_motion import BodyMotion, body_motion
 from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.kinematics import BodyMotion, body_motion, forward_kinematics
 from myomorph.study.inputs import reading
 from myomorph.study.trial.steps.id import torque_table
 from myomorph.tension.reaction import joint_reactions

@@ -10,7 +10,7 @@ from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series
-from myomorph.rigid.couplers import couple_rates_frames, gather_dependents
+from myomorph.rigid.coordinates import couple_rates_frames, gather_dependents
 from myomorph.rigid.dynamics import motion_arrays
 from myomorph.rigid.loops import LoopBasis, close_loops, closure, loop_basis, project_rates
 from myomorph.rigid.tree import Tree, compile_tree

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from myomorph.model.arrays import Array
-from myomorph.rigid.coordinates import Ints
-from myomorph.rigid.couplers import couple_rates_frames, gather_dependents
-from myomorph.rigid.joint_wrenches import joint_wrenches
+from myomorph.rigid.coordinates import Ints, couple_rates_frames, gather_dependents
+from myomorph.rigid.dynamics import joint_wrenches
 from myomorph.rigid.kernels import kernel
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.loops import RANK, closure_jacobian, closure_rates, free_coordinates

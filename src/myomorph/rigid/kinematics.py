@@ -1,4 +1,4 @@
-"""Poses, velocities and Jacobians of bodies over frames, and what couplers make of coordinates."""
+"""Poses, velocities, accelerations and Jacobians of bodies over frames, and where markers are."""
 
 from __future__ import annotations
 
@@ -6,11 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
+from myomorph.model.model import Model
+from myomorph.model.series import Markers, Motion
 from myomorph.rigid.coordinates import Ints, evaluate
 from myomorph.rigid.frames import over_frames
 from myomorph.rigid.kernels import bare, in_place, kernel
-from myomorph.rigid.tree import ROTATION, Tree
+from myomorph.rigid.tree import ROTATION, Tree, compile_tree
 from myomorph.rigid.vectors import (
     about,
     along,
@@ -191,3 +193,95 @@ def center_of_mass(tree: Tree, poses: Poses) -> Array:
     arrays = tree.arrays
     centers = poses.points(np.arange(len(arrays.mass)), arrays.mass_center)
     return np.einsum("b,fbi->fi", arrays.mass, centers) / arrays.mass.sum()
+
+
+def marker_positions(model: Model, motion: Motion) -> Markers:
+    """Positions of a model's markers in a motion, as a camera system without errors would record them.
+
+    Source: Featherstone 2008, forward kinematics.
+
+    Parameters
+    ----------
+    model : with markers
+    motion : coordinates over time; what it lacks stands at the model's default
+
+    Returns
+    -------
+    positions (frames, markers, 3) in ground [m], at the motion's times
+
+    Raises
+    ------
+    UnknownName
+        where the motion has a coordinate that the model does not have
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> model = mm.read_model("arm.osim")
+    >>> markers = mm.marker_positions(model, mm.read_motion("reach.mot", model))
+    >>> markers.names, markers.values.shape
+    (('UA1', 'UA2', 'FA1', 'FA2'), (61, 4, 3))
+    """
+    tree = compile_tree(model)
+    poses = forward_kinematics(tree, tree.coordinates_of(motion))
+    bodies = np.array([tree.body_number(marker.body) for marker in model.markers], np.int64)
+    points = poses.points(bodies, np.array([marker.location for marker in model.markers]).reshape(-1, 3))
+    return Markers(motion.time, model.marker_names, points)
+
+
+@read_only
+@dataclass(frozen=True, eq=False)
+class BodyMotion:
+    """How bodies move; body 0 is the ground, and every vector is in ground."""
+
+    rotations: Array  # (frames, bodies, 3, 3) poses [m]
+    origins: Array  # (frames, bodies, 3) poses [m]
+    angular_velocities: Array  # (frames, bodies, 3) [rad/s]
+    angular_accelerations: Array  # (frames, bodies, 3) [rad/s^2]
+    velocities: Array  # (frames, bodies, 3) of the bodies' origins, gravity not included [m/s]
+    accelerations: Array  # (frames, bodies, 3) of the bodies' origins, gravity not included [m/s^2]
+
+    def of_points(self, bodies: Ints, places: Array) -> tuple[Array, Array, Array]:
+        """Place, velocity and acceleration (frames, points, 3) of points fixed to bodies.
+
+            v = v_0 + w x r,   a = a_0 + e x r + w x (w x r)
+
+        `bodies` (points,) body numbers; `places` (points, 3) in the bodies' frames [m].
+        """
+        r = np.einsum("fpij,pj->fpi", self.rotations[:, bodies], places)
+        turning = np.cross(self.angular_velocities[:, bodies], r)
+        accelerations = np.cross(self.angular_accelerations[:, bodies], r)
+        accelerations += np.cross(self.angular_velocities[:, bodies], turning)
+        return (
+            self.origins[:, bodies] + r,
+            self.velocities[:, bodies] + turning,
+            self.accelerations[:, bodies] + accelerations,
+        )
+
+
+def body_motion(tree: Tree, c: Array, cdot: Array, cddot: Array) -> BodyMotion:
+    """Poses, velocities and accelerations of all bodies.
+    `c`, `cdot`, `cddot` (frames, coordinates) consistent, as of `rigid.dynamics.motion_arrays`.
+    """
+    frames, bodies = len(c), len(tree.arrays.parent)
+    arrays = [np.array(values, dtype=np.float64, order="C") for values in (c, cdot, cddot)]
+    R = np.empty((frames, bodies, 3, 3))
+    p, omega, v, alpha, a = (np.empty((frames, bodies, 3)) for _ in range(5))
+
+    def part(start: int, stop: int) -> None:
+        s = slice(start, stop)
+        _body_motion(tree.arrays, *(values[s] for values in arrays), R[s], p[s], omega[s], v[s], alpha[s], a[s])
+
+    over_frames(part, frames)
+    return BodyMotion(R, p, omega, alpha, v, a)
+
+
+@kernel
+def _body_motion(T, c, cdot, cddot, R, p, omega, v, alpha, a):
+    axes = T.axis_kind.shape[0]
+    w, o, dphi = np.empty((axes, 3)), np.empty((axes, 3)), np.empty((axes, 2))
+    for frame in range(c.shape[0]):
+        body_poses(T, c[frame], R[frame], p[frame], w, o, dphi)
+        body_rates(
+            T, c[frame], cdot[frame], cddot[frame], p[frame], w, o, omega[frame], v[frame], alpha[frame], a[frame]
+        )

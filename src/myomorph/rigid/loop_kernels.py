@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from myomorph.rigid.couplers import gather_dependents
+from myomorph.rigid.coordinates import gather_dependents
 from myomorph.rigid.kernels import bare, kernel
 from myomorph.rigid.kinematics import body_poses, body_rates, carried
 from myomorph.rigid.tree import ROTATION

@@ -9,8 +9,7 @@ import numpy as np
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
-from myomorph.rigid.coordinates import Ints
-from myomorph.rigid.couplers import couple_frames, couple_rates_frames
+from myomorph.rigid.coordinates import Ints, couple_frames, couple_rates_frames
 from myomorph.rigid.frames import over_frames
 from myomorph.rigid.loop_kernels import loop_frames, loop_rate_frames
 from myomorph.rigid.tree import Tree

@@ -15,8 +15,7 @@ from myomorph.model.latest import Latest
 from myomorph.model.model import GROUND, Axis, Coupler, Model, index_of
 from myomorph.model.series import Motion
 from myomorph.model.spatial import Transform, axis_rotation
-from myomorph.rigid.coordinates import FunctionArrays, Ints, compile_functions
-from myomorph.rigid.couplers import couple_frames
+from myomorph.rigid.coordinates import FunctionArrays, Ints, compile_functions, couple_frames
 
 ROTATION, TRANSLATION = 0, 1
 

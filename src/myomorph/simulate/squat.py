@@ -22,8 +22,7 @@ from myomorph.model.series import Markers, Motion, Series, Trial, Wrenches
 from myomorph.motion.filters import lowpass, natural_spline
 from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
 from myomorph.motion.tasks.coordinates import CoordinateTask
-from myomorph.rigid.dynamics import inverse_dynamics, motion_arrays
-from myomorph.rigid.joint_wrenches import joint_wrenches
+from myomorph.rigid.dynamics import inverse_dynamics, joint_wrenches, motion_arrays
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import Tree, compile_tree
 from myomorph.store.results import value_source

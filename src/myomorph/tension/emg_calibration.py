@@ -16,10 +16,8 @@ from myomorph.motion.emg_checks import envelope_faults, refuse_unfit, without_fa
 from myomorph.motion.emg_delay import DOUBT, USUAL, ChannelMap, EmgCalibration, uncalibrated
 from myomorph.motion.filters import lowpass
 from myomorph.tension.emg_frames import tracked_frames
-from myomorph.tension.emg_groups import calibration_of, some_names, synergy_groups
-from myomorph.tension.emg_held_out import EmgTrial, HeldOut
-from myomorph.tension.emg_level import kept_level, settled_fit
-from myomorph.tension.emg_swaps import swap_lines
+from myomorph.tension.emg_groups import calibration_of, kept_level, settled_fit, some_names, synergy_groups
+from myomorph.tension.emg_held_out import EmgTrial, HeldOut, swap_lines
 from myomorph.tension.emg_targets import EmgOptions, emg_targets, mapped_muscles
 from myomorph.tension.emg_tracking import Fit, Prior, TorqueTracking, gain_prior
 from myomorph.tension.problem import TensionInputs

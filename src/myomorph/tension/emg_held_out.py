@@ -1,9 +1,13 @@
-"""EMG channels left out in turn: what the others do to the activation of their muscles, and the weight that follows."""
+"""EMG channels left out in turn: what the others do to the activation of their muscles, and the weight that follows;
+channels whose names are exchanged: each follows what the other's muscles have to do, and not its own.
+"""
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -13,14 +17,72 @@ from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Emg, Motion, Series
 from myomorph.motion.emg_delay import ChannelMap, EmgCalibration, channel_means, shifted
 from myomorph.tension.emg_frames import few_frames
-from myomorph.tension.emg_groups import SAME, calibration_of, some_names, synergy_groups
-from myomorph.tension.emg_level import kept_level, settled_fit
-from myomorph.tension.emg_swaps import Swap, swapped_channels
+from myomorph.tension.emg_groups import SAME, calibration_of, kept_level, settled_fit, some_names, synergy_groups
 from myomorph.tension.emg_targets import EmgOptions, emg_targets
 from myomorph.tension.emg_tracking import TorqueTracking, action_cosines, gain_prior
 from myomorph.tension.solve import solve_tension
 from myomorph.tension.tension import TensionOptions
 from myomorph.tension.terms.contacts import ContactTask
+
+CLEARER = 0.2
+"""By how much the correlation of both channels has to rise. In three walks without a fault no pair rises at all."""
+FOLLOWS = 0.3
+"""Correlation from which on a channel follows muscles."""
+SHORTEST = 30
+"""Frames that are needed."""
+
+
+class Swap(NamedTuple):
+    """Two channels (their columns) and the mean correlation of both with their own muscles and with the other's."""
+
+    first: int
+    second: int
+    own: float
+    other: float
+
+
+def swapped_channels(envelopes: Array, activations: Array) -> tuple[Swap, ...]:
+    """Pairs of channels that look exchanged, the clearest first; no channel is in two pairs.
+
+    Both channels must follow the other's muscles better than their own. Muscles that work at the same time
+    (gastrocnemius and soleus, vasti and gluteus medius in walking) cannot be told apart so.
+
+    `envelopes` (frames, channels) at the delay of EMG, NaN where unknown; `activations` (frames, channels) means of
+    each channel's muscles, found without EMG from joint torques.
+    """
+    use = np.isfinite(envelopes).all(axis=1) & np.isfinite(activations).all(axis=1)
+    count = envelopes.shape[1]
+    if use.sum() < SHORTEST:
+        return ()
+    both = np.hstack([envelopes[use], activations[use]])
+    both = both - both.mean(axis=0)
+    size = np.linalg.norm(both, axis=0)
+    both = both / np.where(size > 0.0, size, np.inf)
+    result = both[:, :count].T @ both[:, count:]
+    pairs = []
+    for i, j in itertools.combinations(range(count), 2):
+        rise = min(result[i, j] - result[i, i], result[j, i] - result[j, j])
+        if rise > CLEARER and min(result[i, j], result[j, i]) > FOLLOWS:
+            direct, other = 0.5 * (result[i, i] + result[j, j]), 0.5 * (result[i, j] + result[j, i])
+            pairs.append((float(rise), Swap(i, j, float(direct), float(other))))
+    chosen: list[Swap] = []
+    for _, pair in sorted(pairs, reverse=True):
+        taken = {number for item in chosen for number in item[:2]}
+        if not taken & set(pair[:2]):
+            chosen.append(pair)
+    return tuple(chosen)
+
+
+def swap_lines(names: tuple[str, ...], swaps: tuple[Swap, ...]) -> tuple[str, ...]:
+    """One line for each pair."""
+    return tuple(
+        f"EMG channels '{names[swap.first]}' and '{names[swap.second]}' look exchanged: each follows the "
+        f"other's muscles "
+        f"(correlation with what joint torques ask of them {swap.other:.2f}, with their own {swap.own:.2f}); they take "
+        "part under their names"
+        for swap in swaps
+    )
+
 
 WEIGHTS = ((10.0, 1.0), (3.0, 1.0), (1.0, 1.0), (0.3, 1.0), (0.1, 1.0), (0.1, 0.3), (0.1, 0.1))
 """Weights that are tried, the firmest first: of soft targets, and of what synergies say of muscles without EMG."""

@@ -23,13 +23,11 @@ from myomorph.rigid.loops import loop_basis
 from myomorph.rigid.tree import Tree, compile_tree
 from myomorph.tension.assembly import assemble, fold, take_off
 from myomorph.tension.dual import solve_separable
-from myomorph.tension.passive_share import PassivePeaks, greatest_peaks, passive_peaks
 from myomorph.tension.separable import Separable, no_links
-from myomorph.tension.tension import Tension, TensionOptions
+from myomorph.tension.tension import PassivePeaks, Tension, TensionOptions, greatest_peaks, passive_peaks
 from myomorph.tension.terms.actuators import ActuatorTerm, default_reserves, free_coordinates
-from myomorph.tension.terms.contacts import ContactTask, ContactTerm
+from myomorph.tension.terms.contacts import ContactTask, ContactTerm, contact_terms
 from myomorph.tension.terms.emg import EmgTarget
-from myomorph.tension.terms.measured import contact_terms
 from myomorph.tension.terms.muscles import HIGHEST_POWER, MuscleTerm
 from myomorph.tension.terms.term import Columns, Frames, Term, Unknowns, Variables, added_up, joined
 

@@ -29,9 +29,8 @@ from myomorph.muscles.passive import joint_forces
 from myomorph.muscles.patella import with_lever
 from myomorph.muscles.path import compile_paths
 from myomorph.rigid.closed_motion import refuse_open
-from myomorph.rigid.dynamics import external_arrays, motion_arrays
+from myomorph.rigid.dynamics import external_arrays, joint_wrenches, motion_arrays
 from myomorph.rigid.forward import balancing_multipliers, forward_accelerations, gathered, loop_wrenches
-from myomorph.rigid.joint_wrenches import joint_wrenches
 from myomorph.rigid.kinematics import Poses, forward_kinematics
 from myomorph.rigid.tree import Tree, compile_tree
 from myomorph.tension.applied import of_actuators, of_bushings, of_muscles, of_wrenches

@@ -19,13 +19,12 @@ from myomorph.tension.contact_setting import ContactSetting, Measurements, all_l
 from myomorph.tension.emg_calibration import EmgOptions, EmgTrial, calibrate_emg, emg_targets
 from myomorph.tension.emg_conflicts import EmgConflict, emg_conflicts
 from myomorph.tension.joint_contact import JointContactForces, JointPoints, joint_contact_forces
-from myomorph.tension.passive_share import passive_notes
 from myomorph.tension.problem import TensionInputs
 from myomorph.tension.reaction import joint_reactions
 from myomorph.tension.recruitment import RecruitmentOptions, recruitment_terms
 from myomorph.tension.relaxation import Relaxation, relaxation_lines, relaxations
 from myomorph.tension.solve import ContactSolution, solve_contacts, solve_tension, with_contacts
-from myomorph.tension.tension import Tension, TensionOptions
+from myomorph.tension.tension import Tension, TensionOptions, passive_notes
 from myomorph.tension.terms.actuators import default_reserves
 from myomorph.tension.terms.contacts import ContactOptions
 from myomorph.tension.terms.emg import EmgTarget

@@ -15,7 +15,7 @@ from myomorph.model.series import Markers
 from myomorph.motion.causal import CausalFilter, CausalStream
 from myomorph.motion.ik import InverseKinematicsOptions, pose_problem, tracked_markers
 from myomorph.motion.turns import floating_coordinates
-from myomorph.rigid.couplers import couple_frames
+from myomorph.rigid.coordinates import couple_frames
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import Tree, compile_tree
 from myomorph.uncertainty.bodies import Draw

@@ -11,8 +11,7 @@ import numpy as np
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.model import Model
 from myomorph.model.surface import Surface
-from myomorph.muscles.path import compile_paths
-from myomorph.muscles.path_shape import drawn_paths
+from myomorph.muscles.path import compile_paths, drawn_paths
 from myomorph.report.scene.body_view import BodyView
 from myomorph.report.scene.image import activation_color
 from myomorph.report.scene.shapes import tube

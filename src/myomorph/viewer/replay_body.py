@@ -14,8 +14,7 @@ from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Wrenches
-from myomorph.muscles.path import compile_paths
-from myomorph.muscles.path_shape import drawn_paths
+from myomorph.muscles.path import compile_paths, drawn_paths
 from myomorph.report.scene.image import activation_color
 from myomorph.report.scene.scene import Scene, make_scene, nearest_samples
 from myomorph.report.trial.report_input import ReportInput

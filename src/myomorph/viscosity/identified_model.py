@@ -26,7 +26,7 @@ from myomorph.model.series import Motion
 from myomorph.model.spatial import Transform
 from myomorph.motion.filters import differentiate
 from myomorph.rigid.bushings import angular_velocities, bushing_forces, deflection, jacobian_frames
-from myomorph.rigid.couplers import gather_dependents
+from myomorph.rigid.coordinates import gather_dependents
 from myomorph.rigid.dynamics import rates_of
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import Tree, compile_tree

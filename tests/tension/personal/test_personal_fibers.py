@@ -9,8 +9,8 @@ import pytest
 
 from myomorph.io.formats import read_model
 from myomorph.muscles.hill import hill_forces
+from myomorph.muscles.hill_arrays import muscle_model
 from myomorph.muscles.kinematics import muscle_kinematics
-from myomorph.muscles.model_table import muscle_model
 from myomorph.tension.personal.curves import LENGTHS, muscle_shapes
 from myomorph.tension.personal.fibers import follow
 from myomorph.tension.personal.prior import sizes_of

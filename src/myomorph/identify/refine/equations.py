@@ -8,9 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from myomorph.identify.refine.frame_kernels import difference_frames
-from myomorph.identify.refine.masses import tangents
-from myomorph.identify.refine.problem import Problem, TrialData, Unknowns
-from myomorph.identify.refine.spline import WIDTH
+from myomorph.identify.refine.problem import WIDTH, Problem, TrialData, Unknowns, tangents
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.series import Motion
 from myomorph.rigid.coordinates import Ints

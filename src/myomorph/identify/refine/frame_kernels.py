@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from myomorph.rigid.couplers import couple, couple_rates
+from myomorph.rigid.coordinates import couple, couple_rates
 from myomorph.rigid.dynamics import body_wrenches
 from myomorph.rigid.kernels import bare, kernel
 from myomorph.rigid.kinematics import body_poses, body_rates

@@ -1,25 +1,131 @@
-"""The one problem of motion, body and masses: its data, its unknowns and what is known before."""
+"""The one problem of motion, body and masses: its data, its unknowns and what is known before.
+
+Coordinates over time are quintic splines: few unknowns, and derivatives that belong to them. Masses of links always
+are a body's: small changes of a pseudo-inertia and their prior.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.interpolate import BSpline
+from scipy.linalg import cho_solve_banded, cholesky_banded
 
+from myomorph.identify.pseudo_inertia import SMALLEST_SHARE, possible_reference
 from myomorph.identify.refine.frame_kernels import predict_frames
-from myomorph.identify.refine.masses import MassPrior, changed
 from myomorph.identify.refine.options import RefineOptions
-from myomorph.identify.refine.spline import Basis
 from myomorph.model.arrays import Array, read_only
-from myomorph.model.inertia import inertia_matrices, inertial_parameters
+from myomorph.model.inertia import inertia_matrices, inertial_parameters, parameters_of, pseudo_inertias
 from myomorph.model.model import Model
 from myomorph.model.scale import scale
 from myomorph.model.series import Motion
 from myomorph.motion.lengths import Length, factors_of
 from myomorph.motion.pose_problem import PoseProblem
-from myomorph.rigid.couplers import couple_rates_frames
+from myomorph.rigid.coordinates import Ints, couple_rates_frames
 from myomorph.rigid.frames import over_frames
 from myomorph.rigid.tree import TreeArrays, compile_tree
+
+DEGREE = 5
+"""Accelerations are cubic splines then, smooth as those of a filtered motion."""
+
+WIDTH = DEGREE + 1
+"""Knots that a frame depends on."""
+
+
+@read_only
+@dataclass(frozen=True, eq=False)
+class Basis:
+    """Values and derivatives at frames of splines with even knots."""
+
+    first: Ints  # (frames,) number of the first coefficient that a frame depends on
+    weights: Array  # (3, frames, WIDTH) of the following coefficients, for values, rates and accelerations
+    count: int  # coefficients of each coordinate
+
+    @classmethod
+    def of(cls, time: Array, spacing: float, span: tuple[float, float] | None = None) -> Basis:
+        """Basis for frames at `time` (frames,) with knots about `spacing` apart over a span, by default theirs [s]."""
+        start, end = (float(time[0]), float(time[-1])) if span is None else span
+        pieces = max(1, round((end - start) / spacing))
+        step = (end - start) / pieces
+        knots = start + step * np.arange(-DEGREE, pieces + DEGREE + 1)
+        first = np.clip(((time - start) / step).astype(np.int64), 0, pieces - 1)
+        weights = np.empty((3, len(time), WIDTH))
+        # All pieces are the same function: the piece of each coefficient, shifted into the first interval.
+        local = (time - start - first * step)[:, None] + start
+        for index in range(WIDTH):
+            bspline = BSpline(knots[: 2 * WIDTH], np.eye(WIDTH)[index], DEGREE, extrapolate=True)
+            for nu in range(3):
+                weights[nu, :, index] = bspline(local, nu)[:, 0]
+        return cls(first, weights, pieces + DEGREE)
+
+    def at(self, coefficients: Array, derivative: int = 0) -> Array:
+        """(frames, columns) of coefficients (count, columns)."""
+        window = coefficients[self.first[:, None] + np.arange(WIDTH)]
+        return np.einsum("fk,fkn->fn", self.weights[derivative], window)
+
+    def fitted(self, values: Array) -> Array:
+        """(count, columns) whose splines are nearest to values (frames, columns), NaN left out; little bent in gaps."""
+        known: np.ndarray = np.asarray(np.isfinite(values).all(axis=1))
+        band, right = np.zeros((WIDTH, self.count)), np.zeros((self.count, values.shape[1]))
+        bent = self.weights[2] / np.abs(self.weights[2]).max()
+        for f in range(len(values)):
+            w, at = self.weights[0, f], self.first[f]
+            for i in range(WIDTH):
+                for j in range(i + 1):
+                    band[i - j, at + j] += known[f] * w[i] * w[j] + 1e-6 * bent[f, i] * bent[f, j]
+                if known[f]:
+                    right[at + i] += w[i] * values[f]
+        band[0] += 1e-12
+        result: Array = cho_solve_banded((cholesky_banded(band, lower=True), True), right)
+        return result
+
+
+_ROWS, _COLUMNS = np.tril_indices(4)
+
+
+@read_only
+@dataclass(frozen=True, eq=False)
+class MassPrior:
+    """The masses before anything is measured: each link's change E with P = L (I + E) L^T has the norm `sd`."""
+
+    reference: Array  # (links, 10) parameters
+    moved: Ints  # numbers of the links that have a mass worth changing
+    rows: Array  # (links moved, 10, 10) of the prior: |rows (phi - reference)|^2
+
+    @classmethod
+    def of(cls, parameters: Array, sd: float) -> MassPrior:
+        """Prior about parameters (links, 10) with the relative SD of a mass."""
+        reference = possible_reference(parameters)
+        moved = np.flatnonzero(reference[:, 0] > SMALLEST_SHARE * reference[:, 0].sum())
+        rows: Array = np.asarray(np.linalg.inv(tangents(reference[moved])) / sd, dtype=np.float64)
+        return cls(reference, moved, rows)
+
+    def misses(self, parameters: Array) -> Array:
+        """(links moved, 10) in standard deviations."""
+        return np.einsum("lij,lj->li", self.rows, (parameters - self.reference)[self.moved])
+
+
+def tangents(parameters: Array) -> Array:
+    """(links, 10, 10) derivative of parameters (links, 10) in the scaled entries of E, P = L (I + E) L^T."""
+    L = np.linalg.cholesky(pseudo_inertias(parameters))
+    return np.moveaxis(parameters_of(L[:, None] @ _symmetric(np.eye(10)) @ np.swapaxes(L, 1, 2)[:, None]), 1, 2)
+
+
+def changed(parameters: Array, entries: Array) -> Array:
+    """Parameters (links, 10) after changes (links, 10) of E: L (I + E / 2)^2 L^T, which is some body's whatever E."""
+    L = np.linalg.cholesky(pseudo_inertias(parameters))
+    half = L @ (np.eye(4) + 0.5 * _symmetric(entries))
+    return parameters_of(half @ np.swapaxes(half, 1, 2))
+
+
+def _symmetric(entries: Array) -> Array:
+    """(..., 4, 4) symmetric matrices whose norm is that of their entries (..., 10)."""
+    matrices = np.zeros((*entries.shape[:-1], 4, 4))
+    scaled = entries * np.where(_ROWS == _COLUMNS, 1.0, np.sqrt(0.5))
+    matrices[..., _ROWS, _COLUMNS] = scaled
+    matrices[..., _COLUMNS, _ROWS] = scaled
+    return matrices
 
 
 @read_only

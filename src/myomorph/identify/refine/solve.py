@@ -1,4 +1,6 @@
-"""Gauss-Newton steps of the one problem: motions eliminated trial by trial, so that time grows with frames only."""
+"""Gauss-Newton steps of the one problem: motions eliminated trial by trial, so that time grows with frames only;
+standard deviations of body and masses at the optimum.
+"""
 
 from __future__ import annotations
 
@@ -8,8 +10,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, cho_solve_banded, cholesky_banded
 
+from myomorph.identify.determined import LINK_SD
 from myomorph.identify.refine.equations import Equations, cost, linearize, with_trust
-from myomorph.identify.refine.problem import Problem, Unknowns, moved
+from myomorph.identify.refine.problem import MassPrior, Problem, Unknowns, moved, tangents
 from myomorph.model.arrays import Array, read_only
 
 LEAST_GAIN = 1e-3
@@ -94,3 +97,29 @@ def _reduce(equations: Equations, damping: float) -> tuple[Array, Array, list[Ar
 def reduced_information(equations: Equations) -> Array:
     """(shared, shared) what is known of the shared unknowns, with all motions eliminated."""
     return _reduce(equations, 0.0)[0]
+
+
+def covariance(problem: Problem, at: Unknowns) -> Array:
+    """(shared, shared) of the shared unknowns, all motions unknown too.
+
+    Masses that are identified first come from the same recordings, so that they are no prior knowledge: links are
+    taken to differ from the given model by `LINK_SD`, as in `identify`.
+    """
+    if not problem.count:
+        return np.zeros((0, 0))
+    problem = replace(problem, prior=MassPrior.of(problem.prior.reference, LINK_SD))
+    return np.asarray(np.linalg.inv(reduced_information(linearize(problem, at))), dtype=np.float64)
+
+
+def mass_sd(problem: Problem, at: Unknowns, spread: Array) -> Array:
+    """(bodies,) standard deviation of the masses [kg], 0 of those that do not change.
+    `spread` (shared, shared) as by `covariance`.
+    """
+    result = np.zeros(len(problem.prior.reference))
+    if problem.masses:
+        masses = problem.columns()[2]
+        rows = tangents(at.parameters[problem.prior.moved])[:, 0]
+        for index, link in enumerate(problem.prior.moved):
+            columns = slice(masses.start + 10 * index, masses.start + 10 * index + 10)
+            result[link] = np.sqrt(rows[index] @ spread[columns, columns] @ rows[index])
+    return result

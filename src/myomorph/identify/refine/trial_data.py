@@ -9,11 +9,9 @@ import numpy as np
 
 from myomorph.identify.body.envelope import own_points
 from myomorph.identify.recordings import MASS_TOLERANCE, RecordingOptions, Usable, usable
-from myomorph.identify.refine.masses import MassPrior
 from myomorph.identify.refine.options import RefineOptions
-from myomorph.identify.refine.problem import Problem, TrialData
+from myomorph.identify.refine.problem import Basis, MassPrior, Problem, TrialData
 from myomorph.identify.refine.refinement import SubjectTrial
-from myomorph.identify.refine.spline import Basis
 from myomorph.identify.subject import IdentificationOptions, identify
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData

@@ -15,8 +15,7 @@ from myomorph.model.series import Motion
 from myomorph.model.spatial import Transform
 from myomorph.model.surface import Surface, face_crosses
 from myomorph.morph.shapes.surface_points import Boxes
-from myomorph.muscles.path import compile_paths
-from myomorph.muscles.path_shape import drawn_paths
+from myomorph.muscles.path import compile_paths, drawn_paths
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 

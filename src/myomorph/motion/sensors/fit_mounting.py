@@ -25,8 +25,7 @@ from myomorph.motion.pose_problem import PoseProblem
 from myomorph.motion.sensors.first_guess import CalibrationPose, Guess
 from myomorph.motion.sensors.mounting import SensorMounting, SensorOptions, orientation_tasks
 from myomorph.motion.sensors.undetermined import body_slopes, joint_angles
-from myomorph.rigid.coordinates import Ints
-from myomorph.rigid.couplers import couple_frames
+from myomorph.rigid.coordinates import Ints, couple_frames
 from myomorph.rigid.tree import Tree
 
 STEPS = 30

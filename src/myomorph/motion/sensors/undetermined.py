@@ -12,8 +12,7 @@ from myomorph.model.spatial import vector_from_rotation
 from myomorph.motion.marker_influence import STEP
 from myomorph.motion.pose_problem import PoseProblem
 from myomorph.motion.turns import floating_coordinates
-from myomorph.rigid.coordinates import Ints
-from myomorph.rigid.couplers import couple_frames
+from myomorph.rigid.coordinates import Ints, couple_frames
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import Tree
 

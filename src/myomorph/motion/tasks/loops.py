@@ -12,8 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from myomorph.model.arrays import Array
-from myomorph.rigid.coordinates import Ints
-from myomorph.rigid.couplers import couple, fold_dependents, gather_dependents
+from myomorph.rigid.coordinates import Ints, couple, fold_dependents, gather_dependents
 from myomorph.rigid.kernels import bare, in_place, inner
 from myomorph.rigid.kinematics import body_poses
 from myomorph.rigid.tree import ROTATION, Tree

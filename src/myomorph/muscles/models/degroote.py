@@ -9,8 +9,7 @@ import numpy as np
 from myomorph.model.arrays import Array
 from myomorph.model.paths import Muscle
 from myomorph.muscles.curves import ASINH, BELL, EXPONENTIAL, LOGARITHM, Curve, Piece, Shape
-from myomorph.muscles.fiber_equations import TENDON_FORCE, FiberMuscle, Fibers
-from myomorph.muscles.fiber_equilibrium import bisected
+from myomorph.muscles.fiber_equations import TENDON_FORCE, FiberMuscle, Fibers, bisected
 from myomorph.muscles.muscle_model import NO_PENNATION, FiberCurves, StaticOptimization, numbers
 
 HIGHEST = 5.0

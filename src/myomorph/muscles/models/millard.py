@@ -11,8 +11,7 @@ from myomorph.model.arrays import Array
 from myomorph.model.errors import BadModel
 from myomorph.model.paths import Muscle
 from myomorph.muscles.curves import Curve, Piece
-from myomorph.muscles.fiber_equations import BUCKLED, FIBER_LENGTH, FiberMuscle
-from myomorph.muscles.fiber_equilibrium import FiberLengthSearch
+from myomorph.muscles.fiber_equations import BUCKLED, FIBER_LENGTH, FiberLengthSearch, FiberMuscle
 from myomorph.muscles.muscle_model import FiberCurves, MuscleModel, StaticOptimization
 
 UNDAMPED = 0.001

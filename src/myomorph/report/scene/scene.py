@@ -13,8 +13,7 @@ from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series, Wrenches
 from myomorph.model.sides import split_side
 from myomorph.model.surface import Surface
-from myomorph.muscles.path import compile_paths
-from myomorph.muscles.path_shape import drawn_paths
+from myomorph.muscles.path import compile_paths, drawn_paths
 from myomorph.report.scene.shapes import box_corners, primitive, sticks
 from myomorph.report.scene.stand_ins import stand_ins
 from myomorph.rigid.kinematics import Poses, forward_kinematics

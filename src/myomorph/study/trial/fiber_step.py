@@ -21,7 +21,7 @@ from myomorph.store.stored import get_fibers
 from myomorph.study.step.step import StepOutput
 from myomorph.study.trial.trial_inputs import Signals, Value, all_drawn
 from myomorph.tension.dual import STALLED
-from myomorph.tension.elastic.thinning import FASTEST, solved_every
+from myomorph.tension.elastic.windows import FASTEST, solved_every
 from myomorph.tension.fibers import Fibers
 from myomorph.tension.tension import Tension
 

@@ -18,8 +18,7 @@ from myomorph.model.arrays import Array
 from myomorph.tension.elastic.band import BandSystem
 from myomorph.tension.elastic.bounds import NEAR, Box
 from myomorph.tension.elastic.elements import elements
-from myomorph.tension.elastic.program import MAX_FORCE, MIN_FORCE, SMOOTH, Point, Program
-from myomorph.tension.elastic.starts import integrated, possible
+from myomorph.tension.elastic.program import MAX_FORCE, MIN_FORCE, SMOOTH, Point, Program, integrated, possible
 
 SLACK = 1e-6
 """Slack of the balance per multiplier: where no activation can balance, torques are missed least."""

@@ -18,12 +18,22 @@ from myomorph.model.errors import BadData
 from myomorph.rigid.frames import over_frames, thread_count
 from myomorph.rigid.tree import compile_tree
 from myomorph.tension.dual import INFEASIBLE, MISSING, OPTIMAL, STALLED
-from myomorph.tension.elastic.fibers_at import fibers_at
 from myomorph.tension.elastic.interior import Outcome
-from myomorph.tension.elastic.parts import parts_of
-from myomorph.tension.elastic.term import ElasticMuscleTerm
-from myomorph.tension.elastic.thinning import along, balanced, picked, solved_every
-from myomorph.tension.elastic.windows import Frames, drawn, filled, program_of, runs, solve_part, start_of
+from myomorph.tension.elastic.term import ElasticMuscleTerm, fibers_at
+from myomorph.tension.elastic.windows import (
+    Frames,
+    along,
+    balanced,
+    drawn,
+    filled,
+    parts_of,
+    picked,
+    program_of,
+    runs,
+    solve_part,
+    solved_every,
+    start_of,
+)
 from myomorph.tension.fibers import Certificate, Fibers, Unreachable
 from myomorph.tension.problem import Balance, TensionInputs, TensionProblem
 from myomorph.tension.tension import Tension

@@ -1,19 +1,57 @@
-"""One window of frames: gaps bridged, a start on rigid tendons, the programs of its parts, and what they found."""
+"""One window of frames: gaps bridged, a start on rigid tendons, the programs of its parts, and what they found.
+
+Parts of the problem that share nothing are solved apart. Of fast recordings some of the frames are solved, and those
+between follow them and balance their own torques: a step of 1 ms is far shorter than a tendon takes to answer, so
+equilibrium hardly says anything about the force at its end, the system is stiff and the solver does not end. What
+muscles do has no part that 200 frames a second miss.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from myomorph.model.arrays import Array
 from myomorph.tension.elastic.interior import Outcome, Solver
-from myomorph.tension.elastic.parts import Part
-from myomorph.tension.elastic.program import Costs, Point, Program, Rates
-from myomorph.tension.elastic.starts import integrated, possible
+from myomorph.tension.elastic.program import MAX_FORCE, MIN_FORCE, Costs, Point, Program, Rates, integrated, possible
 from myomorph.tension.elastic.term import ElasticMuscleTerm
 from myomorph.tension.separable import Links, Separable
+
+
+class Part(NamedTuple):
+    """Unknowns and rows of one part, in ascending order."""
+
+    muscles: NDArray[np.int64]  # those on elastic tendons
+    others: NDArray[np.int64]  # all other unknowns
+    rows: NDArray[np.int64]  # of the balance, in the order of elimination
+
+
+def parts_of(separable: Separable, elastic: NDArray[np.bool_]) -> list[Part]:
+    """The parts that have a muscle on an elastic tendon, the largest first.
+    `elastic` (muscles,) of the first unknowns, which have an elastic tendon.
+    """
+    unknowns, rows = len(separable.weight), len(separable.first)
+    column = separable.column
+    links = coo_array((np.ones(len(column)), (column, unknowns + separable.row)), shape=(unknowns + rows,) * 2)
+    count, label = connected_components(links, directed=False)
+    stretches = np.zeros(unknowns, np.bool_)
+    stretches[: len(elastic)] = elastic
+    result = [
+        Part(
+            np.flatnonzero(stretches & (label[:unknowns] == index)),
+            np.flatnonzero(~stretches & (label[:unknowns] == index)),
+            np.flatnonzero(label[unknowns:] == index),
+        )
+        for index in range(count)
+    ]
+    return sorted((one for one in result if len(one.muscles)), key=lambda one: -len(one.muscles))
+
 
 SECOND_START = 0.3
 """Activation of all muscles at all times in a second start."""
@@ -187,3 +225,54 @@ def solve_part(program: Program, start: Point, y: Array, again: bool) -> tuple[O
     distances = (second.point.a - result.point.a, second.point.f - result.point.f)
     far = tuple(float(np.sqrt(np.mean(distance**2))) for distance in distances)
     return (second if second.solved and not result.solved else result), (far[0], far[1])
+
+
+FASTEST = 200.0
+"""Frames a second that are solved at most."""
+
+PROJECTIONS = 3
+"""Steps towards balance; more than one only where a force meets its bound."""
+
+
+def solved_every(time: Array) -> int:
+    """How many frames apart those are that are solved; 1 where frames come no faster than `FASTEST`."""
+    if len(time) < 3:
+        return 1
+    return max(1, int(np.ceil(1.0 / (FASTEST * float(np.median(np.diff(time)))) - 1e-3)))
+
+
+def picked(frames: int, every: int) -> NDArray[np.int64]:
+    """Numbers of the frames that are solved: the first, the last, and evenly between them at most `every` apart."""
+    count = int(np.ceil((frames - 1) / every)) + 1
+    return np.unique(np.round(np.linspace(0, frames - 1, count)).astype(np.int64))
+
+
+def along(time: Array, known: NDArray[np.int64], values: Array) -> Array:
+    """Values (frames, ...) at all times from those at some, by cubics that leave their range nowhere."""
+    if len(known) < 2:
+        return np.repeat(values, len(time), axis=0)
+    return np.asarray(PchipInterpolator(time[known], values, axis=0)(time))
+
+
+def balanced(shared: Separable, values: Array, right: Array, held: Array, muscles: NDArray[np.bool_]) -> Array:
+    """Unknowns near `held` that balance the torques.
+
+    The change is the least relative to what a muscle pulls with and to what the cost lets other unknowns have.
+
+    `values`, `right` (frames, entries) and (frames, rows) of the balance; `held` (frames, unknowns) with normalized
+    forces in the columns of muscles on elastic tendons; `muscles` (unknowns,) which columns those are.
+    """
+    low, high = np.where(muscles, MIN_FORCE, shared.lower), np.where(muscles, MAX_FORCE, shared.upper)
+    A = shared.dense(values)
+    result = held.copy()
+    for _ in range(PROJECTIONS):
+        left = right - np.matmul(A, result[:, :, None])[..., 0]
+        room = np.where(muscles, result - MIN_FORCE, 1.0 / np.maximum(shared.weight, 1e-3))
+        room = np.where((result > low) & (result < high), room, 0.0)
+        scaled = A * room[:, None]
+        matrix = np.matmul(scaled, A.transpose(0, 2, 1))
+        size = np.trace(matrix, axis1=1, axis2=2)[:, None, None] / max(right.shape[1], 1)
+        matrix += (1e-9 * size + 1e-12) * np.eye(right.shape[1])
+        change = np.matmul(np.linalg.solve(matrix, left[:, :, None])[:, None, :, 0], scaled)[:, 0]
+        result = np.clip(result + change, low, high)
+    return result

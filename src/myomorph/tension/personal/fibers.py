@@ -18,8 +18,125 @@ from typing import NamedTuple
 import numpy as np
 
 from myomorph.model.arrays import Array, read_only
+from myomorph.rigid.kernels import inner, kernel
 from myomorph.tension.personal.curves import MuscleShapes
-from myomorph.tension.personal.fiber_kernels import follow_elastic
+
+NEWTON_STEPS = 60
+TOLERANCE = 1e-10
+"""Of the balance of a fiber, normalized."""
+
+
+@inner(counted=False)
+def _looked_up(start, step, values, slopes, row, x):
+    """Value and slope of a table at x, see `curves.Lookup`."""
+    u = (x - start) / step
+    last = values.shape[1] - 2
+    index = min(max(int(np.floor(u)), 0), last)
+    s = u - index
+    beyond = s if s < 0.0 else (s - 1.0 if s > 1.0 else 0.0)
+    s -= beyond
+    y0, d0, d1 = values[row, index], slopes[row, index], slopes[row, index + 1]
+    rise = values[row, index + 1] - y0
+    b, c = 3.0 * rise - 2.0 * d0 - d1, d0 + d1 - 2.0 * rise
+    slope = d0 + s * (2.0 * b + s * 3.0 * c)
+    return y0 + s * (d0 + s * (b + s * c)) + beyond * slope, slope / step
+
+
+@inner(counted=False)
+def _balance(tables, muscle, x, v, lead, length, a, slower):
+    """Fibers' pull along the tendon less the tendon's, normalized, and what its slopes need."""
+    active, passive, velocity, tendon, rows = tables
+    lo, ls, strain, sine, damping = muscle
+    w = np.sqrt(max(x * x - sine * sine, 1e-12))
+    cosine = w / x
+    drag = 0.25 + 0.75 * a if slower else 1.0
+    f_l, f_l_x = _looked_up(active[0], active[1], active[2], active[3], rows[0], x)
+    f_p, f_p_x = _looked_up(passive[0], passive[1], passive[2], passive[3], rows[1], 1.0 + (x - 1.0) / strain)
+    f_v, f_v_u = _looked_up(velocity[0], velocity[1], velocity[2], velocity[3], rows[2], v / drag)
+    pulled, slope = _looked_up(tendon[0], tendon[1], tendon[2], tendon[3], rows[3], (length - lo * w) / ls - 1.0)
+    pull = a * f_l * f_v + f_p + damping * v
+    by_speed = (a * f_l * f_v_u / drag + damping) * cosine
+    by_length = (a * f_l_x * f_v + f_p_x / strain) * cosine + pull * sine * sine / (w * x * x)
+    by_length += by_speed * lead + slope * lo / ls * x / w
+    slowing = -0.75 * v / (drag * drag) if slower else 0.0
+    by_activation = (f_l * f_v + a * f_l * f_v_u * slowing) * cosine
+    return pull * cosine - pulled, by_length, by_speed, pulled, slope, w, f_p_x, by_activation, cosine
+
+
+@kernel
+def follow_elastic(tables, rows, sizes, shapes, slower, rigid, lengths, speeds, activations, step, found):
+    """Fill found (6, windows, frames, muscles): force, length, slopes in lo, ls, strain and activation.
+    `tables`: four of (start, step, values, slopes): f_L, f_PE, f_V, f_SE; `rows` (muscles, 4) row of each table;
+    `sizes` (4, muscles) optimal fiber length, slack length, maximum isometric force, passive strain factor; `shapes`
+    (4, muscles) sine of the pennation, damping, maximum speed, shortest normalized length; `slower`, `rigid`
+    (muscles,); `lengths`, `speeds`, `activations` (windows, frames, muscles); `step`: between frames [s]; infinite
+    where every frame is held still.
+    """
+    windows, frames, muscles = lengths.shape
+    still = not np.isfinite(step)
+    moved, past, before = np.zeros(4), np.zeros(4), np.zeros(4)
+    for m in range(muscles):
+        if rigid[m]:
+            continue
+        lo, ls, force, strain = sizes[0, m], sizes[1, m], sizes[2, m], sizes[3, m]
+        sine, speed, shortest = shapes[0, m], shapes[2, m], shapes[3, m]
+        muscle = (lo, ls, strain, sine, shapes[1, m])
+        muscle_tables = (tables[0], tables[1], tables[2], tables[3], rows[m])
+        for window in range(windows):
+            along = max(lengths[window, 0, m] - 1.01 * ls, 0.0) / lo
+            x = max(np.sqrt(along * along + sine * sine), shortest)
+            x1 = x2 = x
+            for t in range(frames):
+                length, a = lengths[window, t, m], activations[window, t, m]
+                lead = behind = fixed = 0.0
+                if not still:
+                    if t == 0:
+                        # The first frame takes the path's velocity, as on a rigid tendon.
+                        fixed = speeds[window, t, m] / (lo * speed)
+                    elif t == 1:
+                        lead, behind = 1.0 / (step * speed), x1 / (step * speed)
+                    else:
+                        lead, behind = 1.5 / (step * speed), (2.0 * x1 - 0.5 * x2) / (step * speed)
+                low = shortest
+                # Where the tendon is just slack the fibers pull more than it does.
+                along = max(length - 0.98 * ls, 0.0) / lo
+                high = max(np.sqrt(along * along + sine * sine), low + 0.01)
+                x = min(max(x, low), high)
+                for _ in range(NEWTON_STEPS):
+                    error, slope, _, _, _, _, _, _, _ = _balance(
+                        muscle_tables, muscle, x, lead * x - behind + fixed, lead, length, a, slower[m]
+                    )
+                    if error < 0.0:
+                        low = x
+                    else:
+                        high = x
+                    if abs(error) < TOLERANCE or high - low < 1e-13:
+                        break
+                    new = x - error / slope
+                    x = new if slope > 0.0 and low < new < high else 0.5 * (low + high)
+                _, by_length, by_speed, pulled, slope, w, f_p_x, by_a, cosine = _balance(
+                    muscle_tables, muscle, x, lead * x - behind + fixed, lead, length, a, slower[m]
+                )
+                # A slack muscle may have no stiffness at all: its tendon does not pull whatever its length.
+                by_length = max(by_length, 1e-4)
+                # Slopes of the balance with the length held, in lo, ls, strain and activation.
+                z_lo, z_ls, z_x = -w / ls, -(length - lo * w) / (ls * ls), -lo / ls * x / w
+                moved[0] = -slope * z_lo - by_speed * fixed / lo
+                moved[1] = -slope * z_ls
+                moved[2] = -f_p_x * (x - 1.0) / (strain * strain) * cosine
+                moved[3] = by_a
+                if not still and t > 0:
+                    for index in range(4):
+                        earlier = past[index] if t == 1 else 2.0 * past[index] - 0.5 * before[index]
+                        moved[index] -= by_speed * earlier / (step * speed)
+                for index in range(4):
+                    before[index] = past[index]
+                    moved[index] = -moved[index] / by_length
+                    past[index] = moved[index]
+                    z = z_lo if index == 0 else (z_ls if index == 1 else 0.0)
+                    found[2 + index, window, t, m] = force * slope * (z + z_x * moved[index])
+                found[0, window, t, m], found[1, window, t, m] = force * pulled, x
+                x2, x1 = x1, x
 
 
 @read_only

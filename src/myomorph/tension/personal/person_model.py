@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
-from myomorph.muscles.model_table import MODELS, muscle_model
+from myomorph.muscles.hill_arrays import MODELS, muscle_model
 from myomorph.tension.personal.fibers import MuscleSizes
 
 

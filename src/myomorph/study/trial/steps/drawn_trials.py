@@ -20,7 +20,7 @@ from myomorph.motion.ik import InverseKinematicsOptions, poses_near
 from myomorph.motion.sensors.mounting import SensorOptions, orientation_tasks, weights_seen
 from myomorph.motion.sensors.sensor_kinematics import SensorFit
 from myomorph.motion.sync import cut
-from myomorph.rigid.marker_positions import marker_positions
+from myomorph.rigid.kinematics import marker_positions
 from myomorph.rigid.tree import compile_tree
 from myomorph.store.settings import Differentiation
 from myomorph.study.inputs.emg import RecordedEmg

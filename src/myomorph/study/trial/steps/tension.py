@@ -45,7 +45,6 @@ from myomorph.study.trial.trial_inputs import JoinedParts, Signals, TrialInputs,
 from myomorph.tension.contact_setting import Measurements, during
 from myomorph.tension.emg_calibration import EmgOptions
 from myomorph.tension.joint_contact import JointPoints
-from myomorph.tension.passive_share import LARGE, contact_notes
 from myomorph.tension.recruitment import RecruitmentOptions
 from myomorph.tension.solve import ContactSolution
 from myomorph.tension.task import (
@@ -56,7 +55,7 @@ from myomorph.tension.task import (
     evenly_spaced,
     tension_task,
 )
-from myomorph.tension.tension import Tension, TensionOptions
+from myomorph.tension.tension import LARGE, Tension, TensionOptions, contact_notes
 from myomorph.tension.terms.contacts import ContactOptions
 
 if TYPE_CHECKING:
