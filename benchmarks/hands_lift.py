@@ -19,7 +19,7 @@ from myomorph.model.series import Z_UP_TO_Y_UP
 from myomorph.model.sides import split_side
 from myomorph.motion.calibrate import Calibration
 from myomorph.motion.ik import KinematicsFit
-from myomorph.muscles.path import default_path_lengths
+from myomorph.muscles.kinematics import default_path_lengths
 
 FOLDER = "lifting-box-15kg"
 GENERIC = "rajagopal-walk-emg/raw/Rajagopal2016.osim"

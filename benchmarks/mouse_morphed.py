@@ -32,7 +32,7 @@ from myomorph.motion.ik import KinematicsFit
 from myomorph.motion.lengths import length_unit
 from myomorph.motion.marker_checks import checked_kinematics, time_findings
 from myomorph.muscles.hill import hill_forces
-from myomorph.muscles.path import default_path_lengths
+from myomorph.muscles.kinematics import default_path_lengths
 from myomorph.rigid.tree import compile_tree
 from myomorph.study.inputs.reading import fitted_to
 from myomorph.study.subject.species_morphing import read_species

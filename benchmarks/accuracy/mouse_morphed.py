@@ -25,7 +25,7 @@ from benchmarks.species_cases import MAN, MOUSE, from_man, man, mouse, sized_arc
 from myomorph.analysis.groups import Animal, Group, compare_groups
 from myomorph.morph.morphed import Architecture
 from myomorph.morph.species.counterparts import MuscleHomology
-from myomorph.muscles.path import default_path_lengths
+from myomorph.muscles.kinematics import default_path_lengths
 from myomorph.study.subject.species_morphing import read_species
 from truths.mouse_hindlimb import FILE, mouse_hindlimb_model
 from truths.mouse_motion import clip_fits, rms

@@ -99,8 +99,8 @@ from .motion.sync import resample_wrenches as resample_wrenches
 from .motion.tasks.coordinates import CoordinateTask as CoordinateTask
 from .motion.tasks.task import Task as Task
 from .muscles.kinematics import MuscleKinematics as MuscleKinematics
+from .muscles.kinematics import default_path_lengths as default_path_lengths
 from .muscles.kinematics import muscle_kinematics as muscle_kinematics
-from .muscles.path import default_path_lengths as default_path_lengths
 from .rigid.dynamics import inverse_dynamics as inverse_dynamics
 from .rigid.kinematics import marker_positions as marker_positions
 from .store.outcome import Conditions as Conditions

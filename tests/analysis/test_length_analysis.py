@@ -15,8 +15,7 @@ from myomorph.io.osim.read import read_osim
 from myomorph.model.errors import BadData
 from myomorph.model.segments import feet_of
 from myomorph.model.series import Motion, Series
-from myomorph.muscles.kinematics import muscle_kinematics
-from myomorph.muscles.path import default_path_lengths
+from myomorph.muscles.kinematics import default_path_lengths, muscle_kinematics
 from myomorph.report.trial.muscle_sections import length_cycle_section
 from myomorph.report.trial.prepared import prepare
 

@@ -25,7 +25,7 @@ from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertial_parameters, parameters_of, pseudo_inertias
 from myomorph.model.scale import scale
 from myomorph.model.series import Motion
-from myomorph.muscles.path import default_path_lengths
+from myomorph.muscles.kinematics import default_path_lengths
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 

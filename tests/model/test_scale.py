@@ -13,7 +13,7 @@ from myomorph.model.model import Body
 from myomorph.model.paths import PathPoint
 from myomorph.model.scale import scale
 from myomorph.model.series import Motion
-from myomorph.muscles.path import default_path_lengths
+from myomorph.muscles.kinematics import default_path_lengths
 from myomorph.rigid.kinematics import center_of_mass, forward_kinematics
 from myomorph.rigid.tree import compile_tree
 

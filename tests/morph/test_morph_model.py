@@ -21,8 +21,7 @@ from myomorph.morph.checks.penetration import standing_poses
 from myomorph.morph.mirror.model import mirrored_motion
 from myomorph.morph.morphed import MorphOptions
 from myomorph.morph.transfer.model import morph_model
-from myomorph.muscles.kinematics import muscle_kinematics
-from myomorph.muscles.path import default_path_lengths
+from myomorph.muscles.kinematics import default_path_lengths, muscle_kinematics
 from osim_models import point_place
 
 MODELS = (

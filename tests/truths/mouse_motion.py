@@ -29,7 +29,7 @@ from myomorph.motion.calibrate import Calibration
 from myomorph.motion.crossings import crossings, within_crossings
 from myomorph.motion.ik import KinematicsFit
 from myomorph.motion.measurements import default_markers, place_markers
-from myomorph.muscles.path import default_path_lengths
+from myomorph.muscles.kinematics import default_path_lengths
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.study.subject.morph_masses import with_envelope_masses

@@ -13,7 +13,8 @@ from myomorph.model.paths import PathPoint
 from myomorph.model.series import Markers, Motion
 from myomorph.motion.ik import InverseKinematicsOptions, poses_near
 from myomorph.muscles.hill_arrays import compile_hill, compile_hill_as
-from myomorph.muscles.path import compile_paths, compile_paths_as, default_path_lengths
+from myomorph.muscles.kinematics import default_path_lengths
+from myomorph.muscles.path import compile_paths, compile_paths_as
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree, compile_tree_as
 from myomorph.uncertainty.bodies import Draw, drawn_model, drawn_subject, stronger

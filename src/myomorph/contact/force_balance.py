@@ -9,8 +9,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from myomorph.contact.foot_poses import belt_velocity, supported
-from myomorph.contact.force_inspection import Change, ForceSamples, Inspection, changed_wrenches
+from myomorph.contact.force_inspection import (
+    Change,
+    ForceSamples,
+    Inspection,
+    belt_velocity,
+    changed_wrenches,
+    supported,
+)
 from myomorph.contact.force_placement import FITS, MARKED, NEAR
 from myomorph.model.arrays import Array
 from myomorph.model.findings import Finding, Repair

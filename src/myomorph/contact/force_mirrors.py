@@ -14,8 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from myomorph.contact.foot_poses import belt_velocity, standing
-from myomorph.contact.force_inspection import DOUBTFUL, MIRRORED_PLATE, Inspection
+from myomorph.contact.force_inspection import DOUBTFUL, MIRRORED_PLATE, Inspection, belt_velocity, standing
 from myomorph.contact.force_placement import FITS, MARKED, NEAR
 from myomorph.model.arrays import Array
 from myomorph.model.findings import Finding

@@ -11,8 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from myomorph.contact.foot_poses import standing
-from myomorph.contact.force_inspection import Change, Inspection, change_repair
+from myomorph.contact.force_inspection import Change, Inspection, change_repair, standing
 from myomorph.model.arrays import Array, runs
 from myomorph.model.findings import Finding, Repair
 from myomorph.model.series import Wrenches

@@ -32,7 +32,7 @@ from myomorph.model.inertia import inertial_parameters, parameters_of, with_iner
 from myomorph.model.model import Marker, Model
 from myomorph.model.scale import scale
 from myomorph.model.series import Motion
-from myomorph.muscles.path import default_path_lengths
+from myomorph.muscles.kinematics import default_path_lengths
 
 MIN_CENTERS = 4
 

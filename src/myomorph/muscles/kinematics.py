@@ -202,3 +202,31 @@ def _speeds(model: Model, motion: Motion) -> Array:
         if name in columns:
             speeds[:, j] = motion.velocities[:, columns[name]]
     return speeds
+
+
+def default_path_lengths(model: Model) -> Array:
+    """Lengths of a model's muscle paths in its default pose.
+
+    Given to `calibrate` as `path_lengths`, it lets fibers and tendons keep their ratio to the path.
+
+    Parameters
+    ----------
+    model : with muscles
+
+    Returns
+    -------
+    (muscles,) [m]
+
+    Raises
+    ------
+    BadModel
+        where closed loops do not close
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> mm.default_path_lengths(mm.read_model("arm.osim")).round(2).tolist()
+    [0.28, 0.24]
+    """
+    still = Motion(np.zeros(1), (), np.zeros((1, 0)))
+    return muscle_kinematics(model, still, velocities=False, moment_arms=False).lengths[0]

@@ -21,8 +21,6 @@ from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.latest import Latest
 from myomorph.model.model import Model
-from myomorph.model.series import Motion
-from myomorph.muscles.kinematics import muscle_kinematics
 from myomorph.muscles.path_arrays import (
     AFTER,
     ARMS,
@@ -191,34 +189,6 @@ def _compile(model: Model) -> Paths:
 
 
 _latest = Latest(_compile)
-
-
-def default_path_lengths(model: Model) -> Array:
-    """Lengths of a model's muscle paths in its default pose.
-
-    Given to `calibrate` as `path_lengths`, it lets fibers and tendons keep their ratio to the path.
-
-    Parameters
-    ----------
-    model : with muscles
-
-    Returns
-    -------
-    (muscles,) [m]
-
-    Raises
-    ------
-    BadModel
-        where closed loops do not close
-
-    Examples
-    --------
-    >>> import myomorph as mm
-    >>> mm.default_path_lengths(mm.read_model("arm.osim")).round(2).tolist()
-    [0.28, 0.24]
-    """
-    still = Motion(np.zeros(1), (), np.zeros((1, 0)))
-    return muscle_kinematics(model, still, velocities=False, moment_arms=False).lengths[0]
 
 
 ARC_PARTS = 4

@@ -23,7 +23,7 @@ from myomorph.model.series import Markers, Motion, Table
 from myomorph.motion.ik import InverseKinematicsOptions
 from myomorph.motion.measurements import Placement, frames_around, measure, place_on_pose, with_measured
 from myomorph.muscles.fiber_states import default_states, without_fibers
-from myomorph.muscles.path import default_path_lengths
+from myomorph.muscles.kinematics import default_path_lengths
 from myomorph.opensim_tools.outputs import ToolResult, check_outputs, write_outputs
 from myomorph.study.inputs import reading
 from myomorph.study.inputs.tasks_file import with_tasks

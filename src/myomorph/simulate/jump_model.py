@@ -18,7 +18,7 @@ from myomorph.model.series import Event, Markers, Motion, Trial, Wrenches
 from myomorph.model.spatial import Transform
 from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
 from myomorph.motion.measurements import place_markers
-from myomorph.muscles.path import default_path_lengths
+from myomorph.muscles.kinematics import default_path_lengths
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.study.analyze.generic_model import legs_and_trunk

@@ -16,7 +16,8 @@ from myomorph.model.paths import Muscle, Path, PathPoint, WrapObject
 from myomorph.model.spatial import Transform, axis_rotation, rotation_from_euler_xyz
 from myomorph.motion.turns import floating_coordinates
 from myomorph.muscles.hill_arrays import compile_hill_as
-from myomorph.muscles.path import compile_paths_as, default_path_lengths
+from myomorph.muscles.kinematics import default_path_lengths
+from myomorph.muscles.path import compile_paths_as
 from myomorph.rigid.knees import flexed, hinge_axis, knee_joints, long_axis
 from myomorph.rigid.tree import compile_tree, compile_tree_as
 from myomorph.uncertainty.error_sizes import NOTHING, ErrorSizes

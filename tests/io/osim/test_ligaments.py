@@ -11,7 +11,7 @@ from myomorph.io.osim.read import read_osim
 from myomorph.io.osim.write import write_osim
 from myomorph.model.join import join_models
 from myomorph.model.scale import scale
-from myomorph.muscles.path import default_path_lengths
+from myomorph.muscles.kinematics import default_path_lengths
 
 FILE = "lenhart-knee-contact-walk/lenhart2015.osim"
 

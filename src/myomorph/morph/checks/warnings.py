@@ -14,7 +14,7 @@ from myomorph.model.paths import WrapObject
 from myomorph.morph.checks.moment_arms import MomentArms
 from myomorph.morph.checks.penetration import Penetration
 from myomorph.morph.morphed import Morph
-from myomorph.muscles.path import default_path_lengths
+from myomorph.muscles.kinematics import default_path_lengths
 
 
 @dataclass(frozen=True)

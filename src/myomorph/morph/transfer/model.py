@@ -33,7 +33,7 @@ from myomorph.morph.transfer.muscles import path_lengths, transferred_muscles
 from myomorph.morph.transfer.paths import LinesOfAction, transferred_lines
 from myomorph.morph.transfer.points import uncertain_notes
 from myomorph.morph.transfer.virtual_links import balanced_links, bones_around, link_carriers, link_notes
-from myomorph.muscles.path import default_path_lengths
+from myomorph.muscles.kinematics import default_path_lengths
 
 
 def morph_model(

@@ -20,7 +20,7 @@ from myomorph.morph.maps.fields import BoneMap, FeaturePoints, PlacedMap, fit_ma
 from myomorph.morph.maps.linear import AffineMap, Similarity, procrustes
 from myomorph.morph.transfer.body_transfer import Transfer, Transfers
 from myomorph.morph.transfer.branch_points import BranchLoad, Riders, branch_load, branch_places, riders_of
-from myomorph.muscles.path import default_path_lengths
+from myomorph.muscles.kinematics import default_path_lengths
 
 FEATURES = 60
 """Of each bone around a virtual link count, spread over those it has."""

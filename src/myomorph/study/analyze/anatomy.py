@@ -18,7 +18,7 @@ from myomorph.model.model import Joint, Model
 from myomorph.model.paths import Muscle, PathWrap, WrapObject
 from myomorph.model.sides import split_side
 from myomorph.model.spatial import Transform, rotation_from_euler_xyz
-from myomorph.muscles.path import default_path_lengths
+from myomorph.muscles.kinematics import default_path_lengths
 from myomorph.rigid.knees import knee_joints
 
 KNEE_CENTER = np.array([-0.0080895, -0.0035348, -0.0014847])

@@ -18,7 +18,7 @@ from myomorph.model.scale import scale
 from myomorph.model.sides import split_side
 from myomorph.model.spatial import Transform
 from myomorph.motion.protocols import Site
-from myomorph.muscles.path import default_path_lengths
+from myomorph.muscles.kinematics import default_path_lengths
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.study.analyze.anatomy import (

@@ -26,7 +26,7 @@ from myomorph.motion.label_repair import mended_labels
 from myomorph.motion.lengths import length_unit
 from myomorph.motion.marker_sides import side_findings
 from myomorph.motion.sync import cut
-from myomorph.muscles.path import default_path_lengths
+from myomorph.muscles.kinematics import default_path_lengths
 from myomorph.report.trial.summary_lines import calibration_line
 from myomorph.rigid.tree import compile_tree
 from myomorph.store.progress import progress

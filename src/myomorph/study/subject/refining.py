@@ -19,7 +19,7 @@ from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.inertia import inertial_parameters
 from myomorph.model.provenance import Provenance
 from myomorph.motion.ik import InverseKinematicsOptions
-from myomorph.muscles.path import default_path_lengths
+from myomorph.muscles.kinematics import default_path_lengths
 from myomorph.report.page.parts import Grid, Note, PageHead, Section, SourceFile
 from myomorph.report.trial.report_input import ReportInput
 from myomorph.store.progress import progress

@@ -25,7 +25,7 @@ from myomorph.morph.registration.place_clusters import (
     place_cluster_markers,
     place_scanned_bone,
 )
-from myomorph.muscles.path import default_path_lengths
+from myomorph.muscles.kinematics import default_path_lengths
 from myomorph.store.study_file import Strict
 from myomorph.study.inputs.reading import about, read_recording
 from myomorph.viscosity.report.specimen_report import Residual
