@@ -214,7 +214,7 @@ def measure_truth() -> Iterator[Row]:
         }
 
 
-def pair_problem(pair: VirtualPair, motion: mm.Motion, known: Knowledge) -> tuple[TensionProblem, tuple[str, ...]]:
+def pair_problem(pair: VirtualPair, motion: mm.Motion, known: Knowledge) -> TensionProblem:
     """The simultaneous problem of a bout."""
     wrenches = [pair.plates[part] for part in known.plates]
     torques = mm.inverse_dynamics(pair.model, motion, together(wrenches) if wrenches else None)
