@@ -110,12 +110,10 @@ def prior_covariance(points: MassPoints, mass_sd: float) -> Array:
     for i in range(links):
         columns[i] = (points.places[i] @ moments.T) * (points.weights[:, [i]].toarray().ravel() * np.sqrt(variances))
     flat = columns.reshape(10 * links, -1)
-    covariance: Array = flat @ flat.T
-    return covariance
+    return flat @ flat.T
 
 
 def conditioned(covariance: Array, rows: Array) -> Array:
     """Covariance after measuring `rows` x with unit noise."""
     crossed = rows @ covariance
-    result: Array = covariance - crossed.T @ np.linalg.solve(crossed @ rows.T + np.eye(len(rows)), crossed)
-    return result
+    return covariance - crossed.T @ np.linalg.solve(crossed @ rows.T + np.eye(len(rows)), crossed)

@@ -53,8 +53,7 @@ class MotionNoise:
         """(2,) root mean square of a moment's and a force's misfit that the noise alone makes [N m], [N]."""
         x = self.parts.unknowns(parameters)
         mean = np.einsum("pkij,i,j->k", self.squares, x, x) / self.parts.frames.sum()
-        result: Array = np.sqrt(np.maximum(mean, 0.0))
-        return result
+        return np.sqrt(np.maximum(mean, 0.0))
 
     def scores(self, noise: Array, parameters: Array) -> Array:
         """(draws, 10 bodies) how each draw pulls at parameters (bodies, 10), about the mean, in units of noise (2,)."""
@@ -63,8 +62,7 @@ class MotionNoise:
         pulls = -(squares @ x)[:, :-1]
         if g:
             pulls = pulls[:, g:] - pulls[:, :g] @ self.parts.carried(noise)
-        result: Array = (pulls - pulls.mean(axis=0)) @ self.parts.base.combination
-        return result
+        return (pulls - pulls.mean(axis=0)) @ self.parts.base.combination
 
     def at_most(self, misfit: Array, parameters: Array) -> MotionNoise:
         """The same noise, or less where it alone would make a larger misfit (2,) than there is."""

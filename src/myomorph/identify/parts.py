@@ -152,14 +152,12 @@ class Parts:
     def weights(self, noise: Array) -> Array:
         """(2,) of a component of the moment's and the force's misfit, whose noise (2,) is that of the vector."""
         # A vector of three components has three times the variance of one.
-        result: Array = np.sqrt(3.0 / self.alike) / noise
-        return result
+        return np.sqrt(3.0 / self.alike) / noise
 
     def carried(self, noise: Array) -> Array:
         """(g, n) change of soft tissue that goes with a unit of each base parameter."""
         factor, g = self._absorbed(noise), self.groups
-        result: Array = np.asarray(np.linalg.solve(factor[:g, :g], factor[:g, g:-1]), dtype=np.float64)
-        return result
+        return np.asarray(np.linalg.solve(factor[:g, :g], factor[:g, g:-1]), dtype=np.float64)
 
     def factor(self, noise: Array, parts: Sequence[int] | np.ndarray | None = None) -> tuple[Array, Array]:
         """(R (n, n), z (n,)) of chosen parts: |R phi_B - z|^2 is their misfit in units of noise (2,).
@@ -188,8 +186,7 @@ class Parts:
         """(n,) base parameters by least squares, with a prior of (mean, spread) for what no frame shows."""
         R, z = self.factor(noise)
         rows = np.vstack([R, np.diag(1.0 / spread)])
-        result: Array = lstsq(rows, np.concatenate([z, mean / spread]))[0]
-        return result
+        return lstsq(rows, np.concatenate([z, mean / spread]))[0]
 
 
 def parts_of(

@@ -63,8 +63,7 @@ class Unseen:
     def rms(self, values: Array) -> Array:
         """(2,) over all parts together, of `identified` or `generic`."""
         weights = self.frames / self.frames.sum()
-        result: Array = np.sqrt(weights @ np.square(values))
-        return result
+        return np.sqrt(weights @ np.square(values))
 
     @property
     def ratio(self) -> Array:
@@ -169,8 +168,7 @@ class Strength:
             if sd not in errors:
                 errors[sd] = held_out(parts, fitting(sd), noise)
             # Every part counts alike, as its misfit relative to the scaled model's.
-            ratios: Array = (errors[sd] / before).mean(axis=1)
-            return ratios
+            return (errors[sd] / before).mean(axis=1)
 
         if self.mass_sd is not None or self.paper is not None:
             best = self.mass_sd or PAPER_SD

@@ -94,8 +94,7 @@ def _smoothed(values: Array, stiffness: float) -> Array:
     band[1, [0, -1]] -= stiffness
     if len(values) < 2:
         return values
-    result: Array = solveh_banded(band, values)
-    return result
+    return solveh_banded(band, values)
 
 
 def coordinate_groups(model: Model) -> tuple[str, ...]:

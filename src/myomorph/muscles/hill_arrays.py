@@ -44,8 +44,7 @@ def muscle_model(muscle: Muscle) -> MuscleModel:
 def loaded(place: str) -> MuscleModel:
     """The class at a place of `MODELS`."""
     module, name = place.split(":")
-    model: MuscleModel = getattr(import_module(module), name)()
-    return model
+    return getattr(import_module(module), name)()
 
 
 Convention = Literal["rigid-tendon", "opensim"]

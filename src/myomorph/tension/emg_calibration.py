@@ -130,8 +130,7 @@ def _noise(envelopes: Sequence[Emg], smooth: Sequence[Emg]) -> Array:
         known = np.isfinite(fast)
         squares += np.where(known, fast, 0.0).__pow__(2).sum(axis=0) * SMOOTH / beyond
         counts += known.sum(axis=0)
-    result: Array = np.sqrt(squares / np.maximum(counts, 1.0))
-    return result
+    return np.sqrt(squares / np.maximum(counts, 1.0))
 
 
 PEAK = 99.0

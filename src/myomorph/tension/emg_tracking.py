@@ -116,8 +116,7 @@ def alike(frames: Sequence[TrackedFrames], muscles: np.ndarray, tells: Array) ->
     cosine = np.maximum(action_cosines(frames)[muscles], 0.0)
     near = (cosine @ tells) / np.maximum(tells.sum(axis=0), 1.0)
     strong = near**LIKE
-    result: Array = strong / np.maximum(strong.sum(axis=1, keepdims=True), 1e-300) * near.max(axis=1, keepdims=True)
-    return result
+    return strong / np.maximum(strong.sum(axis=1, keepdims=True), 1e-300) * near.max(axis=1, keepdims=True)
 
 
 class TorqueTracking:
@@ -205,8 +204,7 @@ class TorqueTracking:
     def _shares(self, known: Array) -> Array:
         """(frames, measured, channels) of the known channels (frames, channels) in each muscle's activation."""
         tells = self.tells[self.measured]
-        result: Array = known[:, None] * tells / np.maximum(known.astype(float) @ tells.T, 1.0)[..., None]
-        return result
+        return known[:, None] * tells / np.maximum(known.astype(float) @ tells.T, 1.0)[..., None]
 
     def whiten(self, delays: Array) -> None:
         """Columns and torques in units of what is unknown: L^-1 A, L^-1 tau with C = L L^T; 0 where no EMG is."""
@@ -252,8 +250,7 @@ class TorqueTracking:
         """Torques (frames, rows) that the fit leaves."""
         parameters = [fit.gains, *([fit.offsets] if self.offsets else []), *(weight.ravel() for weight in fit.weights)]
         rows = self._rows(self.frames[index].columns, index, delays, shapes)
-        left: Array = self.frames[index].torques - rows @ np.concatenate(parameters)
-        return left
+        return self.frames[index].torques - rows @ np.concatenate(parameters)
 
     def _ridge(self, size: int) -> Array:
         """Precision of the prior of offsets and weights (parameters, parameters), gains aside.
@@ -274,8 +271,7 @@ class TorqueTracking:
             rows.append(part / (NEAR * usual + WEIGHT)[:, None])
             start += len(part)
         whole = np.vstack([np.zeros((0, size)), *rows])
-        result: Array = whole.T @ whole
-        return result
+        return whole.T @ whole
 
     def _corrected(self, matrix: Array, ridge: Array) -> Array:
         """Normal matrix (parameters, parameters) without what noise of the envelopes adds to it, as far as that goes.

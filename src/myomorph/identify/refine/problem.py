@@ -77,8 +77,7 @@ class Basis:
                 if known[f]:
                     right[at + i] += w[i] * values[f]
         band[0] += 1e-12
-        result: Array = cho_solve_banded((cholesky_banded(band, lower=True), True), right)
-        return result
+        return cho_solve_banded((cholesky_banded(band, lower=True), True), right)
 
 
 _ROWS, _COLUMNS = np.tril_indices(4)

@@ -91,5 +91,4 @@ def _beyond_effort(values: Array, weight: Array, columns: list[int], unknowns: U
         return values
     factors, exponents = effort.weight[columns], effort.exponent[columns]
     held = np.clip(values, 0.0, 1.0)
-    result: Array = values + factors * exponents * held ** (exponents - 1.0) / (2.0 * (1.0 + weight))
-    return result
+    return values + factors * exponents * held ** (exponents - 1.0) / (2.0 * (1.0 + weight))
