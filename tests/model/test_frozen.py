@@ -39,7 +39,7 @@ EXCEPTIONS: dict[str, str] = {
     "myomorph.muscles.kinematics.MuscleKinematics": KERNELS,
     "myomorph.motion.newton.SolvedFrames": "kernels write its arrays, a frame at a time",
     "myomorph.motion.steady_pose.SteadyFrame": KERNELS,
-    "myomorph.rigid.joint_wrenches.JointWrenches": KERNELS,
+    "myomorph.rigid.dynamics.JointWrenches": KERNELS,
     "myomorph.rigid.kinematics.Poses": KERNELS,
     "myomorph.rigid.loops.LoopBasis": KERNELS,
 }

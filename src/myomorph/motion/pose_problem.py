@@ -9,8 +9,7 @@ from myomorph.motion.tasks.coordinates import CoordinateArrays
 from myomorph.motion.tasks.loops import Ties
 from myomorph.motion.tasks.markers import MarkerArrays
 from myomorph.motion.tasks.task import add_tasks
-from myomorph.rigid.coordinates import KIND, SINES, WIDTH, Ints, evaluate
-from myomorph.rigid.coordinates import fold_dependents
+from myomorph.rigid.coordinates import KIND, SINES, WIDTH, Ints, evaluate, fold_dependents
 from myomorph.rigid.kernels import bare
 from myomorph.rigid.tree import ROTATION
 
