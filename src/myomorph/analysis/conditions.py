@@ -92,14 +92,10 @@ def _without_curves(group: Group) -> Group:
     return Group(group.name, tuple(replace(animal, curves={}) for animal in group.animals))
 
 
-OUTLIER_SCORE = 3.5
-"""Modified z-score from which a value is called an outlier (Iglewicz and Hoaglin 1993)."""
-MIN_VALUES = 5
-"""Values of a kind from which on any is judged."""
-ROUNDED = 1e-6
-"""Values that differ by less, as a share of their median, are equal: what is left is rounding."""
-TO_DEVIATION = 0.6745
-"""Median absolute deviation of a normal distribution, in standard deviations."""
+OUTLIER_SCORE = 3.5  # Modified z-score from which a value is called an outlier (Iglewicz and Hoaglin 1993)
+MIN_VALUES = 5  # Values of a kind from which on any is judged
+ROUNDED = 1e-6  # Values that differ by less, as a share of their median, are equal: what is left is rounding
+TO_DEVIATION = 0.6745  # Median absolute deviation of a normal distribution, in standard deviations
 
 
 def modified_z(values: ArrayLike) -> Array:

@@ -12,10 +12,8 @@ from myomorph.model.arrays import Array, read_only
 from myomorph.model.series import Series
 
 MAX_SAMPLES, MIN_SAMPLES = 2048, 16
-MIN_KNOWN = 0.8
-"""Share of a signal's samples that must be known for a correlation."""
-FALSE_DISCOVERIES = 0.05
-"""Share of the pairs called significant that may be so by chance."""
+MIN_KNOWN = 0.8  # Share of a signal's samples that must be known for a correlation
+FALSE_DISCOVERIES = 0.05  # Share of the pairs called significant that may be so by chance
 
 
 @read_only

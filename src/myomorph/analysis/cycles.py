@@ -179,8 +179,7 @@ def _vertex(values: Array, at: int) -> float:
 
 
 SAMPLES = 101
-MAX_GAP = 0.1
-"""Of a signal within a cycle, as a share of it, that a line may cross."""
+MAX_GAP = 0.1  # Of a signal within a cycle, as a share of it, that a line may cross
 
 
 @read_only

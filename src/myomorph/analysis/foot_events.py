@@ -16,10 +16,8 @@ from myomorph.model.sides import split_side
 NEAREST = 0.4
 """An event that is known better replaces the nearest one within this share of a stride; a runner's foot is farthest
 ahead a quarter of a stride before it strikes."""
-CLEAR = 0.4
-"""Skewness of the speeds of feet from which on their swing shows the direction."""
-MIN_FRAMES = 8
-"""Frames in which trunk and foot must be seen."""
+CLEAR = 0.4  # Skewness of the speeds of feet from which on their swing shows the direction
+MIN_FRAMES = 8  # Frames in which trunk and foot must be seen
 
 
 @dataclass(frozen=True)

@@ -22,8 +22,7 @@ from myomorph.model.model import Model
 from myomorph.model.series import Series
 from myomorph.muscles.kinematics import default_path_lengths
 
-MIN_STRIDES = 2
-"""Strides whose mean has an interval."""
+MIN_STRIDES = 2  # Strides whose mean has an interval
 
 
 @dataclass(frozen=True)

@@ -28,10 +28,8 @@ from scipy.special import stdtrit as student_quantile
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 
-MIN_SUBJECTS = 3
-"""Members of a group from which on it is tested."""
-SAME = 1e-9
-"""Two |t| are equal within this share."""
+MIN_SUBJECTS = 3  # Members of a group from which on it is tested
+SAME = 1e-9  # Two |t| are equal within this share
 
 
 @read_only

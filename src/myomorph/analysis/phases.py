@@ -17,8 +17,7 @@ from myomorph.model.sides import split_side
 _SIDE_WORD = re.compile(r"(?<![a-z])(right|left)(?![a-z])", re.IGNORECASE)
 
 
-STANDING = 0.2
-"""How far the force of one who stands may be from a known weight, as a share of it."""
+STANDING = 0.2  # How far the force of one who stands may be from a known weight, as a share of it
 
 
 @dataclass(frozen=True)

@@ -21,14 +21,10 @@ from myomorph.motion.ik import KinematicsFit
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 
-CUTOFF = 8.0
-"""Of the filter of the center of mass [Hz]; for a smaller body higher, as its strides are shorter."""
-FLIGHT = 0.3
-"""A runner's force falls below this share of the weight between contacts; a walker's stays above 0.6."""
-EDGE = 0.5
-"""Share of the weight at which the slope of the force is taken, along which it goes on to nothing."""
-MIN_FRAMES = 24
-"""Frames that a second derivative takes."""
+CUTOFF = 8.0  # Of the filter of the center of mass [Hz]; for a smaller body higher, as its strides are shorter
+FLIGHT = 0.3  # A runner's force falls below this share of the weight between contacts; a walker's stays above 0.6
+EDGE = 0.5  # Share of the weight at which the slope of the force is taken, along which it goes on to nothing
+MIN_FRAMES = 24  # Frames that a second derivative takes
 
 
 def vertical_force(model: Model, motion: Motion) -> Array:
@@ -100,11 +96,8 @@ TRAVELS = 3.0
 STANDS = 0.5
 """Feet stand, and the body moves over them (up from a chair), where none goes so many times as far as beside it."""
 
-MIN_DUTY = 0.1
-"""The only stride of a recording has a stance and a swing of at least this share."""
-
-STEADY = 0.35
-"""Strides of a walk differ in duration by less than this share of the usual one, as a median."""
+MIN_DUTY = 0.1  # The only stride of a recording has a stance and a swing of at least this share
+STEADY = 0.35  # Strides of a walk differ in duration by less than this share of the usual one, as a median
 
 
 def walking_limbs(model: Model) -> tuple[Limb, ...]:

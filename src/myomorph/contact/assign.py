@@ -196,14 +196,9 @@ def _split(wrenches: Wrenches, carried: NDArray[np.int64], names: tuple[str, ...
     )
 
 
-LOADED = 20.0
-"""Force from which a plate counts as loaded [N]."""
-
-SURE = 0.2
-"""Force from which the center of pressure is trusted, as a share of body weight."""
-
-NEAR = 0.35
-"""Distance of the center of pressure to a foot's heel or ball beyond which it is nobody's [m]."""
+LOADED = 20.0  # Force from which a plate counts as loaded [N]
+SURE = 0.2  # Force from which the center of pressure is trusted, as a share of body weight
+NEAR = 0.35  # Distance of the center of pressure to a foot's heel or ball beyond which it is nobody's [m]
 
 
 class OnlineFeet:

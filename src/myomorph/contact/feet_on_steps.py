@@ -18,8 +18,7 @@ from myomorph.model.model import Model
 from myomorph.model.series import Motion, Wrenches
 
 Unmeasured = Literal["unknown", "zero"]
-LEAST_NOISE = 1e-4
-"""Standard deviation of a measured component that has no noise at all, over body weight."""
+LEAST_NOISE = 1e-4  # Standard deviation of a measured component that has no noise at all, over body weight
 
 
 @read_only

@@ -17,11 +17,8 @@ from myomorph.model.series import Motion
 from myomorph.rigid.kinematics import Poses, forward_kinematics
 from myomorph.rigid.tree import Tree, compile_tree
 
-FOOT = 0.19
-"""Length of a human foot from the heel to the toes' joint, which lengths are relative to [m]."""
-
-TIP = 1.35
-"""Where the sole ends, over that length."""
+FOOT = 0.19  # Length of a human foot from the heel to the toes' joint, which lengths are relative to [m]
+TIP = 1.35  # Where the sole ends, over that length
 
 
 @read_only

@@ -24,11 +24,8 @@ from myomorph.model.model import Model
 from myomorph.model.series import Motion, Wrenches
 from myomorph.motion.filters import lowpass
 
-PULLED = 0.3
-"""Share of the weight that all plates together pull down where their sign is wrong."""
-
-LONGEST = 0.1
-"""Longest step between frames that are not taken for a gap [s]."""
+PULLED = 0.3  # Share of the weight that all plates together pull down where their sign is wrong
+LONGEST = 0.1  # Longest step between frames that are not taken for a gap [s]
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,14 +15,9 @@ from myomorph.model.arrays import Array, read_only, runs
 from myomorph.model.findings import Finding, Repair
 from myomorph.model.series import Wrenches
 
-LOADED = 0.05
-"""Share of the weight from which a force counts as load."""
-
-SHORTEST = 0.05
-"""A load that is shorter is not judged [s]."""
-
-LOAD = "load in the hands"
-"""Kind of a finding: a force that no foot carries."""
+LOADED = 0.05  # Share of the weight from which a force counts as load
+SHORTEST = 0.05  # A load that is shorter is not judged [s]
+LOAD = "load in the hands"  # Kind of a finding: a force that no foot carries
 
 MIRRORED_PLATE, DOUBTFUL = "mirrored plate", "wrong foot or mirrored plate"
 """Kinds of findings about plates that may be mirrored about their own middle."""
@@ -154,20 +149,11 @@ def change_repair(number: int, change: Change, done: str, advice: str) -> Repair
     return Repair(partial(changed_wrenches, number=number, change=change), done, advice)
 
 
-MOVES = 0.8
-"""Speed against the ground of heel and tip of a human foot above which it does not stand [m/s]."""
-
-BELT = 0.3
-"""Speed from which on the ground under loaded feet is a belt [m/s]."""
-
-PAUSE = 0.06
-"""A foot that moves for a shorter time goes on standing [s]."""
-
-CARRIED = 0.6
-"""Share of a stance during which a plate has to carry its foot."""
-
-EDGE = 0.05
-"""Uncertainty of the time at which a foot is put down or lifted, by its motion [s]."""
+MOVES = 0.8  # Speed against the ground of heel and tip of a human foot above which it does not stand [m/s]
+BELT = 0.3  # Speed from which on the ground under loaded feet is a belt [m/s]
+PAUSE = 0.06  # A foot that moves for a shorter time goes on standing [s]
+CARRIED = 0.6  # Share of a stance during which a plate has to carry its foot
+EDGE = 0.05  # Uncertainty of the time at which a foot is put down or lifted, by its motion [s]
 
 
 def standing(inspection: Inspection) -> NDArray[np.bool_]:

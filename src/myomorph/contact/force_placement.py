@@ -16,38 +16,17 @@ from myomorph.model.arrays import Array, runs
 from myomorph.model.findings import Finding, Repair
 from myomorph.model.series import Wrenches
 
-NEAR = 0.09
-"""A center of pressure that lies nearer to the middle line of a human sole, on average, is under it [m]."""
-
-FITS = 0.07
-"""So near must it come by what is put right [m]."""
-
-FAR = 0.15
-"""One that lies farther from every foot is under none [m]."""
-
-MARKED = 0.35
-"""Share of the distance before that may be left by what is put right."""
-
-BETWEEN = 0.06
-"""A center of pressure farther from both soles, and between them, is that of two feet [m]."""
-
-SHARED = 0.1
-"""Time from which a plate is called shared [s]."""
-
-MILLI = 2.0
-"""Moment over force of a human foot beyond which the moment may be in N mm [m]."""
-
-LARGE = 0.5
-"""The same, for moments of a force whose points are in mm [m]."""
-
-SWINGS = 0.4
-"""A foot that stands in a smaller share of a step swings."""
-
-FIRM = 0.4
-"""Share of the weight that two feet on one plate carry at least."""
-
-NO_FOOT = "under no foot"
-"""Kind of a finding: a force that acts under no foot that stands."""
+NEAR = 0.09  # A center of pressure that lies nearer to the middle line of a human sole, on average, is under it [m]
+FITS = 0.07  # So near must it come by what is put right [m]
+FAR = 0.15  # One that lies farther from every foot is under none [m]
+MARKED = 0.35  # Share of the distance before that may be left by what is put right
+BETWEEN = 0.06  # A center of pressure farther from both soles, and between them, is that of two feet [m]
+SHARED = 0.1  # Time from which a plate is called shared [s]
+MILLI = 2.0  # Moment over force of a human foot beyond which the moment may be in N mm [m]
+LARGE = 0.5  # The same, for moments of a force whose points are in mm [m]
+SWINGS = 0.4  # A foot that stands in a smaller share of a step swings
+FIRM = 0.4  # Share of the weight that two feet on one plate carry at least
+NO_FOOT = "under no foot"  # Kind of a finding: a force that acts under no foot that stands
 
 
 class Remedy(NamedTuple):

@@ -118,8 +118,7 @@ def needed_wrench(model: Model, motion: Motion, body: str, known: Wrenches | Non
     return Wrenches(motion.time, (body,), (body,), force[:, None], at[:, None], torque[:, None])
 
 
-RESTING = 10.0
-"""Percentile of a site's heights that is taken for the height it rests at."""
+RESTING = 10.0  # Percentile of a site's heights that is taken for the height it rests at
 
 
 def resting_height(model: Model, motion: Motion, site: Site) -> float:

@@ -19,8 +19,7 @@ from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.regressor import regressor_blocks, sum_of_wrenches
 from myomorph.rigid.tree import compile_tree
 
-PULL = 1e-3
-"""Weight of the first guess of a grip's place, against one frame in which the bodies hold together."""
+PULL = 1e-3  # Weight of the first guess of a grip's place, against one frame in which the bodies hold together
 
 
 @read_only

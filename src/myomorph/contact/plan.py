@@ -13,8 +13,7 @@ from myomorph.model.frozen_map import FrozenMap
 
 When: TypeAlias = Literal["always", "motion", "file"]
 
-FOREVER = 1e9
-"""End of a contact interval that always lasts [s]."""
+FOREVER = 1e9  # End of a contact interval that always lasts [s]
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,8 +17,7 @@ CLEARLY = 0.25
 """Another first corner is better where it brings the center of pressure to this share of its distance, or nearer, and
 to twice that share of what the next best one leaves: a plate that stands as its file says is never turned for less."""
 
-FIRM = 0.3
-"""Samples that carry this share of the largest force count; below, the center of pressure is noise."""
+FIRM = 0.3  # Samples that carry this share of the largest force count; below, the center of pressure is noise
 
 MIN_COUNT = 20
 

@@ -16,15 +16,11 @@ from myomorph.model.errors import BadData
 from myomorph.model.model import STANDARD_GRAVITY
 from myomorph.model.spatial import axis_rotation
 
-ARM = 0.2
-"""Length by which a rotation counts as a displacement when it is asked what the placements show [m]."""
+ARM = 0.2  # Length by which a rotation counts as a displacement when it is asked what the placements show [m]
 
 ITERATIONS = 50
-ROUGHLY = 8
-"""Iterations from each start, of which the best goes on."""
-
-TURNS = 6
-"""Starts about the vertical."""
+ROUGHLY = 8  # Iterations from each start, of which the best goes on
+TURNS = 6  # Starts about the vertical
 
 SETTLED = 1e-9
 
@@ -226,8 +222,7 @@ def rotation_vector(rotation: Array) -> Array:
 
 
 MIN_COUNT = 3
-MIRRORED = 0.1
-"""Share of the cost that remains when the sign of the wrench is turned, below which it was wrong."""
+MIRRORED = 0.1  # Share of the cost that remains when the sign of the wrench is turned, below which it was wrong
 
 
 def believed(placements: Sequence[Placement], options: PlateFitOptions) -> tuple[list[Placement], list[str]]:

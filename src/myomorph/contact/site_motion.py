@@ -17,17 +17,10 @@ from myomorph.rigid.coordinates import Ints
 from myomorph.rigid.kinematics import Poses, forward_kinematics
 from myomorph.rigid.tree import Tree, compile_tree
 
-STILL = 0.1
-"""A site at rest moves slower than this, over the speed sqrt(g height)."""
-
-RESTS = 0.3
-"""A group of sites that is never slower than this, over the same speed, does not rest."""
-
-BELT = 0.15
-"""Soles that all glide along faster than this, over the same speed, stand on a belt."""
-
-CLUSTER = 0.25
-"""Share of samples that the narrowest interval about the floor holds."""
+STILL = 0.1  # A site at rest moves slower than this, over the speed sqrt(g height)
+RESTS = 0.3  # A group of sites that is never slower than this, over the same speed, does not rest
+BELT = 0.15  # Soles that all glide along faster than this, over the same speed, stand on a belt
+CLUSTER = 0.25  # Share of samples that the narrowest interval about the floor holds
 
 
 @read_only

@@ -31,15 +31,11 @@ OUTLINE = {
 
 Heads of the first and fifth metatarsal, tips of the great and of the fourth toe; after the bones that models draw."""
 
-HEEL = (r"calc|heel", r"(?<!fore)(?<!mid)foot")
-"""What a heel's body is called, the surest first."""
-
-BONE_DEPTH = 0.06
-"""How far the bones of a foot reach below its origin, over the same distance."""
+HEEL = (r"calc|heel", r"(?<!fore)(?<!mid)foot")  # What a heel's body is called, the surest first
+BONE_DEPTH = 0.06  # How far the bones of a foot reach below its origin, over the same distance
 
 
-SEGMENT_SITES = ("hand_r", "hand_l", "seat", "back")
-"""What `body_sites` knows."""
+SEGMENT_SITES = ("hand_r", "hand_l", "seat", "back")  # What `body_sites` knows
 
 
 @dataclass(frozen=True)

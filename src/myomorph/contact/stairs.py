@@ -23,8 +23,7 @@ from myomorph.model.series import Series
 from myomorph.model.spatial import Transform
 
 COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
-SQUARE = 1e-6
-"""An axis of ground that a cell's axis leans to by less than this has no part of it."""
+SQUARE = 1e-6  # An axis of ground that a cell's axis leans to by less than this has no part of it
 
 
 @read_only

@@ -23,8 +23,7 @@ from myomorph.rigid.tree import compile_tree
 
 Bools = NDArray[np.bool_]
 
-PLATES, KINEMATICS = "plates", "kinematics"
-"""Sources of contact intervals."""
+PLATES, KINEMATICS = "plates", "kinematics"  # Sources of contact intervals
 
 
 @dataclass(frozen=True)
@@ -257,8 +256,7 @@ def _outside(touch: Touch, others: Sequence[Touch]) -> list[Touch]:
     return parts
 
 
-PIVOT = 0.3
-"""Height of the virtual pivot point above the center of mass, over the height of that above the floor."""
+PIVOT = 0.3  # Height of the virtual pivot point above the center of mass, over the height of that above the floor
 
 
 @dataclass(frozen=True)

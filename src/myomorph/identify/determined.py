@@ -16,8 +16,7 @@ from myomorph.identify.body.points import MassPoints, point_moments
 from myomorph.identify.mass_points import MassPointOptions, prior_variances
 from myomorph.model.arrays import Array, read_only
 
-DETERMINED = 0.9
-"""Share of a parameter's prior variance that the data must take away to count as determined by them."""
+DETERMINED = 0.9  # Share of a parameter's prior variance that the data must take away to count as determined by them
 
 LINK_SD = 0.2
 """Relative standard deviation by which a link's mass differs from the scaled model's, for intervals.
@@ -25,8 +24,7 @@ LINK_SD = 0.2
 Segment masses of cadaver studies differ by 10 to 20 % of themselves at the same body mass (Clauser 1969, de Leva 1996).
 """
 
-NINETY = 1.645
-"""Standard deviations of a 90 % interval."""
+NINETY = 1.645  # Standard deviations of a 90 % interval
 
 
 @read_only

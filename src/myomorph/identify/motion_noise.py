@@ -24,14 +24,9 @@ from myomorph.model.model import Model
 from myomorph.model.series import Motion
 from myomorph.motion.filters import differentiate
 
-DRAWS = 12
-"""Times that noise is added."""
-
-CUTOFF = 6.0
-"""Of the filter of motions that came filtered already [Hz]."""
-
-STILL = 1e-6
-"""Coordinates that move by less are locked or coupled to nothing: they get no noise [rad or m]."""
+DRAWS = 12  # Times that noise is added
+CUTOFF = 6.0  # Of the filter of motions that came filtered already [Hz]
+STILL = 1e-6  # Coordinates that move by less are locked or coupled to nothing: they get no noise [rad or m]
 
 
 @read_only

@@ -20,8 +20,7 @@ from myomorph.model.series import Motion
 from myomorph.motion.online import MovingWindow, OnlineFilter
 from myomorph.rigid.regressor import regressor_blocks
 
-PATIENCE = 2.0
-"""Time that a frame waits for its force before it is left out [s]."""
+PATIENCE = 2.0  # Time that a frame waits for its force before it is left out [s]
 
 
 @dataclass(frozen=True)

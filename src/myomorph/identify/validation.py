@@ -19,14 +19,12 @@ from myomorph.model.model import Model
 from myomorph.model.soft_tissue import SoftTissue
 from myomorph.rigid.regressor import base_wrench
 
-Inside = Callable[[Array], np.ndarray]
-"""Points (points, 3) in ground [m] -> (points,) whether each is inside the body."""
+Inside = Callable[[Array], np.ndarray]  # Points (points, 3) in ground [m] -> (points,) whether each is inside the body
 
 COMPONENTS = ("Nx", "Ny", "Nz", "Fx", "Fy", "Fz")
 """Of a wrench, in the order of its arrays: moment [N m], then force [N]."""
 
-ROUNDING = 1e-9
-"""How far below 0 rounding may bring an eigenvalue, relative to what is summed up in it."""
+ROUNDING = 1e-9  # How far below 0 rounding may bring an eigenvalue, relative to what is summed up in it
 
 
 @read_only

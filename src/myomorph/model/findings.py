@@ -13,8 +13,7 @@ import numpy as np
 
 from myomorph.model.arrays import Array, runs
 
-Span: TypeAlias = tuple[float, float]
-"""First and last time of a stretch of frames [s]."""
+Span: TypeAlias = tuple[float, float]  # First and last time of a stretch of frames [s]
 
 Checked = TypeVar("Checked")
 

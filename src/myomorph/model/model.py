@@ -18,8 +18,7 @@ from myomorph.model.spatial import Transform
 
 GROUND = "ground"
 
-STANDARD_GRAVITY = 9.80665
-"""[m/s^2]"""
+STANDARD_GRAVITY = 9.80665  # [m/s^2]
 
 
 @read_only

@@ -20,8 +20,7 @@ FLOOR, TONE = 1e-3, 5e-4
 """Normalized force that fibers have per activation, and always, beside that of their curves: those that shorten so fast
 that the tendon is slack stay in equilibrium, and no activation becomes infinite."""
 
-SLACKENED = 1e-3
-"""Width of the step from fibers that pull to fibers that are slack [normalized force]."""
+SLACKENED = 1e-3  # Width of the step from fibers that pull to fibers that are slack [normalized force]
 
 
 @inner(counted=False, forceinline=True)

@@ -27,10 +27,8 @@ from myomorph.rigid.kinematics import body_motion
 from myomorph.rigid.knees import flexion_coordinate, knee_joints
 
 PATELLA = "patella"
-RATIOS = (0.3, 1.5)
-"""A model whose ratio leaves these has no lever there: the ratio stays at the nearer end."""
-MIN_ARM = 0.01
-"""A tendon nearer to the knee's axis says nothing of a ratio [m]."""
+RATIOS = (0.3, 1.5)  # A model whose ratio leaves these has no lever there: the ratio stays at the nearer end
+MIN_ARM = 0.01  # A tendon nearer to the knee's axis says nothing of a ratio [m]
 
 
 @read_only

@@ -191,8 +191,7 @@ def _compile(model: Model) -> Paths:
 _latest = Latest(_compile)
 
 
-ARC_PARTS = 4
-"""Straight parts that an arc on a surface is drawn from."""
+ARC_PARTS = 4  # Straight parts that an arc on a surface is drawn from
 
 
 @read_only

@@ -15,14 +15,10 @@ from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.knees import flexion_coordinate, knee_joints
 from myomorph.rigid.tree import compile_tree
 
-THIGH_LENGTH = 0.41
-"""From hip to knee of the persons that were measured [m]; bands grow with a model's."""
-HUMAN = (0.22, 0.6)
-"""Thighs of people have such lengths [m]."""
-MARGIN = 0.003
-"""So far beside a band an arm may lie that nobody warns of [m]."""
-STEP = 5.0
-"""Between flexions at which a model is looked at [deg]."""
+THIGH_LENGTH = 0.41  # From hip to knee of the persons that were measured [m]; bands grow with a model's
+HUMAN = (0.22, 0.6)  # Thighs of people have such lengths [m]
+MARGIN = 0.003  # So far beside a band an arm may lie that nobody warns of [m]
+STEP = 5.0  # Between flexions at which a model is looked at [deg]
 
 
 @dataclass(frozen=True)

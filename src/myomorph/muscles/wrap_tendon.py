@@ -17,8 +17,7 @@ import math
 from myomorph.rigid.kernels import inner, kernel
 
 SPHERE, CYLINDER = 0, 1
-NO_SIDE, BEFORE_FOUR, FOUR = 0, 3, 4
-"""Rules of side points: without one, those of MuJoCo before 4.0, those since."""
+NO_SIDE, BEFORE_FOUR, FOUR = 0, 3, 4  # Rules of side points: without one, those of MuJoCo before 4.0, those since
 TINY = 1e-15
 
 

@@ -15,11 +15,8 @@ from myomorph.rigid.dynamics import motion_arrays
 from myomorph.rigid.loops import LoopBasis, close_loops, closure, loop_basis, project_rates
 from myomorph.rigid.tree import Tree, compile_tree
 
-OPEN = 0.01
-"""A motion whose loops stand open by more belongs to another model [m or rad]."""
-
-TOLD = 1e-4
-"""A motion whose loops stand open by less is closed without a word [m or rad]."""
+OPEN = 0.01  # A motion whose loops stand open by more belongs to another model [m or rad]
+TOLD = 1e-4  # A motion whose loops stand open by less is closed without a word [m or rad]
 
 
 def refuse_open(tree: Tree, coordinates: Array) -> float:

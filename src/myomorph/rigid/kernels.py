@@ -28,8 +28,7 @@ from numba.misc.appdirs import AppDirs
 from myomorph import __version__
 
 LOCK = "kernels.lock"
-PATIENCE = 60.0
-"""How long a process waits until others have saved a kernel [s]; after that it keeps its own to itself."""
+PATIENCE = 60.0  # How long a process waits until others have saved a kernel [s]; after that it keeps its own to itself
 PACKAGE = Path(__file__).resolve().parents[1]
 
 

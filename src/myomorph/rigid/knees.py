@@ -10,11 +10,8 @@ from myomorph.model.series import Motion
 from myomorph.rigid.kinematics import Poses, forward_kinematics
 from myomorph.rigid.tree import compile_tree
 
-THIGH, SHANK = ("femur", "thigh"), ("tibia", "shank")
-"""Words in the names of the bodies above and below a knee."""
-
-FLEXIONS = np.radians([0.0, 15.0, 30.0, 45.0, 60.0])
-"""At which knees are looked at [rad]."""
+THIGH, SHANK = ("femur", "thigh"), ("tibia", "shank")  # Words in the names of the bodies above and below a knee
+FLEXIONS = np.radians([0.0, 15.0, 30.0, 45.0, 60.0])  # At which knees are looked at [rad]
 
 
 def knee_joints(model: Model) -> tuple[Joint, ...]:

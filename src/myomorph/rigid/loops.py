@@ -14,20 +14,11 @@ from myomorph.rigid.frames import over_frames
 from myomorph.rigid.loop_kernels import loop_frames, loop_rate_frames
 from myomorph.rigid.tree import Tree
 
-CLOSED = 1e-10
-"""A loop is closed when no error is larger [m or rad]."""
-
-RANK = 1e-8
-"""A direction of a Jacobian counts where its singular value is at least this share of the largest."""
-
-NEAREST = 1e-9
-"""A projection has arrived when its last step is shorter [rad or m, weighted]."""
-
-STEPS = 200
-"""Steps of a projection."""
-
-ELSEWHERE = 30
-"""Random poses from which a loop is closed that does not close from where it is."""
+CLOSED = 1e-10  # A loop is closed when no error is larger [m or rad]
+RANK = 1e-8  # A direction of a Jacobian counts where its singular value is at least this share of the largest
+NEAREST = 1e-9  # A projection has arrived when its last step is shorter [rad or m, weighted]
+STEPS = 200  # Steps of a projection
+ELSEWHERE = 30  # Random poses from which a loop is closed that does not close from where it is
 
 FRAMES_AT_ONCE = 256
 

@@ -28,8 +28,7 @@ from myomorph.tension.simplex import least_values
 from myomorph.tension.solved import SolvedFrames, near_extremes, solved_frames, subject_weight
 from myomorph.tension.tension import RESIDUAL, Tension
 
-PART = 0.35
-"""A group whose part of a unit combination is smaller is not named."""
+PART = 0.35  # A group whose part of a unit combination is smaller is not named
 
 
 def axis_words(vector: Array, up: Array) -> str:
@@ -64,8 +63,7 @@ def direction_words(groups: Sequence[str], direction: Array, spread: float, shar
     return f"{what}, by {spread:.3g} N for {100.0 * share:g} % more cost"
 
 
-ON_BOUND = 1e-7
-"""A variable nearer to a bound than this share of 1 + its size stands on it."""
+ON_BOUND = 1e-7  # A variable nearer to a bound than this share of 1 + its size stands on it
 
 
 @dataclass(frozen=True)

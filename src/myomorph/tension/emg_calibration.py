@@ -26,16 +26,12 @@ from myomorph.tension.tension import TensionOptions
 __all__ = ["EmgOptions", "EmgTrial", "calibrate_emg", "emg_targets", "mapped_muscles"]
 
 
-MAX_FRAMES = 300
-"""About how many frames of all trials together the gains are fitted on, evenly spread."""
+MAX_FRAMES = 300  # About how many frames of all trials together the gains are fitted on, evenly spread
 SHAPES = (-0.5, -1.0, -1.5, -2.0, -2.5, -3.0)
 """Shape factors that are tried beside a straight line; -3 is the limit of Lloyd and Besier (2003)."""
-DELAY_SPREAD = 0.03
-"""Standard deviation of delays about the usual one, before any torque is seen [s]."""
-COARSE = 0.01
-"""Between the delays that are tried first [s]."""
-ROUNDS = 4
-"""Searches of delay and shape in turn, at most."""
+DELAY_SPREAD = 0.03  # Standard deviation of delays about the usual one, before any torque is seen [s]
+COARSE = 0.01  # Between the delays that are tried first [s]
+ROUNDS = 4  # Searches of delay and shape in turn, at most
 
 
 def calibrate_emg(
@@ -99,8 +95,7 @@ def calibrate_emg(
 
 SMOOTH = 8.0
 """Low-pass of envelopes while gains are fitted [Hz]: noise makes gains smaller, and muscles follow no faster."""
-ROUGHNESS = 0.03
-"""Share of an envelope that may be faster than that."""
+ROUGHNESS = 0.03  # Share of an envelope that may be faster than that
 
 
 def _smooth(emg: Emg) -> Emg:
@@ -133,8 +128,7 @@ def _noise(envelopes: Sequence[Emg], smooth: Sequence[Emg]) -> Array:
     return np.sqrt(squares / np.maximum(counts, 1.0))
 
 
-PEAK = 99.0
-"""Percentile of the envelopes over all trials that counts as a channel's largest: a spike is none."""
+PEAK = 99.0  # Percentile of the envelopes over all trials that counts as a channel's largest: a spike is none
 
 
 def _unusual(delays: Array | float) -> Array:

@@ -13,12 +13,9 @@ from myomorph.muscles.path import compile_paths
 from myomorph.tension.tension import RESERVE, Tension
 from myomorph.tension.terms.emg import EmgTarget
 
-APART = 0.1
-"""Distance of an activation from its EMG that counts as a conflict, beyond the slack of driven muscles."""
-SHORTEST = 0.03
-"""Stretches that are shorter count for nothing [s]."""
-BORNE = 0.05
-"""Share of a joint's largest torque from which on a reserve bears too much of it."""
+APART = 0.1  # Distance of an activation from its EMG that counts as a conflict, beyond the slack of driven muscles
+SHORTEST = 0.03  # Stretches that are shorter count for nothing [s]
+BORNE = 0.05  # Share of a joint's largest torque from which on a reserve bears too much of it
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,7 @@ from myomorph.tension.problem import TensionInputs, tension_problem
 from myomorph.tension.terms.actuators import default_reserves
 from myomorph.tension.terms.contacts import ContactTask
 
-LOUD = 10.0
-"""How many times the RMS of the torques an unmeasured contact may make of them."""
+LOUD = 10.0  # How many times the RMS of the torques an unmeasured contact may make of them
 
 
 @read_only

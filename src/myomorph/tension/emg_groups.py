@@ -16,8 +16,7 @@ from myomorph.tension.emg_tracking import NEAR_MAXIMUM, Fit, Group, Prior, Torqu
 
 TOLD = 0.5
 """Torques tell a gain where they leave less than this share of the prior's standard deviation of its logarithm."""
-CROWDED = 2
-"""Synergies need as many channels."""
+CROWDED = 2  # Synergies need as many channels
 SAME = 0.95
 """Cosine between what an unmeasured muscle and measured ones do at the joints, from which on these tell of it: both
 gastrocnemii, hamstrings or vasti have 0.95 and more, soleus and gastrocnemii 0.88, rectus femoris and vasti 0.7."""
@@ -96,8 +95,7 @@ def some_names(names: Sequence[str]) -> str:
     return ", ".join(names[:6]) + (" ..." if len(names) > 6 else "")
 
 
-HELD = 1e6
-"""Precision of the logarithm of a gain that is held."""
+HELD = 1e6  # Precision of the logarithm of a gain that is held
 
 
 def kept_level(tracking: TorqueTracking, level: Prior, delays: Array, shapes: Array) -> Prior:

@@ -26,10 +26,8 @@ from myomorph.tension.terms.contacts import ContactTask
 
 CLEARER = 0.2
 """By how much the correlation of both channels has to rise. In three walks without a fault no pair rises at all."""
-FOLLOWS = 0.3
-"""Correlation from which on a channel follows muscles."""
-SHORTEST = 30
-"""Frames that are needed."""
+FOLLOWS = 0.3  # Correlation from which on a channel follows muscles
+SHORTEST = 30  # Frames that are needed
 
 
 class Swap(NamedTuple):
@@ -86,14 +84,10 @@ def swap_lines(names: tuple[str, ...], swaps: tuple[Swap, ...]) -> tuple[str, ..
 
 WEIGHTS = ((10.0, 1.0), (3.0, 1.0), (1.0, 1.0), (0.3, 1.0), (0.1, 1.0), (0.1, 0.3), (0.1, 0.1))
 """Weights that are tried, the firmest first: of soft targets, and of what synergies say of muscles without EMG."""
-ALONE_WEIGHT = 1.0
-"""The weight where there is but one channel, so that none can be left out."""
-WORSE = 0.05
-"""Fall of a held-out channel's correlation that is too much."""
-MARGIN = 0.5
-"""Share of it that is allowed where a weight is chosen: muscles that no channel tells of may fare worse."""
-HELD_FRAMES = 150
-"""About how many frames of all trials together channels are left out on."""
+ALONE_WEIGHT = 1.0  # The weight where there is but one channel, so that none can be left out
+WORSE = 0.05  # Fall of a held-out channel's correlation that is too much
+MARGIN = 0.5  # Share of it that is allowed where a weight is chosen: muscles that no channel tells of may fare worse
+HELD_FRAMES = 150  # About how many frames of all trials together channels are left out on
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,26 +26,20 @@ from myomorph.model.series import Emg
 from myomorph.motion.emg_delay import Synergies, independent_samples, shaped, shifted
 from myomorph.tension.emg_frames import TrackedFrames
 
-UNMEASURED = 0.1
-"""How far an unmeasured muscle leaves what synergies say of it, standard deviation [activation]."""
-UNKNOWN = 0.3
-"""The same of a measured muscle while its channels are silent."""
+UNMEASURED = 0.1  # How far an unmeasured muscle leaves what synergies say of it, standard deviation [activation]
+UNKNOWN = 0.3  # The same of a measured muscle while its channels are silent
 NEAR, WEIGHT = 0.5, 0.03
 """How far the weights of an unmeasured muscle lie from those of muscles that act as it does: share, and activation."""
-LIKE = 4.0
-"""Power of the cosine between what two muscles do at the joints, by which one counts for the other."""
-REST = 0.05
-"""Activation at rest: scale of a half-normal prior."""
+LIKE = 4.0  # Power of the cosine between what two muscles do at the joints, by which one counts for the other
+REST = 0.05  # Activation at rest: scale of a half-normal prior
 LEVEL, COMMON, SHARED, APART = 0.4, 1.0, 0.7, 0.5
 """Prior of gains: median of the activation at a channel's largest envelope where every channel is in units of its own;
 median of the gain where all are in common units, as of maximum contractions; standard deviations of the logarithm of
 what all channels share, and of each about it. Torque decides where it says anything; this decides where it does not."""
-ALIKE = 1.5
-"""Largest envelopes that differ by no more than this factor are taken to be each channel's unit."""
+ALIKE = 1.5  # Largest envelopes that differ by no more than this factor are taken to be each channel's unit
 AT_MAXIMUM, NEAR_MAXIMUM = 0.9, 0.2
 """Median of the activation in a maximum voluntary contraction, and standard deviation of its logarithm."""
-SURE, ROUGH = 0.01, 0.1
-"""Error of a torque in shares of its RMS: least that is believed, and first guess."""
+SURE, ROUGH = 0.01, 0.1  # Error of a torque in shares of its RMS: least that is believed, and first guess
 KEPT, MAX_NOISE = 0.01, 0.5
 """Of a correction for noise: share of the normal matrix that it leaves, and of a channel that it may take."""
 ROUNDS = 5

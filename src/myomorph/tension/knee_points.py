@@ -17,11 +17,8 @@ from myomorph.rigid.knees import FLEXIONS, SHANK, THIGH, flexed, hinge_axis, kne
 from myomorph.rigid.tree import compile_tree
 from myomorph.tension.joint_contact import ContactPoint, JointPoints
 
-LOWEST = 0.0075
-"""Depth of the part of a condyle whose middle is its lowest place, of the distance from hip to knee."""
-
-CONDYLES = 0.1
-"""Height of the condyles above their lowest place, of the distance from hip to knee."""
+LOWEST = 0.0075  # Depth of the part of a condyle whose middle is its lowest place, of the distance from hip to knee
+CONDYLES = 0.1  # Height of the condyles above their lowest place, of the distance from hip to knee
 
 HALF_SPACING = 0.057
 """Distance of a contact point from the knee's center, of that from hip to knee, where there is no bone: half of the

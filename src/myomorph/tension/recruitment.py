@@ -17,8 +17,7 @@ from myomorph.tension.terms.joint_load import JointLoadTerm, crossed_joints
 from myomorph.tension.terms.term import Term
 
 KNEES, ALL = "knees", "all"
-KNEE_LOAD = 0.02
-"""Default weight of the load of knees (docs/decisions/0029-knees-that-bend.md)."""
+KNEE_LOAD = 0.02  # Default weight of the load of knees (docs/decisions/0029-knees-that-bend.md)
 
 
 @dataclass(frozen=True)

@@ -110,11 +110,8 @@ def subject_weight(tree: Tree, body: str) -> float:
     return (float(np.linalg.norm(tree.arrays.gravity)) or GRAVITY) * float(mine or mass.sum())
 
 
-CLOSE = 0.02
-"""Share of the allowed increase of the cost that may be left."""
-
-MAX_COUNT = 12
-"""Values of s that are tried."""
+CLOSE = 0.02  # Share of the allowed increase of the cost that may be left
+MAX_COUNT = 12  # Values of s that are tried
 
 
 def near_extremes(solved: SolvedFrames, bounds: tuple[Array, Array], functions: Array, share: float) -> Array:

@@ -35,10 +35,8 @@ if TYPE_CHECKING:
 
 OBJECT_RESIDUAL = 0.01
 """Optimal force of what holds an object beside its contacts, as a share of that of a body's residuals."""
-AT_ONCE = 8
-"""Instants between two reports of progress."""
-LARGE = 250
-"""Muscles from which on solutions near the optimum are not asked for: that takes seconds an instant there."""
+AT_ONCE = 8  # Instants between two reports of progress
+LARGE = 250  # Muscles from which on solutions near the optimum are not asked for: that takes seconds an instant there
 
 
 @dataclass(frozen=True, eq=False)

@@ -260,8 +260,7 @@ def _own(names: tuple[str, ...], part: str) -> dict[int, str]:
     return {index: own for index, name in enumerate(names) if (own := own_name(name, part)) is not None}
 
 
-LARGE = 0.2
-"""Share of the maximum isometric force from which a muscle's passive force is named."""
+LARGE = 0.2  # Share of the maximum isometric force from which a muscle's passive force is named
 
 
 class PassivePeaks(NamedTuple):

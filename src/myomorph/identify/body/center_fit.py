@@ -23,15 +23,11 @@ AXIS_LENGTH, AXIS_WEIGHT = 0.05, 0.001
 """A point beside a knee or elbow on its axis [m], and its weight against a joint center's 1: it turns limbs."""
 ROOT, ROOT_WEIGHT = Region("pelvis"), 1e3
 """The pelvis has a shape of its own, so that it can take its place exactly; limbs then follow from it."""
-TRUNK = Region("torso")
-"""The spine keeps its default shape while the trunk is scaled: it could bend to any length."""
+TRUNK = Region("torso")  # The spine keeps its default shape while the trunk is scaled: it could bend to any length
 LIMBS, HINGED = ("thigh", "shank", "upper_arm", "lower_arm"), ("shank", "lower_arm")
-OFF = 2e-3
-"""A limb whose joint centers stay further off is searched from other angles [m]."""
-START_INSIDE = 0.1
-"""Part of a coordinate's range by which the search for the pose starts inside it."""
-EVEN = 1e-4
-"""Weight of differences between a region's factors along its axes, where distances leave them open [m]."""
+OFF = 2e-3  # A limb whose joint centers stay further off is searched from other angles [m]
+START_INSIDE = 0.1  # Part of a coordinate's range by which the search for the pose starts inside it
+EVEN = 1e-4  # Weight of differences between a region's factors along its axes, where distances leave them open [m]
 QUARTER_SLACK = np.radians(15.0)
 """Headings of the two grounds that differ by nearly a quarter turn are taken to differ by one."""
 

@@ -26,8 +26,7 @@ centers, which models place differently; the other joint centers weigh 1."""
 
 SPINE = ("lumbar", "neck")
 
-FAR = 0.03
-"""Root mean square of the errors above which the model is not of this body's size [m]."""
+FAR = 0.03  # Root mean square of the errors above which the model is not of this body's size [m]
 
 SHARE_INSIDE = 0.8
 ITERATIONS = 300

@@ -20,12 +20,10 @@ from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.segments import Segment
 from myomorph.model.surface import Surface, signed_volume
 
-DENSITY = 985.0
-"""Mass of a person over the volume of the skin, with air in the lungs [kg/m^3]."""
+DENSITY = 985.0  # Mass of a person over the volume of the skin, with air in the lungs [kg/m^3]
 
 AGE = 25.0
-SPREAD = 0.15
-"""Standard deviation of a trait around the average before anything is measured, twice that of a trunk's."""
+SPREAD = 0.15  # Standard deviation of a trait around the average before anything is measured, twice that of a trunk's
 
 MISFIT = FrozenMap({"height": 1e-4, "chest": 5e-4, "mass": 0.05})
 """What counts as one standard deviation of each measurement [m], [m], [kg]."""

@@ -16,17 +16,10 @@ from myomorph.rigid.frames import over_frames
 from myomorph.rigid.regressor import regressor_blocks
 from myomorph.rigid.tree import TreeArrays, compile_tree
 
-POSTURE_SD = 0.2
-"""How far a coordinate may lie from where inverse kinematics put it [rad, or m on a human body]."""
-
-ACCELERATION_SD = 20.0
-"""How much a coordinate's acceleration may change [rad/s^2, or m/s^2 on a human body]."""
-
-BOUND_SD = 0.01
-"""How far a coordinate goes beyond its bounds [rad or m]."""
-
-MASS_SD = 1e-4
-"""Of the whole body's mass, of itself: it is known."""
+POSTURE_SD = 0.2  # How far a coordinate may lie from where inverse kinematics put it [rad, or m on a human body]
+ACCELERATION_SD = 20.0  # How much a coordinate's acceleration may change [rad/s^2, or m/s^2 on a human body]
+BOUND_SD = 0.01  # How far a coordinate goes beyond its bounds [rad or m]
+MASS_SD = 1e-4  # Of the whole body's mass, of itself: it is known
 
 LENGTH_STEP = 1e-5
 

@@ -10,8 +10,7 @@ from myomorph.rigid.kernels import bare, kernel
 from myomorph.rigid.kinematics import body_poses, body_rates
 from myomorph.rigid.vectors import cross, matrix, minus, plus, turned, vector
 
-STEP = 1e-6
-"""Step of the differences in coordinates and their rates [rad, m and 1/s of them]."""
+STEP = 1e-6  # Step of the differences in coordinates and their rates [rad, m and 1/s of them]
 
 
 @kernel

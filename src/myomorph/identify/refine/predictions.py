@@ -22,8 +22,7 @@ from myomorph.motion.lengths import factors_of
 from myomorph.rigid.regressor import base_wrench, regressor_blocks
 
 Kind = TypeVar("Kind")
-WORSE = 1.02
-"""Ratio to the given model above which a prediction is worse."""
+WORSE = 1.02  # Ratio to the given model above which a prediction is worse
 
 LEAVES_MARKERS = 1.1
 """Ratio of the marker errors of predictions to those of a body that only markers made, above which a refined body is

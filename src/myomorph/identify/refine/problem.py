@@ -26,11 +26,8 @@ from myomorph.rigid.coordinates import Ints, couple_rates_frames
 from myomorph.rigid.frames import over_frames
 from myomorph.rigid.tree import TreeArrays, compile_tree
 
-DEGREE = 5
-"""Accelerations are cubic splines then, smooth as those of a filtered motion."""
-
-WIDTH = DEGREE + 1
-"""Knots that a frame depends on."""
+DEGREE = 5  # Accelerations are cubic splines then, smooth as those of a filtered motion
+WIDTH = DEGREE + 1  # Knots that a frame depends on
 
 
 @read_only

@@ -15,8 +15,7 @@ from myomorph.identify.refine.equations import Equations, cost, linearize, with_
 from myomorph.identify.refine.problem import MassPrior, Problem, Unknowns, moved, tangents
 from myomorph.model.arrays import Array, read_only
 
-LEAST_GAIN = 1e-3
-"""A step that lowers the cost by a smaller share is the last."""
+LEAST_GAIN = 1e-3  # A step that lowers the cost by a smaller share is the last
 
 
 @read_only

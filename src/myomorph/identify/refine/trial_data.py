@@ -24,17 +24,10 @@ from myomorph.motion.stretch import skeleton
 from myomorph.rigid.regressor import base_wrench
 from myomorph.rigid.tree import compile_tree
 
-KNOTS = 4.0
-"""Knots a period of the cutoff frequency."""
-
-FRAMES_A_KNOT = 2.0
-"""Frames between knots that are enough."""
-
-SPACING = 0.02
-"""Of the mass points in each link's envelope [m]."""
-
-STANDING = Motion(np.zeros(1), (), np.zeros((1, 0)))
-"""The default pose, in which masses to begin with are found."""
+KNOTS = 4.0  # Knots a period of the cutoff frequency
+FRAMES_A_KNOT = 2.0  # Frames between knots that are enough
+SPACING = 0.02  # Of the mass points in each link's envelope [m]
+STANDING = Motion(np.zeros(1), (), np.zeros((1, 0)))  # The default pose, in which masses to begin with are found
 
 
 @read_only

@@ -12,8 +12,7 @@ from myomorph.muscles.curves import ASINH, BELL, EXPONENTIAL, LOGARITHM, Curve, 
 from myomorph.muscles.fiber_equations import TENDON_FORCE, FiberMuscle, Fibers, bisected
 from myomorph.muscles.muscle_model import NO_PENNATION, FiberCurves, StaticOptimization, numbers
 
-HIGHEST = 5.0
-"""Largest normalized tendon force."""
+HIGHEST = 5.0  # Largest normalized tendon force
 
 SIZE, RATE, OFFSET, ISOMETRIC = -0.3211346127989808, -8.149, -0.374, 0.8825327733249912
 """f_V = size asinh(rate v + offset) + isometric."""

@@ -14,11 +14,8 @@ from myomorph.muscles.curves import Curve, Piece
 from myomorph.muscles.fiber_equations import BUCKLED, FIBER_LENGTH, FiberLengthSearch, FiberMuscle
 from myomorph.muscles.muscle_model import FiberCurves, MuscleModel, StaticOptimization
 
-UNDAMPED = 0.001
-"""Fiber damping below which there is none."""
-
-STEPS = 64
-"""Halvings of the bracket of a fiber velocity: to rounding."""
+UNDAMPED = 0.001  # Fiber damping below which there is none
+STEPS = 64  # Halvings of the bracket of a fiber velocity: to rounding
 
 # Power basis of the quintic Bernstein polynomials: coefficients = POWER @ control points.
 _POWER = np.array(

@@ -84,8 +84,7 @@ class Schutte1993(MuscleModel):
         return Curve(pieces, SCHUTTE_TENDON.end, (0.0, SCHUTTE_TENDON.slopes[1]))
 
 
-ROUNDED = 0.01
-"""Normalized velocity up to which the corner of the force-velocity curve is rounded, by at most 0.013."""
+ROUNDED = 0.01  # Normalized velocity up to which the corner of the force-velocity curve is rounded, by at most 0.013
 
 TAKEN_UP = 0.02
 """Normalized length on both sides of 1 over which the passive force sets in, by at most 0.001 from the curve."""

@@ -6,8 +6,7 @@ import numpy as np
 
 from myomorph.model.arrays import Array
 
-NEAR = 1e-2
-"""How far from its bounds, in shares of their distance, an unknown begins at least."""
+NEAR = 1e-2  # How far from its bounds, in shares of their distance, an unknown begins at least
 
 
 class Box:

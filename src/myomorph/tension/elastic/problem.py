@@ -38,27 +38,17 @@ from myomorph.tension.fibers import Certificate, Fibers, Unreachable
 from myomorph.tension.problem import Balance, TensionInputs, TensionProblem
 from myomorph.tension.tension import Tension
 
-WINDOW = 256
-"""Frames kept of each window of a long recording."""
-
-MARGIN = 0.3
-"""Time before and after them that is solved too [s]."""
-
-SHORTEST_BRIDGE = 0.1
-"""Gaps up to this long are bridged [s]."""
+WINDOW = 256  # Frames kept of each window of a long recording
+MARGIN = 0.3  # Time before and after them that is solved too [s]
+SHORTEST_BRIDGE = 0.1  # Gaps up to this long are bridged [s]
 
 PASSES = 2
 """Passes over a window whose contact forces are smoothed: each frame is given those beside it of the pass before, the
 first those of the solution with rigid tendons."""
 
-TRANSIENT = 0.1
-"""Time from the beginning and before the end in which what lies beyond is felt [s]."""
-
-LONGEST_FIBER = 1.8
-"""Normalized length beyond which fibers are said not to reach."""
-
-MISSED = 1e-3
-"""Torque left over, relative to 1 + the greatest, above which a frame is infeasible."""
+TRANSIENT = 0.1  # Time from the beginning and before the end in which what lies beyond is felt [s]
+LONGEST_FIBER = 1.8  # Normalized length beyond which fibers are said not to reach
+MISSED = 1e-3  # Torque left over, relative to 1 + the greatest, above which a frame is infeasible
 
 
 def elastic_problem(inputs: TensionInputs) -> ElasticProblem:

@@ -23,8 +23,7 @@ from myomorph.model.arrays import Array
 from myomorph.muscles.hill_arrays import ElasticArrays
 from myomorph.tension.elastic.elements import integrate
 
-MIN_FORCE, MAX_FORCE = 2.5e-4, 4.0
-"""Bounds of the normalized tendon force."""
+MIN_FORCE, MAX_FORCE = 2.5e-4, 4.0  # Bounds of the normalized tendon force
 
 SMOOTH = 1e-4
 """Cost of a squared change of the normalized tendon force from frame to frame; it keeps forces from alternating."""
@@ -119,8 +118,7 @@ class Point:
     x: Array
 
 
-START_ROOM = 0.02
-"""How far from its bounds an activation begins at least, in shares of their distance."""
+START_ROOM = 0.02  # How far from its bounds an activation begins at least, in shares of their distance
 
 
 def possible(program: Program, a: Array) -> Array:

@@ -53,8 +53,7 @@ def parts_of(separable: Separable, elastic: NDArray[np.bool_]) -> list[Part]:
     return sorted((one for one in result if len(one.muscles)), key=lambda one: -len(one.muscles))
 
 
-SECOND_START = 0.3
-"""Activation of all muscles at all times in a second start."""
+SECOND_START = 0.3  # Activation of all muscles at all times in a second start
 
 
 @dataclass(eq=False)
@@ -227,11 +226,8 @@ def solve_part(program: Program, start: Point, y: Array, again: bool) -> tuple[O
     return (second if second.solved and not result.solved else result), (far[0], far[1])
 
 
-FASTEST = 200.0
-"""Frames a second that are solved at most."""
-
-PROJECTIONS = 3
-"""Steps towards balance; more than one only where a force meets its bound."""
+FASTEST = 200.0  # Frames a second that are solved at most
+PROJECTIONS = 3  # Steps towards balance; more than one only where a force meets its bound
 
 
 def solved_every(time: Array) -> int:

@@ -22,8 +22,7 @@ from myomorph.rigid.kernels import inner, kernel
 from myomorph.tension.personal.curves import MuscleShapes
 
 NEWTON_STEPS = 60
-TOLERANCE = 1e-10
-"""Of the balance of a fiber, normalized."""
+TOLERANCE = 1e-10  # Of the balance of a fiber, normalized
 
 
 @inner(counted=False)

@@ -25,12 +25,10 @@ from myomorph.tension.personal.recordings import Windows
 
 REST_ERROR, REST_FLOOR = 0.01, 0.1
 """Least standard deviation of a measured passive torque: a share of its root mean square, and in N m or N."""
-SCALES = (0.1, 9.0)
-"""Within which the variances of activations are adjusted to the misfits."""
+SCALES = (0.1, 9.0)  # Within which the variances of activations are adjusted to the misfits
 HASTE, CHANGES = 2.0, (0.6, 1.25)
 """Power of the steps by which errors change, and the least and largest factor of a step."""
-MAX_ERROR = 0.5
-"""Of the root mean square of a torque: more of it is not taken for an error."""
+MAX_ERROR = 0.5  # Of the root mean square of a torque: more of it is not taken for an error
 
 
 def noise_of(parts: Sequence[Part], noise: Noise, floors: Array, covariance: Array) -> Noise:
@@ -110,12 +108,10 @@ FIRST_ERRORS = 5.0
 """Of the least errors of torques: with which the fit begins, so that it does not run after each of them at first."""
 INFORMATION = 0.85
 """Share of what the misfits show that counts, as the marginal is one of first order; chosen on simulated people."""
-LONGEST = 1.0
-"""Step of a parameter, in standard deviations before the recordings."""
+LONGEST = 1.0  # Step of a parameter, in standard deviations before the recordings
 STIFFNESS = (0.5, 64.0)
 """Added to the curvature of a parameter whose steps go back and forth, in shares of it: first and at most."""
-SETTLED = 0.02
-"""Steps end where no parameter moves by more of its standard deviation."""
+SETTLED = 0.02  # Steps end where no parameter moves by more of its standard deviation
 
 
 @read_only

@@ -12,21 +12,15 @@ from myomorph.tension.personal.fibers import Followed, follow
 from myomorph.tension.personal.prior import Prior
 from myomorph.tension.personal.recordings import Windows
 
-SHORTEST_ERROR, LONGEST_ERROR = 10, 50
-"""Frames over which errors are taken to be alike at least and at most."""
+SHORTEST_ERROR, LONGEST_ERROR = 10, 50  # Frames over which errors are taken to be alike at least and at most
 LEVEL, UNKNOWN = 0.1, 0.15
 """Of a muscle without EMG: mean activation expected, itself a parameter, and standard deviation over time; walking has
 root mean squares of 0.1 to 0.25."""
-EMG_LEAST, EMG_SHARE = 0.03, 0.15
-"""Standard deviation of an activation that EMG shows: this much, and a share of it."""
-LEAST_OWN = 0.5
-"""Share of the variance of EMG over time that is activation's at least."""
-REST = 0.003
-"""Standard deviation of an activation at rest."""
-ACTIVE_SETS = 16
-"""Newton steps for the activations that stand at 0 or 1."""
-MORE = 1e-3
-"""Of activation, for the slopes of what an activation gives."""
+EMG_LEAST, EMG_SHARE = 0.03, 0.15  # Standard deviation of an activation that EMG shows: this much, and a share of it
+LEAST_OWN = 0.5  # Share of the variance of EMG over time that is activation's at least
+REST = 0.003  # Standard deviation of an activation at rest
+ACTIVE_SETS = 16  # Newton steps for the activations that stand at 0 or 1
+MORE = 1e-3  # Of activation, for the slopes of what an activation gives
 
 
 @read_only

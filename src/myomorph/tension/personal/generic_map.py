@@ -28,8 +28,7 @@ from myomorph.tension.personal.prior import sizes_of
 from myomorph.tension.terms.actuators import free_coordinates
 
 POSES = 1024
-REACH = (0.5, 1.5)
-"""Normalized fiber lengths of the generic model's poses that count, as in the source."""
+REACH = (0.5, 1.5)  # Normalized fiber lengths of the generic model's poses that count, as in the source
 MIN_COUNT = 10
 
 

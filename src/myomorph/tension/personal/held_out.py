@@ -13,10 +13,8 @@ from myomorph.tension.personal.fit import Fitted, check, fit
 from myomorph.tension.personal.prior import Prior
 from myomorph.tension.personal.recordings import Windows
 
-BETTER = 0.005
-"""Of the score per frame: by so much generic values must be better to be kept, or rounding would choose."""
-SHARE = 2.0 / 3.0
-"""Of a single recording that muscles are fitted to; the rest is held out."""
+BETTER = 0.005  # Of the score per frame: by so much generic values must be better to be kept, or rounding would choose
+SHARE = 2.0 / 3.0  # Of a single recording that muscles are fitted to; the rest is held out
 
 
 @read_only

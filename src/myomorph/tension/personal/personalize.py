@@ -22,8 +22,7 @@ from myomorph.tension.personal.person_model import with_sizes
 from myomorph.tension.personal.prior import Prior, PriorOptions, prior_of
 from myomorph.tension.personal.recordings import PersonalTrial, Windows, torque_floors, windows_of
 
-NINETY = 1.6448536269514722
-"""Standard deviations on either side that hold 90 % of a normal distribution."""
+NINETY = 1.6448536269514722  # Standard deviations on either side that hold 90 % of a normal distribution
 PARTLY, WELL = 0.5, 0.25
 """Greatest ratios of variances, after and before the recordings, at which a parameter is partly or well identified."""
 CLOSE = {"optimal_fiber_length": 0.05, "tendon_slack_length": 0.03}

@@ -34,14 +34,11 @@ FIBER_BOUND, POINT_BOUND, FORCE_BOUND, STRAIN_BOUND, GAIN_BOUND = (
     np.log(5.0),
 )
 """Farthest from the prior: of the logarithms of fiber length, strength, passive strain and gain, and of the shift."""
-LEAST_SLACK = 0.3
-"""Of the tendon slack length of the model that personalization begins with."""
+LEAST_SLACK = 0.3  # Of the tendon slack length of the model that personalization begins with
 PHYSIOLOGICAL = (0.5, 1.4)
 """Normalized fiber lengths that a recording is expected to stay in (Arnold and Delp 2011; Modenese et al. 2016)."""
-LEVEL_SPREAD = 0.7
-"""Standard deviation of the logarithm of the mean activation of a muscle without EMG; an assumption."""
-OUTSIDE = 0.05
-"""Standard deviation of how far a muscle passes them, or the range it had before."""
+LEVEL_SPREAD = 0.7  # Standard deviation of the logarithm of the mean activation of a muscle without EMG; an assumption
+OUTSIDE = 0.05  # Standard deviation of how far a muscle passes them, or the range it had before
 
 
 @dataclass(frozen=True)

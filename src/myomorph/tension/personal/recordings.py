@@ -19,12 +19,10 @@ from myomorph.tension.tension import TensionOptions
 from myomorph.tension.terms.actuators import default_reserves
 from myomorph.tension.terms.emg import EmgTarget
 
-FRAME = 0.01
-"""Between the frames at which fibers are followed [s]."""
+FRAME = 0.01  # Between the frames at which fibers are followed [s]
 WINDOW, LEAD = 1.2, 0.15
 """Fibers are followed in windows so long [s]; of each the first part only lets them find their lengths."""
-MIN_COUNT = 6
-"""Frames of a recording."""
+MIN_COUNT = 6  # Frames of a recording
 LEAST_ERROR, LEAST_SHARE = 0.1, 0.01
 """Least errors of torques: a share of the reserves' strength, and of the torques' root mean square."""
 LEAST_ARM = 1e-3

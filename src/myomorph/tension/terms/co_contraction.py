@@ -23,8 +23,7 @@ WEIGHT = 100.0
 """Cost of a co-contraction that lacks, squared, in units of the effort a^2 of one muscle: an aim and no constraint, so
 that a joint whose muscles cannot do it still has a solution."""
 
-SMALL = 1e-4
-"""Moment arms below this turn nothing [m]."""
+SMALL = 1e-4  # Moment arms below this turn nothing [m]
 
 
 class CoContractionTerm(Term):

@@ -22,8 +22,7 @@ from myomorph.rigid.kinematics import body_poses
 from myomorph.rigid.tree import ROTATION, Tree
 from myomorph.rigid.vectors import cross, dot, matrix, minus, plus, put_vector, turned, vector
 
-GRAVITY = 9.80665
-"""Where a model has no gravity, what its bodies would weigh [m/s^2]."""
+GRAVITY = 9.80665  # Where a model has no gravity, what its bodies would weigh [m/s^2]
 
 
 class ConeArrays(NamedTuple):

@@ -101,14 +101,9 @@ class ContactTask:
                 check_name("contact site", site, names, f"the contacts, for '{wrench.name}',")
 
 
-FELT = 1e-3
-"""Share of a change beyond a window's margins that may still be felt inside it."""
-
-CLOSE = 5e-4
-"""Passes over a window end when no force is further from where they lead [body weights]."""
-
-REFERENCE = 0.01
-"""Time between frames for which the smoothness is stated [s]."""
+FELT = 1e-3  # Share of a change beyond a window's margins that may still be felt inside it
+CLOSE = 5e-4  # Passes over a window end when no force is further from where they lead [body weights]
+REFERENCE = 0.01  # Time between frames for which the smoothness is stated [s]
 
 MAX_PREFERRED = 0.45
 """Share of the friction up to which forces may be preferred across the cone: at a half a generator would be lost."""
