@@ -16,8 +16,10 @@ from myomorph.motion.emg_delay import ChannelMap, EmgCalibration, channel_means,
 from myomorph.motion.envelope import EnvelopeOptions
 from myomorph.motion.filters import lowpass
 from myomorph.motion.sync import cut
-from myomorph.tension.emg_calibration import EmgOptions, EmgTrial, calibrate_emg, emg_targets
+from myomorph.tension.emg_calibration import calibrate_emg
 from myomorph.tension.emg_frames import few_frames
+from myomorph.tension.emg_held_out import EmgTrial
+from myomorph.tension.emg_targets import EmgOptions, emg_targets
 from myomorph.tension.tension import Tension
 
 CUTOFF = 6.0

@@ -16,7 +16,9 @@ from myomorph.simulate.bout import FEET, GRIPS
 from myomorph.simulate.fighter import PARTS
 from myomorph.simulate.pair import CHANNELS, PairOptions, VirtualPair, pair_sites, virtual_pair
 from myomorph.simulate.plan import Kind
-from myomorph.tension.emg_calibration import EmgTrial, calibrate_emg, emg_targets
+from myomorph.tension.emg_calibration import calibrate_emg
+from myomorph.tension.emg_held_out import EmgTrial
+from myomorph.tension.emg_targets import emg_targets
 from myomorph.tension.tension import Tension
 from myomorph.tension.terms.contacts import ContactOptions, ContactTask
 from myomorph.tension.terms.emg import EmgTarget

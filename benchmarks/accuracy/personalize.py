@@ -14,7 +14,7 @@ import myomorph as mm
 from benchmarks.accuracy.emg import WALKS, Walk
 from myomorph.model.arrays import Array
 from myomorph.motion.emg_delay import USUAL
-from myomorph.tension.emg_calibration import EmgOptions, emg_targets
+from myomorph.tension.emg_targets import EmgOptions, emg_targets
 from myomorph.tension.personal.generic_map import map_generic
 from truths.simulated_muscles import (
     Errors,

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from myomorph.analysis.cycles import band, over_cycles
-from myomorph.analysis.strides import Limb, find_strides
+from myomorph.analysis.foot_events import Limb
+from myomorph.analysis.strides import find_strides
 from myomorph.io.loads import read_external_loads
 from myomorph.io.trc import read_trc
 from myomorph.model.errors import BadData, UnknownName

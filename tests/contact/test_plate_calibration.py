@@ -7,16 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.contact.plate_calibration import (
-    MarkedWeight,
-    Placement,
-    PlateFitOptions,
-    calibrate_plate,
-    check_plate,
-    find_placements,
-    place_plate,
-)
+from myomorph.contact.plate_calibration import calibrate_plate, check_plate, place_plate
 from myomorph.contact.plate_corners import plate_axes
+from myomorph.contact.plate_placements import MarkedWeight, Placement, find_placements
 from myomorph.contact.plate_pose import _Lines, rotation_vector, solve_pose
 from myomorph.contact.plates import force_plate
 from myomorph.model.errors import BadData, UnknownName
@@ -124,10 +117,10 @@ def test_the_whole_laboratory_may_turn():
 
 def test_the_pose_found_is_a_least_one():
     """No small turn or shift makes the sum of squares smaller."""
-    given, options = pushes(noise=USUAL, tip=True), PlateFitOptions()
+    given = pushes(noise=USUAL, tip=True)
     found = calibrate_plate(given)
-    best = solve_pose(given, found.rotation, found.center, options).cost
-    lines = _Lines.of(given, options)
+    best = solve_pose(given, found.rotation, found.center).cost
+    lines = _Lines.of(given)
     for k in range(6):
         for size in (1e-5, -1e-5):
             turn = axis_rotation(np.eye(3)[k], size) if k < 3 else np.eye(3)
@@ -138,8 +131,8 @@ def test_the_pose_found_is_a_least_one():
 
 def test_derivatives_of_lengths_are_those_of_finite_differences():
     """The sum of squares is free of how the sides across a force are chosen."""
-    given, options = pushes(noise=USUAL, tip=True), PlateFitOptions()
-    lines = _Lines.of(given, options)
+    given = pushes(noise=USUAL, tip=True)
+    lines = _Lines.of(given)
     axes, center = axis_rotation((1, 0, 0), 0.02) @ AXES, CENTER + 0.003
 
     def cost(step):
@@ -166,7 +159,7 @@ def test_deviations_are_those_that_runs_show():
 def test_left_out_residuals_are_those_of_a_fit_without_the_placement():
     given = pushes(noise=USUAL)
     found = calibrate_plate(given)
-    without = solve_pose(given[1:], found.rotation, found.center, PlateFitOptions())
+    without = solve_pose(given[1:], found.rotation, found.center)
     nearest, force = given[0].line
     away = given[0].point - without.center - without.rotation @ nearest
     line = without.rotation @ force

@@ -16,8 +16,10 @@ from myomorph.motion.emg_delay import EmgCalibration, shaped
 from myomorph.motion.filters import differentiate, lowpass
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.tension import emg_calibration
-from myomorph.tension.emg_calibration import EmgOptions, EmgTrial, calibrate_emg, emg_targets
+from myomorph.tension.emg_calibration import calibrate_emg
 from myomorph.tension.emg_conflicts import APART, conflict_line, emg_conflicts
+from myomorph.tension.emg_held_out import EmgTrial
+from myomorph.tension.emg_targets import EmgOptions, emg_targets
 from myomorph.tension.emg_tracking import _bounded
 from myomorph.tension.problem import TensionInputs, tension_problem
 from myomorph.tension.solve import solve_tension

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.analysis.phases import PhaseOptions, contacts
+from myomorph.analysis.phases import SHORTEST_CONTACT, THRESHOLD, contacts
 from myomorph.analysis.selection import Subject, printed
 from myomorph.model.arrays import Array, runs
 from myomorph.model.contacts import ContactForces, Contacts, Touch
@@ -74,16 +74,13 @@ def measured_contacts(wrenches: Wrenches, up: Array, weight: float | None) -> Co
     """Contacts that forces tell: vertical force over 3 % of body weight, see `phases.contacts`.
     `weight`: of the body [N]; without it a third of the peak stands in.
     """
-    options = PhaseOptions()
     vertical = np.nan_to_num(wrenches.forces @ up)
     scale = weight or float(vertical.sum(axis=1).max(initial=0.0)) / 3.0
     names = tuple(body or name for name, body in zip(wrenches.names, wrenches.bodies, strict=True))
     touches = []
     if scale > 0.0 and len(wrenches) > 2:
         for column, site in enumerate(names):
-            intervals = contacts(
-                wrenches.time, vertical[:, column], options.threshold * scale, options.shortest_contact
-            )
+            intervals = contacts(wrenches.time, vertical[:, column], THRESHOLD * scale, SHORTEST_CONTACT)
             touches += [
                 Touch(site, float(wrenches.time[i]), float(wrenches.time[j]), source="plates") for i, j in intervals
             ]

@@ -20,29 +20,17 @@ _SIDE_WORD = re.compile(r"(?<![a-z])(right|left)(?![a-z])", re.IGNORECASE)
 STANDING = 0.2  # How far the force of one who stands may be from a known weight, as a share of it
 
 
-@dataclass(frozen=True)
-class PhaseOptions:
-    """What counts as contact, flight and standing still.
+THRESHOLD = 0.03  # Vertical force that is contact, as a share of body weight (0.03 is about 20 N)
+SHORTEST_CONTACT = 0.03  # Contacts and gaps shorter than this are noise [s]
+SHORTEST_FLIGHT = 0.12  # A jump flies at least so long [s]
+QUIET_TIME = 0.3  # A jump starts from standing still so long [s]
+QUIET_SPREAD = 0.03  # Standard deviation of the force that is still standing, as a share of body weight
 
-    Attributes
-    ----------
-    threshold : vertical force that is contact, as a share of body weight (0.03 is about 20 N)
-    shortest_contact : contacts and gaps shorter than this are noise [s]
-    shortest_flight : a jump flies at least so long [s]
-    quiet_time : a jump starts from standing still so long [s]
-    quiet_spread : standard deviation of the force that is still standing, as a share of body weight
-    onset_spread : a jump begins where the force leaves body weight by so many standard deviations of
-        quiet standing (Owen et al. 2014)
-    onset_lead : the movement has begun so long before that [s] (the same)
-    """
+ONSET_SPREAD = 5.0
+"""A jump begins where the force leaves body weight by so many standard deviations of quiet standing (Owen et al.
+2014)."""
 
-    threshold: float = 0.03
-    shortest_contact: float = 0.03
-    shortest_flight: float = 0.12
-    quiet_time: float = 0.3
-    quiet_spread: float = 0.03
-    onset_spread: float = 5.0
-    onset_lead: float = 0.03
+ONSET_LEAD = 0.03  # The movement has begun so long before that [s] (the same)
 
 
 @dataclass(frozen=True)
@@ -75,13 +63,7 @@ def side_of(name: str, body: str = "") -> str:
     return ""
 
 
-def find_movement(
-    wrenches: Wrenches,
-    up: Array,
-    weight: float | None = None,
-    height: Series | None = None,
-    options: PhaseOptions | None = None,
-) -> Movement:
+def find_movement(wrenches: Wrenches, up: Array, weight: float | None = None, height: Series | None = None) -> Movement:
     """Events of a walk, a run or a jump from the ground forces.
 
     A jump is a flight of the whole body that follows standing still; it gets the phases of McMahon et
@@ -91,7 +73,6 @@ def find_movement(
     `up` (3,) unit vector against gravity; `weight`: of the body [N]; without it, the largest quiet force or a third of
     the peak stands in; `height`: center of mass over time; its largest column along `up` gives the lowest point.
     """
-    options = options or PhaseOptions()
     vertical = np.nan_to_num(wrenches.forces @ up)
     if len(wrenches) < 3 or not vertical.size or np.max(vertical) <= 0.0:
         return Movement()
@@ -100,11 +81,11 @@ def find_movement(
     com = None
     if height is not None:
         com = np.interp(wrenches.time, height.time, height.values @ up, left=np.nan, right=np.nan)
-    jump = _jump(wrenches.time, total, scale, com, options, weight is not None)
+    jump = _jump(wrenches.time, total, scale, com, weight is not None)
     if jump:
         return jump
     sides = [side_of(name, body) for name, body in zip(wrenches.names, wrenches.bodies, strict=True)]
-    return _gait(wrenches.time, vertical, sides, scale, options)
+    return _gait(wrenches.time, vertical, sides, scale)
 
 
 def contacts(time: Array, force: Array, threshold: float, shortest: float) -> tuple[tuple[int, int], ...]:
@@ -130,14 +111,14 @@ def contacts(time: Array, force: Array, threshold: float, shortest: float) -> tu
     return tuple((start, stop) for start, stop in joined if time[stop] - time[start] >= shortest)
 
 
-def _gait(time: Array, vertical: Array, sides: Sequence[str], weight: float, options: PhaseOptions) -> Movement:
+def _gait(time: Array, vertical: Array, sides: Sequence[str], weight: float) -> Movement:
     events: list[Event] = []
     measures: list[Measure] = []
     known = [side for side in ("Right", "Left") if side in sides]
     for side in known or [""]:
         force = vertical[:, [i for i, other in enumerate(sides) if other == side]].sum(axis=1)
         strikes, stances = [], []
-        for start, stop in contacts(time, force, options.threshold * weight, options.shortest_contact):
+        for start, stop in contacts(time, force, THRESHOLD * weight, SHORTEST_CONTACT):
             if start > 0:
                 events.append(Event(float(time[start]), "Foot Strike" if side else "Contact", side))
                 strikes.append(time[start])
@@ -153,32 +134,28 @@ def _gait(time: Array, vertical: Array, sides: Sequence[str], weight: float, opt
     return Movement(kind, tuple(sorted(events, key=lambda event: event.time)), tuple(measures))
 
 
-def _jump(
-    time: Array, total: Array, weight: float, com: Array | None, options: PhaseOptions, weighed: bool
-) -> Movement | None:
+def _jump(time: Array, total: Array, weight: float, com: Array | None, weighed: bool) -> Movement | None:
     """Phases of the first jump that starts from standing, None where there is none."""
-    grounded = contacts(time, total, options.threshold * weight, options.shortest_contact)
+    grounded = contacts(time, total, THRESHOLD * weight, SHORTEST_CONTACT)
     for (start, off), (land, last) in itertools.pairwise(grounded):
-        if time[land] - time[off] < options.shortest_flight:
+        if time[land] - time[off] < SHORTEST_FLIGHT:
             continue
-        quiet = _quiet(time, total, start, off, weight, options, weighed)
+        quiet = _quiet(time, total, start, off, weight, weighed)
         if quiet is None:
             continue
         onset, standing = quiet
         # An unknown weight was a guess; quiet standing measures it.
-        return _jump_phases(time, total, (onset, off, land, last), standing, com, options)
+        return _jump_phases(time, total, (onset, off, land, last), standing, com)
     return None
 
 
-def _quiet(
-    time: Array, total: Array, start: int, off: int, weight: float, options: PhaseOptions, weighed: bool
-) -> tuple[int, float] | None:
+def _quiet(time: Array, total: Array, start: int, off: int, weight: float, weighed: bool) -> tuple[int, float] | None:
     """Sample of the movement's onset and the weight that stood there [N], before a take-off.
 
     Where the body's weight is known, who stands carries it: feet of one who sits do not.
     """
     step = float(np.median(np.diff(time)))
-    width = max(3, round(options.quiet_time / step))
+    width = max(3, round(QUIET_TIME / step))
     part = total[start : off + 1]
     if len(part) <= width:
         return None
@@ -187,12 +164,12 @@ def _quiet(
     mean = (sums[width:] - sums[:-width]) / width
     spread = np.sqrt(np.maximum((squares[width:] - squares[:-width]) / width - (mean - weight) ** 2, 0.0))
     stands = np.abs(mean - weight) < STANDING * weight if weighed else np.ones(len(mean), np.bool_)
-    still = np.flatnonzero(stands & (spread < options.quiet_spread * mean))
+    still = np.flatnonzero(stands & (spread < QUIET_SPREAD * mean))
     if not len(still):
         return None
     window = slice(int(still[-1]), int(still[-1]) + width)
     standing = float(np.median(part[window]))
-    band = max(options.onset_spread * float(np.std(part[window])), 0.01 * standing)
+    band = max(ONSET_SPREAD * float(np.std(part[window])), 0.01 * standing)
     inside = np.abs(part - standing) < band
     # The last stay inside the band of at least a third of the quiet time ends where the movement begins.
     end = still[-1] + width - 1
@@ -201,12 +178,12 @@ def _quiet(
         run = run + 1 if still_inside else 0
         if run >= max(2, width // 3):
             end = i
-    lead = round(options.onset_lead / step)
+    lead = round(ONSET_LEAD / step)
     return start + max(int(end) - lead, 0), standing
 
 
 def _jump_phases(
-    time: Array, total: Array, marks: tuple[int, int, int, int], weight: float, com: Array | None, options: PhaseOptions
+    time: Array, total: Array, marks: tuple[int, int, int, int], weight: float, com: Array | None
 ) -> Movement:
     onset, off, land, last = marks
     gravity = 9.80665
@@ -218,7 +195,7 @@ def _jump_phases(
     flight, height = float(time[land] - time[off]), max(speed[-1], 0.0) ** 2 / (2 * gravity)
     measures = [
         Measure("Body weight on the plates", weight, "N", "quiet standing"),
-        Measure("Flight time", flight, "s", f"vertical force under {100 * options.threshold:.0f} % of body weight"),
+        Measure("Flight time", flight, "s", f"vertical force under {100 * THRESHOLD:.0f} % of body weight"),
         Measure("Jump height from flight time", gravity * flight**2 / 8.0, "m", "g t² / 8"),
         Measure("Jump height from take-off velocity", height, "m", "v² / 2g, impulse"),
     ]

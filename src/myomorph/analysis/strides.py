@@ -31,8 +31,6 @@ from myomorph.model.model import index_of
 from myomorph.model.series import Event, Series, Wrenches
 from myomorph.model.sides import split_side
 
-__all__ = ["Limb", "Stride", "StrideOptions", "Strides", "find_strides"]
-
 
 @dataclass(frozen=True)
 class Stride:

@@ -20,19 +20,8 @@ from myomorph.model.series import Wrenches
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 
-
-@dataclass(frozen=True)
-class AssignOptions:
-    """How forces are given to bodies.
-
-    Attributes
-    ----------
-    shortest : a body keeps a plate at least that long before another takes over [s]
-    clear : an episode goes to one body as a whole if it has this share of the force there
-    """
-
-    shortest: float = 0.1
-    clear: float = 0.8
+SHORTEST = 0.1  # A body keeps a plate at least that long before another takes over [s]
+CLEAR = 0.8  # An episode goes to one body as a whole if it has this share of the force there
 
 
 @dataclass(frozen=True)
@@ -58,9 +47,7 @@ class Assignment:
     warnings: tuple[str, ...] = ()
 
 
-def assign_bodies(
-    wrenches: Wrenches, positions: Mapping[str, Array], options: AssignOptions | None = None
-) -> Assignment:
+def assign_bodies(wrenches: Wrenches, positions: Mapping[str, Array]) -> Assignment:
     """Give each plate's force to the candidate body nearest to its center of pressure.
 
     Every stretch of time in which a plate is loaded goes to one body, or is cut where another body takes
@@ -68,10 +55,8 @@ def assign_bodies(
     plate at once cannot be separated by one plate: the force goes to the nearer one, with a warning.
 
     `wrenches`: of plates, bodies unknown; zero force where unloaded; `positions`: candidate body to points fixed to it,
-    (frames, 3) or (frames, points, 3), on the clock of `wrenches`, NaN where unseen [m]; `options`: see
-    `AssignOptions`.
+    (frames, 3) or (frames, points, 3), on the clock of `wrenches`, NaN where unseen [m].
     """
-    options = options or AssignOptions()
     names = tuple(positions)
     if not names:
         raise BadData("no candidate body was given to assign the plates to")
@@ -79,14 +64,14 @@ def assign_bodies(
         [_distances(wrenches, np.asarray(positions[name], dtype=np.float64), name) for name in names], axis=-1
     )
     frame = float(np.median(np.diff(wrenches.time))) if len(wrenches) > 1 else 1.0
-    shortest = max(1, round(options.shortest / frame))
+    shortest = max(1, round(SHORTEST / frame))
     contacts: list[Contact] = []
     warnings: list[str] = []
     carried = np.full((len(wrenches), len(wrenches.names)), -1, dtype=np.int64)
     for plate, plate_name in enumerate(wrenches.names):
         size = np.linalg.norm(wrenches.forces[:, plate], axis=1)
         for start, stop in runs(size > 0):
-            owners = _owners(distances[start:stop, plate], size[start:stop], shortest, options.clear)
+            owners = _owners(distances[start:stop, plate], size[start:stop], shortest, CLEAR)
             if owners is None:
                 warnings.append(
                     f"no candidate body is seen while {plate_name} is loaded at {wrenches.time[start]:.2f} s"

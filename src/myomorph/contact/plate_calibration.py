@@ -20,9 +20,8 @@ import numpy as np
 from scipy.special import fdtrc as chance_above
 
 from myomorph.contact.plate_corners import plate_axes
-from myomorph.contact.plate_placements import MarkedWeight, Placement, PlacementOptions, find_placements
+from myomorph.contact.plate_placements import Placement
 from myomorph.contact.plate_pose import (
-    PlateFitOptions,
     believed,
     best_pose,
     line_notes,
@@ -36,19 +35,6 @@ from myomorph.contact.plate_pose import (
 )
 from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.series import PlateRecording
-
-__all__ = [
-    "MarkedWeight",
-    "Placement",
-    "PlacementOptions",
-    "PlateCalibration",
-    "PlateCheck",
-    "PlateFitOptions",
-    "calibrate_plate",
-    "check_plate",
-    "find_placements",
-    "place_plate",
-]
 
 
 @read_only
@@ -124,20 +110,16 @@ class PlateCheck:
         )
 
 
-def calibrate_plate(
-    placements: Sequence[Placement], nominal: PlateRecording | None = None, options: PlateFitOptions | None = None
-) -> PlateCalibration:
+def calibrate_plate(placements: Sequence[Placement], nominal: PlateRecording | None = None) -> PlateCalibration:
     """Pose of a plate from placements of marked weights and pushes of marked rods.
     `placements`: of one plate, at least three; `nominal`: where the plate was thought to be, kept in what the
     placements do not show.
     """
-    options = options or PlateFitOptions()
-    kept, notes = believed(placements, options)
+    kept, notes = believed(placements)
     start = None if nominal is None else (plate_axes(nominal.corners), nominal.corners.mean(axis=0))
-    pose = best_pose(kept, start, options)
+    pose = best_pose(kept, start)
     left_out = [
-        solve_pose([*kept[:index], *kept[index + 1 :]], pose.rotation, pose.center, options)
-        for index in range(len(kept))
+        solve_pose([*kept[:index], *kept[index + 1 :]], pose.rotation, pose.center) for index in range(len(kept))
     ]
     apart = np.concatenate(
         [residuals([item], other.rotation, other.center) for item, other in zip(kept, left_out, strict=True)]
@@ -146,8 +128,8 @@ def calibrate_plate(
     out_distances, out_angles = sizes(apart)
     if not all(item.tared for item in kept):
         notes.append("a recording never shows the plate unloaded: what the plate reads then could not be subtracted")
-    notes += unknown_notes(pose, kept, nominal is not None) + line_notes(kept, options)
-    notes += outlier_notes(kept, distances, out_distances) + sign_notes(kept, pose, options)
+    notes += unknown_notes(pose, kept, nominal is not None) + line_notes(kept)
+    notes += outlier_notes(kept, distances, out_distances) + sign_notes(kept, pose)
     shares = [item.size / item.expected for item in kept if np.isfinite(item.expected)]
     return PlateCalibration(
         rotation=frozen_array(pose.rotation),
@@ -165,13 +147,11 @@ def calibrate_plate(
     )
 
 
-def check_plate(
-    recording: PlateRecording, placements: Sequence[Placement], options: PlateFitOptions | None = None
-) -> PlateCheck:
+def check_plate(recording: PlateRecording, placements: Sequence[Placement]) -> PlateCheck:
     """How far the calibration in a file is off, and whether the placements are good enough to say so."""
-    calibration = calibrate_plate(placements, recording, options)
+    calibration = calibrate_plate(placements, recording)
     axes, center = plate_axes(recording.corners), recording.corners.mean(axis=0)
-    used, _ = believed(placements, options or PlateFitOptions())
+    used, _ = believed(placements)
     distances, angles = sizes(residuals(used, axes, center))
     turn = rotation_vector(calibration.rotation @ axes.T)
     shift = calibration.center - center

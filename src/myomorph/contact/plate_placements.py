@@ -42,29 +42,11 @@ class MarkedWeight:
             raise BadData(f"weight '{self.name}': its axis {self.axis} is not among its markers {self.markers}")
 
 
-@dataclass(frozen=True)
-class PlacementOptions:
-    """How placements are found in a recording.
-
-    Attributes
-    ----------
-    still : speed below which a weight is at rest [m/s]
-    shortest : rest that makes a placement [s]
-    settle : time left out at both ends of a rest [s]
-    window : pieces into which a push of a rod is cut [s]
-    least : share of the largest normal force above which the plate is loaded
-    tare : subtract what the plate reads while nothing is on it
-    gravity : (3,) in the laboratory [m/s^2]; None takes the laboratory's axis that is nearest to the plate's normal,
-        away from the markers
-    """
-
-    still: float = 0.01
-    shortest: float = 1.0
-    settle: float = 0.2
-    window: float = 0.25
-    least: float = 0.1
-    tare: bool = True
-    gravity: tuple[float, float, float] | None = None
+STILL = 0.01  # Speed below which a weight is at rest [m/s]
+SHORTEST = 1.0  # Rest that makes a placement [s]
+SETTLE = 0.2  # Time left out at both ends of a rest [s]
+WINDOW = 0.25  # Pieces into which a push of a rod is cut [s]
+LEAST = 0.1  # Share of the largest normal force above which the plate is loaded
 
 
 @read_only
@@ -116,7 +98,6 @@ def find_placements(
     markers: Markers,
     weight: MarkedWeight,
     intervals: Sequence[tuple[float, float]] | None = None,
-    options: PlacementOptions | None = None,
 ) -> tuple[Placement, ...]:
     """Placements in one recording: each rest of a weight while the plate is loaded, each piece of a rod's push.
 
@@ -125,19 +106,18 @@ def find_placements(
     `plate_time` (samples,) on the markers' clock [s]; `intervals` (start, end) of the placements [s]; None looks for
     them.
     """
-    options = options or PlacementOptions()
     lacking = [name for name in weight.markers if name not in markers.names]
     if lacking:
         raise UnknownName("marker", lacking[0], markers.names, "the recording")
-    gravity = _gravity(recording, markers, weight) if options.gravity is None else np.array(options.gravity)
+    gravity = _gravity(recording, markers, weight)
     force, moment = _on_weight(recording, plate_time, gravity)
     normal = np.abs(force[:, 2])
-    loaded = normal > options.least * np.quantile(normal, 0.995)
-    tared = options.tare and int(np.count_nonzero(~loaded)) > 10
+    loaded = normal > LEAST * np.quantile(normal, 0.995)
+    tared = int(np.count_nonzero(~loaded)) > 10
     if tared:
         force, moment = force - np.median(force[~loaded], axis=0), moment - np.median(moment[~loaded], axis=0)
     if intervals is None:
-        intervals = _intervals(plate_time, loaded, markers, weight, options)
+        intervals = _intervals(plate_time, loaded, markers, weight)
     if not intervals:
         raise BadData(f"no placement of '{weight.name}' on plate '{recording.name}': it is never loaded long enough")
     results = []
@@ -174,25 +154,25 @@ def _on_weight(recording: PlateRecording, plate_time: Array, gravity: Array) -> 
 
 
 def _intervals(
-    plate_time: Array, loaded: np.ndarray, markers: Markers, weight: MarkedWeight, options: PlacementOptions
+    plate_time: Array, loaded: np.ndarray, markers: Markers, weight: MarkedWeight
 ) -> list[tuple[float, float]]:
     """Start and end [s] of rests, or of the pieces of a push."""
     result: list[tuple[float, float]] = []
-    still = np.asarray(np.interp(plate_time, markers.time, _speed(markers, weight)) < options.still)
+    still = np.asarray(np.interp(plate_time, markers.time, _speed(markers, weight)) < STILL)
     for start, stop in runs(loaded):
         first, last = float(plate_time[start]), float(plate_time[stop - 1])
         if weight.axis is not None:
-            cuts = np.arange(first + options.settle, last - options.settle - options.window, options.window)
-            result += [(float(cut), float(cut) + options.window) for cut in cuts]
+            cuts = np.arange(first + SETTLE, last - SETTLE - WINDOW, WINDOW)
+            result += [(float(cut), float(cut) + WINDOW) for cut in cuts]
             continue
-        if last - first < options.shortest:
+        if last - first < SHORTEST:
             continue
         rests = [
-            (float(plate_time[start + a]) + options.settle, float(plate_time[start + b - 1]) - options.settle)
+            (float(plate_time[start + a]) + SETTLE, float(plate_time[start + b - 1]) - SETTLE)
             for a, b in runs(still[start:stop])
-            if plate_time[start + b - 1] - plate_time[start + a] >= options.shortest
+            if plate_time[start + b - 1] - plate_time[start + a] >= SHORTEST
         ]
-        result += rests or [(first + options.settle, last - options.settle)]
+        result += rests or [(first + SETTLE, last - SETTLE)]
     return result
 
 

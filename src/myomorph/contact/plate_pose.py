@@ -25,36 +25,14 @@ TURNS = 6  # Starts about the vertical
 SETTLED = 1e-9
 
 
-@dataclass(frozen=True)
-class PlateFitOptions:
-    """What placements are believed, and how much.
-
-    Attributes
-    ----------
-    force_noise, moment_noise : standard deviation of a placement's mean wrench [N], [N m]
-    point_noise : of the marked point [m]
-    direction_noise : of the marked direction [rad]
-    shown : a direction of the pose whose standard deviation is larger counts as not shown [m]
-    most_moved : a weight that moved further while it should have rested is left out [m]
-    most_unsteady : so is one whose force varied by more than this share
-    most_wrong : share by which a force may differ from the weight
-    spread : weights must stand at least so far apart [m]
-    """
-
-    force_noise: float = 0.5
-    moment_noise: float = 0.1
-    point_noise: float = 0.001
-    direction_noise: float = 0.002
-    shown: float = 0.02
-    most_moved: float = 0.002
-    most_unsteady: float = 0.01
-    most_wrong: float = 0.02
-    spread: float = 0.05
-
-    def __post_init__(self) -> None:
-        for name in ("force_noise", "moment_noise", "point_noise", "direction_noise", "shown"):
-            if not getattr(self, name) > 0:
-                raise BadData(f"{name} is {getattr(self, name):g}: expected above 0")
+FORCE_NOISE, MOMENT_NOISE = 0.5, 0.1  # Standard deviation of a placement's mean wrench [N], [N m]
+POINT_NOISE = 0.001  # Of the marked point [m]
+DIRECTION_NOISE = 0.002  # Of the marked direction [rad]
+SHOWN = 0.02  # A direction of the pose whose standard deviation is larger counts as not shown [m]
+MOST_MOVED = 0.002  # A weight that moved further while it should have rested is left out [m]
+MOST_UNSTEADY = 0.01  # So is one whose force varied by more than this share
+MOST_WRONG = 0.02  # Share by which a force may differ from the weight
+SPREAD = 0.05  # Weights must stand at least so far apart [m]
 
 
 @read_only
@@ -94,12 +72,12 @@ class _Lines:
     contact_noise: float
 
     @classmethod
-    def of(cls, placements: Sequence[Placement], options: PlateFitOptions) -> _Lines:
+    def of(cls, placements: Sequence[Placement]) -> _Lines:
         nearest, forces = (np.array(part) for part in zip(*(placement.line for placement in placements), strict=True))
         sizes = np.array([placement.size for placement in placements])
         directions = np.array([placement.direction for placement in placements])
-        angle = np.hypot(options.direction_noise, options.force_noise / sizes)
-        distance = np.hypot(options.point_noise, options.moment_noise / sizes)
+        angle = np.hypot(DIRECTION_NOISE, FORCE_NOISE / sizes)
+        distance = np.hypot(POINT_NOISE, MOMENT_NOISE / sizes)
         return cls(
             nearest=nearest,
             forces=forces,
@@ -110,7 +88,7 @@ class _Lines:
             contacts=np.array([placement.contact for placement in placements if placement.contact is not None]).reshape(
                 -1, 3
             ),
-            contact_noise=options.point_noise,
+            contact_noise=POINT_NOISE,
         )
 
     def residuals(self, rotation: Array, center: Array) -> tuple[Array, Array, Array]:
@@ -144,7 +122,7 @@ class _Lines:
 
 def residuals(placements: Sequence[Placement], rotation: Array, center: Array) -> Array:
     """Residuals (placements, 4): the angle's two parts [rad], then the distance's two [m]."""
-    return _Lines.of(placements, PlateFitOptions()).residuals(rotation, center)[0]
+    return _Lines.of(placements).residuals(rotation, center)[0]
 
 
 def sizes(found: Array) -> tuple[Array, Array]:
@@ -152,18 +130,18 @@ def sizes(found: Array) -> tuple[Array, Array]:
     return np.linalg.norm(found[:, 2:], axis=1), np.arcsin(np.minimum(np.linalg.norm(found[:, :2], axis=1), 1.0))
 
 
-def solve_pose(placements: Sequence[Placement], rotation: Array, center: Array, options: PlateFitOptions) -> PlatePose:
+def solve_pose(placements: Sequence[Placement], rotation: Array, center: Array) -> PlatePose:
     """Gauss-Newton from a start; what the placements do not show stays where the start has it."""
-    return _solved(_Lines.of(placements, options), rotation, center, options, ITERATIONS)
+    return _solved(_Lines.of(placements), rotation, center, ITERATIONS)
 
 
-def _solved(lines: _Lines, rotation: Array, center: Array, options: PlateFitOptions, iterations: int) -> PlatePose:
+def _solved(lines: _Lines, rotation: Array, center: Array, iterations: int) -> PlatePose:
     scale = np.repeat([1.0 / ARM, 1.0], 3)
     for _ in range(iterations):
         values, slopes = lines.weighted(rotation, center)
         slopes = slopes * scale
         levels, directions = np.linalg.eigh(slopes.T @ slopes)
-        shown = levels > options.shown**-2
+        shown = levels > SHOWN**-2
         kept = directions[:, shown]
         step = -scale * (kept @ ((kept.T @ (slopes.T @ values)) / levels[shown]))
         angle = float(np.linalg.norm(step[:3]))
@@ -179,11 +157,9 @@ def _solved(lines: _Lines, rotation: Array, center: Array, options: PlateFitOpti
     return PlatePose(rotation, center, scale[:, None] * covariance * scale, directions[:, ~shown], cost)
 
 
-def best_pose(
-    placements: Sequence[Placement], start: tuple[Array, Array] | None, options: PlateFitOptions
-) -> PlatePose:
+def best_pose(placements: Sequence[Placement], start: tuple[Array, Array] | None) -> PlatePose:
     """The best of solutions from a nominal pose and from starts all around the force."""
-    lines = _Lines.of(placements, options)
+    lines = _Lines.of(placements)
     force, up = lines.forces.mean(axis=0), lines.directions.mean(axis=0)
     up = up / np.linalg.norm(up)
     level = _turning(force / np.linalg.norm(force), up)
@@ -192,9 +168,9 @@ def best_pose(
         rotation = axis_rotation(up, 2.0 * np.pi * index / TURNS) @ level
         middle = lines.points.mean(axis=0) - rotation @ lines.nearest.mean(axis=0)
         starts.append((rotation, middle if start is None else start[1]))
-    result = [_solved(lines, *start, options, ROUGHLY) for start in starts]
+    result = [_solved(lines, *start, ROUGHLY) for start in starts]
     best = min(result, key=lambda pose: pose.cost)
-    return _solved(lines, best.rotation, best.center, options, ITERATIONS)
+    return _solved(lines, best.rotation, best.center, ITERATIONS)
 
 
 def _turning(source: Array, target: Array) -> Array:
@@ -225,16 +201,16 @@ MIN_COUNT = 3
 MIRRORED = 0.1  # Share of the cost that remains when the sign of the wrench is turned, below which it was wrong
 
 
-def believed(placements: Sequence[Placement], options: PlateFitOptions) -> tuple[list[Placement], list[str]]:
+def believed(placements: Sequence[Placement]) -> tuple[list[Placement], list[str]]:
     """Placements of weights that rested and weigh what they should, and what was left out."""
     kept, notes = [], []
     for placement in placements:
-        if not placement.pushed and placement.moved > options.most_moved:
+        if not placement.pushed and placement.moved > MOST_MOVED:
             notes.append(
                 f"placement '{placement.name}' was left out: the weight was not at rest (moved "
                 f"{1e3 * placement.moved:.1f} mm)"
             )
-        elif not placement.pushed and placement.unsteady > options.most_unsteady:
+        elif not placement.pushed and placement.unsteady > MOST_UNSTEADY:
             notes.append(
                 f"placement '{placement.name}' was left out: its force varied by "
                 f"{100 * placement.unsteady:.1f} %, so the weight was not at rest or was touched"
@@ -245,7 +221,7 @@ def believed(placements: Sequence[Placement], options: PlateFitOptions) -> tuple
         same = [item for item in kept if item.weight == name and not item.pushed]
         usual = float(np.median([placement.size for placement in same]))
         odd = (
-            [placement for placement in same if abs(placement.size - usual) > options.most_wrong * usual]
+            [placement for placement in same if abs(placement.size - usual) > MOST_WRONG * usual]
             if len(same) > 2
             else []
         )
@@ -256,7 +232,7 @@ def believed(placements: Sequence[Placement], options: PlateFitOptions) -> tuple
             )
         kept = [item for item in kept if item not in odd]
         expected = same[0].expected
-        if np.isfinite(expected) and abs(usual - expected) > options.most_wrong * expected:
+        if np.isfinite(expected) and abs(usual - expected) > MOST_WRONG * expected:
             notes.append(
                 f"'{name}' was given as {_kilograms(expected)}, but the plate measures {_kilograms(usual)} "
                 f"({100 * (usual / expected - 1):+.1f} %): wrong mass, or wrong sensitivity of the plate"
@@ -269,7 +245,7 @@ def believed(placements: Sequence[Placement], options: PlateFitOptions) -> tuple
         )
     points = np.array([item.point for item in kept])
     spread = float(np.max(np.linalg.norm(points - points.mean(axis=0), axis=1)))
-    if spread < options.spread and not any(item.pushed for item in kept):
+    if spread < SPREAD and not any(item.pushed for item in kept):
         raise BadData(
             f"all {len(kept)} placements lie within {1e3 * spread:.0f} mm of their middle: the plate's turn about the "
             "vertical is not shown; place the weight near every corner"
@@ -302,14 +278,14 @@ def unknown_notes(pose: PlatePose, kept: Sequence[Placement], known: bool) -> li
     return notes
 
 
-def line_notes(kept: Sequence[Placement], options: PlateFitOptions) -> list[str]:
+def line_notes(kept: Sequence[Placement]) -> list[str]:
     """A line if weights stand on a straight line."""
     if any(item.pushed for item in kept):
         return []
     points = np.array([item.point for item in kept])
     level = points - np.outer(points @ kept[0].direction, kept[0].direction)
     width = float(np.linalg.svd(level - level.mean(axis=0), compute_uv=False)[1]) / np.sqrt(len(kept))
-    if width > 0.2 * options.spread:
+    if width > 0.2 * SPREAD:
         return []
     return [
         f"the placements lie on a line ({1e3 * width:.0f} mm across it): a wrong sign of one of the plate's axes, or a "
@@ -331,12 +307,12 @@ def outlier_notes(kept: Sequence[Placement], distances: Array, left_out: Array) 
     ]
 
 
-def sign_notes(kept: Sequence[Placement], pose: PlatePose, options: PlateFitOptions) -> list[str]:
+def sign_notes(kept: Sequence[Placement], pose: PlatePose) -> list[str]:
     """A line if the placements say that the wrench has the other sign."""
     if float(np.max(sizes(residuals(kept, pose.rotation, pose.center))[0])) < 0.005:
         return []
     turned = [replace(item, force=-item.force, moment=-item.moment) for item in kept]
-    if best_pose(turned, None, options).cost > MIRRORED * pose.cost:
+    if best_pose(turned, None).cost > MIRRORED * pose.cost:
         return []
     return [
         "the placements agree much better with force and moment reversed: the plate's recording holds the force on the "

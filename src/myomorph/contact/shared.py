@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from myomorph.contact.assign import Assignment, AssignOptions, assign_bodies
+from myomorph.contact.assign import Assignment, assign_bodies
 from myomorph.contact.plates import wrenches_from_plates
 from myomorph.contact.site_motion import SiteMotion, site_motion
 from myomorph.contact.states import hysteresis, steady
@@ -205,9 +205,7 @@ def _wrenches(
     return tuple(shared)
 
 
-def assign_feet(
-    model: Model, motion: Motion, sites: Sequence[Site], wrenches: Wrenches, options: AssignOptions | None = None
-) -> Assignment:
+def assign_feet(model: Model, motion: Motion, sites: Sequence[Site], wrenches: Wrenches) -> Assignment:
     """Give each plate's force to the foot whose sole its center of pressure is under.
 
     The bodies are those of the first site of each group: the heels. See `assign_bodies`, whose warnings name
@@ -220,7 +218,7 @@ def assign_feet(
     for site in sites:
         members = [index for index, other in enumerate(sites) if other.group == site.group]
         positions[sites[members[0]].body] = places[:, members]
-    return assign_bodies(wrenches, positions, options)
+    return assign_bodies(wrenches, positions)
 
 
 def misplaced_forces(model: Model, motion: Motion, sites: Sequence[Site], wrenches: Wrenches) -> tuple[str, ...]:

@@ -30,7 +30,7 @@ from myomorph.study.step.step import large_variables
 from myomorph.study.step.step_table import usual_steps
 from myomorph.study.trial.run_trial import run_trial
 from myomorph.study.trial.trial_inputs import KnownTruth, TrialInputs, TrialNotes
-from myomorph.tension.emg_calibration import EmgOptions
+from myomorph.tension.emg_targets import EmgOptions
 from myomorph.tension.tension import TensionOptions
 
 CUTOFF = 6.0

@@ -18,13 +18,10 @@ from myomorph.motion.filters import lowpass
 from myomorph.tension.emg_frames import tracked_frames
 from myomorph.tension.emg_groups import calibration_of, kept_level, settled_fit, some_names, synergy_groups
 from myomorph.tension.emg_held_out import EmgTrial, HeldOut, swap_lines
-from myomorph.tension.emg_targets import EmgOptions, emg_targets, mapped_muscles
+from myomorph.tension.emg_targets import EmgOptions, mapped_muscles
 from myomorph.tension.emg_tracking import Fit, Prior, TorqueTracking, gain_prior
 from myomorph.tension.problem import TensionInputs
 from myomorph.tension.tension import TensionOptions
-
-__all__ = ["EmgOptions", "EmgTrial", "calibrate_emg", "emg_targets", "mapped_muscles"]
-
 
 MAX_FRAMES = 300  # About how many frames of all trials together the gains are fitted on, evenly spread
 SHAPES = (-0.5, -1.0, -1.5, -2.0, -2.5, -3.0)

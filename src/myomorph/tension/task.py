@@ -16,8 +16,10 @@ from myomorph.motion.emg_delay import EmgCalibration
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.tension.certificates import CertificateOptions, ContactIntervals, contact_intervals
 from myomorph.tension.contact_setting import ContactSetting, Measurements, all_loads, set_contacts
-from myomorph.tension.emg_calibration import EmgOptions, EmgTrial, calibrate_emg, emg_targets
+from myomorph.tension.emg_calibration import calibrate_emg
 from myomorph.tension.emg_conflicts import EmgConflict, emg_conflicts
+from myomorph.tension.emg_held_out import EmgTrial
+from myomorph.tension.emg_targets import EmgOptions, emg_targets
 from myomorph.tension.joint_contact import JointContactForces, JointPoints, joint_contact_forces
 from myomorph.tension.problem import TensionInputs
 from myomorph.tension.reaction import joint_reactions

@@ -18,9 +18,9 @@ from myomorph.tension.personal.fit import fit
 from myomorph.tension.personal.generic_map import map_generic
 from myomorph.tension.personal.held_out import held_out, split
 from myomorph.tension.personal.person_model import with_sizes
-from myomorph.tension.personal.personalize import PersonalizeOptions, PersonalTrial, personalize
+from myomorph.tension.personal.personalize import PersonalizeOptions, personalize
 from myomorph.tension.personal.prior import PriorOptions, prior_of, sizes_of
-from myomorph.tension.personal.recordings import torque_floors, windows_of
+from myomorph.tension.personal.recordings import PersonalTrial, torque_floors, windows_of
 from truths.simulated_muscles import Spread, as_degroote, person, recorded, smooth_activations, some_gains, swings
 
 FIBER, SLACK = "optimal_fiber_length", "tendon_slack_length"

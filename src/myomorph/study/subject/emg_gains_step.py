@@ -26,7 +26,9 @@ from myomorph.study.trial.emg_tables import EMG_TABLE, write_channels
 from myomorph.study.trial.steps.id import solve_dynamics
 from myomorph.study.trial.steps.ik import solve_kinematics
 from myomorph.study.trial.trial_inputs import TrialInputs
-from myomorph.tension.emg_calibration import EmgOptions, EmgTrial, calibrate_emg
+from myomorph.tension.emg_calibration import calibrate_emg
+from myomorph.tension.emg_held_out import EmgTrial
+from myomorph.tension.emg_targets import EmgOptions
 from myomorph.tension.task import added_reserves
 from myomorph.tension.tension import TensionOptions
 from myomorph.tension.terms.actuators import floating_joints

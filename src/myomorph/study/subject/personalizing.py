@@ -41,14 +41,10 @@ from myomorph.study.trial.steps.id import solve_dynamics
 from myomorph.study.trial.steps.ik import recorded_poses, solve_kinematics
 from myomorph.study.trial.trial_files import TrialFiles
 from myomorph.study.trial.trial_inputs import TrialInputs, open_trial
-from myomorph.tension.emg_calibration import EmgOptions, emg_targets
+from myomorph.tension.emg_targets import EmgOptions, emg_targets
 from myomorph.tension.personal.fit import STEPS
-from myomorph.tension.personal.personalize import (
-    Personalized,
-    PersonalizeOptions,
-    PersonalTrial,
-    personalize,
-)
+from myomorph.tension.personal.personalize import Personalized, PersonalizeOptions, personalize
+from myomorph.tension.personal.recordings import PersonalTrial
 from myomorph.tension.terms.emg import EmgTarget
 
 TABLE, NOTES, HELD_OUT, FIBERS = "personalized_muscles.csv", "notes.txt", "held_out.csv", "fiber_lengths.csv"

@@ -35,7 +35,7 @@ from myomorph.study.step.step_table import REPORT, STEPS
 from myomorph.study.trial.steps.ik import Poses
 from myomorph.study.trial.trial_files import Settings, TrialFiles
 from myomorph.study.trial.trial_inputs import JoinedParts, TrialInputs, TrialNotes, options_of
-from myomorph.tension.emg_calibration import EmgOptions
+from myomorph.tension.emg_targets import EmgOptions
 from myomorph.tension.terms.contacts import ContactOptions
 
 

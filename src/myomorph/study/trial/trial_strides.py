@@ -8,8 +8,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from myomorph.analysis.cycles import SAMPLES, Cycles, over_cycles
+from myomorph.analysis.foot_events import Limb
 from myomorph.analysis.groups import Animal
-from myomorph.analysis.strides import Limb, Stride, Strides, find_strides
+from myomorph.analysis.strides import Stride, Strides, find_strides
 from myomorph.analysis.walking import (
     facing_of,
     feet_move,

@@ -379,6 +379,3 @@ def _notes(
             "the recordings are too short to hold out a part: nothing shows that the muscles fit another motion"
         )
     return notes
-
-
-__all__ = ["Estimate", "PersonalTrial", "PersonalizeOptions", "Personalized", "personalize"]

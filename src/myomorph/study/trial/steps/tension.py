@@ -43,7 +43,7 @@ from myomorph.study.trial.steps.id import Torques, cutoff_of, put_dynamics, solv
 from myomorph.study.trial.steps.ik import Poses
 from myomorph.study.trial.trial_inputs import JoinedParts, Signals, TrialInputs, Value, all_drawn, statistics_of
 from myomorph.tension.contact_setting import Measurements, during
-from myomorph.tension.emg_calibration import EmgOptions
+from myomorph.tension.emg_targets import EmgOptions
 from myomorph.tension.joint_contact import JointPoints
 from myomorph.tension.recruitment import RecruitmentOptions
 from myomorph.tension.solve import ContactSolution
