@@ -32,20 +32,14 @@ from myomorph.rigid.tree import compile_tree
 
 @dataclass(frozen=True)
 class HoldOptions:
-    """When a hand holds an object.
+    """When a hand holds an object."""
 
-    Attributes
-    ----------
-    moving : the object moves where the held place is faster than that [m/s]
-    near, far : a hold begins where the site comes so near to the place at which it holds the moving object,
-        and ends where it leaves that far from it [m]
-    shortest : holds and gaps that last less are taken for noise [s]
-    """
-
-    moving: float = 0.1
+    moving: float = 0.1  # the object moves where the held place is faster than that [m/s]
+    # near, far: a hold begins where the site comes so near to the place at which it holds the moving object, and ends
+    # where it leaves that far from it [m]
     near: float = 0.03
     far: float = 0.05
-    shortest: float = 0.03
+    shortest: float = 0.03  # holds and gaps that last less are taken for noise [s]
 
     def __post_init__(self) -> None:
         if not (self.moving > 0.0 and 0.0 < self.near <= self.far and self.shortest >= 0.0):

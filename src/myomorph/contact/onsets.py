@@ -30,34 +30,21 @@ BLOCK = 0.002  # Time for which one linear prediction is used [s]
 
 @dataclass(frozen=True)
 class SoundOptions:
-    """How impacts are heard.
+    """How impacts are heard."""
 
-    Attributes
-    ----------
-    lowest : what lies below is left out [Hz]
-    rise : least rise of the energy that was not foreseen, its natural logarithm: 1.2 is 5 dB
-    threshold : the same in standard deviations that noise alone would have
-    rest : least time between two impacts of one instrument [s]
-    together : arrivals this close may be one impact in several microphones [s]
-    heard : time over which the energy of a impact is taken [s]
-    softest : energy below which a impact of an instrument is none, as a share of its loud ones
-    echo : energy below which a impact within `echo_time` [s] of another of the same instrument is its echo,
-        as a share of that
-    own : part of a channel's energy that its own instrument must explain, so that it was struck
-    speed : of sound [m/s]; 343 in air of 20 degrees C
-    """
-
-    lowest: float = 50.0
-    rise: float = 1.2
-    threshold: float = 4.0
-    rest: float = 0.05
-    together: float = 0.02
-    heard: float = 0.02
-    softest: float = 0.002
+    lowest: float = 50.0  # what lies below is left out [Hz]
+    rise: float = 1.2  # least rise of the energy that was not foreseen, its natural logarithm: 1.2 is 5 dB
+    threshold: float = 4.0  # the same in standard deviations that noise alone would have
+    rest: float = 0.05  # least time between two impacts of one instrument [s]
+    together: float = 0.02  # arrivals this close may be one impact in several microphones [s]
+    heard: float = 0.02  # time over which the energy of a impact is taken [s]
+    softest: float = 0.002  # energy below which a impact of an instrument is none, as a share of its loud ones
+    # energy below which a impact within `echo_time` [s] of another of the same instrument is its echo, as a share of
+    # that
     echo: float = 0.03
     echo_time: float = 0.12
-    own: float = 0.75
-    speed: float = 343.0
+    own: float = 0.75  # part of a channel's energy that its own instrument must explain, so that it was struck
+    speed: float = 343.0  # of sound [m/s]; 343 in air of 20 degrees C
 
     def __post_init__(self) -> None:
         for name in ("lowest", "rise", "threshold", "rest", "together", "heard", "speed"):

@@ -35,18 +35,13 @@ REFUSED = {
 
 @dataclass(frozen=True)
 class PlateOptions:
-    """How plates are read.
+    """How plates are read."""
 
-    Attributes
-    ----------
-    tare : "none" takes the channels as they are (as OpenSim and ezc3d do), "file" subtracts their mean
-        over the samples that the file names as unloaded, "quiet" their median over unloaded samples
-    threshold : a plate counts as loaded above this share of the largest normal force in the trial
-    minimum_loaded, minimum_unloaded : shorter loadings and gaps are taken for noise [s]
-    """
-
+    # "none" takes the channels as they are (as OpenSim and ezc3d do), "file" subtracts their mean over the samples that
+    # the file names as unloaded, "quiet" their median over unloaded samples
     tare: Literal["none", "file", "quiet"] = "none"
-    threshold: float = 0.03
+    threshold: float = 0.03  # a plate counts as loaded above this share of the largest normal force in the trial
+    # minimum_loaded, minimum_unloaded: shorter loadings and gaps are taken for noise [s]
     minimum_loaded: float = 0.02
     minimum_unloaded: float = 0.02
 

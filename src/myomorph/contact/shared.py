@@ -21,25 +21,18 @@ from myomorph.motion.sync import refuse_other_times
 
 @dataclass(frozen=True)
 class SharedOptions:
-    """Which sites stand on a plate, and how well its wrench is known.
+    """Which sites stand on a plate, and how well its wrench is known."""
 
-    Attributes
-    ----------
-    margin : a site that far beside a plate's outline may stand on it, over the height of the center of mass
-    reach : where a plate's outline is not known: distance of a site to the center of pressure, over the same
-    loaded, unloaded : shares of the weight between which a plate begins and ceases to count as loaded
-    force_sd : standard deviation of a component of force, over the weight
-    moment_sd : of a moment, over the weight times the height of the center of mass
-    shortest : loadings and gaps that last less are taken for noise [s]
-    """
-
+    # a site that far beside a plate's outline may stand on it, over the height of the center of mass
     margin: float = 0.03
+    # where a plate's outline is not known: distance of a site to the center of pressure, over the same
     reach: float = 0.25
+    # loaded, unloaded: shares of the weight between which a plate begins and ceases to count as loaded
     loaded: float = 0.02
     unloaded: float = 0.01
-    force_sd: float = 0.005
-    moment_sd: float = 0.005
-    shortest: float = 0.03
+    force_sd: float = 0.005  # standard deviation of a component of force, over the weight
+    moment_sd: float = 0.005  # of a moment, over the weight times the height of the center of mass
+    shortest: float = 0.03  # loadings and gaps that last less are taken for noise [s]
 
 
 def shared_wrenches(

@@ -72,24 +72,17 @@ class Step:
 
 @dataclass(frozen=True)
 class StairOptions:
-    """When a step is loaded, and how near a foot must be.
+    """When a step is loaded, and how near a foot must be."""
 
-    Attributes
-    ----------
-    loaded, unloaded : shares of body weight between which a step begins and ceases to be loaded
-    noise : and as many standard deviations of the cell's noise
-    shortest : loadings and gaps that last less are taken for noise [s]
-    search_range : distance from a foot to the tread it stands on, at most, over the height of the center of mass
-    still : a foot that stands moves slower than this, over the speed sqrt(g height)
-    tare : "quiet" subtracts what the cells read unloaded, "none" takes channels as they are
-    """
-
+    # loaded, unloaded: shares of body weight between which a step begins and ceases to be loaded
     loaded: float = 0.04
     unloaded: float = 0.02
-    noise: float = 5.0
-    shortest: float = 0.02
+    noise: float = 5.0  # and as many standard deviations of the cell's noise
+    shortest: float = 0.02  # loadings and gaps that last less are taken for noise [s]
+    # distance from a foot to the tread it stands on, at most, over the height of the center of mass
     search_range: float = 0.25
-    still: float = 0.3
+    still: float = 0.3  # a foot that stands moves slower than this, over the speed sqrt(g height)
+    # "quiet" subtracts what the cells read unloaded, "none" takes channels as they are
     tare: Literal["quiet", "none"] = "quiet"
 
     def __post_init__(self) -> None:

@@ -28,36 +28,29 @@ from myomorph.model.model import Model
 
 @dataclass(frozen=True)
 class BaseOptions:
-    """Settings of `fit_base`.
+    """Settings of `fit_base`."""
 
-    Attributes
-    ----------
-    reference : point in ground that moments are about, as of a plate [m]; None for the base's origin
-    moment_noise, force_noise : standard deviation of the measured base wrench [N m], [N]; None estimates
-        one for each of the six rows from the residuals
-    correlated : count only as many independent frames as the residuals' autocorrelation leaves, because
-        filtered frames repeat each other
-    fixed : the base stands still, as on a plate that it is bolted to
-    tare : estimate a constant wrench beside the parameters, as a plate tared with the body on it leaves;
-        without it the constant is still estimated apart and reported
-    prior : standard deviation of a weak prior about the model's own parameters, in multiples of their
-        size; what the motion does not excite stays at the model's value
-    identifiable : a base parameter counts as identifiable where its standard deviation is below this share of its size
-    rank_tolerance : singular values below this share of the largest do not count for the rank, columns
-        scaled to length 1
-    block : frames that are taken at a time
-    """
-
+    # point in ground that moments are about, as of a plate [m]; None for the base's origin
     reference: tuple[float, float, float] | None = None
+    # moment_noise, force_noise: standard deviation of the measured base wrench [N m], [N]; None estimates one for each
+    # of the six rows from the residuals
     moment_noise: float | None = None
     force_noise: float | None = None
+    # count only as many independent frames as the residuals' autocorrelation leaves, because filtered frames repeat
+    # each other
     correlated: bool = True
-    fixed: bool = False
+    fixed: bool = False  # the base stands still, as on a plate that it is bolted to
+    # estimate a constant wrench beside the parameters, as a plate tared with the body on it leaves; without it the
+    # constant is still estimated apart and reported
     tare: bool = False
+    # standard deviation of a weak prior about the model's own parameters, in multiples of their size; what the motion
+    # does not excite stays at the model's value
     prior: float = 100.0
+    # a base parameter counts as identifiable where its standard deviation is below this share of its size
     identifiable: float = 0.2
+    # singular values below this share of the largest do not count for the rank, columns scaled to length 1
     rank_tolerance: float = 1e-6
-    block: int = 512
+    block: int = 512  # frames that are taken at a time
 
     def __post_init__(self) -> None:
         for name in ("moment_noise", "force_noise", "prior", "identifiable", "rank_tolerance", "block"):

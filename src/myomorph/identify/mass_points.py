@@ -33,27 +33,20 @@ SLACKS = (1.0, 1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 0.0)
 
 @dataclass(frozen=True)
 class MassPointOptions:
-    """Settings of `solve_mass_points`.
+    """Settings of `solve_mass_points`."""
 
-    Attributes
-    ----------
-    prior : "relative": v_j such that every link's mass has the standard deviation `mass_sd` of itself
-        before anything is measured, whatever the grid (`prior_variances`); "paper": v_j = 1 / W_rho,
-        which counts each point, so a finer grid weighs less against the same measurement
-    mass_sd : relative standard deviation of a link's mass, for (A, b) in units of noise
-    W_phi, W_rho : weights of eq. 3.10; W_rho acts with prior "paper" only
-    floor : least mass of a point, eps_j, as a share of the mean reference mass
-    tolerance : greatest residual of the conditions of the optimum (`Optimality`) of a fit that counts as converged
-    iterations : most Newton steps, before rows are softened and at each softness
-    """
-
+    # "relative": v_j such that every link's mass has the standard deviation `mass_sd` of itself before anything is
+    # measured, whatever the grid (`prior_variances`); "paper": v_j = 1 / W_rho, which counts each point, so a finer
+    # grid weighs less against the same measurement
     prior: Literal["relative", "paper"] = "relative"
-    mass_sd: float = 0.15
+    mass_sd: float = 0.15  # relative standard deviation of a link's mass, for (A, b) in units of noise
+    # W_phi, W_rho: weights of eq. 3.10; W_rho acts with prior "paper" only
     W_phi: float = 1.0
     W_rho: float = 1.0
-    floor: float = 1e-3
+    floor: float = 1e-3  # least mass of a point, eps_j, as a share of the mean reference mass
+    # greatest residual of the conditions of the optimum (`Optimality`) of a fit that counts as converged
     tolerance: float = 1e-6
-    iterations: int = 60
+    iterations: int = 60  # most Newton steps, before rows are softened and at each softness
 
     def __post_init__(self) -> None:
         for name in ("mass_sd", "W_phi", "W_rho", "tolerance"):

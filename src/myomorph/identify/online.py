@@ -25,19 +25,13 @@ PATIENCE = 2.0  # Time that a frame waits for its force before it is left out [s
 
 @dataclass(frozen=True)
 class OnlineOptions:
-    """Settings of identification while frames arrive.
+    """Settings of identification while frames arrive."""
 
-    Attributes
-    ----------
-    cutoff : of the filter of motion and forces alike, half the power [Hz]
-    noise : standard deviation of the base wrench's six rows, a number or moment and force [N m], [N]
-    forgetting : below 1, frames T ago weigh forgetting^T
-    missing : share of body weight that may be missing before a frame counts as standing beside the plates
-    """
-
-    cutoff: float = 6.0
+    cutoff: float = 6.0  # of the filter of motion and forces alike, half the power [Hz]
+    # standard deviation of the base wrench's six rows, a number or moment and force [N m], [N]
     noise: tuple[float, float] = (NOISE[0], NOISE[3])
-    forgetting: float = 1.0
+    forgetting: float = 1.0  # below 1, frames T ago weigh forgetting^T
+    # share of body weight that may be missing before a frame counts as standing beside the plates
     missing: float = MISSING_WEIGHT
 
 

@@ -31,19 +31,13 @@ SMALLEST_SHARE = 1e-6  # A link of less than this share of the whole mass stays 
 
 @dataclass(frozen=True)
 class PseudoInertiaOptions:
-    """Settings of `solve_pseudo_inertia` and `solve_ridge`.
+    """Settings of `solve_pseudo_inertia` and `solve_ridge`."""
 
-    Attributes
-    ----------
-    mass_sd : relative standard deviation of a link's mass that the prior amounts to; a mass center then has
-        mass_sd k / sqrt(2) along an axis of radius of gyration k, a second moment of mass mass_sd of itself
-    margin : least eigenvalue of P(phi_i), relative to its reference
-    tolerance : of the solver's residuals and gap
-    """
-
+    # relative standard deviation of a link's mass that the prior amounts to; a mass center then has mass_sd k / sqrt(2)
+    # along an axis of radius of gyration k, a second moment of mass mass_sd of itself
     mass_sd: float = 0.15
-    margin: float = 1e-3
-    tolerance: float = 1e-8
+    margin: float = 1e-3  # least eigenvalue of P(phi_i), relative to its reference
+    tolerance: float = 1e-8  # of the solver's residuals and gap
 
     def __post_init__(self) -> None:
         for name in ("mass_sd", "tolerance"):

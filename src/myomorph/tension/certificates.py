@@ -68,23 +68,17 @@ ON_BOUND = 1e-7  # A variable nearer to a bound than this share of 1 + its size 
 
 @dataclass(frozen=True)
 class CertificateOptions:
-    """What counts as left open.
+    """What counts as left open."""
 
-    Attributes
-    ----------
-    residual : what residuals at a body that floats may give beyond what they gave, as a share of its subject's weight
-        [1, times 1 m for moments]
-    reserve : what reserves and actuators without bounds may give beyond what they gave [N m or N]
-    deviations : how far a measured force may be missed, in standard deviations, where it was not missed by more
-    near : share of the cost by which solutions may be worse that still count as near the optimum, 0 to leave out
-    by : "group": net forces of groups of sites; "site": forces of sites
-    """
-
+    # what residuals at a body that floats may give beyond what they gave, as a share of its subject's weight [1, times
+    # 1 m for moments]
     residual: float = 0.01
-    reserve: float = 1.0
+    reserve: float = 1.0  # what reserves and actuators without bounds may give beyond what they gave [N m or N]
+    # how far a measured force may be missed, in standard deviations, where it was not missed by more
     deviations: float = 2.0
+    # share of the cost by which solutions may be worse that still count as near the optimum, 0 to leave out
     near: float = 0.05
-    by: Literal["group", "site"] = "group"
+    by: Literal["group", "site"] = "group"  # "group": net forces of groups of sites; "site": forces of sites
 
     def __post_init__(self) -> None:
         for name in ("residual", "reserve", "deviations", "near"):

@@ -23,7 +23,7 @@ from myomorph.rigid.loops import loop_basis
 from myomorph.rigid.tree import Tree, compile_tree
 from myomorph.tension.assembly import assemble, fold, take_off
 from myomorph.tension.dual import solve_separable
-from myomorph.tension.separable import Separable, no_links
+from myomorph.tension.separable import Links, Separable, no_links
 from myomorph.tension.tension import PassivePeaks, Tension, TensionOptions, greatest_peaks, passive_peaks
 from myomorph.tension.terms.actuators import ActuatorTerm, default_reserves, free_coordinates
 from myomorph.tension.terms.contacts import ContactTask, ContactTerm, contact_terms
@@ -97,6 +97,29 @@ class Balance(NamedTuple):
     passive: Array
     viscous: Array
     torques: Array  # (frames, coordinates) of the rows, passive and viscous forces of muscles not taken off [N m or N]
+
+
+SolvedSeparable = tuple[Array, Array, Array, np.ndarray, np.ndarray]
+
+
+def solve_frames(
+    shared: Separable,
+    values: Array,
+    right: Array,
+    penalties: Array,
+    *,
+    targets: Array | None = None,
+    links: Links | None = None,
+    warm: Array | None = None,
+) -> SolvedSeparable:
+    """Unknowns (frames, n), multipliers (frames, rows), residual, iterations and status; see `solve_separable`."""
+    frames, count = len(right), len(shared.weight)
+    x, y = np.empty((frames, count)), np.empty(right.shape)
+    residual, iterations, status = np.empty(frames), np.empty(frames, np.int64), np.empty(frames, np.int8)
+    targets, links = np.zeros((1, count)) if targets is None else targets, links or no_links()
+    warm = np.zeros(right.shape[1]) if warm is None else warm
+    solve_separable(shared, values, right, targets, penalties, links, warm, x, y, residual, iterations, status)
+    return x, y, residual, iterations, status
 
 
 class TensionProblem:
@@ -235,31 +258,14 @@ class TensionProblem:
         self._tau[:] = torques
         self._tau -= joint_forces(self.assembly.tree, coordinates, rates)
 
-    def solved(
-        self, balance: Balance, begin: int = 0, warm: Array | None = None
-    ) -> tuple[Array, Array, Array, np.ndarray, np.ndarray]:
+    def solved(self, balance: Balance, begin: int = 0, warm: Array | None = None) -> SolvedSeparable:
         """Unknowns of some frames (frames, n), multipliers (frames, rows), residual, iterations and status.
         `balance`: what to balance in the frames from `begin` on; `warm` (rows,) multipliers to begin with, afterwards
         those of the last frame; None for none.
         """
-        frames, count = len(balance.right), len(self.separable.weight)
-        x, y = np.empty((frames, count)), np.empty(balance.right.shape)
-        residual, iterations, status = np.empty(frames), np.empty(frames, np.int64), np.empty(frames, np.int8)
-        solve_separable(
-            self.separable,
-            balance.values,
-            balance.right,
-            np.zeros((1, count)),
-            self.penalties[begin : begin + frames],
-            no_links() if self.smooth is None else self.smooth.links(begin, begin + frames),
-            np.zeros(balance.right.shape[1]) if warm is None else warm,
-            x,
-            y,
-            residual,
-            iterations,
-            status,
-        )
-        return x, y, residual, iterations, status
+        links = None if self.smooth is None else self.smooth.links(begin, begin + len(balance.right))
+        penalties = self.penalties[begin : begin + len(balance.right)]
+        return solve_frames(self.separable, balance.values, balance.right, penalties, links=links, warm=warm)
 
     def _store(self, part: slice, x: Array, balance: Balance) -> None:
         """Keep what was found in some frames."""

@@ -28,19 +28,14 @@ from myomorph.tension.terms.actuators import floating_joints
 
 @dataclass(frozen=True)
 class RelaxationOptions:
-    """When contacts do not carry the motion.
+    """When contacts do not carry the motion."""
 
-    Attributes
-    ----------
-    residual : residual force at a root from which a frame is marked, as a share of its subject's weight (Hicks et
-        al. 2015 ask for less than that of the greatest external force)
-    moment : residual moment, as a share of the weight times the height of the center of mass above the floor
-    named : relaxations smaller than this share of the weight are not named beside greater ones
-    """
-
+    # residual force at a root from which a frame is marked, as a share of its subject's weight (Hicks et al. 2015 ask
+    # for less than that of the greatest external force)
     residual: float = 0.05
+    # residual moment, as a share of the weight times the height of the center of mass above the floor
     moment: float = 0.05
-    named: float = 0.01
+    named: float = 0.01  # relaxations smaller than this share of the weight are not named beside greater ones
 
     def __post_init__(self) -> None:
         for name in ("residual", "moment", "named"):

@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.rigid.frames import over_frames
 from myomorph.rigid.tree import Tree
-from myomorph.tension.dual import OPTIMAL, solve_separable
-from myomorph.tension.problem import TensionProblem
-from myomorph.tension.separable import Separable, no_links
+from myomorph.tension.dual import OPTIMAL
+from myomorph.tension.problem import TensionProblem, solve_frames
+from myomorph.tension.separable import Separable
 from myomorph.tension.tension import Tension
 from myomorph.tension.terms.cones import GRAVITY
 
@@ -156,27 +156,16 @@ def _solve(solved: SolvedFrames, bounds: tuple[Array, Array], tilt: Array) -> Ar
     frames, many, n = tilt.shape
     x = np.empty((frames, many, n))
     targets = -0.5 * tilt / solved.shared.weight
-    still = np.zeros(many)
 
     def part(start: int, stop: int) -> None:
         for index in range(start, stop):
             values, right = (np.repeat(values[index][None], many, axis=0) for values in (solved.values, solved.b))
-            penalties = np.array(solved.penalties[index])[None]
-            status = np.empty(many, np.int8)
-            solve_separable(
-                solved.shared._replace(lower=frozen_array(bounds[0][index]), upper=frozen_array(bounds[1][index])),
-                values,
-                right,
-                targets[index],
-                penalties,
-                no_links(),
-                np.zeros(right.shape[1]),
-                x[index],
-                np.empty(right.shape),
-                still.copy(),
-                np.empty(many, np.int64),
-                status,
+            lower, upper = (frozen_array(bound[index]) for bound in bounds)
+            shared, penalties = (
+                solved.shared._replace(lower=lower, upper=upper),
+                np.array(solved.penalties[index])[None],
             )
+            x[index], *_, status = solve_frames(shared, values, right, penalties, targets=targets[index])
             x[index, status != OPTIMAL] = np.nan
 
     over_frames(part, frames, chunk=4)
