@@ -11,7 +11,7 @@ from scipy.fft import next_fast_len
 from scipy.special import ndtr
 from scipy.special import stdtrit as student_quantile
 
-from myomorph.model.arrays import Array, frozen_array, read_only
+from myomorph.model.arrays import Array, freeze, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.series import Series
 
@@ -191,7 +191,7 @@ class Cycles:
     values: Array  # (cycles, samples, names), NaN where not known
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "values", frozen_array(self.values, (-1, -1, len(self.names))))
+        freeze(self, values=(-1, -1, len(self.names)))
 
     @property
     def percent(self) -> Array:

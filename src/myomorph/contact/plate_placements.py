@@ -10,7 +10,7 @@ from scipy.ndimage import uniform_filter1d
 
 from myomorph.contact.plate_corners import plate_axes
 from myomorph.contact.plates import plate_wrench
-from myomorph.model.arrays import Array, frozen_array, read_only, runs
+from myomorph.model.arrays import Array, freeze, frozen_array, read_only, runs
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import STANDARD_GRAVITY
 from myomorph.model.series import Markers, PlateRecording
@@ -70,12 +70,10 @@ class Placement:
     unsteady: float = 0.0
 
     def __post_init__(self) -> None:
+        freeze(self, force=(3,), moment=(3,), point=(3,), direction=(3,), contact=(3,))
         for name in ("force", "moment", "point", "direction", "contact"):
-            value = getattr(self, name)
-            if value is not None:
-                object.__setattr__(self, name, frozen_array(value, (3,)))
-                if not np.isfinite(value).all():
-                    raise BadData(f"placement '{self.name}': its {name} is not known")
+            if getattr(self, name) is not None and not np.isfinite(getattr(self, name)).all():
+                raise BadData(f"placement '{self.name}': its {name} is not known")
         size = float(np.linalg.norm(self.direction))
         object.__setattr__(self, "direction", frozen_array(self.direction / size))
         if not np.linalg.norm(self.force) > 0:

@@ -17,7 +17,7 @@ from typing import Literal
 import numpy as np
 
 from myomorph.contact.states import hysteresis, steady
-from myomorph.model.arrays import Array, frozen_array, read_only, runs
+from myomorph.model.arrays import Array, freeze, frozen_array, read_only, runs
 from myomorph.model.errors import BadData
 from myomorph.model.series import Series
 from myomorph.model.spatial import Transform
@@ -44,7 +44,7 @@ class Step:
     sense: Literal[1, -1] = 1  # 1 where the cell gives the force on the animal, -1 where that on the step
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "origin", frozen_array(self.origin, (3,)))
+        freeze(self, origin=(3,))
         unknown = [measure for measure in self.measures if measure not in COMPONENTS]
         if unknown or len(set(self.measures)) != len(self.measures) or not self.measures:
             raise BadData(

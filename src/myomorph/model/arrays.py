@@ -55,6 +55,14 @@ def frozen_array(values: ArrayLike, shape: tuple[int, ...] | None = None) -> Arr
     return array
 
 
+def freeze(value: object, **shapes: tuple[int, ...] | None) -> None:
+    """Fields of a frozen value as read-only arrays of some shape, in its `__post_init__`; what is None stays so."""
+    for name, shape in shapes.items():
+        field = getattr(value, name)
+        if field is not None:
+            object.__setattr__(value, name, frozen_array(field, shape))
+
+
 def unit_vector(values: ArrayLike, what: str, of: str) -> Array:
     """Read-only (3,) vector of length 1 along `values`."""
     vector = frozen_array(values, (3,))

@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 
-from myomorph.model.arrays import Array, frozen_array, read_only, unit_vector
+from myomorph.model.arrays import Array, freeze, read_only, unit_vector
 from myomorph.model.errors import BadData, check_name
 from myomorph.model.model import GROUND, index_of
 from myomorph.model.series import Series, Wrenches
@@ -203,7 +203,7 @@ class Site:
     group: str = ""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "points", frozen_array(self.points, (-1, 3)))
+        freeze(self, points=(-1, 3))
         if not len(self.points) or not np.isfinite(self.points).all():
             raise BadData(f"contact site '{self.name}' has no point, or one that is not finite")
         if self.body == self.against:
@@ -296,8 +296,7 @@ class SharedWrench:
     moment_sd: float = 2.0
 
     def __post_init__(self) -> None:
-        for name in ("forces", "moments"):
-            object.__setattr__(self, name, frozen_array(getattr(self, name), (-1, 3)))
+        freeze(self, forces=(-1, 3), moments=(-1, 3))
         if self.forces.shape != self.moments.shape:
             raise BadData(f"'{self.name}' has {len(self.forces)} forces and {len(self.moments)} moments")
 
@@ -326,10 +325,8 @@ class ContactForces:
 
     def __post_init__(self) -> None:
         frames, sites = len(self.time), len(self.sites)
-        object.__setattr__(self, "time", frozen_array(self.time, (-1,)))
-        object.__setattr__(self, "activations", frozen_array(self.activations, (frames, sites)))
-        for name in ("forces", "points", "torques"):
-            object.__setattr__(self, name, frozen_array(getattr(self, name), (frames, sites, 3)))
+        vectors = (frames, sites, 3)
+        freeze(self, time=(-1,), activations=(frames, sites), forces=vectors, points=vectors, torques=vectors)
 
     def __len__(self) -> int:
         return len(self.time)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from myomorph.model.arrays import Array, frozen_array, read_only
+from myomorph.model.arrays import Array, freeze, read_only
 
 
 @read_only
@@ -28,8 +28,7 @@ class PiecewisePolynomial:
     coefficients: Array  # (pieces, degree + 1), the constant term first
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "breaks", frozen_array(self.breaks, (-1,)))
-        object.__setattr__(self, "coefficients", frozen_array(self.coefficients, (len(self.breaks), -1)))
+        freeze(self, breaks=(-1,), coefficients=(len(self.breaks), -1))
 
     @property
     def arity(self) -> int:
@@ -63,8 +62,7 @@ class SineProduct:
     offset: float = 0.0
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "frequencies", frozen_array(self.frequencies, (-1,)))
-        object.__setattr__(self, "phases", frozen_array(self.phases, (len(self.frequencies),)))
+        freeze(self, frequencies=(-1,), phases=(len(self.frequencies),))
 
     @property
     def arity(self) -> int:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from myomorph.model.arrays import Array, frozen_array, read_only
+from myomorph.model.arrays import Array, freeze, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.labelled import AXES, Labelled, Variable
 from myomorph.model.model import index_of
@@ -33,16 +33,15 @@ class InertialSensors(Labelled):
     source: str = ""  # path of the file, "" for sensors made in memory
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "time", frozen_array(self.time, (-1,)))
+        freeze(self, time=(-1,))
         object.__setattr__(self, "names", tuple(self.names))
         if len(self.time) > 1 and not np.all(np.diff(self.time) > 0):
             raise BadData("time does not increase from frame to frame")
         twice = next((name for name in self.names if self.names.count(name) > 1), "")
         if twice:
             raise BadData(f"two sensors are called '{twice}': give each a name of its own")
-        for name, values in self.signals.items():
-            shape = (len(self.time), len(self.names), 4 if name == "orientations" else 3)
-            object.__setattr__(self, name, frozen_array(values, shape))
+        for name in self.signals:
+            freeze(self, **{name: (len(self.time), len(self.names), 4 if name == "orientations" else 3)})
 
     def __len__(self) -> int:
         return len(self.time)

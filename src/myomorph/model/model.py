@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from myomorph.model.arrays import Array, frozen_array, read_only
+from myomorph.model.arrays import Array, freeze, frozen_array, read_only
 from myomorph.model.errors import BadModel, UnknownName
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.functions import Function
@@ -61,8 +61,7 @@ class Body:
     meshes: tuple[Mesh, ...] = ()
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "mass_center", frozen_array(self.mass_center, (3,)))
-        object.__setattr__(self, "inertia", frozen_array(self.inertia, (3, 3)))
+        freeze(self, mass_center=(3,), inertia=(3, 3))
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,8 +110,7 @@ class Axis:
     origin: Array = field(default_factory=lambda: np.zeros(3))
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "vector", frozen_array(self.vector, (3,)))
-        object.__setattr__(self, "origin", frozen_array(self.origin, (3,)))
+        freeze(self, vector=(3,), origin=(3,))
         if self.function.arity > len(self.coordinates):
             raise BadModel(f"an axis function takes {self.function.arity} coordinates, but got {self.coordinates}")
 
@@ -188,7 +186,7 @@ class Marker:
     fixed: bool = False
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "location", frozen_array(self.location, (3,)))
+        freeze(self, location=(3,))
 
 
 @dataclass(frozen=True, eq=False)
@@ -235,8 +233,7 @@ class Actuator:
     enabled: bool = True
 
     def __post_init__(self) -> None:
-        for name in ("point", "other_point", "direction"):
-            object.__setattr__(self, name, frozen_array(getattr(self, name), (3,)))
+        freeze(self, point=(3,), other_point=(3,), direction=(3,))
 
 
 @dataclass(frozen=True, eq=False)
@@ -312,7 +309,7 @@ class Model:
     ligaments: tuple[Ligament, ...] = ()
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "gravity", frozen_array(self.gravity, (3,)))
+        freeze(self, gravity=(3,))
         placed = {GROUND}
         by_child = {joint.child: joint for joint in self.joints}
         if len(by_child) != len(self.joints):

@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from myomorph.model.arrays import Array, frozen_array, read_only
+from myomorph.model.arrays import Array, freeze, read_only
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.functions import Function
 from myomorph.model.spatial import Transform
@@ -30,7 +30,7 @@ class PathPoint:
     range: tuple[float, float] = (-np.inf, np.inf)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "location", frozen_array(self.location, (3,)))
+        freeze(self, location=(3,))
 
 
 @dataclass(frozen=True, eq=False)
@@ -233,6 +233,5 @@ class Bushing:
     translational_damping: Array = field(default_factory=lambda: np.zeros(3))
 
     def __post_init__(self) -> None:
-        for what in ("rotational", "translational"):
-            for name in (f"{what}_stiffness", f"{what}_damping"):
-                object.__setattr__(self, name, frozen_array(getattr(self, name), (3,)))
+        freeze(self, rotational_stiffness=(3,), rotational_damping=(3,))
+        freeze(self, translational_stiffness=(3,), translational_damping=(3,))

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from myomorph.model.arrays import Array, frozen_array, read_only
+from myomorph.model.arrays import Array, freeze, frozen_array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.findings import Finding
 from myomorph.model.frozen_map import FrozenMap
@@ -40,8 +40,7 @@ class Series(Labelled):
     """Of the values of a class whose unit is always the same."""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "time", frozen_array(self.time, (-1,)))
-        object.__setattr__(self, "values", frozen_array(self.values))
+        freeze(self, time=(-1,), values=None)
         object.__setattr__(self, "names", tuple(self.names))
         if self.values.shape[:2] != (len(self.time), len(self.names)):
             raise BadData(
@@ -124,10 +123,7 @@ class Motion(Series):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ("velocities", "accelerations"):
-            values = getattr(self, name)
-            if values is not None:
-                object.__setattr__(self, name, frozen_array(values, self.values.shape))
+        freeze(self, velocities=self.values.shape, accelerations=self.values.shape)
 
     def variables(self) -> dict[str, Variable]:
         """Values, and velocities and accelerations where they are known."""
@@ -167,9 +163,7 @@ class Wrenches(Labelled):
 
     def __post_init__(self) -> None:
         shape = (len(self.time), len(self.names), 3)
-        object.__setattr__(self, "time", frozen_array(self.time, (-1,)))
-        for name in ("forces", "points", "torques"):
-            object.__setattr__(self, name, frozen_array(getattr(self, name), shape))
+        freeze(self, time=(-1,), forces=shape, points=shape, torques=shape)
 
     def __len__(self) -> int:
         return len(self.time)
@@ -229,9 +223,7 @@ class ForcePlate:
     torques: Array
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "corners", frozen_array(self.corners, (4, 3)))
-        for name in ("forces", "points", "torques"):
-            object.__setattr__(self, name, frozen_array(getattr(self, name), (-1, 3)))
+        freeze(self, corners=(4, 3), forces=(-1, 3), points=(-1, 3), torques=(-1, 3))
 
     def rotated(self, rotation: Array) -> ForcePlate:
         """The same plate in a frame whose axes are the rows of `rotation` (3, 3)."""
@@ -276,13 +268,7 @@ class PlateRecording:
     zero: tuple[int, int] | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "corners", frozen_array(self.corners, (4, 3)))
-        object.__setattr__(self, "origin", frozen_array(self.origin, (3,)))
-        object.__setattr__(self, "channels", frozen_array(self.channels, (-1, -1)))
-        for name, shape in (("calibration", (6, 6)), ("center_polynomial", (2, 6))):
-            values = getattr(self, name)
-            if values is not None:
-                object.__setattr__(self, name, frozen_array(values, shape))
+        freeze(self, corners=(4, 3), origin=(3,), channels=(-1, -1), calibration=(6, 6), center_polynomial=(2, 6))
 
 
 @read_only

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from myomorph.model.arrays import Array, frozen_array, read_only
+from myomorph.model.arrays import Array, freeze, read_only
 
 
 def axis_rotation(axis: ArrayLike, angle: float) -> Array:
@@ -97,8 +97,7 @@ class Transform:
     translation: Array
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "rotation", frozen_array(self.rotation, (3, 3)))
-        object.__setattr__(self, "translation", frozen_array(self.translation, (3,)))
+        freeze(self, rotation=(3, 3), translation=(3,))
 
     @staticmethod
     def identity() -> Transform:

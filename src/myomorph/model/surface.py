@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
-from myomorph.model.arrays import Array, frozen_array, read_only
+from myomorph.model.arrays import Array, freeze, read_only
 from myomorph.model.errors import BadData, from_extra
 
 
@@ -33,7 +33,7 @@ class Surface:
     faces: NDArray[np.int64]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "vertices", frozen_array(self.vertices, (-1, 3)))
+        freeze(self, vertices=(-1, 3))
         faces = np.array(self.faces, dtype=np.int64).reshape(-1, 3)
         faces.setflags(write=False)
         object.__setattr__(self, "faces", faces)

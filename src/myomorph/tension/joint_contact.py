@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.model.arrays import Array, frozen_array, read_only
+from myomorph.model.arrays import Array, freeze, read_only
 from myomorph.model.errors import BadData, UnknownName, check_name
 from myomorph.model.labelled import Labelled, Variable
 from myomorph.model.model import Actuator, Joint, Model
@@ -95,10 +95,9 @@ class JointContactForces(Labelled):
     weight: float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "time", frozen_array(self.time, (-1,)))
-        object.__setattr__(self, "forces", frozen_array(self.forces, (len(self.time), len(self.points))))
-        for name in ("totals", "shear", "unbalanced_forces", "unbalanced_moments"):
-            object.__setattr__(self, name, frozen_array(getattr(self, name), (len(self.time), len(self.joints))))
+        frames, each = len(self.time), (len(self.time), len(self.joints))
+        freeze(self, time=(-1,), forces=(frames, len(self.points)), totals=each, shear=each)
+        freeze(self, unbalanced_forces=each, unbalanced_moments=each)
 
     def __len__(self) -> int:
         return len(self.time)

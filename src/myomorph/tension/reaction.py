@@ -18,7 +18,7 @@ from typing import Literal
 
 import numpy as np
 
-from myomorph.model.arrays import Array, frozen_array, read_only
+from myomorph.model.arrays import Array, freeze, read_only
 from myomorph.model.errors import BadData, UnknownName, check_name
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Actuator, Joint, Model, index_of
@@ -65,9 +65,8 @@ class JointReactions:
     points: Array
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "time", frozen_array(self.time, (-1,)))
-        for name in ("forces", "moments", "points"):
-            object.__setattr__(self, name, frozen_array(getattr(self, name), (len(self.time), len(self.joints), 3)))
+        shape = (len(self.time), len(self.joints), 3)
+        freeze(self, time=(-1,), forces=shape, moments=shape, points=shape)
 
     def __len__(self) -> int:
         return len(self.time)

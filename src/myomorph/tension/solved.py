@@ -161,10 +161,8 @@ def _solve(solved: SolvedFrames, bounds: tuple[Array, Array], tilt: Array) -> Ar
         for index in range(start, stop):
             values, right = (np.repeat(values[index][None], many, axis=0) for values in (solved.values, solved.b))
             lower, upper = (frozen_array(bound[index]) for bound in bounds)
-            shared, penalties = (
-                solved.shared._replace(lower=lower, upper=upper),
-                np.array(solved.penalties[index])[None],
-            )
+            shared = solved.shared._replace(lower=lower, upper=upper)
+            penalties = np.array(solved.penalties[index])[None]
             x[index], *_, status = solve_frames(shared, values, right, penalties, targets=targets[index])
             x[index, status != OPTIMAL] = np.nan
 

@@ -10,7 +10,7 @@ import numpy as np
 from scipy import sparse
 
 from myomorph.identify.body.skin import Skin, inside
-from myomorph.model.arrays import Array, frozen_array, read_only
+from myomorph.model.arrays import Array, freeze, frozen_array, read_only
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import Model
 from myomorph.model.series import Motion
@@ -76,8 +76,7 @@ class MassPoints:
     source: str = ""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "points", frozen_array(self.points, (-1, 3)))
-        object.__setattr__(self, "reference", frozen_array(self.reference, (len(self.points),)))
+        freeze(self, points=(-1, 3), reference=(len(self.points),))
         if self.weights.shape != (len(self.points), len(self.links.names)):
             raise BadData(
                 f"expected weights ({len(self.points)}, {len(self.links.names)}), but got {self.weights.shape}"

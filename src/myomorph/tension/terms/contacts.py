@@ -19,7 +19,7 @@ from typing import Literal
 
 import numpy as np
 
-from myomorph.model.arrays import Array, frozen_array, read_only
+from myomorph.model.arrays import Array, freeze, read_only
 from myomorph.model.contacts import SharedWrench, Site
 from myomorph.model.errors import BadData, check_name
 from myomorph.model.model import GROUND
@@ -90,9 +90,7 @@ class ContactTask:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "sites", tuple(self.sites))
-        if self.preferred is not None:
-            shape = (len(self.activations), len(self.sites), 3)
-            object.__setattr__(self, "preferred", frozen_array(self.preferred, shape))
+        freeze(self, preferred=(len(self.activations), len(self.sites), 3))
         names = tuple(site.name for site in self.sites)
         if self.activations.names != names:
             raise BadData(f"activations are of the sites {self.activations.names}, but the contacts have {names}")

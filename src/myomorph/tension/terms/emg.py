@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from myomorph.model.arrays import Array, frozen_array, read_only
+from myomorph.model.arrays import Array, freeze, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.model import index_of
 from myomorph.model.series import Series
@@ -45,7 +45,7 @@ class EmgTarget(Term):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "muscles", tuple(self.muscles))
-        object.__setattr__(self, "activations", frozen_array(self.activations, (-1, len(self.muscles))))
+        freeze(self, activations=(-1, len(self.muscles)))
         if self.mode not in ("soft", "driven"):
             raise BadData(f"unknown use of EMG '{self.mode}': there are 'soft', 'driven'")
         if not (self.weight > 0.0 and self.slack >= 0.0):
