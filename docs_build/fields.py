@@ -7,7 +7,7 @@ from typing import Any
 
 import griffe
 
-FIELDS = {"Parameters", "Attributes", "Other Parameters"}
+FIELDS = {"Parameters", "Attributes", "Other Parameters", "Raises"}
 PROSE = {"Returns", "Yields"}
 
 

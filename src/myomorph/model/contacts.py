@@ -111,8 +111,7 @@ class Cone:
 
         Raises
         ------
-        BadData
-            where the class has no line in `CONTACT_LAWS`
+        BadData : where the class has no line in `CONTACT_LAWS`
         """
         place = _place(type(self))
         name = next((name for name, law in CONTACT_LAWS.items() if _place(law) == place), None)
@@ -136,8 +135,7 @@ def register_law(name: str, law: type[Cone]) -> None:
 
     Raises
     ------
-    BadData
-        where another law has the name
+    BadData : where another law has the name
 
     Examples
     --------

@@ -65,8 +65,7 @@ class Provenance:
 
         Raises
         ------
-        ValueError
-            where the text is something else
+        ValueError : where the text is something else
         """
         try:
             stored = json.loads(text)

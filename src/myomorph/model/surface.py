@@ -25,8 +25,7 @@ class Surface:
 
     Raises
     ------
-    BadData
-        where a face names a vertex that does not exist, or a vertex is not finite
+    BadData : where a face names a vertex that does not exist, or a vertex is not finite
     """
 
     vertices: Array

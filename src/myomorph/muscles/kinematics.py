@@ -154,8 +154,7 @@ def muscle_kinematics(
 
     Raises
     ------
-    BadData
-        velocities are asked for and the motion has none, or a value is not finite
+    BadData : velocities are asked for and the motion has none, or a value is not finite
 
     Examples
     --------
@@ -219,8 +218,7 @@ def default_path_lengths(model: Model) -> Array:
 
     Raises
     ------
-    BadModel
-        where closed loops do not close
+    BadModel : where closed loops do not close
 
     Examples
     --------

@@ -38,10 +38,8 @@ def inverse_dynamics(model: Model, motion: Motion, wrenches: Wrenches | None = N
 
     Raises
     ------
-    BadData
-        where derivatives are missing, or the wrenches' clock is not the motion's
-    UnknownName
-        where a wrench acts on a body that the model does not have
+    BadData : where derivatives are missing, or the wrenches' clock is not the motion's
+    UnknownName : where a wrench acts on a body that the model does not have
 
     Examples
     --------

@@ -211,8 +211,7 @@ def marker_positions(model: Model, motion: Motion) -> Markers:
 
     Raises
     ------
-    UnknownName
-        where the motion has a coordinate that the model does not have
+    UnknownName : where the motion has a coordinate that the model does not have
 
     Examples
     --------

@@ -186,10 +186,8 @@ def joint_contact_forces(
 
     Raises
     ------
-    BadData
-        where no point is given, two of a joint have one name, or normals of a joint point against each other
-    UnknownName
-        where the model lacks a joint or a frame
+    BadData : where no point is given, two of a joint have one name, or normals of a joint point against each other
+    UnknownName : where the model lacks a joint or a frame
 
     Examples
     --------

@@ -138,10 +138,8 @@ def joint_reactions(
 
     Raises
     ------
-    BadData
-        where derivatives are missing, or times differ
-    UnknownName
-        where a joint, body, frame, muscle or actuator is not in the model or in the forces
+    BadData : where derivatives are missing, or times differ
+    UnknownName : where a joint, body, frame, muscle or actuator is not in the model or in the forces
 
     Examples
     --------

@@ -67,13 +67,10 @@ def solve_tension(
 
     Raises
     ------
-    BadData
-        where the motion has no velocities, torques, contacts or EMG are of other times, or loops stand open
-        by more than `OPEN`
-    UnknownName
-        where torques lack a free coordinate, or an actuator, a site or EMG names what does not exist
-    BadModel
-        where the model has nothing to solve for
+    BadData : where the motion has no velocities, torques, contacts or EMG are of other times, or loops stand open by
+        more than `OPEN`
+    UnknownName : where torques lack a free coordinate, or an actuator, a site or EMG names what does not exist
+    BadModel : where the model has nothing to solve for
 
     Examples
     --------

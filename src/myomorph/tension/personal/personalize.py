@@ -153,10 +153,8 @@ def personalize(
 
     Raises
     ------
-    BadData
-        without a recording or a generic model, or where a motion has no velocities
-    BadModel
-        for muscles of a class whose curves are not known
+    BadData : without a recording or a generic model, or where a motion has no velocities
+    BadModel : for muscles of a class whose curves are not known
 
     Examples
     --------

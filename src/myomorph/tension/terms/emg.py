@@ -60,10 +60,8 @@ class EmgTarget(Term):
 
         Raises
         ------
-        BadData
-            where EMG has another number of frames than the motion, or knows of a muscle twice
-        UnknownName
-            where it knows of a muscle that the model does not have
+        BadData : where EMG has another number of frames than the motion, or knows of a muscle twice
+        UnknownName : where it knows of a muscle that the model does not have
         """
         frames = len(unknowns.time)
         names, values = self.muscles, self.activations

@@ -96,8 +96,7 @@ class Unknowns:
 
         Raises
         ------
-        UnknownName
-            where no unknown has that name
+        UnknownName : where no unknown has that name
         """
         result = np.zeros(len(self.names))
         for name, factor in factors.items():
