@@ -53,13 +53,11 @@ OTHER_LEG_MUSCLES: tuple[str, ...] = (
     r"(edl|ehl|fdl|fhl|ext_?(dig|hal)|flex_?(dig|hal))",
 )
 
-COORDINATE_ORDER: tuple[str, ...] = tuple(
-    (
-        "hip_flexion hip_adduction hip_rotation knee_angle knee_flexion ankle_angle ankle_flexion subtalar_angle "
-        "lumbar_extension lumbar_bending lumbar_rotation arm_flex arm_add arm_rot elv_angle shoulder_elv shoulder_rot "
-        "elbow_flex elbow_flexion pro_sup"
-    ).split()
-)
+COORDINATE_ORDER: tuple[str, ...] = (
+    "hip_flexion", "hip_adduction", "hip_rotation", "knee_angle", "knee_flexion", "ankle_angle", "ankle_flexion",
+    "subtalar_angle", "lumbar_extension", "lumbar_bending", "lumbar_rotation", "arm_flex", "arm_add", "arm_rot",
+    "elv_angle", "shoulder_elv", "shoulder_rot", "elbow_flex", "elbow_flexion", "pro_sup",
+)  # fmt: skip
 """Coordinates shown first where a model has them; the others follow by how far they move."""
 
 
