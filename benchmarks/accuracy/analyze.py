@@ -205,6 +205,30 @@ def measure(folder: Path) -> Iterator[Row]:
             }
 
 
+UNKNOWN = ("OpenSim's C3D walk", "functional trial, knee")
+"""Recordings whose sets say no mass."""
+
+
+def measure_weighing(folder: Path) -> Iterator[Row]:
+    """A row a recording without `--mass`: what its plates weigh, beside what its set says."""
+    for case in CASES:
+        stated = case.mass or c3d_mass(folder / case.files[0])
+        typed = ["analyze", *case.files, *case.options, "--prepare"]
+        said = io.StringIO()
+        with tempfile.TemporaryDirectory() as name, contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+            main([*_paths(typed, folder), "--out", str(Path(name) / "out")])
+        line = next((line for line in said.getvalue().splitlines() if line.startswith("  Mass ")), "")
+        weighed = float(line.split()[1]) if line else float("nan")
+        known = case.name not in UNKNOWN
+        yield {
+            "recording": case.name,
+            "mass of the set [kg]": stated if known else float("nan"),
+            "weighed [kg]": weighed,
+            "difference [%]": 100.0 * (weighed / stated - 1.0) if known else float("nan"),
+            "how": line.partition(" weigh it ")[2].partition(" (--mass)")[0] or "refused",
+        }
+
+
 def c3d_mass(path: Path) -> float:
     """The mass that Vicon's programs leave in a C3D file [kg]."""
     # Only of this benchmark: the package's reader leaves such parameters alone.

@@ -25,7 +25,6 @@ from myomorph.io.osim.marker_set import read_marker_set
 from myomorph.model.inertia import with_inertial_parameters
 from myomorph.model.soft_tissue import SoftTissue
 from myomorph.motion.sync import cut
-from myomorph.study.analyze.analyze import AnalyzeRequest, prepare_study
 from myomorph.study.inputs.loads import ExternalLoads
 from myomorph.study.subject.body_points import body_points
 from myomorph.study.subject.calibrating import _recording
@@ -111,8 +110,7 @@ def _analyzed(
 ) -> Recorded:
     """What `myomorph analyze` makes of raw recordings: its generic model, and markers and forces in its axes."""
     with tempfile.TemporaryDirectory() as home:
-        request = AnalyzeRequest(recordings=files, mass=mass, height=height, static=static)
-        plan = mm.read_plan(prepare_study(request, Path(home)).study)
+        plan = mm.read_plan(mm.prepare_study(files, home, mass, height, static).study)
         ((subject, about),) = plan.subjects.items()
         trials = [open_trial(one, plan.settings_of(subject, one.name)) for one in about.trials]
         model = trials[0].model

@@ -45,6 +45,7 @@ PAGES: dict[str, dict[str, str]] = {
     "raw-recordings": {
         "analyze": "accuracy.analyze:measure",
         "vendors": "accuracy.vendors:measure",
+        "weighing": "accuracy.analyze:measure_weighing",
     },
     "opensim-setups": {
         "scale": "accuracy.scale:measure",
@@ -274,6 +275,7 @@ PAGES: dict[str, dict[str, str]] = {
         "outliers": "accuracy.conditions:measure_outliers",
         "interrupted": "accuracy.interrupted:measure",
         "wrong_files": "fuzz:run",
+        "misspelt": "accuracy.misspelt:measure",
     },
 }
 

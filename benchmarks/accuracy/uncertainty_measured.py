@@ -53,12 +53,13 @@ widened = false
 [options.tension]
 cutoff = {cutoff}
 intervals = 0
+measured = "hidden"
 [[subject]]
 name = "person"
 model = "model.osim"
 steps = ["ik", "tension"]
 {tasks}
-trials = [{{ name = "motion", {recording}, time = [{start}, {stop}], contacts = "auto", measured = "hidden" }}]
+trials = [{{ name = "motion", {recording}, time = [{start}, {stop}], contacts = "auto" }}]
 """
 
 PINS = "shoulder-bonepin"

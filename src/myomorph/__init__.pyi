@@ -108,6 +108,8 @@ from .store.outcome import Excluded as Excluded
 from .store.outcome import Outcome as Outcome
 from .store.results import Stored as Stored
 from .store.settings import ForceOptions as ForceOptions
+from .study.analyze.analyze import PreparedStudy as PreparedStudy
+from .study.analyze.analyze import prepare_study as prepare_study
 from .study.inputs.external_forces import read_loads as read_loads
 from .study.inputs.laboratory import Laboratory as Laboratory
 from .study.inputs.reading import read_motion as read_motion

@@ -1,4 +1,4 @@
-"""Help in panels: what most users need first, everything by `--help-all`; misspelt names are answered by near ones."""
+"""Help in panels: what most users need first, everything by `--help-all`."""
 
 from __future__ import annotations
 
@@ -56,25 +56,3 @@ def test_where_an_option_stands():
 def test_first_sentence():
     assert first_sentence("Low-pass filter [Hz]; 0 for none, e.g. always. More.") == "Low-pass filter [Hz]."
     assert first_sentence("Files (.mot, .sto) of forces.") == "Files (.mot, .sto) of forces."
-
-
-MISSPELT = {
-    "--recruitmnt": "--recruitment",
-    "--exponet": "--exponent",
-    "--joint-loads": "--joint-load",
-    "--cocontraction": "--co-contraction",
-    "--emg-mode-": "--emg-mode",
-    "--emgweight": "--emg-weight",
-    "--contact-point": "--contact-points",
-    "--reaction": "--reactions",
-    "--min-activations": "--min-activation",
-    "--cutof": "--cutoff",
-}
-
-
-@pytest.mark.parametrize("option", MISSPELT)
-def test_a_misspelt_option_is_answered_by_near_ones(option, command):
-    said = command("tension", option, "1")
-    assert said.status == 2
-    assert option in said.err
-    assert f"'{MISSPELT[option]}'" in said.err.split(" has ")[1].split(",")[0]

@@ -9,10 +9,23 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from myomorph.cli.options import DrawCount, Threads, inputs_class, inputs_of_flags, use_threads
+from myomorph.cli.options import (
+    DrawCount,
+    Threads,
+    inputs_class,
+    inputs_of_flags,
+    options_class,
+    settings_by_step,
+    use_threads,
+)
 from myomorph.cli.output import said
+from myomorph.study.step.step import step_of
+from myomorph.study.trial.uncertainty_file import drawn_settings
 
-AnalyzeInputs = inputs_class("loads", "emg", "time", leave_out=("bodies", "plates", "emg", "emg_gains_file"))
+INPUTS = ("tasks", "laboratory", "loads", "emg", "contacts", "contact points", "actuators", "time")
+STEPS = tuple(map(step_of, ("ik", "id", "muscles", "tension")))
+AnalyzeInputs = inputs_class(*INPUTS)
+AnalyzeOptions = options_class(*(kind for step in STEPS for kind in step.options))
 
 
 def analyze_command(
@@ -22,7 +35,9 @@ def analyze_command(
     ],
     /,
     *,
-    mass: Annotated[float, Parameter(help="Of the subject [kg].")],
+    mass: Annotated[
+        float | None, Parameter(help="Of the subject [kg]; by default what plates weigh, where they can.")
+    ] = None,
     height: Annotated[
         float | None, Parameter(help="Of the subject [m]: scales the generic model, and is held against the markers.")
     ] = None,
@@ -37,15 +52,8 @@ def analyze_command(
     protocol: Annotated[
         Path | None, Parameter(help="Table of marker protocols of your own (.toml), beside those of the package.")
     ] = None,
-    force_columns: Annotated[
-        str, Parameter(help="Names of the columns of a table of forces: time,Fx1,Fy1,Fz1,COPx1,...; - leaves one out.")
-    ] = "",
-    force_rate: Annotated[float, Parameter(help="Rows a second of a table of forces without times [Hz].")] = 0.0,
-    force_origins: Annotated[
-        str, Parameter(help="Points that moments without a center of pressure are about [m]: 'x,y,z; x,y,z'.")
-    ] = "",
-    force_shift: Annotated[float, Parameter(help="Added to the times of external forces [s].")] = 0.0,
     inputs: AnalyzeInputs | None = None,  # type: ignore[valid-type]
+    options: AnalyzeOptions | None = None,  # type: ignore[valid-type]
     draws: DrawCount = None,
     out: Annotated[Path, Parameter(help="Folder to write.")] = Path("analysis"),
     threads: Threads = None,
@@ -64,21 +72,16 @@ def analyze_command(
     # Imported by the command that needs it: --help and the others start without.
     from myomorph.cli.study import dry_run_plan, run_plan
     from myomorph.model.errors import BadData
-    from myomorph.store.settings import ForceOptions
-    from myomorph.study.analyze.analyze import AnalyzeRequest, prepare_study
+    from myomorph.study.analyze.analyze import prepare_request
     from myomorph.study.analyze.own_protocols import read_protocols
-    from myomorph.study.inputs.emg import EmgFiles
-    from myomorph.study.inputs.loads import LoadsFile
-    from myomorph.study.inputs.time_span import TimeSpan
+    from myomorph.study.analyze.recorded_trial import AnalyzeRequest
     from myomorph.study.plan.plan import read_plan
 
     if not recordings:
         raise BadData("no recording: give one or more recordings (.c3d, .trc) or folders of them")
-    if not mass > 0.0:
+    if mass is not None and not mass > 0.0:
         raise BadData(f"--mass {mass:g}: expected the subject's mass [kg]")
     use_threads(threads)
-    named = inputs_of_flags(inputs)
-    emg = named.or_default(EmgFiles)
     request = AnalyzeRequest(
         recordings,
         mass,
@@ -86,21 +89,11 @@ def analyze_command(
         static,
         model,
         None if protocol is None else read_protocols(protocol),
-        emg.emg_muscles,
-        emg.emg_side,
-        emg.emg_mvc,
+        inputs_of_flags(inputs, near=True),
+        settings_by_step(options, STEPS) | drawn_settings(draws, None),
         shlex.join(["myomorph", *sys.argv[1:]]),
-        draws,
-        named.or_default(TimeSpan).time,
-        named.or_default(LoadsFile).loads,
-        ForceOptions(
-            force_shift=force_shift,
-            force_columns=force_columns,
-            force_rate=force_rate,
-            force_origins=force_origins,
-        ),
     )
-    prepared = prepare_study(request, out)
+    prepared = prepare_request(request, out)
     said("assumed:")
     for text in prepared.assumed:
         said(f"  {text}")

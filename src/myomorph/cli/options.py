@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any, get_origin
 
@@ -14,6 +15,7 @@ from myomorph.store.settings import settings_of
 from myomorph.study.inputs.by_type import ByType
 from myomorph.study.inputs.keys import Key, flag_of
 from myomorph.study.inputs.table import input_of, settings_of_keys
+from myomorph.study.step.step import StepHead
 
 ModelFile = Annotated[Path, Parameter(name="--model", help="OpenSim (.osim) or MuJoCo (.xml) model.")]
 MotionFile = Annotated[Path, Parameter(name="--motion", help="Coordinates over time (.mot or .sto).")]
@@ -96,8 +98,12 @@ def _no_flag(key: Key) -> Any:
     return "" if key.flag is str else () if get_origin(key.flag) is tuple else None
 
 
-def inputs_of_flags(flags: Any) -> ByType:
+def inputs_of_flags(flags: Any, near: bool = False) -> ByType:
     """Settings of inputs from a value of `inputs_class`, None where no flag is there.
+
+    Parameters
+    ----------
+    near : files are looked for near the recordings too, so that what is said of them may stand without them
 
     Raises
     ------
@@ -112,7 +118,7 @@ def inputs_of_flags(flags: Any) -> ByType:
         written = {key.name: getattr(flags, key.name) for key in keys}
         said = [key.name for key in keys if written[key.name] != _no_flag(key)]
         main = next((key for key in keys if key.name == declared.main), None)
-        if said and main is not None and main.name not in said:
+        if said and main is not None and main.name not in said and not near:
             word = f" {written[said[0]]}" if isinstance(written[said[0]], str) else ""
             alone, needed = flag_of(said[0]) + word, flag_of(main.name)
             raise BadData(f"{alone} without {needed}: give {needed} too, or leave both out")
@@ -123,6 +129,17 @@ def inputs_of_flags(flags: Any) -> ByType:
 def settings_dict(options: Any) -> dict[str, Any]:
     """The options as a mapping; empty where there are none."""
     return {} if options is None else dataclasses.asdict(options)
+
+
+def settings_by_step(options: Any, steps: Iterable[StepHead]) -> dict[str, dict[str, Any]]:
+    """Options that are not the usual ones, by the first step that has them."""
+    changed = settings_dict(options)
+    settings: dict[str, dict[str, Any]] = {}
+    for step in steps:
+        for setting in step.settings:
+            if setting.name in changed and changed.pop(setting.name) != setting.default:
+                settings.setdefault(step.name, {})[setting.name] = getattr(options, setting.name)
+    return settings
 
 
 def use_threads(threads: int | None) -> None:

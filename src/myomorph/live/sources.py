@@ -18,7 +18,8 @@ from myomorph.model.model import GROUND, Model
 from myomorph.model.series import Markers, Motion, Series, Wrenches
 from myomorph.motion.sync import cut
 from myomorph.study.inputs import reading
-from myomorph.study.inputs.external_forces import TABLES, force_table, read_loads
+from myomorph.study.inputs.external_forces import force_table, read_loads
+from myomorph.study.inputs.loads import TABLES
 
 CHUNK = 0.05
 """Time that a recording played as fast as it goes gives at once [s]."""

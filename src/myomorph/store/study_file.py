@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from copy import deepcopy
 from pathlib import Path
 from typing import Any, get_args
@@ -176,7 +176,9 @@ def _sentence(error: Any, file: type[BaseModel]) -> str:
     where = [part for part in error["loc"] if isinstance(part, int) or not _is_kind(part)]
     name = ".".join(f"{part + 1}" if isinstance(part, int) else str(part) for part in where)
     if error["type"] == "extra_forbidden":
-        return f"unknown key '{name}': there are {listing(str(where[-1]), _keys(file, where[:-1]))}"
+        elsewhere = dict.fromkeys(_tables_with(str(where[-1]), file))
+        belongs = f"it belongs to {' or '.join(elsewhere)}; here " if elsewhere else ""
+        return f"unknown key '{name}': {belongs}there are {listing(str(where[-1]), _keys(file, where[:-1]))}"
     if error["type"] == "missing":
         return f"'{name}' is missing"
     return f"'{name}' = {_shown(error['input'])}: {error['msg'][:1].lower()}{error['msg'][1:]}"
@@ -205,6 +207,18 @@ def _keys(file: type[BaseModel], where: Sequence[Any]) -> tuple[str, ...]:
         inner = None if field is None else _table(field.annotation)
         table = inner or table
     return tuple(field.alias or name for name, field in table.model_fields.items())
+
+
+def _tables_with(key: str, table: type[BaseModel], place: str = "") -> Iterator[str]:
+    """Tables of a file that have a key, as their headings; options stand first where they are those of the file."""
+    for name, field in table.model_fields.items():
+        inner = _table(field.annotation)
+        if inner is not None:
+            heading = f"{place}.{field.alias or name}".removeprefix(".")
+            if key in inner.model_fields:
+                yield f"[{heading}]"
+            if not (place and name == "options"):
+                yield from _tables_with(key, inner, heading)
 
 
 def _table(kind: Any) -> type[BaseModel] | None:

@@ -71,7 +71,8 @@ def test_what_is_no_recording_is_refused(tmp_path) -> None:
 def test_a_recording_without_markers_says_what_to_give(tmp_path) -> None:
     body = standing()
     write_trc(replace(body, values=np.full_like(body.values, np.nan)), tmp_path / "empty.trc")
-    from myomorph.study.analyze.analyze import AnalyzeRequest, prepare_study
+    from myomorph.study.analyze.analyze import prepare_request
+    from myomorph.study.analyze.recorded_trial import AnalyzeRequest
 
     with pytest.raises(BadData, match="give the recording of the markers"):
-        prepare_study(AnalyzeRequest((tmp_path / "empty.trc",), 70.0), tmp_path / "out")
+        prepare_request(AnalyzeRequest((tmp_path / "empty.trc",), 70.0), tmp_path / "out")

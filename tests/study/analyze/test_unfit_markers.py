@@ -13,10 +13,12 @@ from myomorph.io.trc import write_trc
 from myomorph.model.errors import BadData, BadFile
 from myomorph.model.series import Markers
 from myomorph.motion.protocols import recognize
-from myomorph.store.settings import ForceOptions
-from myomorph.study.analyze.analyze import AnalyzeRequest, prepare_study
+from myomorph.study.analyze.analyze import prepare_request
+from myomorph.study.analyze.recorded_trial import AnalyzeRequest
 from myomorph.study.analyze.unfit_markers import is_arm
+from myomorph.study.inputs.by_type import ByType
 from myomorph.study.inputs.loads import LoadsFile
+from myomorph.study.inputs.time_span import TimeSpan
 from myomorph.study.plan.plan import read_plan
 
 KINDS = {
@@ -33,7 +35,7 @@ def refusal(labels: tuple[str, ...], folder) -> str:
     places = np.random.default_rng(0).random((20, len(labels), 3))
     write_trc(Markers(np.arange(20) / 100.0, labels, places), folder / "x.trc")
     with pytest.raises(BadData) as error:
-        prepare_study(AnalyzeRequest((folder / "x.trc",), 70.0), folder / "out")
+        prepare_request(AnalyzeRequest((folder / "x.trc",), 70.0), folder / "out")
     assert not (folder / "out").exists()
     return str(error.value)
 
@@ -64,15 +66,19 @@ def test_a_part_in_which_nobody_is_seen_is_refused_with_where_somebody_is(tmp_pa
     values[:10] = np.nan
     write_trc(Markers(body.time, body.names, values), tmp_path / "x.trc")
     with pytest.raises(BadData, match=r"fewer than 6 markers.*seen together from 0\.10 to 0\.19 s"):
-        prepare_study(AnalyzeRequest((tmp_path / "x.trc",), 70.0, time=(0.0, 0.05)), tmp_path / "out")
-    prepared = prepare_study(AnalyzeRequest((tmp_path / "x.trc",), 70.0, time=(0.1, 0.15)), tmp_path / "out")
-    assert tomllib.loads(prepared.study.read_text())["subject"][0]["trials"][0]["time"] == [0.1, 0.15]
+        prepare_request(
+            AnalyzeRequest((tmp_path / "x.trc",), 70.0, inputs=ByType(TimeSpan((0.0, 0.05)))), tmp_path / "out"
+        )
+    prepared = prepare_request(
+        AnalyzeRequest((tmp_path / "x.trc",), 70.0, inputs=ByType(TimeSpan((0.1, 0.15)))), tmp_path / "out"
+    )
+    assert tomllib.loads(prepared.study.read_text())["subject"][0]["time"] == [0.1, 0.15]
 
 
 def test_a_model_of_the_arm_takes_a_recording_of_the_arm(data, tmp_path) -> None:
     model = data("shoulder-bonepin/subject1_abdbonepin.osim")
     request = AnalyzeRequest((data("shoulder-bonepin/abdbonepin.trc"),), 70.0, model=model)
-    prepared = prepare_study(request, tmp_path)
+    prepared = prepare_request(request, tmp_path)
     assert any("11 labels are markers of subject1_abdbonepin.osim" in text for text in prepared.assumed)
     assert any("no muscles" in text for text in prepared.assumed)
     assert not any("not used" in text for text in prepared.assumed)
@@ -86,12 +92,13 @@ def test_forces_of_a_named_table_and_its_layout_go_into_the_study(tmp_path) -> N
     write_trc(body, tmp_path / "x.trc")
     rows = np.column_stack([np.zeros(20), *[np.full(20, value) for value in (0.0, 700.0, 0.0, 0.1, 0.0, 0.1)]])
     np.savetxt(tmp_path / "plates.txt", rows)
-    layout = ForceOptions(force_columns="-,Fx1,Fy1,Fz1,COPx1,COPy1,COPz1", force_rate=100.0)
-    request = AnalyzeRequest((tmp_path / "x.trc",), 70.0, loads=tmp_path / "plates.txt", forces=layout)
-    prepared = prepare_study(request, tmp_path / "out")
+    layout = {"force_columns": "-,Fx1,Fy1,Fz1,COPx1,COPy1,COPz1", "force_rate": 100.0}
+    loads = ByType(LoadsFile(tmp_path / "plates.txt"))
+    request = AnalyzeRequest((tmp_path / "x.trc",), 70.0, inputs=loads, options={"id": layout})
+    prepared = prepare_request(request, tmp_path / "out")
     assert any("rows at 100 Hz" in text for text in prepared.assumed)
     plan = read_plan(prepared.study)
     assert plan.trials[0].get(LoadsFile).loads.name == "plates.txt"
-    assert plan.settings["id"] == {"force_columns": layout.force_columns, "force_rate": 100.0}
+    assert plan.settings["id"] == layout
     with pytest.raises(BadFile, match="--force-columns"):
-        prepare_study(replace(request, forces=ForceOptions()), tmp_path / "other")
+        prepare_request(replace(request, options={}), tmp_path / "other")

@@ -10,6 +10,7 @@ import pytest
 
 from myomorph.cli import muscles, personalize
 from myomorph.store.settings import settings_of
+from myomorph.study.inputs.table import all_keys
 from myomorph.study.plan.subject_tables import SubjectTable, input_keys, step_settings, trial_table
 from myomorph.study.trial.steps.tension import STEP as TENSION
 
@@ -41,8 +42,8 @@ def test_every_file_of_a_command_is_a_key_of_a_subject_or_a_trial(name):
 )
 def test_every_option_of_a_command_is_a_setting_of_its_step(step, options):
     own = {one.name for one in dataclasses.fields(typing.get_args(options)[0])}
-    known = {setting.name for setting in step_settings()[step]}
-    assert own == known
+    keys = {name for name, (_, key) in all_keys().items() if key.kind.option_of == step}
+    assert own | keys == {setting.name for setting in step_settings()[step]}
 
 
 def test_options_of_personalize_are_settings_of_its_step_or_of_those_before():

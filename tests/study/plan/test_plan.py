@@ -6,6 +6,8 @@ import pytest
 
 from myomorph.model.errors import BadFile
 from myomorph.study.inputs.beside import plain_stem
+from myomorph.study.inputs.contact_points import ContactPointsFile
+from myomorph.study.inputs.contacts import ContactsFile
 from myomorph.study.inputs.emg import EmgFiles
 from myomorph.study.inputs.loads import LoadsFile, loads_by_name
 from myomorph.study.inputs.mass import BodyMass
@@ -159,6 +161,10 @@ def test_plain_stem():
     assert {name: plain_stem(Path(name)) for name in names} == names
 
 
+INPUT_KEYS = {"contact_points", "measured"}
+"""Keys of inputs that stand among the options of a step."""
+
+
 def test_options_are_those_of_the_steps():
     """Written once: every setting of a step's dataclass is a key, with its default and a line of help."""
     from dataclasses import fields
@@ -171,7 +177,7 @@ def test_options_are_those_of_the_steps():
     own = {one.name for options in (TensionOptions, ContactOptions, RecruitmentOptions) for one in fields(options)}
     emg = {name for name in settings if name.startswith("emg_")}
     assert emg >= {"emg_mode", "emg_weight", "emg_slack", "emg_display_only"}
-    assert set(settings) - emg == own | {"cutoff", *FORCES, "reactions", "intervals"}
+    assert set(settings) - emg == own | {"cutoff", *FORCES, "reactions", "intervals", *INPUT_KEYS}
     assert settings["passive"].default is TensionOptions().passive
     assert all(one.help for each in step_settings().values() for one in each)
 
@@ -191,3 +197,21 @@ def test_steps_on_a_subject_come_before_those_that_use_its_model(folder):
     assert "'calibrate' comes after 'ik'" in told
     with_skin = text.replace("height", 'skin = "skin.obj"\nheight')
     assert "skin file 'skin.obj' does not exist" in problems_of(folder, with_skin)
+
+
+def test_keys_where_they_stood_are_read_and_it_is_said_where_they_belong(folder):
+    plan = plan_of(folder, SMALLEST + '[options.tension]\nmeasured = "shared"\ncontact_points = "auto"\n')
+    assert plan.trials[0].get(ContactsFile).measured == "shared"
+    assert plan.trials[0].get(ContactPointsFile).contact_points == "auto"
+    assert plan.settings == {}
+    assert not any("belongs to" in remark for remark in plan.remarks)
+    old = plan_of(folder, SMALLEST.replace("mass = 72.6", 'mass = 72.6\nmeasured = "shared"\ncontact_points = "auto"'))
+    assert old.trials[0].inputs == plan.trials[0].inputs
+    for key in ("measured", "contact_points"):
+        assert f"subject 's01': '{key}' belongs to [options.tension]; it is still read here" in old.remarks
+
+
+def test_a_choice_of_drawing_that_is_gone_is_said(folder):
+    plan = plan_of(folder, SMALLEST + '[uncertainty]\ndraws = 20\nmethod = "linear"\n')
+    assert plan.settings["uncertainty"] == {"draws": 20}
+    assert sum("'method' is not used" in remark for remark in plan.remarks) == 1

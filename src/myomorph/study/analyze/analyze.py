@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
@@ -13,14 +12,12 @@ from myomorph.io.osim.write import write_osim
 from myomorph.model.errors import BadData, BadFile, listing
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
-from myomorph.model.segments import feet_of
 from myomorph.model.series import Markers
-from myomorph.motion.protocols import ProtocolTable, labels_between
+from myomorph.motion.protocols import labels_between
 from myomorph.motion.sync import cut
 from myomorph.muscles.published_arms import arm_warnings
-from myomorph.store.settings import ForceOptions
 from myomorph.study.analyze.generic_model import generic_model
-from myomorph.study.analyze.plate_cover import LASTS, uncovered_share
+from myomorph.study.analyze.recorded_trial import AnalyzeRequest, in_a_row, laboratory_of, recorded_trial
 from myomorph.study.analyze.recordings import (
     Recording,
     bare,
@@ -30,14 +27,25 @@ from myomorph.study.analyze.recordings import (
     standing_height,
     static_beside,
 )
-from myomorph.study.analyze.study_text import STEPS, StudyEntries, TrialEntry, is_unchanged, study_text
 from myomorph.study.analyze.unfit_markers import unfit_markers
-from myomorph.study.inputs.emg_names import muscles_of_channels
-from myomorph.study.inputs.external_forces import TABLES, force_table
+from myomorph.study.analyze.weighing import weighed
+from myomorph.study.inputs.assumed import Assumed
+from myomorph.study.inputs.by_type import ByType
+from myomorph.study.inputs.keys import flag_of
+from myomorph.study.inputs.labels import Labels
 from myomorph.study.inputs.laboratory import AS_RECORDED
+from myomorph.study.inputs.loads import LoadsFile
+from myomorph.study.inputs.mass import BodyMass
 from myomorph.study.inputs.reading import cut_to, open_model
+from myomorph.study.inputs.table import all_keys, settings_of_keys
+from myomorph.study.plan.plan import Plan
+from myomorph.study.plan.written_plan import is_unchanged, study_text
+from myomorph.study.subject.subject_files import SubjectFiles
+from myomorph.study.trial.trial_files import TrialFiles
+from myomorph.study.trial.uncertainty_file import STEP as UNCERTAINTY
 
-STUDY, GENERIC = "study.toml", "generic.osim"
+STUDY, GENERIC, SUBJECT = "study.toml", "generic.osim", "subject"
+STEPS = ("calibrate", "ik", "id", "muscles", "tension", "report")
 MIN_FRAMES = 6
 """Frames in a row that derivatives need."""
 MIN_MARKERS = 6
@@ -45,56 +53,17 @@ MIN_MARKERS = 6
 NEEDED = ("pelvis", "thigh", "shank")
 OF_MUSCLES = ("muscles", "tension")
 """Steps that a model without muscles does not take."""
-EMG_SAMPLES, EMG_RATE = 300, 100.0
-"""Less than so many samples, or a lower rate [Hz], does not show raw EMG."""
-DEAD = 0.05
-"""An EMG channel whose spread is below this share of the median of all has no electrode on a muscle."""
 HEIGHT_TOLERANCE = 0.1
 """A height that the markers show lies within this share of the true one."""
 
 
 @dataclass(frozen=True)
-class AnalyzeRequest:
-    """What a user asks for.
-
-    Attributes
-    ----------
-    mass, height : of the subject [kg], [m]
-    static : recording of standing still
-    model : None for the generic one
-    table : protocols, None for those of the package
-    emg_muscles : EMG channel to muscles
-    emg_side : side of channels whose names contain none
-    emg_mvc : recordings of maximum voluntary contractions
-    command : as typed, for the study file
-    draws : with errors in all inputs, None for none
-    time : the part of every recording that is used [s], None for all
-    loads : file of forces of the one recording, None for its plates or what lies beside it
-    forces : how a table of forces is laid out, and its clock
-    """
-
-    recordings: tuple[Path, ...]
-    mass: float
-    height: float | None = None
-    static: Path | None = None
-    model: Path | None = None
-    table: ProtocolTable | None = None
-    emg_muscles: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: FrozenMap({}))
-    emg_side: Literal["right", "left", ""] = ""
-    emg_mvc: tuple[Path, ...] = ()
-    command: str = "myomorph analyze"
-    draws: int | None = None
-    time: tuple[float, float] | None = None
-    loads: Path | None = None
-    forces: ForceOptions = field(default_factory=ForceOptions)
-
-
-@dataclass(frozen=True)
-class Prepared:
+class PreparedStudy:
     """A study file that was written, and what it assumes.
 
     Attributes
     ----------
+    study : the file, for `read_plan`
     assumed : sentences, those on all recordings first
     """
 
@@ -102,7 +71,54 @@ class Prepared:
     assumed: tuple[str, ...]
 
 
-def prepare_study(request: AnalyzeRequest, out: Path) -> Prepared:
+def prepare_study(
+    recordings: Sequence[str | Path],
+    out: str | Path,
+    mass: float | None = None,
+    height: float | None = None,
+    static: str | Path | None = None,
+    model: str | Path | None = None,
+    keys: Mapping[str, object] = FrozenMap({}),
+    options: Mapping[str, Mapping[str, object]] = FrozenMap({}),
+) -> PreparedStudy:
+    """Look at raw recordings and write a study file that `run_study` takes from them to a report, as `analyze`.
+
+    Parameters
+    ----------
+    recordings : files (.c3d, .trc) or folders of them
+    out : folder for `study.toml`, the generic model where no other is given, and the results
+    mass, height : of the subject [kg], [m]; without a mass, plates weigh the subject where they can
+    static : recording of standing still; by default found among or beside the recordings
+    model : OpenSim or MuJoCo file with markers; by default myo-sim's legs and trunk
+    keys : of the inputs of trials, as a study file has them; they go before what is found
+    options : of the steps, by step and setting
+
+    Raises
+    ------
+    MyomorphError
+        with one line that says what is missing, and the option that supplies it
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> mm.prepare_study(["reach.trc"], "out", mass=70.0)
+    Traceback (most recent call last):
+    ...
+    myomorph.model.errors.BadData: reach.trc: 0 of its 6 labels are known (shoulder, shoulder_front, upper_side, ...)
+    """
+    request = AnalyzeRequest(
+        tuple(map(Path, recordings)),
+        mass,
+        height,
+        None if static is None else Path(static),
+        None if model is None else Path(model),
+        inputs=settings_of_keys(keys),
+        options=FrozenMap(options),
+    )
+    return prepare_request(request, Path(out))
+
+
+def prepare_request(request: AnalyzeRequest, out: Path) -> PreparedStudy:
     """Look at the recordings and write `study.toml`, and the generic model where none is given, into a folder.
 
     Raises
@@ -111,64 +127,89 @@ def prepare_study(request: AnalyzeRequest, out: Path) -> Prepared:
         with one line that says what is missing, and the option that supplies it
     """
     _refuse_changed(out / STUDY)
-    paths, assumed = files_of(request.recordings)
+    paths, passed_over = files_of(request.recordings)
     looked = [look_at(path, table=request.table) for path in paths]
-    static, moving, text = _static(looked, request)
-    if text:
-        assumed.append(text)
-    if request.loads is not None:
-        moving = [_with_loads(moving, request.loads)]
-    for one in moving:
+    static, moving, of_static = _static(looked, request)
+    _check_inputs(request.inputs, moving)
+    loads = request.inputs.or_default(LoadsFile).loads
+    if loads is not None:
+        moving = [replace(moving[0], near=FrozenMap({**moving[0].near, "loads": loads}))]
+    for recording in moving:
         if request.model is None:
-            _check_markers(one)
-        assert one.trial.markers is not None
-        body = one.found.sites if request.model is None else one.trial.markers.names
-        _check_time(one.path, one.trial.markers, tuple(body), request.time)
+            _check_markers(recording)
+        assert recording.trial.markers is not None
+        body = recording.found.sites if request.model is None else recording.trial.markers.names
+        _check_time(recording.path, recording.trial.markers, tuple(body), request.time)
+    of_mass: list[str] = []
+    if request.mass is None:
+        mass, text = weighed(static, moving, request.forces)
+        request, of_mass = replace(request, mass=mass), [text]
     everyone = [*moving, *([static] if static is not None else [])]
     out.mkdir(parents=True, exist_ok=True)
     height, of_height = _height(static or moving[0], request.height)
     model, path, labels, of_model = _model(everyone, request, height, out)
     named = () if request.model is None else model.marker_names
-    assumed = [*of_height, *assumed, *_protocols(moving, (*named, *labels)), *of_model]
+    protocols = _protocols(moving, (*named, *labels))
+    assumed = [*of_mass, *of_height, *passed_over, of_static, *protocols, *of_model]
     if not model.muscles:
         assumed.append(f"{path.name} has no muscles: the report ends with joint angles and torques.")
-    trials = tuple(_trial(one, model, request, name) for one, name in zip(moving, _names(moving), strict=True))
-    study = StudyEntries(
-        out.resolve().name,
-        request.command,
+    entries = [
+        recorded_trial(recording, TrialFiles(path, name, SUBJECT, request.inputs), model, request)
+        for recording, name in zip(moving, _names(moving), strict=True)
+    ]
+    common = (Labels(FrozenMap(labels)), BodyMass(request.mass))
+    trials = tuple(trial.having(*common, Assumed((*assumed, *texts))) for trial, texts in entries)
+    subject = SubjectFiles(
+        SUBJECT,
         path,
         request.mass,
-        trials,
         None if static is None else static.path,
-        AS_RECORDED if static is None or not _is_y_up(model) else static.laboratory,
-        labels,
-        request.emg_muscles,
-        request.emg_side,
-        request.emg_mvc,
-        forces=request.forces,
-        steps=STEPS if model.muscles else tuple(one for one in STEPS if one not in OF_MUSCLES),
-        draws=request.draws,
-        assumed=tuple(assumed),
+        trials=trials,
+        labels=FrozenMap(labels),
+        static_laboratory=AS_RECORDED if static is None else laboratory_of(static, model, request),
     )
+    steps = [step for step in STEPS if model.muscles or step not in OF_MUSCLES]
+    if UNCERTAINTY in request.options:
+        steps.append(UNCERTAINTY)
     target = out / STUDY
-    target.write_text(study_text(study, out), encoding="utf-8")
-    own = [f"{trial.name}: {text}" for trial in trials for text in trial.assumed]
-    return Prepared(target, (*assumed, *own))
+    plan = Plan(
+        out.resolve().name,
+        target,
+        trials,
+        (tuple(steps),) * len(trials),
+        request.options,
+        subjects=FrozenMap({SUBJECT: subject}),
+        flat=True,
+    )
+    head = (
+        f"Written by: {' '.join(request.command.split())}",
+        "Change it as you like; these words run it again:",
+        f"myomorph run {_shell(target)} --out {_shell(out)}",
+    )
+    target.write_text(study_text(plan, out, head), encoding="utf-8")
+    own = [f"{trial.name}: {text}" for trial, texts in entries for text in texts]
+    return PreparedStudy(target, (*assumed, *own))
 
 
-def _with_loads(moving: Sequence[Recording], loads: Path) -> Recording:
-    """The one recording with a file of forces that is named.
+def _check_inputs(inputs: ByType, moving: Sequence[Recording]) -> None:
+    """Refuse files that do not exist, and inputs that belong to one recording where there are several."""
+    for name, (declared, key) in all_keys().items():
+        value = getattr(inputs.or_default(declared.settings), name)
+        if value == key.default:
+            continue
+        for path in key.kind.files(value):
+            if not path.exists():
+                raise BadFile(path, "does not exist", f"give a file that does ({flag_of(name)})")
+        if key.kind.per == "trial" and len(moving) != 1:
+            raise BadData(
+                f"{flag_of(name)} {value}: it belongs to one recording, and there are {len(moving)}; analyze one at a "
+                f"time, or write '{name}' to each trial of the study file (--prepare)"
+            )
 
-    Raises
-    ------
-    BadData, BadFile
-        where there are several recordings, or no such file
-    """
-    if len(moving) != 1:
-        raise BadData(f"--loads {loads}: {len(moving)} recordings; name the forces of one recording at a time")
-    if not loads.is_file():
-        raise BadFile(loads, "does not exist", "give the forces of the recording (--loads FILE)")
-    return replace(moving[0], loads=loads)
+
+def _shell(path: Path) -> str:
+    text = str(path)
+    return f'"{text}"' if " " in text else text
 
 
 def _refuse_changed(path: Path) -> None:
@@ -242,11 +283,11 @@ def _protocols(moving: Sequence[Recording], of_model: Sequence[str] = ()) -> lis
         own = [one for one in moving if (one.found.protocol.title if one.found.protocol else "") == title]
         known = own[0].found
         what = f"marker protocol {title}" if title else "no known marker protocol, but labels in common use"
-        text = f"{_list([one.path.name for one in own])}: {what}; {len(known.sites)} labels lie on known landmarks"
+        text = f"{in_a_row([one.path.name for one in own])}: {what}; {len(known.sites)} labels lie on known landmarks"
         if title and known.common:
-            text += f", {len(known.common)} of them by common names ({_list(known.common)})"
+            text += f", {len(known.common)} of them by common names ({in_a_row(known.common)})"
         unknown = [label for label in known.unknown if label not in of_model and bare(label) not in of_model]
-        texts.append(text + (f"; not used: {_list(unknown)}." if unknown else "."))
+        texts.append(text + (f"; not used: {in_a_row(unknown)}." if unknown else "."))
     return texts
 
 
@@ -256,6 +297,7 @@ def _model(
     """The model, its file, what it calls markers that recordings call otherwise, and sentences on it."""
     if request.model is None:
         recorded = list(dict.fromkeys(label for one in everyone for label in one.found.sites))
+        assert request.mass is not None
         model, without = generic_model(sites_of(everyone), height, request.mass)
         path = out / GENERIC
         write_osim(model, path)
@@ -266,7 +308,7 @@ def _model(
             "The arms' mass is part of the trunk's."
         )
         if without:
-            text += f" Without a place on it: {_list(without)}."
+            text += f" Without a place on it: {in_a_row(without)}."
         return model, path, {label: bare(label) for label in recorded if bare(label) != label}, [text]
     model = open_model(request.model)
     names = model.marker_names
@@ -285,14 +327,10 @@ def _model(
         )
     texts = [f"{len(known)} labels are markers of {request.model.name}."]
     if labels:
-        shown = _list([f"{old} as {new}" for old, new in labels.items()])
+        shown = in_a_row([f"{old} as {new}" for old, new in labels.items()])
         texts.append(f"{len(labels)} labels lie on the landmark of a marker of another name: {shown}.")
     texts += [f"{request.model.name}: {line}." for line in arm_warnings(model)]
     return model, request.model, labels, texts
-
-
-def _is_y_up(model: Model) -> bool:
-    return bool(model.gravity[1] < 0.0)
 
 
 def _height(recording: Recording, height: float | None) -> tuple[float | None, list[str]]:
@@ -313,77 +351,6 @@ def _height(recording: Recording, height: float | None) -> tuple[float | None, l
     return None, [f"WARNING: {shown} {height:g} m, which is not used: is the unit right, and are they of this person?"]
 
 
-def _trial(recording: Recording, model: Model, request: AnalyzeRequest, name: str) -> TrialEntry:
-    """What the study file says of a recording."""
-    texts = []
-    laboratory = recording.laboratory if _is_y_up(model) else AS_RECORDED
-    if laboratory.up:
-        texts.append(
-            f"{laboratory.up} points up in the laboratory, for {recording.why_up}: turned to the model's y axis."
-        )
-    if laboratory.turn:
-        texts.append(f"Turned by {laboratory.turn:g}° about the vertical, for {recording.why_turn}.")
-    emg, dead, said = _emg(recording, model, request)
-    texts += said
-    plates = recording.trial.plates
-    contacts, loads = "", recording.loads
-    if recording.loads is not None:
-        texts.append(f"External forces from {recording.loads.name}.")
-        if recording.loads.suffix.lower() in TABLES:
-            notes = force_table(recording.loads, None, request.forces).notes
-            texts += [f"{recording.loads.name}: {text}." for text in notes]
-    elif plates and feet_of(model):
-        texts.append(f"External forces of {len(plates)} plate{'s' if len(plates) > 1 else ''} of the recording.")
-        # Named, so that a file of forces beside the recording is not taken for them.
-        loads = recording.path
-    elif feet_of(model):
-        contacts = "auto"
-        texts.append("No force was measured: forces under the feet are estimated from the motion.")
-    if loads is not None and feet_of(model):
-        weight = request.mass * float(np.linalg.norm(model.gravity))
-        bare_share = uncovered_share(recording, weight, request.forces)
-        if bare_share > LASTS:
-            contacts = "auto"
-            texts.append(
-                f"In {100.0 * bare_share:.0f} % of the frames a foot is on the ground and plates carry less than "
-                "half the weight (a foot beside them, a seat): muscle tensions estimate forces under feet that nobody "
-                "measured; torques of inverse dynamics are wrong there."
-            )
-    return TrialEntry(name, recording.path, laboratory, loads, emg, contacts, dead, request.time, tuple(texts))
-
-
-def _emg(recording: Recording, model: Model, request: AnalyzeRequest) -> tuple[Path | None, tuple[str, ...], list[str]]:
-    """The file of EMG of a recording, its channels without a signal, and sentences on them."""
-    if recording.emg is not None:
-        return recording.emg, (), [f"EMG from {recording.emg.name}."]
-    analog = recording.trial.analog
-    if analog is None:
-        return None, (), []
-    given = request.emg_muscles
-    used = muscles_of_channels(analog.names, model, request.emg_side) | {
-        name: muscles for name, muscles in given.items() if name in analog.names
-    }
-    spread = {name: float(np.nanstd(analog[name])) for name in used}
-    alive = [name for name in used if spread[name] > DEAD * float(np.median([*spread.values()]))]
-    sideless = [] if request.emg_side else list(muscles_of_channels(analog.names, model, "right"))
-    lost = [name for name in sideless if name not in used]
-    texts = []
-    if alive and (len(analog) < EMG_SAMPLES or analog.rate < EMG_RATE):
-        return (
-            None,
-            (),
-            [f"EMG of {len(analog)} samples at {analog.rate:.0f} Hz is too little for envelopes: not used."],
-        )
-    if alive:
-        texts.append(f"EMG of {len(alive)} analog channels: {_list(alive)}.")
-    dead = tuple(name for name in used if name not in alive)
-    if dead:
-        texts.append(f"Analog channels without a signal, which take no part: {_list(dead)}.")
-    if lost:
-        texts.append(f"EMG without a side in its name is not used: {_list(lost)} (--emg-side left or right).")
-    return (recording.path, dead, texts) if alive else (None, (), texts)
-
-
 def _names(recordings: Sequence[Recording]) -> list[str]:
     """Names of trials: those of the files, and of their folders where these say nothing or are alike."""
     names = [one.name for one in recordings]
@@ -393,9 +360,3 @@ def _names(recordings: Sequence[Recording]) -> list[str]:
         parent = recording.path.resolve().parent.name
         result.append(parent if plain and parent else f"{parent}_{name}" if names.count(name) > 1 else name)
     return result
-
-
-def _list(names: Sequence[str], count: int = 8) -> str:
-    """Names in a row, the first ones."""
-    more = f" and {len(names) - count} more" if len(names) > count else ""
-    return ", ".join(names[:count]) + more

@@ -19,6 +19,9 @@ STANDS, NEAR = 0.03, 0.35
 """A foot stands whose marker is so near its lowest height [m], and is slower than this [m/s]."""
 CARRIES = 0.5
 """Feet that stand on plates carry together at least this share of the weight."""
+SIDES = ("right", "left")
+BETWEEN = 0.2
+"""Share of the way between the feet at whose ends a center of pressure is one foot's."""
 LASTS = 0.05
 """Share of a recording in which feet stand without a force, from which on it counts."""
 
@@ -35,16 +38,16 @@ def uncovered_share(recording: Recording, weight: float, options: ForceOptions |
     -------
     nan where there are no forces, or no marker of a foot
     """
-    found = _vertical(recording, options or ForceOptions())
+    found = total_force(recording, options or ForceOptions())
     markers = recording.trial.markers
     if found is None or markers is None or len(markers) < 3:
         return float("nan")
-    time, force = found
+    time, force, _ = found
     shift = options.force_shift if options is not None and options.force_shift else clock_shift(markers.time, time)
     time = time + (shift or 0.0)
     stands = np.zeros(len(markers), bool)
     seen = False
-    for side in ("right", "left"):
+    for side in SIDES:
         for keys in (("foot.heel",), FOREFOOT):
             place = mean_place(recording, *keys, side=side)
             if place is None:
@@ -57,6 +60,19 @@ def uncovered_share(recording: Recording, weight: float, options: ForceOptions |
     return float(np.mean(stands & (carried < CARRIES * weight)))
 
 
+def is_between_feet(recording: Recording, center: Array) -> bool:
+    """Whether a center of pressure (samples, 3) lies between the feet of somebody who stands on both."""
+    feet = [mean_place(recording, "foot.heel", "shank.lateral_malleolus", *FOREFOOT, side=side) for side in SIDES]
+    if feet[0] is None or feet[1] is None:
+        return False
+    right, left = (
+        np.nanmedian(foot @ recording.laboratory.rotation.T, axis=0)[[0, 2]] for foot in feet if foot is not None
+    )
+    along = left - right
+    share = (np.nanmedian(center, axis=0)[[0, 2]] - right) @ along / (along @ along)
+    return bool(BETWEEN < share < 1.0 - BETWEEN)
+
+
 def _stands(place: Array, time: Array) -> np.ndarray:
     height = place[:, 1]
     if np.isfinite(height).sum() < 3:
@@ -66,22 +82,31 @@ def _stands(place: Array, time: Array) -> np.ndarray:
         return (height < np.nanpercentile(height, 5.0) + STANDS) & (speed < NEAR)
 
 
-def _vertical(recording: Recording, options: ForceOptions) -> tuple[Array, Array] | None:
-    """Vertical force of all plates or of the table together, and its clock; None where there are none."""
-    up = recording.laboratory.rotation[1]
-    if recording.trial.plates and recording.loads is None:
-        total: Array = np.sum([plate.forces for plate in recording.trial.plates], axis=0) @ up
-        return recording.trial.plate_time, total
-    if recording.loads is None:
-        return None
-    try:
-        tables = _tables(recording.loads)
-        wrenches = [read_forces(path, layout=layout_of(options)) for path in tables]
-    except (MyomorphError, OSError):
-        return None
-    if not wrenches:
-        return None
-    return wrenches[0].time, np.nan_to_num(wrenches[0].forces).sum(axis=1) @ up
+def total_force(recording: Recording, options: ForceOptions) -> tuple[Array, Array, Array] | None:
+    """Clock, vertical force [N] and center of pressure (samples, 3) of all plates or of the table together.
+
+    None where there are none.
+    """
+    upright, loads = recording.laboratory.rotation, recording.near.get("loads")
+    plates = recording.trial.plates
+    if loads is None:
+        if not plates:
+            return None
+        time = recording.trial.plate_time
+        forces, points = (np.stack([getattr(plate, part) for plate in plates], axis=1) for part in ("forces", "points"))
+    else:
+        try:
+            wrenches = [read_forces(path, layout=layout_of(options)) for path in _tables(loads)]
+        except (MyomorphError, OSError):
+            return None
+        if not wrenches:
+            return None
+        time, forces, points = wrenches[0].time, wrenches[0].forces, wrenches[0].points
+    vertical = np.nan_to_num(forces) @ upright[1]
+    total = vertical.sum(axis=1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        center = (vertical[..., None] * np.nan_to_num(points)).sum(axis=1) / total[:, None]
+    return time, total, center @ upright.T
 
 
 def _tables(loads: Path) -> list[Path]:

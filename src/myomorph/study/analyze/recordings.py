@@ -2,29 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
-from myomorph.io.force_table import holds_forces
 from myomorph.io.formats import trial_format
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, BadFile, MyomorphError
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.series import Trial
 from myomorph.motion.protocols import ProtocolTable, Recognized, Site, recognize
 from myomorph.study.inputs.beside import plain_stem
-from myomorph.study.inputs.emg import emg_by_name
-from myomorph.study.inputs.external_forces import TABLES
 from myomorph.study.inputs.laboratory import Laboratory, Up
-from myomorph.study.inputs.loads import loads_by_name
 from myomorph.study.inputs.reading import read_recording
+from myomorph.study.inputs.table import INPUTS, input_of
 
 STILL = 0.03
 """Markers of somebody who stands still stay within so much, the farthest tenth of the frames left out [m]."""
 STATIC_WORDS = ("static", "stand", "neutral", "calibration", "tpose", "t-pose", "t_pose", "anatomical")
-FORCE_FOLDERS = ("grf", "grfs", "forces", "force", "forcedata", "loads", "forceplates")
 SHARED, ALIKE = 0.6, 0.08
 """A static trial of the same body has this share of the markers, and distances that differ by less than this."""
 RIGID = (
@@ -48,7 +45,7 @@ class Recording:
     laboratory : how its axes stand to a model's, y up and x forward
     why_up, why_turn : why, in words; "" where nothing was turned
     still : somebody stands still in it
-    loads, emg : files beside it that belong to it
+    near : files beside it that belong to it, by the input that they are of
     """
 
     path: Path
@@ -59,8 +56,7 @@ class Recording:
     why_up: str
     why_turn: str
     still: bool
-    loads: Path | None = None
-    emg: Path | None = None
+    near: Mapping[str, Path] = field(default_factory=lambda: FrozenMap({}))
 
 
 def look_at(path: Path, name: str = "", table: ProtocolTable | None = None) -> Recording:
@@ -82,7 +78,7 @@ def look_at(path: Path, name: str = "", table: ProtocolTable | None = None) -> R
     places = {label: trial.markers[label] for label in found.sites}
     up, why_up = _up(trial, found, places)
     turn, why_turn = _turn(Laboratory(up), found, places)
-    loads = None if trial.plates else loads_beside(path)
+    near = {value.name: value.near(path, trial) for value in map(input_of, INPUTS) if value.near is not None}
     return Recording(
         path,
         name or plain_stem(path),
@@ -92,8 +88,7 @@ def look_at(path: Path, name: str = "", table: ProtocolTable | None = None) -> R
         why_up,
         why_turn,
         _is_still(trial, places),
-        loads,
-        emg_beside(path),
+        FrozenMap({name: file for name, file in near.items() if file is not None}),
     )
 
 
@@ -189,54 +184,6 @@ def _is_still(trial: Trial, places: dict[str, Array]) -> bool:
         if len(seen):
             ways.append(float(np.linalg.norm(np.ptp(np.percentile(seen, (5.0, 95.0), axis=0), axis=0))))
     return bool(ways) and float(np.percentile(ways, 90.0)) < STILL
-
-
-def loads_beside(path: Path) -> Path | None:
-    """The file of forces of a recording: by its name, beside it or in a folder of forces; else the only one.
-
-    External loads files, and tables with columns of forces.
-    """
-    result = loads_by_name(path)
-    if result is not None and _has_forces(result):
-        return result
-    folders = [
-        one
-        for home in (path.parent, path.parent.parent)
-        if home.is_dir()
-        for one in sorted(home.iterdir())
-        if one.is_dir() and one.name.lower().replace("_", "") in FORCE_FOLDERS
-    ]
-    for folder in folders:
-        result = loads_by_name(folder / path.name)
-        if result is not None and _has_forces(result):
-            return result
-    stem = plain_stem(path).lower()
-    tables = [one for one in sorted(path.parent.iterdir()) if one.suffix.lower() in TABLES and one != path]
-    named = [table for table in tables if table.stem.lower().startswith(stem) and _has_forces(table)]
-    if len(named) == 1:
-        return named[0]
-    alone = sum(trial_format(one) is not None for one in path.parent.iterdir() if one.is_file()) == 1
-    forces = [table for table in tables if _has_forces(table)] if alone else []
-    return forces[0] if len(forces) == 1 else None
-
-
-def _has_forces(path: Path) -> bool:
-    return path.suffix.lower() not in TABLES or holds_forces(path)
-
-
-def emg_beside(path: Path) -> Path | None:
-    """The file of EMG that belongs to a recording: by its name, or the only one that is called EMG."""
-    result = emg_by_name(path)
-    if result is not None:
-        return result
-    alone = sum(trial_format(one) is not None for one in path.parent.iterdir() if one.is_file()) == 1
-    named = [
-        one
-        for one in sorted(path.parent.iterdir())
-        if one.suffix.lower() in (".sto", ".mot", ".csv")
-        and any(word in one.stem.lower() for word in ("emg", "electromyo"))
-    ]
-    return named[0] if alone and len(named) == 1 else None
 
 
 def static_beside(recording: Recording, table: ProtocolTable | None = None) -> Recording | None:

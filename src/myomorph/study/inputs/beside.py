@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from myomorph.io.formats import trial_format
+
 MARKERS = ("markers_", "marker_", "_markers", "_marker", "_trc", "_ik", "ik_", "_coordinates", "_motion")
 TABLE_ENDINGS = (".mot", ".sto")
 
@@ -18,6 +20,11 @@ def plain_stem(recording: Path) -> str:
         elif part.startswith("_") and stem.lower().endswith(part):
             stem = stem[: -len(part)]
     return stem or recording.stem
+
+
+def is_alone(recording: Path) -> bool:
+    """Whether there is no other recording in its folder: files beside it then belong to it whatever their names are."""
+    return sum(trial_format(file) is not None for file in recording.parent.iterdir() if file.is_file()) == 1
 
 
 def companion(recording: Path, words: Sequence[str], endings: Sequence[str], alone: bool = False) -> Path | None:

@@ -20,7 +20,7 @@ class ContactPointsFile:
         points (.toml)
     """
 
-    contact_points: Annotated[str, WordOrFile()] = ""
+    contact_points: Annotated[str, WordOrFile(option_of="tension")] = ""
 
 
 INPUT = Input(

@@ -23,7 +23,7 @@ class ContactsFile:
     """
 
     contacts: Annotated[str, WordOrFile()] = ""
-    measured: Annotated[Measured | None, KeyKind()] = None
+    measured: Annotated[Measured | None, KeyKind(option_of="tension")] = None
 
 
 INPUT = Input(

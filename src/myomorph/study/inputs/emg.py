@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from myomorph.model.frozen_map import FrozenMap
-from myomorph.model.series import Emg
+from myomorph.model.series import Emg, Trial
 from myomorph.motion.emg_delay import EmgCalibration
 from myomorph.store import stored as store
 from myomorph.store.results import ResultWriter
 from myomorph.store.settings import Side
-from myomorph.study.inputs.beside import companion
+from myomorph.study.inputs.beside import companion, is_alone
 from myomorph.study.inputs.input import Beside, Input, later
 from myomorph.study.inputs.keys import File, Files, KeyKind, Pairs
 
@@ -87,10 +87,24 @@ def _beside(recording: Path, values: Mapping[str, Any]) -> Beside:
     return Beside(emg_by_name(recording))
 
 
+def _near(recording: Path, trial: Trial) -> Path | None:
+    """By its name, or the only one that is called EMG."""
+    path = emg_by_name(recording)
+    if path is not None or not is_alone(recording):
+        return path
+    named = [
+        file
+        for file in sorted(recording.parent.iterdir())
+        if file.suffix.lower() in ENDINGS and any(word in file.stem.lower() for word in ("emg", "electromyo"))
+    ]
+    return named[0] if len(named) == 1 else None
+
+
 INPUT = Input(
     name="emg",
     settings=EmgFiles,
     open=later("myomorph.study.inputs.emg_files:opened"),
     main="emg",
     beside=_beside,
+    near=_near,
 )

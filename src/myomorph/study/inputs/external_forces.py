@@ -24,14 +24,11 @@ from myomorph.store.settings import ForceOptions
 from myomorph.study.inputs.contacts import ContactsFile
 from myomorph.study.inputs.input import Opened, Opening
 from myomorph.study.inputs.laboratory import AS_RECORDED, Laboratory
-from myomorph.study.inputs.loads import ExternalLoads, LoadsFile
+from myomorph.study.inputs.loads import TABLES, ExternalLoads, LoadsFile
 from myomorph.study.inputs.markers import MarkersFile, Recording
 from myomorph.study.inputs.plate_wrenches import chosen_wrenches, nearest_feet, recorded_wrenches
 from myomorph.study.inputs.reading import PosesBy, about, faces_z, read_recording
 from myomorph.study.inputs.torques import TorquesFile
-
-TABLES = (".mot", ".sto", ".csv", ".txt")
-"""Endings of tables of forces."""
 
 NOBODY = ("", "-", "none")
 """What stands for a plate on which nobody steps."""

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 from myomorph.model.model import Model
 from myomorph.model.provenance import Source
+from myomorph.model.series import Trial
 from myomorph.store.results import ResultWriter
 from myomorph.study.inputs.by_type import ByType, OptionSet
 from myomorph.study.inputs.keys import Key, keys_of
@@ -99,7 +100,7 @@ class Input:
         imported when a trial has such an input
     main : field without which the others mean nothing on a command line, "" where each stands alone
     beside : from a recording and the trial's keys to the file that belongs to it by the rule of names, for `main`
-    near : the same for `analyze`, which looks further
+    near : the same for `analyze`, which looks further; from a recording and what it holds
     holds : inputs that may come with it: opened after it, with their defaults where nothing else is said
     """
 
@@ -108,7 +109,7 @@ class Input:
     open: Open
     main: str = ""
     beside: Callable[[Path, Mapping[str, Any]], Beside] | None = None
-    near: Callable[[Path], Path | None] | None = None
+    near: Callable[[Path, Trial], Path | None] | None = None
     holds: tuple[str, ...] = ()
 
     @property

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping
-from dataclasses import MISSING, dataclass, fields
+from dataclasses import MISSING, dataclass, field, fields
 from functools import cache
 from pathlib import Path
 from typing import Any, ClassVar, Literal, get_args, get_type_hints
@@ -30,11 +30,14 @@ class KeyKind:
     ----------
     per : which table of a study file has the key: that of a subject, for all its trials, that of a trial, or both,
         where the trial's counts
+    option_of : step among whose options a study file has the key; in the tables of subjects and trials, where it stood
+        in version 0.1, it is read too
     flag, table : its type on the command line and in the table, None for that of the field
     adds : what the subject's table and the trial's say are both kept
     """
 
     per: Literal["subject", "trial", "both"] = "both"
+    option_of: str = field(default="", kw_only=True)
     flag: ClassVar[Any] = None
     table: ClassVar[Any] = None
     adds: ClassVar[bool] = False
@@ -327,12 +330,12 @@ def keys_of(settings: type) -> tuple[Key, ...]:
     """Fields of an input's settings that study files and commands take."""
     hints, helps = get_type_hints(settings, include_extras=True), attribute_help(settings)
     found = []
-    for field in fields(settings):
-        kinds = [part for part in get_args(hints[field.name])[1:] if isinstance(part, KeyKind)]
+    for part in fields(settings):
+        kinds = [kind for kind in get_args(hints[part.name])[1:] if isinstance(kind, KeyKind)]
         if kinds:
-            default = field.default if field.default_factory is MISSING else field.default_factory()
-            type_ = get_args(hints[field.name])[0]
-            found.append(Key(field.name, kinds[0], type_, default, helps.get(field.name, "")))
+            default = part.default if part.default_factory is MISSING else part.default_factory()
+            type_ = get_args(hints[part.name])[0]
+            found.append(Key(part.name, kinds[0], type_, default, helps.get(part.name, "")))
     return tuple(found)
 
 

@@ -9,13 +9,17 @@ from typing import Annotated, Any
 
 from myomorph.io.force_table import holds_forces
 from myomorph.model.frozen_map import FrozenMap
-from myomorph.model.series import Motion, Wrenches
-from myomorph.study.inputs.beside import TABLE_ENDINGS, companion
+from myomorph.model.series import Motion, Trial, Wrenches
+from myomorph.study.inputs.beside import TABLE_ENDINGS, companion, is_alone, plain_stem
 from myomorph.study.inputs.input import Beside, Input, later
 from myomorph.study.inputs.keys import File, Names, Pairs
 
 WORDS = ("grf", "GRF", "external_loads", "external_forces", "externalforces", "ExternalLoads", "loads", "forces")
 """In the name of a file of forces that belongs to a recording."""
+TABLES = (".mot", ".sto", ".csv", ".txt")
+"""Endings of tables of forces."""
+FOLDERS = ("grf", "grfs", "forces", "force", "forcedata", "loads", "forceplates")
+"""Names of folders of forces, in small letters without underscores."""
 
 
 @dataclass(frozen=True)
@@ -59,10 +63,36 @@ def _beside(recording: Path, values: Mapping[str, Any]) -> Beside:
     return Beside(None, f"{path.name} is not used: no columns of forces are found in it")
 
 
+def _near(recording: Path, trial: Trial) -> Path | None:
+    """The forces of a recording without plates: by its name, beside it or in a folder of forces; else the only ones."""
+    if trial.plates:
+        return None
+    homes = [home for home in (recording.parent, recording.parent.parent) if home.is_dir()]
+    folders = [folder for home in homes for folder in sorted(home.iterdir()) if folder.is_dir()]
+    folders = [folder for folder in folders if folder.name.lower().replace("_", "") in FOLDERS]
+    for folder in (recording.parent, *folders):
+        path = loads_by_name(folder / recording.name)
+        if path is not None and _has_forces(path):
+            return path
+    files = sorted(recording.parent.iterdir())
+    tables = [file for file in files if file.suffix.lower() in TABLES and file != recording]
+    stem = plain_stem(recording).lower()
+    named = [table for table in tables if table.stem.lower().startswith(stem) and _has_forces(table)]
+    if len(named) == 1:
+        return named[0]
+    forces = [table for table in tables if _has_forces(table)] if is_alone(recording) else []
+    return forces[0] if len(forces) == 1 else None
+
+
+def _has_forces(path: Path) -> bool:
+    return path.suffix.lower() not in TABLES or holds_forces(path)
+
+
 INPUT = Input(
     name="loads",
     settings=LoadsFile,
     open=later("myomorph.study.inputs.external_forces:opened"),
     main="loads",
     beside=_beside,
+    near=_near,
 )

@@ -13,7 +13,7 @@ from myomorph.model.frozen_map import FrozenMap
 from myomorph.store.outcome import Conditions, Excluded, Key
 from myomorph.store.results import file_name
 from myomorph.store.study_file import checked, existing, read_toml, refuse
-from myomorph.study.inputs.place import Notes
+from myomorph.study.inputs.place import Notes, Place
 from myomorph.study.plan.conditions import Exclusions, with_conditions
 from myomorph.study.plan.groups import GroupPlan, group_members, groups_of, measured_groups
 from myomorph.study.plan.measures import Measures, read_measures
@@ -35,7 +35,7 @@ from myomorph.study.plan.subject_tables import (
     study_steps,
     study_tables,
 )
-from myomorph.study.plan.subject_trials import contacts_file, measured, subject_files, subject_trials
+from myomorph.study.plan.subject_trials import contacts_file, located, measured, subject_files, subject_trials
 from myomorph.study.step.step_table import STEPS, usual_steps
 from myomorph.study.subject.subject_files import SubjectFiles
 from myomorph.study.trial.together import Together, together_of
@@ -138,12 +138,13 @@ def read_plan(path: str | Path) -> Plan:
     raw = read_toml(path)
     if "specimen" in raw and "subject" not in raw:
         raise BadFile(path, "describes specimens, not subjects", "run it with 'myomorph viscosity'")
-    found, problems = checked(study_tables(), with_uncertainty(raw, usual_steps()))
+    tables, remarks = with_uncertainty(raw, usual_steps())
+    found, problems = checked(study_tables(), tables)
     absent = [one for one in lacking(raw) if one not in problems]
     problems = [*problems, *absent]
     if found is None or absent:
         refuse(path, problems)
-    notes = Notes(problems)
+    notes = Notes(problems, remarks)
     plan = _plan(found, path, notes)
     refuse(path, list(dict.fromkeys(notes.problems)))
     return plan
@@ -177,6 +178,7 @@ def _plan(file: Any, path: Path, notes: Notes) -> Plan:
     problems, home = notes.problems, path.parent
     settings = given_options(file)
     check_settings(settings, "", problems)
+    common = located(file, "subject", Place(home, "study", notes))
     exclusions = Exclusions(file.exclude, problems)
     named = named_subjects(file.subject, home, problems, notes.remarks)
     names = list(dict.fromkeys(one.name for one in named))
@@ -185,7 +187,7 @@ def _plan(file: Any, path: Path, notes: Notes) -> Plan:
     found = _Subjects()
     for one in named:
         if one.name not in gone:
-            _add(one, found, measures, file.study.measures, settings, exclusions, notes)
+            _add(one, found, measures, file.study.measures, settings, common, exclusions, notes)
     exclusions.unused(names, found.trials, problems)
     if exclusions.found and not found.trials and not problems:
         problems.append(
@@ -253,6 +255,7 @@ def _add(
     measures: Mapping[str, Measures],
     source: str | None,
     settings: Settings,
+    common: Mapping[str, Any],
     exclusions: Exclusions,
     notes: Notes,
 ) -> None:
@@ -268,7 +271,7 @@ def _add(
         check_settings(given, f"subject '{one.name}': ", notes.problems)
     steps = tuple(step for step in study_steps() if step in one.table.steps)
     trials = []
-    for trial, told in subject_trials(one, model, exclusions.trial, notes):
+    for trial, told in subject_trials(one, model, common, exclusions.trial, notes):
         trials.append(trial)
         if given or told:
             subjects.own[one.name, trial.name] = merged(whole, told)

@@ -41,8 +41,15 @@ def filtered_steps() -> tuple[str, ...]:
 
 
 def step_settings() -> dict[str, tuple[Setting, ...]]:
-    """Settings of every step, by its name."""
-    return {step: step_head(step).settings for step in study_steps()}
+    """What a study file says to every step among its options: its settings, and keys of inputs that stand there."""
+    keys = [key for _, key in all_keys().values()]
+    return {
+        step: (
+            *step_head(step).settings,
+            *(Setting(key.name, key.table, key.default, key.help) for key in keys if key.kind.option_of == step),
+        )
+        for step in study_steps()
+    }
 
 
 def check_settings(settings: Mapping[str, Mapping[str, Any]], where: str, problems: list[str]) -> None:
@@ -182,10 +189,15 @@ def _tables(steps: tuple[str, ...], inputs: tuple[str, ...]) -> type[BaseModel]:
 
 
 def given_options(table: Any) -> dict[str, dict[str, Any]]:
-    """What a table says of the steps, by step and setting; only what is written."""
+    """What a table says of the steps, by step and setting; only what is written, without keys of inputs."""
     given = getattr(table, "options", None)
     by_step: Mapping[str, dict[str, Any]] = {} if given is None else given.model_dump(exclude_unset=True)
-    return {step: one for step, one in by_step.items() if one}
+    keys = all_keys()
+    settings = {
+        step: {name: value for name, value in said.items() if name not in keys or keys[name][1].kind.option_of != step}
+        for step, said in by_step.items()
+    }
+    return {step: said for step, said in settings.items() if said}
 
 
 def lacking(raw: Mapping[str, Any]) -> list[str]:

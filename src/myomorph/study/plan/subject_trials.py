@@ -132,12 +132,17 @@ def _check_steps(table: SubjectTable, where: str, problems: list[str]) -> None:
 
 
 def subject_trials(
-    named: Named, model: Path | None, left_out: Callable[[str, str], bool], notes: Notes
+    named: Named,
+    model: Path | None,
+    common: Mapping[str, Any],
+    left_out: Callable[[str, str], bool],
+    notes: Notes,
 ) -> Iterator[tuple[TrialFiles, dict[str, dict[str, Any]]]]:
     """The trials of a subject, each with what its own table says of the steps.
 
     Parameters
     ----------
+    common : what the study says of inputs of all subjects, by key
     left_out : whether the study leaves out a trial of a subject; its other files are then not looked for
     """
     table, place = named.table, named.place(notes)
@@ -148,7 +153,7 @@ def subject_trials(
         )
     if not table.trials:
         notes.problems.append(f"{place.where}: has no trials")
-    shared = located(table, "subject", place)
+    shared = {**common, **located(table, "subject", place)}
     for trial, recording in _recordings(table, named.folder, place.where, notes.problems):
         name = trial.name or plain_stem(recording)
         if left_out(named.name, name):
@@ -167,14 +172,25 @@ def located(table: Any, per: str, place: Place, leave_out: Sequence[str] = ()) -
 
     Parameters
     ----------
+    table : of a subject, a trial, or the whole file, of which only options say something of inputs
     per : "subject" or "trial": whose table it is
     leave_out : keys that are looked at elsewhere
     """
-    return {
-        name: key.kind.located(name, getattr(table, name), place)
-        for name, (_, key) in all_keys().items()
-        if name in table.model_fields_set and name not in leave_out and key.kind.per in (per, "both")
-    }
+    values = {}
+    for name, (_, key) in all_keys().items():
+        if name in leave_out or key.kind.per not in (per, "both"):
+            continue
+        step = key.kind.option_of
+        options = getattr(table.options, step) if step else None
+        if options is not None and name in options.model_fields_set:
+            values[name] = key.kind.located(name, getattr(options, name), place)
+        elif name in table.model_fields_set:
+            if step:
+                place.notes.remarks.append(
+                    f"{place.where}: '{name}' belongs to [options.{step}]; it is still read here"
+                )
+            values[name] = key.kind.located(name, getattr(table, name), place)
+    return values
 
 
 def _beside(recording: Path, values: Mapping[str, Any], subject: str, notes: Notes) -> dict[str, Path]:

@@ -14,6 +14,8 @@ from myomorph.study.trial.trial_step import StepResults
 from myomorph.uncertainty.spread import Uncertainty
 
 STEP = "uncertainty"
+RETIRED = "method"
+"""Key by which studies chose between draws and a linear way."""
 
 
 def read_sizes(path: Path) -> dict[str, Any]:
@@ -50,15 +52,23 @@ def limits_summary(results: StepResults) -> str:
     return "" if found is None else f"; {found.summary}"
 
 
-def with_uncertainty(raw: Mapping[str, Any], default_steps: tuple[str, ...]) -> Mapping[str, Any]:
-    """Tables of a study file with `[uncertainty]` where it means: among the options, and as a step of all subjects."""
+def with_uncertainty(raw: Mapping[str, Any], default_steps: tuple[str, ...]) -> tuple[Mapping[str, Any], list[str]]:
+    """Tables of a study file with `[uncertainty]` where it means: among the options, and as a step of all subjects.
+
+    Returns
+    -------
+    tables, and remarks on keys of version 0.1 that are gone
+    """
     given = raw.get(STEP)
     if not isinstance(given, dict):
-        return raw
+        return raw, []
+    remarks = [f"[{STEP}]: '{RETIRED}' is not used: inputs are drawn, whatever it says"] if RETIRED in given else []
+    given = {name: value for name, value in given.items() if name != RETIRED}
     options = dict(raw.get("options", {}))
     options[STEP] = given | options.get(STEP, {})
     subjects = []
     for one in raw.get("subject", []):
         steps = one.get("steps", list(default_steps)) if isinstance(one, dict) else None
         subjects.append(one | {"steps": [*steps, STEP]} if isinstance(steps, list) else one)
-    return {name: one for name, one in raw.items() if name != STEP} | {"options": options, "subject": subjects}
+    tables = {name: table for name, table in raw.items() if name != STEP} | {"options": options, "subject": subjects}
+    return tables, remarks

@@ -1,0 +1,152 @@
+"""What a user asks of `analyze`, and what is done with each recording: axes, forces and EMG that were found."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from myomorph.model.frozen_map import FrozenMap
+from myomorph.model.model import Model
+from myomorph.model.segments import feet_of
+from myomorph.motion.protocols import ProtocolTable
+from myomorph.store.settings import ForceOptions, with_settings
+from myomorph.study.analyze.plate_cover import LASTS, uncovered_share
+from myomorph.study.analyze.recordings import Recording
+from myomorph.study.inputs.by_type import ByType
+from myomorph.study.inputs.contacts import ContactsFile
+from myomorph.study.inputs.emg import EmgFiles
+from myomorph.study.inputs.emg_names import muscles_of_channels
+from myomorph.study.inputs.external_forces import force_table
+from myomorph.study.inputs.laboratory import AS_RECORDED, Laboratory
+from myomorph.study.inputs.loads import TABLES, LoadsFile
+from myomorph.study.inputs.markers import MarkersFile
+from myomorph.study.inputs.time_span import TimeSpan
+from myomorph.study.trial.trial_files import Settings, TrialFiles
+
+EMG_SAMPLES, EMG_RATE = 300, 100.0
+"""Less than so many samples, or a lower rate [Hz], does not show raw EMG."""
+DEAD = 0.05
+"""An EMG channel whose spread is below this share of the median of all has no electrode on a muscle."""
+
+
+@dataclass(frozen=True)
+class AnalyzeRequest:
+    """What a user asks for.
+
+    Attributes
+    ----------
+    mass, height : of the subject [kg], [m]; without a mass, plates weigh the subject
+    static : recording of standing still
+    model : None for the generic one
+    table : protocols, None for those of the package
+    inputs : settings of inputs, which go before what is found
+    options : settings of the steps
+    command : as typed, for the study file
+    """
+
+    recordings: tuple[Path, ...]
+    mass: float | None = None
+    height: float | None = None
+    static: Path | None = None
+    model: Path | None = None
+    table: ProtocolTable | None = None
+    inputs: ByType = field(default_factory=ByType)
+    options: Settings = field(default_factory=lambda: FrozenMap({}))
+    command: str = "myomorph analyze"
+
+    @property
+    def time(self) -> tuple[float, float] | None:
+        """The part of every recording that is used [s], None for all."""
+        return self.inputs.or_default(TimeSpan).time
+
+    @property
+    def forces(self) -> ForceOptions:
+        """How a table of forces is laid out, and its clock."""
+        return with_settings(ForceOptions(), self.options.get("id", {}))
+
+
+def laboratory_of(recording: Recording, model: Model, request: AnalyzeRequest) -> Laboratory:
+    """The axes that a user names, else those that the recording shows; as recorded for a model whose y is not up."""
+    named = request.inputs.get(Laboratory) or recording.laboratory
+    return named if model.gravity[1] < 0.0 else AS_RECORDED
+
+
+def recorded_trial(
+    recording: Recording, files: TrialFiles, model: Model, request: AnalyzeRequest
+) -> tuple[TrialFiles, list[str]]:
+    """A recording with what was found beside it and in it, and sentences on that."""
+    texts = []
+    laboratory = laboratory_of(recording, model, request)
+    if laboratory is recording.laboratory:
+        if laboratory.up:
+            why = recording.why_up
+            texts.append(f"{laboratory.up} points up in the laboratory, for {why}: turned to the model's y axis.")
+        if laboratory.turn:
+            texts.append(f"Turned by {laboratory.turn:g}° about the vertical, for {recording.why_turn}.")
+    emg, of_emg = _emg(recording, model, files.get(EmgFiles))
+    texts += of_emg
+    plates, path = recording.trial.plates, recording.near.get("loads")
+    contacts, loads = files.get(ContactsFile), files.get(LoadsFile)
+    if path is not None:
+        loads = replace(loads, loads=path)
+        texts.append(f"External forces from {path.name}.")
+        if path.suffix.lower() in TABLES:
+            texts += [f"{path.name}: {text}." for text in force_table(path, None, request.forces).notes]
+    elif plates and feet_of(model):
+        texts.append(f"External forces of {len(plates)} plate{'s' if len(plates) > 1 else ''} of the recording.")
+        # Named, so that a file of forces beside the recording is not taken for them.
+        loads = replace(loads, loads=recording.path)
+    elif feet_of(model) and not contacts.contacts:
+        contacts = replace(contacts, contacts="auto")
+        texts.append("No force was measured: forces under the feet are estimated from the motion.")
+    if loads.loads is not None and feet_of(model) and not contacts.contacts:
+        assert request.mass is not None
+        weight = request.mass * float(np.linalg.norm(model.gravity))
+        bare_share = uncovered_share(recording, weight, request.forces)
+        if bare_share > LASTS:
+            contacts = replace(contacts, contacts="auto")
+            texts.append(
+                f"In {100.0 * bare_share:.0f} % of the frames a foot is on the ground and plates carry less than "
+                "half the weight (a foot beside them, a seat): muscle tensions estimate forces under feet that nobody "
+                "measured; torques of inverse dynamics are wrong there."
+            )
+    return files.having(MarkersFile(recording.path), laboratory, loads, emg, contacts), texts
+
+
+def _emg(recording: Recording, model: Model, asked: EmgFiles) -> tuple[EmgFiles, list[str]]:
+    """EMG of a recording, its channels without a signal on no muscle, and sentences on them."""
+    path = asked.emg or recording.near.get("emg")
+    if path is not None:
+        return replace(asked, emg=path), [f"EMG from {path.name}."]
+    analog = recording.trial.analog
+    if analog is None:
+        return asked, []
+    used = muscles_of_channels(analog.names, model, asked.emg_side) | {
+        name: muscles for name, muscles in asked.emg_muscles.items() if name in analog.names
+    }
+    spread = {name: float(np.nanstd(analog[name])) for name in used}
+    alive = [name for name in used if spread[name] > DEAD * float(np.median([*spread.values()]))]
+    if alive and (len(analog) < EMG_SAMPLES or analog.rate < EMG_RATE):
+        short = f"EMG of {len(analog)} samples at {analog.rate:.0f} Hz is too little for envelopes: not used."
+        return asked, [short]
+    texts = [f"EMG of {len(alive)} analog channels: {in_a_row(alive)}."] if alive else []
+    dead = [name for name in used if name not in alive]
+    if dead:
+        texts.append(f"Analog channels without a signal, which take no part: {in_a_row(dead)}.")
+    sideless = [] if asked.emg_side else list(muscles_of_channels(analog.names, model, "right"))
+    lost = [name for name in sideless if name not in used]
+    if lost:
+        texts.append(f"EMG without a side in its name is not used: {in_a_row(lost)} (--emg-side left or right).")
+    if not alive:
+        return asked, texts
+    muscles = FrozenMap(dict.fromkeys(dead, ()) | dict(asked.emg_muscles))
+    return replace(asked, emg=recording.path, emg_muscles=muscles), texts
+
+
+def in_a_row(names: Sequence[str], count: int = 8) -> str:
+    """Names in a row, the first ones."""
+    more = f" and {len(names) - count} more" if len(names) > count else ""
+    return ", ".join(names[:count]) + more

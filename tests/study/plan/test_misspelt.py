@@ -1,0 +1,16 @@
+"""Misspelt options and keys are answered by what is meant, keys in a wrong table by where they belong."""
+
+from __future__ import annotations
+
+import pytest
+from benchmarks.accuracy.misspelt import KEYS, OPTIONS, answer_to_key, answer_to_option, named
+
+
+@pytest.mark.parametrize("text", OPTIONS)
+def test_options(text):
+    assert named(text, answer_to_option(text))
+
+
+@pytest.mark.parametrize("text", KEYS)
+def test_keys(text, tmp_path):
+    assert named(text, answer_to_key(text, tmp_path))
