@@ -87,11 +87,16 @@ def prepare_study(
     ----------
     recordings : files (.c3d, .trc) or folders of them
     out : folder for `study.toml`, the generic model where no other is given, and the results
-    mass, height : of the subject [kg], [m]; without a mass, plates weigh the subject where they can
+    mass : of the subject [kg]; without it, plates weigh the subject where they can
+    height : of the subject [m], which scales the generic model
     static : recording of standing still; by default found among or beside the recordings
     model : OpenSim or MuJoCo file with markers; by default myo-sim's legs and trunk
     keys : of the inputs of trials, as a study file has them; they go before what is found
     options : of the steps, by step and setting
+
+    Returns
+    -------
+    the study file, and what it assumes, one sentence each
 
     Raises
     ------
@@ -101,10 +106,12 @@ def prepare_study(
     Examples
     --------
     >>> import myomorph as mm
-    >>> mm.prepare_study(["reach.trc"], "out", mass=70.0)
-    Traceback (most recent call last):
-    ...
-    myomorph.model.errors.BadData: reach.trc: 0 of its 6 labels are known (shoulder, shoulder_front, upper_side, ...)
+    >>> squat = mm.demo_recording()
+    >>> mm.write_trc(squat.markers, "squat.trc")
+    >>> mm.write_osim(squat.model, "squat.osim")
+    >>> prepared = mm.prepare_study(["squat.trc"], "squat", mass=squat.model.mass, model="squat.osim")
+    >>> mm.read_plan(prepared.study).steps[0]
+    ('calibrate', 'ik', 'id', 'muscles', 'tension', 'report')
     """
     request = AnalyzeRequest(
         tuple(map(Path, recordings)),
