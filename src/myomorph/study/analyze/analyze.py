@@ -108,7 +108,7 @@ def prepare_study(
     >>> import myomorph as mm
     >>> squat = mm.demo_recording()
     >>> mm.write_trc(squat.markers, "squat.trc")
-    >>> mm.write_osim(squat.model, "squat.osim")
+    >>> notes = mm.write_osim(squat.model, "squat.osim")
     >>> prepared = mm.prepare_study(["squat.trc"], "squat", mass=squat.model.mass, model="squat.osim")
     >>> mm.read_plan(prepared.study).steps[0]
     ('calibrate', 'ik', 'id', 'muscles', 'tension', 'report')
