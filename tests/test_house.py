@@ -6,7 +6,7 @@ import pytest
 from benchmarks.house import CHECKOUT, checkout_texts, count
 
 LIMITS = {
-    ("lines", "src"): 127_900,
+    ("lines", "src"): 128_100,
     ("lines", "benchmarks"): 24_550,
     ("words", "documentation"): 101_550,
     ("vague", "src"): 6.5,
