@@ -7,7 +7,7 @@ from benchmarks.house import CHECKOUT, checkout_texts, count
 
 LIMITS = {
     ("lines", "src"): 128_100,
-    ("lines", "benchmarks"): 24_550,
+    ("lines", "benchmarks"): 24_650,
     ("words", "documentation"): 101_550,
     ("vague", "src"): 6.5,
 }
