@@ -75,13 +75,6 @@ def test_a_plate_and_a_center_that_are_off_are_told_only_together(swings):
     assert -size["joint_center", 0] / size["plate_position", 0] == pytest.approx(9.0 / 4.0, rel=0.05)
 
 
-def test_what_contradicts_the_prior_is_named_and_what_agrees_is_not(swings):
-    assert estimate_instruments({"without": swings}, ErrorOptions()).surprises == ()
-    wrong = off(swings, ("plate_rotation", 0, 0.03))
-    (line,) = estimate_instruments({"without": wrong}, ErrorOptions()).surprises
-    assert line.startswith("plate rotation x: the swings say +")
-
-
 def test_without_a_source_nothing_is_estimated(swings):
     none = ErrorOptions(**dict.fromkeys(ErrorOptions().names, 0.0))
     assert estimate_instruments({"without": swings}, none).sources == ()

@@ -46,7 +46,7 @@ def calibrate_command(
     from myomorph.study.inputs.time_span import TimeSpan
     from myomorph.study.subject import calibrating
     from myomorph.study.subject.calibrating import CalibrationFiles
-    from myomorph.study.subject.subjects import check_out_model
+    from myomorph.study.subject.subjects import check_out_model, tables_folder
 
     use_threads(threads)
     shared = inputs_of_flags(inputs)
@@ -58,5 +58,5 @@ def calibrate_command(
     warn((*map(str, calibrated.findings), *calibrated.warnings, *calibrated.found.notes, *lost))
     for line in calibrating.summary(calibrated.found):
         said(line)
-    said(f"wrote {out} and {calibrating.tables_folder(out)}")
+    said(f"wrote {out} and {tables_folder(out, calibrating.STEP.tables)}")
     return 0

@@ -77,7 +77,7 @@ def identify_command(
     from myomorph.study.inputs.time_span import TimeSpan
     from myomorph.study.subject import identifying
     from myomorph.study.subject.subject_files import BodyShape
-    from myomorph.study.subject.subjects import check_out_model
+    from myomorph.study.subject.subjects import check_out_model, tables_folder
 
     use_threads(threads)
     check_out_model(out, read=(model,))
@@ -104,5 +104,5 @@ def identify_command(
         moment, force = validation.rms(identified.found.identified)
         generic = validation.rms(GENERIC)
         said(f"{name}, not used: {force:.1f} N, {moment:.1f} N m (generic {generic[1]:.1f} N, {generic[0]:.1f} N m)")
-    said(f"wrote {out} and {identifying.tables_folder(out)}")
+    said(f"wrote {out} and {tables_folder(out, identifying.STEP.tables)}")
     return 0

@@ -83,11 +83,11 @@ def morph_command(
     # Imported by the command that needs it: --help and the others start without.
     from myomorph.study.subject import morphing
     from myomorph.study.subject.morph_files import MorphFiles
-    from myomorph.study.subject.subjects import check_out_model
+    from myomorph.study.subject.subjects import check_out_model, tables_folder
     from myomorph.study.trial.reporting import REPORT
 
     use_threads(threads)
-    tables = morphing.tables_folder(out)
+    tables = tables_folder(out, morphing.STEP.tables)
     check_out_model(out, tables, (source, target, bones, geometry, target_geometry))
     settings = morphing.MorphSettings.of(settings_dict(options))
     if species or target is not None:

@@ -68,7 +68,7 @@ def personalize_command(
 ) -> int:
     """Fiber lengths, tendon slack lengths and strengths of a person's muscles, from torques and EMG."""
     from myomorph.study.inputs.reading import open_model
-    from myomorph.study.subject.subjects import check_out_model
+    from myomorph.study.subject.subjects import check_out_model, tables_folder
 
     use_threads(threads)
     check_out_model(out, read=(model, generic))
@@ -85,7 +85,7 @@ def personalize_command(
     scaled = open_model(model)
     personalized = personalizing.personalize_files(files, settings_dict(options), scaled)
     lost = personalizing.write_personalized(personalized, out)
-    tables = personalizing.tables_folder(out)
+    tables = tables_folder(out, personalizing.STEP.tables)
     warn((*personalized.found.notes, *personalized.warnings, *lost), f"'{tables / personalizing.NOTES}' lists them")
     for line in personal_lines(personalized.found):
         said(line)

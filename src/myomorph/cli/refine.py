@@ -47,7 +47,7 @@ def refine_command(
     from myomorph.study.inputs.loads import LoadsFile
     from myomorph.study.inputs.markers import MarkersFile
     from myomorph.study.subject import refining
-    from myomorph.study.subject.subjects import check_out_model
+    from myomorph.study.subject.subjects import check_out_model, tables_folder
     from myomorph.study.trial.trial_files import TrialFiles
 
     use_threads(threads)
@@ -74,5 +74,5 @@ def refine_command(
     warn((*refined.found.notes, *refined.warnings, *lost))
     for line in refining.summary(refined.found):
         said(line)
-    said(f"wrote {out} and {refining.tables_folder(out)}")
+    said(f"wrote {out} and {tables_folder(out, refining.STEP.tables)}")
     return 0

@@ -33,15 +33,15 @@ def transfer_command(
     # Imported by the command that needs it: --help and the others start without.
     from myomorph.store.settings import with_settings
     from myomorph.study.subject import transferring
-    from myomorph.study.subject.subjects import check_out_model
+    from myomorph.study.subject.subjects import check_out_model, tables_folder
 
     use_threads(threads)
     read = (model, to, *((pose,) if pose is not None else ()))
-    check_out_model(out, transferring.tables_folder(out), read)
+    check_out_model(out, tables_folder(out, transferring.TABLES), read)
     transferred = transferring.transfer_files(model, to, pose, with_settings(TransferOptions(), settings_dict(options)))
     lost = transferring.write_transferred(transferred, out)
     warn((*transferred.found.notes, *lost))
     for line in transferring.summary(transferred.found):
         said(line)
-    said(f"wrote {out} and {transferring.tables_folder(out)}")
+    said(f"wrote {out} and {tables_folder(out, transferring.TABLES)}")
     return 0

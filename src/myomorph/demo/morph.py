@@ -37,7 +37,8 @@ from myomorph.simulate.deformed_leg import (
 )
 from myomorph.store.progress import progress
 from myomorph.store.results import provenance_of, value_source
-from myomorph.study.subject.morphing import Morphed, MorphSettings, map_bones, tables_folder, write_morphed
+from myomorph.study.subject.morphing import STEP, Morphed, MorphSettings, map_bones, write_morphed
+from myomorph.study.subject.subjects import tables_folder
 
 WRITTEN = "as written"
 DENSE: Mapping[MapKind, str] = {"rbf": "RBF, dense", "ssd": "SSD, dense"}
@@ -270,7 +271,7 @@ def run_morph_demo(out: Path) -> MorphDemo:
     )
     write_morphed(morphed, out / RESULT, page=page)
     _write_errors(errors, out / ERRORS)
-    return MorphDemo(morphed, truth, errors, tables_folder(out / RESULT) / REPORT)
+    return MorphDemo(morphed, truth, errors, tables_folder(out / RESULT, STEP.tables) / REPORT)
 
 
 def _notes() -> tuple[Note, ...]:

@@ -30,12 +30,7 @@ from myomorph.motion.calibration import (
     root_mean_square,
 )
 from myomorph.motion.calibration_search import Search, search_minimum
-from myomorph.motion.ik import (
-    InverseKinematicsOptions,
-    coordinate_targets,
-    pose_problem,
-    tracked_markers,
-)
+from myomorph.motion.ik import InverseKinematicsOptions, coordinate_targets, pose_problem, tracked_markers
 from myomorph.motion.lengths import factors_of, length_unit, lengths_of, segments_that_stretch
 from myomorph.motion.stretch import skeleton, stretch_of
 from myomorph.rigid.coordinates import Ints
@@ -371,10 +366,7 @@ def _deviations(problem: SharedProblem, search: Search, skin: Array) -> tuple[Ar
 
 
 def _notes(
-    search: Search,
-    lengths: Sequence[LengthEstimate],
-    markers: Sequence[MarkerEstimate],
-    most: float,
+    search: Search, lengths: Sequence[LengthEstimate], markers: Sequence[MarkerEstimate], most: float
 ) -> tuple[str, ...]:
     notes = []
     count = sum(len(angle) for angle in search.found.point.angles)

@@ -34,10 +34,7 @@ class Measured:
 
 
 def measured_factors(
-    model: Model,
-    markers: Markers,
-    measurements: Iterable[Measurement],
-    factors: Mapping[str, Array] | None = None,
+    model: Model, markers: Markers, measurements: Iterable[Measurement], factors: Mapping[str, Array] | None = None
 ) -> dict[str, Array]:
     """Scale factors (3,) of the bodies that measurements of a static trial stretch; `scale` takes them. A later
     measurement of the same body and axis counts; axes that none stretches stay as in `factors`, by default 1.

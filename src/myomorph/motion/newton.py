@@ -366,9 +366,5 @@ def solve_in_place(L, n):
     return True
 
 
-KINDS: tuple[type[Task], ...] = (
-    MarkerTask,
-    CoordinateTask,
-    OrientationTask,
-)
+KINDS: tuple[type[Task], ...] = (MarkerTask, CoordinateTask, OrientationTask)
 """Every problem has arrays of these in this order, be they empty, so that one compiled loop serves all of them."""

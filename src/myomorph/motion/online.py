@@ -12,12 +12,7 @@ from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion
-from myomorph.motion.ik import (
-    InverseKinematicsOptions,
-    coordinate_targets,
-    pose_problem,
-    tracked_markers,
-)
+from myomorph.motion.ik import InverseKinematicsOptions, coordinate_targets, pose_problem, tracked_markers
 from myomorph.motion.newton import Settings, frames_shown, solve_poses
 from myomorph.motion.pose_problem import PoseProblem
 from myomorph.motion.starts import scout_poses

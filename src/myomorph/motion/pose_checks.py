@@ -142,10 +142,7 @@ def _counted(names: list[str]) -> str:
 def _upright_findings(model: Model, fit: KinematicsFit) -> Iterator[Finding]:
     """A floating body that lies or stands on its head in nearly all frames: its vertical may be another axis."""
     floating = set(floating_coordinates(model))
-    joint = next(
-        (each for each in model.joints if each.parent == GROUND and floating & set(each.coordinates)),
-        None,
-    )
+    joint = next((each for each in model.joints if each.parent == GROUND and floating & set(each.coordinates)), None)
     gravity = float(np.linalg.norm(model.gravity))
     if joint is None or gravity == 0.0:
         return

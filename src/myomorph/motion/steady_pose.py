@@ -47,11 +47,7 @@ class SteadyKinematics:
     """
 
     def __init__(
-        self,
-        model: Model,
-        names: Sequence[str],
-        options: InverseKinematicsOptions | None = None,
-        blend: float = BLEND,
+        self, model: Model, names: Sequence[str], options: InverseKinematicsOptions | None = None, blend: float = BLEND
     ):
         if not blend > 0.0:
             raise BadData(f"jumps are given back in {blend:g} s: expected above 0")

@@ -101,19 +101,10 @@ class CohortLine:
 
 def specimen_row(specimen_viscosity: SpecimenViscosity) -> Row:
     """The quantities of one specimen; what is lacking is absent, what was weighed has no width."""
-    known: dict[str, Estimate | None] = {}
-    if specimen_viscosity.without is not None:
-        bare = specimen_viscosity.without
-        known |= {"mass_muscles_removed": bare.mass, "com_muscles_removed": bare.com, "joint_viscosity": bare.viscosity}
-    if specimen_viscosity.intact is not None:
-        bare = specimen_viscosity.intact
-        known |= {"mass_intact": bare.mass, "com_intact": bare.com, "total_viscosity": bare.viscosity}
-    if specimen_viscosity.muscles is not None:
-        known["muscle_viscosity"] = specimen_viscosity.muscles.common
-    known["estimated_muscle_mass"] = specimen_viscosity.muscle_mass
+    known = specimen_viscosity.estimates
     if specimen_viscosity.measured_muscle_mass is not None:
         known["measured_muscle_mass"] = Estimate(*[specimen_viscosity.measured_muscle_mass] * 3)
-    return FrozenMap({name: estimate for name, estimate in known.items() if estimate is not None})
+    return FrozenMap(known)
 
 
 def cohort(rows: Sequence[Row]) -> tuple[CohortLine, ...]:

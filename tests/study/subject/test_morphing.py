@@ -100,7 +100,7 @@ def test_the_summary_tells_each_bone_in_a_line(morphed):
 def test_model_bones_tables_and_report_are_written_together(morphed, leg, tmp_path):
     out = tmp_path / "own.osim"
     write_morphed(morphed, out)
-    folder = tables_folder(out)
+    folder = tables_folder(out, "morph")
     again = read_model(out)
     drawn = read_mesh(tmp_path / again.bodies[0].meshes[0].file)
     np.testing.assert_allclose(

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import os
 import tempfile
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TextIO
@@ -199,3 +201,20 @@ def written(path: str | os.PathLike[str]) -> Iterator[TextIO]:
     except BaseException:
         Path(name).unlink(missing_ok=True)
         raise
+
+
+def csv_text(head: Iterable[object], rows: Iterable[Iterable[object]], digits: int = 6) -> str:
+    """A table as comma-separated text; numbers with a fraction to so many digits."""
+    text = io.StringIO(newline="")
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(head)
+    table.writerows([f"{cell:.{digits}g}" if isinstance(cell, float) else cell for cell in row] for row in rows)
+    return text.getvalue()
+
+
+def write_csv(
+    path: str | os.PathLike[str], head: Iterable[object], rows: Iterable[Iterable[object]], digits: int = 6
+) -> None:
+    """The same as a file that is whole or not there."""
+    with written(path) as stream:
+        stream.write(csv_text(head, rows, digits))

@@ -79,11 +79,7 @@ def calibration_prior(
 
 
 def side_differences(
-    lengths: Sequence[Length],
-    x: Array,
-    H: Array,
-    prior: Prior,
-    options: CalibrationOptions,
+    lengths: Sequence[Length], x: Array, H: Array, prior: Prior, options: CalibrationOptions
 ) -> tuple[SideDifference, ...]:
     """Pairs of lengths from joint to joint whose sides differ more than `side_sd` explains.
 

@@ -14,13 +14,7 @@ from myomorph.motion.body.shared_problem import FrameSet, Point, Reduced, Shared
 from myomorph.motion.newton import solve_poses
 from myomorph.motion.pose_problem import PoseProblem
 from myomorph.motion.starts import closed_defaults
-from myomorph.motion.stretch import (
-    FRAMES_AT_ONCE,
-    Stretch,
-    frame_blocks,
-    tied_markers,
-    with_travel,
-)
+from myomorph.motion.stretch import FRAMES_AT_ONCE, Stretch, frame_blocks, tied_markers, with_travel
 from myomorph.motion.tasks.loops import ties_of
 from myomorph.motion.tasks.markers import MarkerArrays
 from myomorph.rigid.frames import over_frames

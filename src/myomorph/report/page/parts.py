@@ -6,14 +6,17 @@ import csv
 import io
 import math
 import tomllib
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cache
 from importlib.resources import files
+from pathlib import Path
 from typing import Literal
 
+from myomorph import __version__
 from myomorph.model.frozen_map import FrozenMap
+from myomorph.model.provenance import Provenance
 
 
 @dataclass(frozen=True)
@@ -230,6 +233,12 @@ class PageHead:
     sources: tuple[SourceFile, ...] = ()
     steps: tuple[Step, ...] = ()
     warnings: tuple[str, ...] = ()
+
+    @staticmethod
+    def of(title: str, made: Provenance, notes: Iterable[Note] = (), warnings: Iterable[str] = ()) -> PageHead:
+        """The head of a page on one result that this version made."""
+        sources = tuple(SourceFile(source.role, Path(source.name).name, source.sha256) for source in made.sources)
+        return PageHead(title, made.date, __version__, tuple(notes), sources, warnings=tuple(warnings))
 
 
 ANALYSIS = frozenset({"experts", "bartlett1946", "mcleod2005", "bartlett1935", "benjamini1995"})

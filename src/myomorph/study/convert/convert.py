@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -13,7 +12,7 @@ import numpy as np
 from myomorph.contact.assign import assign_bodies
 from myomorph.io.c3d.write import write_trial
 from myomorph.io.loads import loads_table, write_external_loads
-from myomorph.io.parsing.text import written
+from myomorph.io.parsing.text import write_csv
 from myomorph.io.sto import write_sto
 from myomorph.io.trc import METERS, write_trc
 from myomorph.model.arrays import Array
@@ -181,21 +180,15 @@ def _write_channels(table: Table, path: Path) -> str:
 
 def _write_table(table: Table, path: Path) -> str:
     if path.suffix.lower() == ".csv":
-        with written(path) as stream:
-            rows = csv.writer(stream, lineterminator="\n")
-            rows.writerow(("time", *table.names))
-            for time, row in zip(table.time.tolist(), table.values.tolist(), strict=True):
-                rows.writerow([f"{one:.10g}" for one in (time, *row)])
+        write_csv(path, ("time", *table.names), np.column_stack([table.time, table.values]).tolist(), digits=10)
     else:
         write_sto(table, path)
     return f"{len(table.names)} columns, {len(table)} rows"
 
 
 def _write_events(events: Sequence[Event], path: Path) -> str:
-    with written(path) as stream:
-        rows = csv.writer(stream, lineterminator="\n")
-        rows.writerow(("time", "event", "side"))
-        rows.writerows((f"{event.time:.10g}", event.label, event.side) for event in events)
+    rows = ((f"{event.time:.10g}", event.label, event.side) for event in events)
+    write_csv(path, ("time", "event", "side"), rows)
     return f"{len(events)} events"
 
 

@@ -105,7 +105,7 @@ def open_study_steps(model: Model | None, read: str, fresh: bool, *, inputs: Stu
 
 def graph_of(plan: Plan, out: Path, fresh: bool = False, mark: RunMark | None = None) -> Graph:
     """What a study has to do, `fresh` whatever an earlier run left; `mark` is the run that the folder belongs to."""
-    works = _Works(plan, out, fresh, mark)
+    works = _Works(plan, out)
     for files, steps in zip(plan.trials, plan.steps, strict=True):
         works.trial(files, steps)
     for together in plan.together:
@@ -115,7 +115,11 @@ def graph_of(plan: Plan, out: Path, fresh: bool = False, mark: RunMark | None = 
     def model_of(path: Path) -> Model:
         return models[path].open() if path in models else open_model(path)
 
-    return Graph(plan.name, tuple(works.works), works.last, model_of)
+    def last(outcomes: tuple[Outcome, ...]) -> tuple[Work, ...]:
+        return tuple(replace(work, fresh=fresh) for work in works.last(outcomes))
+
+    jobs = tuple(replace(work, fresh=fresh, mark=mark) for work in works.works)
+    return Graph(plan.name, jobs, last, model_of)
 
 
 def with_made(files: TrialFiles, made: MadeModel, maker: str, settings: Settings) -> TrialFiles:
@@ -147,8 +151,6 @@ class _Works:
 
     plan: Plan
     out: Path
-    fresh: bool
-    mark: RunMark | None
     works: list[Work] = field(default_factory=list)
     made: dict[str, MadeModel] = field(default_factory=dict)
     used: dict[Key, TrialFiles] = field(default_factory=dict)
@@ -178,8 +180,6 @@ class _Works:
                 partial(open_subject_steps, files=files, settings=settings, folder=home),
                 needs=((self.plan.maker(begins), ""),) if begins else (),
                 model=files.model,
-                fresh=self.fresh,
-                mark=self.mark,
                 settings=settings,
                 files=tuple(path.name for path in read if path is not None),
                 recordings=_recordings(*files.trials),
@@ -202,8 +202,6 @@ class _Works:
                 partial(open_trial_steps, files=files, steps=steps, settings=settings, folder=home),
                 needs=((maker, ""),) if maker else (),
                 model=files.model,
-                fresh=self.fresh,
-                mark=self.mark,
                 settings=settings,
                 files=tuple(dict.fromkeys(path.name for path in files.paths)),
                 recordings=_recordings(files),
@@ -236,8 +234,6 @@ class _Works:
                 ),
                 needs=tuple((maker, "") for maker in makers if maker),
                 after=keys,
-                fresh=self.fresh,
-                mark=self.mark,
                 settings=self.plan.settings,
                 files=tuple("/".join(key) for key in keys),
                 recordings=_recordings(*parts.values()),
@@ -252,5 +248,5 @@ class _Works:
             if step_of(step, "study").applies(inputs):
                 key = GATHERED if step == TABLES else (step, "")
                 opened = partial(open_study_steps, inputs=inputs, key=key)
-                works.append(Work("study", Outcome(*key, self.out), (step,), opened, fresh=self.fresh))
+                works.append(Work("study", Outcome(*key, self.out), (step,), opened))
         return tuple(works)

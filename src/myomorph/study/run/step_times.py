@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import hashlib
-import io
 import json
 import math
 import os
@@ -13,6 +12,8 @@ from contextlib import suppress
 from dataclasses import astuple, dataclass, field, fields
 from pathlib import Path
 
+from myomorph.io.parsing.text import write_csv
+from myomorph.model.errors import BadFile
 from myomorph.rigid.kernels import kernel_folder
 from myomorph.store.outcome import Key, Outcome
 from myomorph.study.run.jobs import Job
@@ -80,16 +81,10 @@ def keep_samples(path: Path | None, samples: Sequence[Sample]) -> None:
     """Add lines to the file; that it cannot be written stops nothing."""
     if path is None or not samples:
         return
-    text = io.StringIO(newline="")
-    table = csv.writer(text, lineterminator="\n")
-    table.writerow(NAMES)
     kept = [*read_samples(path), *samples][-MAX_SAMPLES:]
-    table.writerows([*astuple(sample)[:-1], f"{sample.seconds:.4g}"] for sample in kept)
-    with suppress(OSError):
+    with suppress(OSError, BadFile):
         path.parent.mkdir(parents=True, exist_ok=True)
-        temporary = path.with_name(f".{path.name}.{os.getpid()}")
-        temporary.write_text(text.getvalue(), encoding="utf-8")
-        os.replace(temporary, path)
+        write_csv(path, NAMES, map(astuple, kept), digits=4)
 
 
 class StepTimes:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import os
 import sys
 import time
@@ -14,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 from myomorph import __version__
+from myomorph.io.parsing.text import csv_text
 from myomorph.model.errors import BadFile
 from myomorph.store.outcome import GATHERED, Key, Outcome
 from myomorph.store.progress import PATIENCE, silence
@@ -272,20 +271,17 @@ def named(key: Key) -> str:
 
 def write_table(outcomes: Sequence[Outcome], path: Path) -> None:
     """Write what became of every trial as a CSV file, whole or not at all."""
-    text = io.StringIO(newline="")
-    table = csv.writer(text, lineterminator="\n")
-    heading = ("subject", "trial", "steps", "frames", "marker_rms_m", "marker_largest_m", "seconds", "error")
-    table.writerow((*heading, "condition"))
+    rows = []
     for outcome in outcomes:
         # Results that are to be equal byte for byte cannot hold how long they took.
         seconds = f"{outcome.seconds:.2f}" if fixed_date() is None else ""
-        numbers = (outcome.frames, f"{outcome.rms:.6g}", f"{outcome.largest:.6g}", seconds)
-        table.writerow(
-            (outcome.subject, outcome.trial, " ".join(outcome.done), *numbers, outcome.error, outcome.condition)
-        )
+        numbers = (outcome.frames, outcome.rms, outcome.largest, seconds)
+        rows.append((*outcome.key, " ".join(outcome.done), *numbers, outcome.error, outcome.condition))
+    head = ("subject", "trial", "steps", "frames", "marker_rms_m", "marker_largest_m", "seconds", "error", "condition")
+    text = csv_text(head, rows)
     temporary = path.with_name(f".{path.name}.part")
     try:
-        temporary.write_text(text.getvalue(), encoding="utf-8")
+        temporary.write_text(text, encoding="utf-8")
         os.replace(temporary, path)
     except OSError:
         with suppress(OSError):

@@ -24,20 +24,10 @@ STEPS: dict[Scope, dict[str, str]] = {
         "tension": "myomorph.study.trial.steps.tension",
         "uncertainty": "myomorph.study.trial.steps.uncertainty",
     },
-    "study": {
-        "groups": "myomorph.study.summary.grouping",
-        "tables": "myomorph.study.summary.study_tables",
-    },
-    "specimen": {
-        "viscosity": "myomorph.viscosity.study.specimen_step",
-    },
-    "cohort": {
-        "cohort": "myomorph.viscosity.study.cohort_step",
-    },
-    "pair": {
-        "id": "myomorph.study.trial.steps.id",
-        "tension": "myomorph.study.trial.steps.tension",
-    },
+    "study": {"groups": "myomorph.study.summary.grouping", "tables": "myomorph.study.summary.study_tables"},
+    "specimen": {"viscosity": "myomorph.viscosity.study.specimen_step"},
+    "cohort": {"cohort": "myomorph.viscosity.study.cohort_step"},
+    "pair": {"id": "myomorph.study.trial.steps.id", "tension": "myomorph.study.trial.steps.tension"},
 }
 """By scope, in the order in which they run: a step's name, and the module whose `STEP` it is, imported when first
 needed. Those of a pair are steps of a trial, whose recording is joined of several."""

@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-import csv
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from myomorph import __version__
 from myomorph.io.osim.marker_set import read_marker_set
 from myomorph.io.osim.setup_parts import read_ik_tasks
 from myomorph.model.errors import BadData
 from myomorph.model.findings import Finding
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
-from myomorph.model.provenance import Provenance, Source
+from myomorph.model.provenance import Source
 from myomorph.model.series import Markers
 from myomorph.motion.calibrate import Calibration, CalibrationOptions, calibrate
 from myomorph.motion.calibration import SOURCES
@@ -37,7 +34,7 @@ from myomorph.study.inputs.laboratory import AS_RECORDED, Laboratory
 from myomorph.study.step.folder_steps import NOTES, FolderOutput
 from myomorph.study.step.step import Step
 from myomorph.study.subject.subject_files import SubjectInputs, recordings_provenance
-from myomorph.study.subject.subjects import write_made_model
+from myomorph.study.subject.subjects import Made, tables_folder, write_made_model, write_rows
 from myomorph.study.trial.steps.ik import used_markers
 
 FINDINGS = "findings.json"
@@ -67,16 +64,11 @@ class CalibrationFiles:
         return tuple(file_source(role, path) for role, path in given)
 
 
-@dataclass(frozen=True, eq=False)
-class Calibrated:
-    """A calibration, what it was made from (`recordings` in its order), warnings of the files, and what checks of the
-    markers found.
-    """
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Calibrated(Made[Calibration]):
+    """A calibration, the names of its recordings in its order, and what checks of their markers found."""
 
-    found: Calibration
     recordings: tuple[str, ...]
-    provenance: Provenance
-    warnings: tuple[str, ...]
     findings: tuple[Finding, ...] = ()
 
 
@@ -105,7 +97,7 @@ def calibrate_files(files: CalibrationFiles, options: CalibrationOptions, model:
     if files.labels:
         plain["labels"] = dict(files.labels)
     made = provenance_of("calibrate", files.sources(), plain)
-    return Calibrated(calibration, names, made, tuple(warnings), tuple(findings))
+    return Calibrated(calibration, made, tuple(warnings), recordings=names, findings=tuple(findings))
 
 
 def _recording(
@@ -170,14 +162,10 @@ def calibrate_subject(subject: SubjectInputs, output: FolderOutput) -> Calibrate
     with reading.about(files.model), progress(f"{files.name}: calibration", options.iterations, "steps") as advance:
         calibration = calibrate(model, list(recordings.values()), options, advance, default_path_lengths)
     names = (*recordings, *((files.static.stem,) if files.static else ()))
-    calibrated = Calibrated(calibration, names, output.made, tuple(dict.fromkeys(warnings)), tuple(findings))
+    texts = tuple(dict.fromkeys(warnings))
+    calibrated = Calibrated(calibration, output.made, texts, recordings=names, findings=tuple(findings))
     write_calibrated(calibrated, output.path("model"), output.tables)
     return calibrated
-
-
-def tables_folder(out: Path) -> Path:
-    """Where the tables of a calibrated model go: beside it."""
-    return out.with_name(f"{out.stem}_calibration")
 
 
 def write_calibrated(calibrated: Calibrated, out: Path, tables: Path | None = None) -> tuple[str, ...]:
@@ -189,14 +177,16 @@ def write_calibrated(calibrated: Calibrated, out: Path, tables: Path | None = No
     def fill(folder: Path) -> None:
         from myomorph.study.trial.reporting import REPORT  # only now, as all of the report
 
-        _write_rows(length_rows(calibration), folder / "lengths.csv")
-        _write_rows(marker_rows(calibration), folder / "markers.csv")
-        _write_rows(zero_rows(calibration), folder / "zero_angles.csv")
+        write_rows(length_rows(calibration), folder / "lengths.csv")
+        write_rows(marker_rows(calibration), folder / "markers.csv")
+        write_rows(zero_rows(calibration), folder / "zero_angles.csv")
         (folder / FINDINGS).write_text(findings_text(calibrated.findings), encoding="utf-8")
         (folder / NOTES).write_text("".join(f"{finding}\n" for finding in calibrated.findings), encoding="utf-8")
         (folder / REPORT).write_text(calibration_page(calibrated), encoding="utf-8")
 
-    return write_made_model(calibration.model, calibrated.provenance, out, tables or tables_folder(out), fill)
+    return write_made_model(
+        calibration.model, calibrated.provenance, out, tables or tables_folder(out, STEP.tables), fill
+    )
 
 
 def length_rows(calibration: Calibration) -> list[dict[str, object]]:
@@ -249,17 +239,6 @@ def zero_rows(calibration: Calibration) -> list[dict[str, object]]:
     ]
 
 
-def _write_rows(rows: Sequence[dict[str, Any]], path: Path) -> None:
-    with path.open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.DictWriter(stream, list(rows[0]) if rows else [])
-        writer.writeheader()
-        writer.writerows({key: _short(value) for key, value in row.items()} for row in rows)
-
-
-def _short(value: object) -> object:
-    return f"{value:.6g}" if isinstance(value, float) else value
-
-
 def summary(calibration: Calibration) -> Iterable[str]:
     """What was found, as lines of text."""
     yield calibration_line(calibration)
@@ -288,26 +267,22 @@ STEP = Step(
 def calibration_page(calibrated: Calibrated) -> str:
     """Lengths and markers before and after as HTML text, see `report_page`."""
     # Workers calibrate many subjects and write their pages last: until then, nothing of the report is loaded.
-    from myomorph.report.page.parts import Note, PageHead, SourceFile
+    from myomorph.report.page.parts import Note, PageHead
     from myomorph.report.trial.report_input import IdentificationInput, ReportInput
 
     # Brings jinja2: loaded only where it is needed.
     from myomorph.report.trial.trial_page import report_page
     from myomorph.study.trial.reporting import surfaces_of
 
-    calibration, made = calibrated.found, calibrated.provenance
+    calibration = calibrated.found
     surfaces = surfaces_of(calibration.model)
     return report_page(
         ReportInput(
-            PageHead(
-                title=f"{calibration.model.name}: calibrated body",
-                date=made.date,
-                version=__version__,
-                notes=(Note("real", f"Recordings: {', '.join(calibrated.recordings)}."),),
-                sources=tuple(
-                    SourceFile(source.role, Path(source.name).name, source.sha256) for source in made.sources
-                ),
-                warnings=(*map(str, calibrated.findings), *calibrated.warnings),
+            PageHead.of(
+                f"{calibration.model.name}: calibrated body",
+                calibrated.provenance,
+                (Note("real", f"Recordings: {', '.join(calibrated.recordings)}."),),
+                (*map(str, calibrated.findings), *calibrated.warnings),
             ),
             model=calibration.model,
             surfaces=surfaces,

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Mapping, Sequence
 
 from myomorph.contact.plan import ContactPlan
-from myomorph.io.parsing.text import written
+from myomorph.io.parsing.text import write_csv
 from myomorph.model.errors import BadData
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.store.progress import progress
@@ -18,10 +17,7 @@ from myomorph.study.inputs.motion import RecordedMotion
 from myomorph.study.inputs.torques import RecordedTorques
 from myomorph.study.step.folder_steps import FolderOutput
 from myomorph.study.step.step import Step
-from myomorph.study.subject.subject_files import (
-    SubjectInputs,
-    recordings_provenance,
-)
+from myomorph.study.subject.subject_files import SubjectInputs, recordings_provenance
 from myomorph.study.trial.emg_tables import EMG_TABLE, write_channels
 from myomorph.study.trial.steps.id import solve_dynamics
 from myomorph.study.trial.steps.ik import solve_kinematics
@@ -116,10 +112,8 @@ def _run(subject: SubjectInputs, output: FolderOutput) -> None:
     with output.whole() as folder:
         write_gains(gains, folder / GAINS)
         write_channels(gains.calibration, muscles, folder / EMG_TABLE)
-        with written(folder / TRIALS) as stream:
-            table = csv.writer(stream, lineterminator="\n")
-            table.writerow(("trial", "takes part", "why not"))
-            table.writerows((name, "no" if why else "yes", why) for name, why in parts.items())
+        rows = ((name, "no" if why else "yes", why) for name, why in parts.items())
+        write_csv(folder / TRIALS, ("trial", "takes part", "why not"), rows)
 
 
 STEP = Step(

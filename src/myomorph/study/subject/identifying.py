@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from myomorph import __version__
 from myomorph.identify.recordings import RecordingOptions, usable
 from myomorph.identify.subject import GENERIC, SHAPE, Identification, IdentificationOptions, identify
 from myomorph.identify.validation import CrossValidation, cross_validate
@@ -21,7 +20,7 @@ from myomorph.model.provenance import Provenance, Source
 from myomorph.model.series import Motion, Wrenches
 from myomorph.model.soft_tissue import SoftTissue
 from myomorph.model.surface import Surface
-from myomorph.report.page.parts import Note, PageHead, SourceFile
+from myomorph.report.page.parts import Note, PageHead
 from myomorph.report.trial.identification_tables import identification_tables
 from myomorph.report.trial.report_input import IdentificationInput, Recorded, ReportInput
 from myomorph.store.progress import progress
@@ -35,13 +34,8 @@ from myomorph.study.step.folder_steps import FolderOutput
 from myomorph.study.step.step import Step
 from myomorph.study.subject.body_points import OWN, body_points
 from myomorph.study.subject.found_errors import identified_errors
-from myomorph.study.subject.subject_files import (
-    BodyOptions,
-    BodyShape,
-    SubjectInputs,
-    recordings_provenance,
-)
-from myomorph.study.subject.subjects import write_made_model
+from myomorph.study.subject.subject_files import BodyOptions, BodyShape, SubjectInputs, recordings_provenance
+from myomorph.study.subject.subjects import Made, tables_folder, write_made_model
 from myomorph.study.trial.steps.ik import solve_kinematics
 
 MAPS = {"bone": "w_b", "cog": "w_d", "nearest": "w_n", OWN: "own link"}
@@ -73,13 +67,11 @@ class SubjectMotion:
     held_out: bool = False
 
 
-@dataclass(frozen=True, eq=False)
-class Identified:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Identified(Made[Identification]):
     """What identification found, with the motions it was compared on, and what it was made from."""
 
-    found: Identification
     validation: Mapping[str, CrossValidation]
-    provenance: Provenance
 
 
 def open_motions(
@@ -134,16 +126,8 @@ def identify_subject(
     """Identify the masses of a scaled model from a subject's motions."""
     mass = check_mass(model, mass)
     used = [
-        usable(
-            model,
-            motion.motion,
-            motion.wrenches,
-            mass=mass,
-            time=motion.time,
-            name=motion.name,
-            options=options.recording,
-        )
-        for motion in motions
+        usable(model, part.motion, part.wrenches, mass=mass, time=part.time, name=part.name, options=options.recording)
+        for part in motions
     ]
     seen = [recording for recording, motion in zip(used, motions, strict=True) if not motion.held_out]
     if not seen:
@@ -165,10 +149,10 @@ def identify_subject(
             unseen=[recording for recording, motion in zip(used, motions, strict=True) if motion.held_out],
             advance=advance,
         )
+    force_notes = (f"{motion.name}: {text}" for motion in motions for text in motion.wrenches.notes)
     # What identification says of itself comes first: whether its masses may be believed.
     identification = replace(
-        identification,
-        notes=(*identification.notes, *_force_notes(motions), *notes_of_points, *_option_warnings(options)),
+        identification, notes=(*identification.notes, *force_notes, *notes_of_points, *_option_warnings(options))
     )
     models = {
         name: with_inertial_parameters(model, identification.parameters[name])
@@ -182,11 +166,7 @@ def identify_subject(
         if motion.held_out
     }
     made = provenance_of("identify", sources, {"mass": mass, **options.plain()})
-    return Identified(identification, FrozenMap(validation), made)
-
-
-def _force_notes(motions: Sequence[SubjectMotion]) -> tuple[str, ...]:
-    return tuple(f"{motion.name}: {text}" for motion in motions for text in motion.wrenches.notes)
+    return Identified(identification, made, validation=FrozenMap(validation))
 
 
 def _option_warnings(options: IdentifyOptions) -> tuple[str, ...]:
@@ -209,11 +189,6 @@ def input_sources(model: Path, motions: Sequence[Path], loads: Sequence[Path], s
     return sources
 
 
-def tables_folder(out: Path) -> Path:
-    """Where the tables and the report of an identified model go: beside it."""
-    return out.with_name(f"{out.stem}_identification")
-
-
 def write_identified(
     identified: Identified, out: Path, subject: str = "", tables: Path | None = None
 ) -> tuple[str, ...]:
@@ -225,7 +200,7 @@ def write_identified(
         identification.model,
         identified.provenance,
         out,
-        tables or tables_folder(out),
+        tables or tables_folder(out, STEP.tables),
         lambda folder: _write_tables(identified, folder, subject or identification.model.name),
         identification.notes,
     )
@@ -241,26 +216,14 @@ def _write_tables(identified: Identified, folder: Path, subject: str) -> None:
     for name, sheet in identification_tables(identification, identified.validation).items():
         (folder / name).write_text(sheet.csv(), encoding="utf-8")
     write_error_sizes(folder, STEP.name, identified_errors(identification.model, identification.sd))
-    made = identified.provenance
-    sources = tuple(SourceFile(source.role, Path(source.name).name, source.sha256) for source in made.sources)
+    recordings = ", ".join(recording.name for recording in identification.recordings)
+    notes = [Note("real", f"Motions: {recordings}.")]
+    notes.append(Note("assumed", f"Shape of the body: {identification.points.source}."))
+    if identification.soft_tissue is not None:
+        notes.append(Note("assumed", f"Soft tissue: {_tissue_line(identification.soft_tissue)}."))
     page = report_page(
         ReportInput(
-            PageHead(
-                title=f"{subject}: identified body",
-                date=made.date,
-                version=__version__,
-                notes=(
-                    Note("real", f"Motions: {', '.join(recording.name for recording in identification.recordings)}."),
-                    Note("assumed", f"Shape of the body: {identification.points.source}."),
-                    *(
-                        (Note("assumed", f"Soft tissue: {_tissue_line(identification.soft_tissue)}."),)
-                        if identification.soft_tissue is not None
-                        else ()
-                    ),
-                ),
-                sources=sources,
-                warnings=identification.notes,
-            ),
+            PageHead.of(f"{subject}: identified body", identified.provenance, notes, identification.notes),
             recorded=Recorded(
                 subject, FrozenMap({"Body mass": f"{float(np.sum(identification.parameters[GENERIC][:, 0])):.4g} kg"})
             ),

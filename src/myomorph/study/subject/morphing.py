@@ -40,7 +40,7 @@ from myomorph.study.step.step import Step
 from myomorph.study.subject.found_errors import morphed_errors
 from myomorph.study.subject.morph_files import MorphFiles, read_bones, resized, source_bones, spread
 from myomorph.study.subject.subject_files import SubjectInputs, recordings_provenance
-from myomorph.study.subject.subjects import write_made_model
+from myomorph.study.subject.subjects import tables_folder, write_made_model
 
 
 @dataclass(frozen=True)
@@ -144,17 +144,8 @@ def morph_subject(subject: SubjectInputs, output: FolderOutput) -> Morphed:
     return morphed
 
 
-def tables_folder(out: Path) -> Path:
-    """Where the bones, tables and report of a morphed model go: beside it."""
-    return out.with_name(f"{out.stem}_morph")
-
-
 def write_morphed(
-    morphed: Morphed,
-    out: Path,
-    tables: Path | None = None,
-    bones: Mapping[str, Surface] | None = None,
-    page: str = "",
+    morphed: Morphed, out: Path, tables: Path | None = None, bones: Mapping[str, Surface] | None = None, page: str = ""
 ) -> tuple[str, ...]:
     """Write the model, and beside it a folder with its bones (by default those that the maps lead to), tables and
     report (`page` where it tells more than the morph alone); whole or not at all. Returns what the model's file could
@@ -165,7 +156,7 @@ def write_morphed(
     from myomorph.report.morph.tables import morphing_tables
     from myomorph.study.trial.reporting import REPORT
 
-    folder_name = (tables or tables_folder(out)).name
+    tables = tables or tables_folder(out, STEP.tables)
     if bones is None:
         bones = {bone.target_body: bone.target for bone in morphed.morph.bones.values() if bone.target is not None}
 
@@ -180,8 +171,8 @@ def write_morphed(
         text = page or morph_page(morphed.morph, morphed.checks, morphed.provenance, morphed.warnings)
         (folder / REPORT).write_text(text, encoding="utf-8")
 
-    drawn = with_bones(morphed.morph.model, {body: f"{folder_name}/{file}" for body, file in files.items()})
-    return write_made_model(drawn, morphed.provenance, out, tables or tables_folder(out), fill)
+    drawn = with_bones(morphed.morph.model, {body: f"{tables.name}/{file}" for body, file in files.items()})
+    return write_made_model(drawn, morphed.provenance, out, tables, fill)
 
 
 def with_bones(model: Model, files: Mapping[str, str]) -> Model:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
@@ -10,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from myomorph import __version__
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.errors import BadData
 from myomorph.model.frozen_map import FrozenMap
@@ -18,7 +16,7 @@ from myomorph.model.model import Model
 from myomorph.model.provenance import Provenance, Source
 from myomorph.model.series import Motion, Series
 from myomorph.motion.emg_delay import USUAL
-from myomorph.report.page.parts import Note, PageHead, SourceFile
+from myomorph.report.page.parts import Note, PageHead
 from myomorph.report.trial.personalized import personalized_page
 from myomorph.store.progress import progress
 from myomorph.store.results import file_source, provenance_of
@@ -36,7 +34,7 @@ from myomorph.study.step.folder_steps import FolderOutput
 from myomorph.study.step.step import Step
 from myomorph.study.subject.found_errors import personal_errors
 from myomorph.study.subject.subject_files import SubjectInputs, recordings_provenance
-from myomorph.study.subject.subjects import write_made_model
+from myomorph.study.subject.subjects import Made, tables_folder, write_made_model, write_rows
 from myomorph.study.trial.steps.id import solve_dynamics
 from myomorph.study.trial.steps.ik import recorded_poses, solve_kinematics
 from myomorph.study.trial.trial_files import TrialFiles
@@ -88,18 +86,9 @@ class PersonalFiles:
             raise BadData("motions without torques: give --loads, or --torques of inverse dynamics")
 
 
-@dataclass(frozen=True, eq=False)
-class PersonalizedFiles:
-    """What was found, and what it was made from."""
-
-    found: Personalized
-    provenance: Provenance
-    warnings: tuple[str, ...] = ()
-
-
 def personalize_files(
     files: PersonalFiles, settings: Mapping[str, Any], model: Model | None = None
-) -> PersonalizedFiles:
+) -> Made[Personalized]:
     """Fit muscles to the recordings of files."""
     files.check()
     model = reading.open_model(files.model) if model is None else model
@@ -128,7 +117,7 @@ def personalize_files(
     time = files.inputs.or_default(TimeSpan).time
     used = plain_settings(options) | cutoff | {"time": time, "emg_side": channels.emg_side}
     used |= {"emg_muscles": sorted(channels.emg_muscles.items())} if channels.emg_muscles else {}
-    return PersonalizedFiles(personalized, provenance_of("personalize", files.sources(), used), tuple(warnings))
+    return Made(personalized, provenance_of("personalize", files.sources(), used), tuple(warnings))
 
 
 def _trial(trial: TrialInputs, recorded: Motion, name: str, table: Path | None = None) -> PersonalTrial:
@@ -197,44 +186,36 @@ def _coordinate(name: str) -> str:
     return name.removesuffix("_moment").removesuffix("_force")
 
 
-def tables_folder(out: Path) -> Path:
-    """Where the tables of a personalized model go: beside it."""
-    return out.with_name(f"{out.stem}_personalization")
-
-
-def write_personalized(made: PersonalizedFiles, out: Path, tables: Path | None = None) -> tuple[str, ...]:
+def write_personalized(made: Made[Personalized], out: Path, tables: Path | None = None) -> tuple[str, ...]:
     """Write the model, and beside it a folder of tables, whole or not at all. Returns what the model's file could not
     hold.
     """
     return write_made_model(
-        made.found.model, made.provenance, out, tables or tables_folder(out), lambda folder: _write(made, folder)
+        made.found.model,
+        made.provenance,
+        out,
+        tables or tables_folder(out, STEP.tables),
+        lambda folder: _write(made, folder),
     )
 
 
-def _write(made: PersonalizedFiles, folder: Path) -> None:
+def _write(made: Made[Personalized], folder: Path) -> None:
     personalized = made.found
-    _rows(estimate_rows(personalized), folder / TABLE)
+    _write_rows(estimate_rows(personalized), folder / TABLE)
     write_error_sizes(folder, STEP.name, personal_errors(personalized))
     if len(personalized.recordings):
-        _rows(fiber_rows(personalized), folder / FIBERS)
+        _write_rows(fiber_rows(personalized), folder / FIBERS)
     if personalized.held_out is not None:
-        _rows(held_out_rows(personalized), folder / HELD_OUT)
+        _write_rows(held_out_rows(personalized), folder / HELD_OUT)
     (folder / NOTES).write_text("\n".join((*personalized.notes, *made.warnings)) + "\n", encoding="utf-8")
     (folder / REPORT).write_text(_page(made), encoding="utf-8")
 
 
-def _page(made: PersonalizedFiles) -> str:
+def _page(made: Made[Personalized]) -> str:
     personalized = made.found
-    head = PageHead(
-        title=f"{personalized.model.name}: muscles of the person",
-        date=made.provenance.date,
-        version=__version__,
-        notes=(Note("real", f"Recordings: {', '.join(personalized.recordings) or 'none'}."),),
-        sources=tuple(
-            SourceFile(source.role, Path(source.name).name, source.sha256) for source in made.provenance.sources
-        ),
-        warnings=(*personalized.notes, *made.warnings),
-    )
+    notes = (Note("real", f"Recordings: {', '.join(personalized.recordings) or 'none'}."),)
+    title = f"{personalized.model.name}: muscles of the person"
+    head = PageHead.of(title, made.provenance, notes, (*personalized.notes, *made.warnings))
     return personalized_page(head, personalized)
 
 
@@ -282,17 +263,13 @@ def held_out_rows(personalized: Personalized) -> list[dict[str, object]]:
     ]
 
 
-def _rows(rows: Sequence[Mapping[str, object]], path: Path) -> None:
-    with path.open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.DictWriter(stream, list(rows[0]) if rows else [])
-        writer.writeheader()
-        writer.writerows({key: _short(value) for key, value in row.items()} for row in rows)
-
-
-def _short(value: object) -> object:
-    if isinstance(value, float):
-        return "" if np.isnan(value) else f"{value:.6g}"
-    return value
+def _write_rows(rows: Sequence[Mapping[str, object]], path: Path) -> None:
+    """A table in which what is not known is empty."""
+    known = (
+        {name: "" if isinstance(value, float) and np.isnan(value) else value for name, value in row.items()}
+        for row in rows
+    )
+    write_rows(list(known), path)
 
 
 def _run(subject: SubjectInputs, output: FolderOutput) -> None:
@@ -318,7 +295,7 @@ def _run(subject: SubjectInputs, output: FolderOutput) -> None:
     generic = None if generic_path is None else reading.open_model(generic_path)
     with reading.about(files.model), progress(f"{files.name}: muscles", STEPS, "steps") as advance:
         personalized = personalize(subject.model, trials, options, generic=generic, advance=advance)
-    result = PersonalizedFiles(personalized, output.made, tuple(dict.fromkeys(warnings)))
+    result = Made(personalized, output.made, tuple(dict.fromkeys(warnings)))
     write_personalized(result, output.path("model"), output.tables)
 
 

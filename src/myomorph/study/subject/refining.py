@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from myomorph import __version__
 from myomorph.identify.refine.fit import refine
 from myomorph.identify.refine.options import RefineOptions
 from myomorph.identify.refine.refinement import Errors, Refinement, SubjectTrial
@@ -20,7 +18,7 @@ from myomorph.model.inertia import inertial_parameters
 from myomorph.model.provenance import Provenance
 from myomorph.motion.ik import InverseKinematicsOptions
 from myomorph.muscles.kinematics import default_path_lengths
-from myomorph.report.page.parts import Grid, Note, PageHead, Section, SourceFile
+from myomorph.report.page.parts import Grid, Note, PageHead, Section
 from myomorph.report.trial.report_input import ReportInput
 from myomorph.store.progress import progress
 from myomorph.store.results import file_name, provenance_of
@@ -33,7 +31,7 @@ from myomorph.study.step.step import Step
 from myomorph.study.subject.found_errors import refined_errors
 from myomorph.study.subject.identifying import check_mass
 from myomorph.study.subject.subject_files import SubjectInputs, recordings_provenance
-from myomorph.study.subject.subjects import write_made_model
+from myomorph.study.subject.subjects import Made, tables_folder, write_made_model, write_rows
 from myomorph.study.trial.steps.ik import solve_kinematics
 from myomorph.study.trial.trial_files import Settings, TrialFiles
 from myomorph.study.trial.trial_inputs import TrialInputs, open_trial
@@ -41,24 +39,13 @@ from myomorph.study.trial.trial_inputs import TrialInputs, open_trial
 Rows = Sequence[Mapping[str, object]]
 MOTIONS = "motions"
 """Folder of refined coordinates."""
-
-
-@dataclass(frozen=True, eq=False)
-class Refined:
-    """A refinement and what it was made from."""
-
-    found: Refinement
-    provenance: Provenance
-    warnings: tuple[str, ...] = ()
+NOT_USED = {"frames": "", "frames_with_plates": ""}
+"""Of predictions, whose frames nothing was fitted to."""
 
 
 def refine_files(
-    model_file: Path,
-    recordings: Sequence[TrialFiles],
-    mass: float | None,
-    options: RefineOptions,
-    settings: Settings,
-) -> Refined:
+    model_file: Path, recordings: Sequence[TrialFiles], mass: float | None, options: RefineOptions, settings: Settings
+) -> Made[Refinement]:
     """Refine a calibrated model and its motions from files of markers and forces; by default of the model's mass."""
     model = open_model(model_file)
     mass = check_mass(model, mass)
@@ -68,7 +55,7 @@ def refine_files(
     return replace(refined(trials, mass, options, model_file.name), provenance=made)
 
 
-def refined(trials: Sequence[TrialInputs], mass: float | None, options: RefineOptions, name: str) -> Refined:
+def refined(trials: Sequence[TrialInputs], mass: float | None, options: RefineOptions, name: str) -> Made[Refinement]:
     """Refine from opened trials; those without markers or forces are left out."""
     recordings, warnings = [], []
     for trial in trials:
@@ -88,15 +75,10 @@ def refined(trials: Sequence[TrialInputs], mass: float | None, options: RefineOp
     with progress(f"{name}: refinement", pieces * options.iterations, "steps") as advance:
         refinement = refine(model, recordings, mass, options, default_path_lengths, lambda: advance(1))
     made = provenance_of("refine", [], plain_settings(options) | {"mass": mass})
-    return Refined(refinement, made, tuple(dict.fromkeys(warnings)))
+    return Made(refinement, made, tuple(dict.fromkeys(warnings)))
 
 
-def tables_folder(out: Path) -> Path:
-    """Where motions, tables and the report of a refined model go: beside it."""
-    return out.with_name(f"{out.stem}_refinement")
-
-
-def write_refined(refined: Refined, out: Path, tables: Path | None = None) -> tuple[str, ...]:
+def write_refined(refined: Made[Refinement], out: Path, tables: Path | None = None) -> tuple[str, ...]:
     """Write the model, and beside it a folder of motions, tables and a report, whole or not at all. Returns what the
     model's file could not hold.
     """
@@ -107,41 +89,29 @@ def write_refined(refined: Refined, out: Path, tables: Path | None = None) -> tu
         motions.mkdir()
         for trial in refinement.trials:
             write_sto(table_from_motion(trial.motion, refinement.model), motions / f"{file_name(trial.name)}.mot")
-        _write_rows(trial_rows(refinement), folder / "trials.csv")
-        _write_rows(mass_rows(refinement), folder / "masses.csv")
+        write_rows(trial_rows(refinement), folder / "trials.csv")
+        write_rows(mass_rows(refinement), folder / "masses.csv")
         write_error_sizes(folder, STEP.name, refined_errors(refinement))
-        _write_rows(length_rows(refinement), folder / "lengths.csv")
+        write_rows(length_rows(refinement), folder / "lengths.csv")
         # Brings jinja2: loaded only where it is needed.
         from myomorph.study.trial.reporting import REPORT
 
         (folder / REPORT).write_text(_page(refined), encoding="utf-8")
 
     return write_made_model(
-        refinement.model, refined.provenance, out, tables or tables_folder(out), fill, refinement.notes
+        refinement.model, refined.provenance, out, tables or tables_folder(out, STEP.tables), fill, refinement.notes
     )
 
 
 def trial_rows(refinement: Refinement) -> Rows:
     """A row for every trial before and after, then for every prediction by the model as it was and the refined one."""
     rows = [
-        {
-            "trial": trial.name,
-            "what": what,
-            "frames": trial.frames,
-            "frames_with_plates": trial.used,
-            **_numbers(errors),
-        }
+        {"trial": trial.name, "what": what, "frames": trial.frames, "frames_with_plates": trial.used} | _numbers(errors)
         for trial in refinement.trials
         for what, errors in (("inverse kinematics", trial.before), ("refined", trial.after))
     ]
     rows += [
-        {
-            "trial": prediction.name,
-            "what": f"predicted, {what}",
-            "frames": "",
-            "frames_with_plates": "",
-            **_numbers(errors),
-        }
+        {"trial": prediction.name, "what": f"predicted, {what}", **NOT_USED} | _numbers(errors)
         for prediction in refinement.predictions
         for what, errors in (("given model", prediction.given), ("refined from the others", prediction.refined))
     ]
@@ -149,7 +119,8 @@ def trial_rows(refinement: Refinement) -> Rows:
         {
             "trial": prediction.name,
             "what": "predicted, body from the others' markers alone",
-            **{"frames": "", "frames_with_plates": "", "force_N": "", "moment_N_m": ""},
+            **NOT_USED,
+            **{"force_N": "", "moment_N_m": ""},
             "markers_mm": 1e3 * prediction.markers_alone,
         }
         for prediction in refinement.predictions
@@ -182,17 +153,6 @@ def length_rows(refinement: Refinement) -> Rows:
         {"length": name, "factor": float(factor), "factor_sd": float(sd)}
         for name, factor, sd in zip(refinement.lengths, refinement.factors, refinement.factors_sd, strict=True)
     ]
-
-
-def _write_rows(rows: Rows, path: Path) -> None:
-    with path.open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.DictWriter(stream, list(rows[0]) if rows else [])
-        writer.writeheader()
-        writer.writerows({key: _short(value) for key, value in row.items()} for row in rows)
-
-
-def _short(value: object) -> str:
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 def summary(refinement: Refinement) -> list[str]:
@@ -231,32 +191,25 @@ def refinement_section(refinement: Refinement) -> Section:
         head = tuple(rows[0]) if rows else ()
         cells = tuple(tuple(_cell(value) for value in row.values()) for row in rows)
         grids.append(Grid(tuple(name.replace("_", " ") for name in head), cells, title, title == "Lengths"))
-    return Section(
-        "refinement",
-        "Motion, body and masses at once",
-        " ".join(summary(refinement)),
-        grids=tuple(grids),
-    )
+    return Section("refinement", "Motion, body and masses at once", " ".join(summary(refinement)), grids=tuple(grids))
 
 
 def _cell(value: object) -> str:
     return f"{value:.3g}" if isinstance(value, float) else str(value)
 
 
-def _page(refined: Refined) -> str:
+def _page(refined: Made[Refinement]) -> str:
     # Brings jinja2: loaded only where it is needed.
     from myomorph.report.trial.trial_page import report_page
 
     refinement, made = refined.found, refined.provenance
     return report_page(
         ReportInput(
-            PageHead(
-                title=f"{refinement.model.name}: refined body and motions",
-                date=made.date,
-                version=__version__,
-                notes=(Note("real", f"Recordings: {', '.join(each.name for each in refinement.trials)}."),),
-                sources=tuple(SourceFile(each.role, Path(each.name).name, each.sha256) for each in made.sources),
-                warnings=(*refinement.notes, *refined.warnings),
+            PageHead.of(
+                f"{refinement.model.name}: refined body and motions",
+                made,
+                (Note("real", f"Recordings: {', '.join(trial.name for trial in refinement.trials)}."),),
+                (*refinement.notes, *refined.warnings),
             ),
             model=refinement.model,
             more=(refinement_section(refinement),),
@@ -264,7 +217,7 @@ def _page(refined: Refined) -> str:
     )
 
 
-def _run(subject: SubjectInputs, output: FolderOutput) -> Refined:
+def _run(subject: SubjectInputs, output: FolderOutput) -> Made[Refinement]:
     options = with_settings(RefineOptions(), subject.settings.get("refine", {}))
     result = refined(subject.trials(), check_mass(subject.model, subject.files.mass), options, subject.files.name)
     write_refined(replace(result, provenance=output.made), output.path("model"), output.tables)

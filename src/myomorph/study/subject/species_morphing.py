@@ -19,13 +19,7 @@ from myomorph.morph.arm_intervals import DRAWS, with_arm_intervals
 from myomorph.morph.checks.checks import check_morph
 from myomorph.morph.mirror.muscles import with_other_muscles
 from myomorph.morph.morphed import Morph
-from myomorph.morph.species.architecture import (
-    DENSITY,
-    SPECIFIC_TENSION,
-    ArchitectureTable,
-    MuscleRow,
-    ScalingLaw,
-)
+from myomorph.morph.species.architecture import DENSITY, SPECIFIC_TENSION, ArchitectureTable, MuscleRow, ScalingLaw
 from myomorph.morph.species.counterparts import (
     DIRECTIONS,
     AnatomicalFrame,
@@ -36,12 +30,7 @@ from myomorph.morph.species.counterparts import (
     SpeciesTable,
 )
 from myomorph.morph.species.maps import coordinate_table, species_morph
-from myomorph.morph.species.masses import (
-    SegmentShare,
-    share_notes,
-    with_possible_inertias,
-    with_segment_shares,
-)
+from myomorph.morph.species.masses import SegmentShare, share_notes, with_possible_inertias, with_segment_shares
 from myomorph.morph.species.table_rows import Attachment, MarkerTable, Ray, RelativeBone, with_markers_of
 from myomorph.store.progress import progress
 from myomorph.store.results import file_source, provenance_of
@@ -53,39 +42,13 @@ from myomorph.study.subject.morphing import Morphed, MorphSettings
 Table = Mapping[str, Any]
 KEYS = frozenset(
     (
-        "name",
-        "frames",
-        "posture",
-        "missing",
-        "extra",
-        "bone",
-        "coordinate",
-        "muscle",
-        "architecture",
-        "scaling",
-        "mass",
-        "markers",
-        "relative",
-        "straight",
-        "unlike",
-    ),
+        *("name", "frames", "posture", "missing", "extra", "bone", "coordinate", "muscle", "architecture", "scaling"),
+        *("mass", "markers", "relative", "straight", "unlike"),
+    )
 )
 TABLE_KEYS = frozenset(("species", "citation", "measured", "lengths", "body_mass", "muscles"))
 ROW_KEYS = frozenset(("name", "sources", "force", "mass", "fiber", "pennation"))
-BONE_KEYS = frozenset(
-    (
-        "sources",
-        "targets",
-        "source_frame",
-        "target_frame",
-        "transferred",
-        "spread",
-        "half",
-        "match",
-        "landmarks",
-        "rays",
-    )
-)
+BONE_KEYS = frozenset(field.name for field in fields(BoneHomology))
 
 
 def species_tables() -> tuple[str, ...]:

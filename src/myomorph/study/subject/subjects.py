@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Generic, TypeVar
 
 from myomorph.io.osim.write import write_osim
+from myomorph.io.parsing.text import write_csv
 from myomorph.model.errors import BadFile
 from myomorph.model.model import Model
 from myomorph.model.provenance import Provenance
@@ -15,6 +18,28 @@ from myomorph.store.outcome import Outcome
 from myomorph.study.step.folder_steps import FolderSteps, result_folder
 from myomorph.study.subject.subject_files import SubjectFiles, SubjectInputs, made_model
 from myomorph.study.trial.trial_files import Settings
+
+Found = TypeVar("Found")
+
+
+@dataclass(frozen=True, eq=False)
+class Made(Generic[Found]):
+    """What a step on a subject found, what it was made from, and what its files had to say, one line each."""
+
+    found: Found
+    provenance: Provenance
+    warnings: tuple[str, ...] = ()
+
+
+def tables_folder(out: Path, tables: str) -> Path:
+    """Where the tables and the report of a model go that a command makes: beside it."""
+    return out.with_name(f"{out.stem}_{tables}")
+
+
+def write_rows(rows: Sequence[Mapping[str, object]], path: Path) -> None:
+    """A table of rows that name their columns, which are those of the first."""
+    head = list(rows[0]) if rows else []
+    write_csv(path, head, ([row[name] for name in head] for row in rows))
 
 
 def check_out_model(out: Path, tables: Path | None = None, read: Iterable[Path | None] = ()) -> None:
@@ -33,12 +58,7 @@ def check_out_model(out: Path, tables: Path | None = None, read: Iterable[Path |
 
 
 def write_made_model(
-    model: Model,
-    made: Provenance,
-    out: Path,
-    tables: Path,
-    fill: Callable[[Path], None],
-    notes: Sequence[str] = (),
+    model: Model, made: Provenance, out: Path, tables: Path, fill: Callable[[Path], None], notes: Sequence[str] = ()
 ) -> tuple[str, ...]:
     """Write a model, and a folder with what it was made from, notes, and the tables and report that `fill` writes
     there. Returns what the model's file could not hold.

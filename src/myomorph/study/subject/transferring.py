@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -12,24 +10,17 @@ import numpy as np
 from myomorph.identify.transfer import Transfer, transfer
 from myomorph.identify.transfer_options import TransferOptions
 from myomorph.io.sto import table_from_motion, write_sto
-from myomorph.model.provenance import Provenance
 from myomorph.store.results import file_source, provenance_of
 from myomorph.store.settings import plain_settings
 from myomorph.study.inputs.reading import open_model, read_motion
-from myomorph.study.subject.subjects import write_made_model
+from myomorph.study.subject.subjects import Made, tables_folder, write_made_model, write_rows
 
 Rows = Sequence[Mapping[str, object]]
+TABLES = "transfer"
+"""With which the name of the folder of tables ends."""
 
 
-@dataclass(frozen=True, eq=False)
-class Transferred:
-    """A transfer and what it was made from."""
-
-    found: Transfer
-    provenance: Provenance
-
-
-def transfer_files(lower: Path, higher: Path, pose: Path | None, options: TransferOptions) -> Transferred:
+def transfer_files(lower: Path, higher: Path, pose: Path | None, options: TransferOptions) -> Made[Transfer]:
     """Give a model with more joints the lengths, markers and masses of a subject's calibrated and identified one, in a
     pose of this: the first frame of a file, its default without.
     """
@@ -38,28 +29,23 @@ def transfer_files(lower: Path, higher: Path, pose: Path | None, options: Transf
     result = transfer(subject, open_model(higher), options, motion)
     named = (("model", lower), ("model to", higher), *((("pose", pose),) if pose is not None else ()))
     sources = [file_source(role, path) for role, path in named]
-    return Transferred(result, provenance_of("transfer", sources, plain_settings(options)))
+    return Made(result, provenance_of("transfer", sources, plain_settings(options)))
 
 
-def tables_folder(out: Path) -> Path:
-    """Where tables of a transferred model go: beside it."""
-    return out.with_name(f"{out.stem}_transfer")
-
-
-def write_transferred(transferred: Transferred, out: Path) -> tuple[str, ...]:
+def write_transferred(transferred: Made[Transfer], out: Path) -> tuple[str, ...]:
     """Write the model, and beside it a folder of tables, whole or not at all. Returns what the model's file could not
     hold.
     """
     result = transferred.found
 
     def fill(folder: Path) -> None:
-        _write_rows(joint_rows(result), folder / "joints.csv")
-        _write_rows(length_rows(result), folder / "lengths.csv")
-        _write_rows(mass_rows(result), folder / "masses.csv")
+        write_rows(joint_rows(result), folder / "joints.csv")
+        write_rows(length_rows(result), folder / "lengths.csv")
+        write_rows(mass_rows(result), folder / "masses.csv")
         # In it the joint centers of both models coincide.
         write_sto(table_from_motion(result.higher_pose, result.model), folder / "pose.mot")
 
-    return write_made_model(result.model, transferred.provenance, out, tables_folder(out), fill)
+    return write_made_model(result.model, transferred.provenance, out, tables_folder(out, TABLES), fill)
 
 
 def joint_rows(transfer: Transfer) -> Rows:
@@ -99,16 +85,6 @@ def mass_rows(transfer: Transfer) -> Rows:
         }
         for mass in transfer.masses
     ]
-
-
-def _write_rows(rows: Rows, path: Path) -> None:
-    with path.open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.DictWriter(stream, list(rows[0]) if rows else [])
-        writer.writeheader()
-        writer.writerows(
-            {key: f"{value:.6g}" if isinstance(value, float) else str(value) for key, value in row.items()}
-            for row in rows
-        )
 
 
 def summary(transfer: Transfer) -> list[str]:

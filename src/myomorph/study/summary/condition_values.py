@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from operator import attrgetter
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -31,6 +32,8 @@ DISTANCE = "distance of its curve from the mean, RMS"
 _Key = tuple[str, str, str]
 """Condition, quantity and unit."""
 Row = tuple[str, ...]
+EFFECT = attrgetter("difference", "low", "high", "g", "g_low", "g_high")
+"""Of a parameter or a curve in two conditions."""
 
 
 class RunningMeans(Generic[Name]):
@@ -323,15 +326,8 @@ def described_rows(quantities: Sequence[Described], conditions: Sequence[Conditi
         for each in quantities:
             mean, deviation, count = each.conditions[index]
             if count:
-                yield (
-                    condition.name,
-                    each.quantity,
-                    each.unit,
-                    _number_text(mean),
-                    _number_text(deviation),
-                    str(count),
-                    condition.unit,
-                )
+                values = (_number_text(mean), _number_text(deviation), str(count))
+                yield (condition.name, each.quantity, each.unit, *values, condition.unit)
 
 
 def curve_rows(conditions: Sequence[Condition]) -> Iterator[Row]:
@@ -359,33 +355,13 @@ def pair_rows(comparisons: Sequence[Comparison]) -> Iterator[Row]:
         whose = (*comparison.names, "yes" if comparison.paired else "no")
         level = _number_text(comparison.options.alpha)
         for scalar in comparison.scalars:
-            numbers = (
-                scalar.first[0],
-                scalar.second[0],
-                scalar.difference,
-                scalar.low,
-                scalar.high,
-                scalar.g,
-                scalar.g_low,
-                scalar.g_high,
-            )
-            yield (
-                *whose,
-                "parameter",
-                scalar.name,
-                "",
-                *map(_number_text, numbers),
-                _number_text(scalar.p),
-                _number_text(scalar.holm),
-                level,
-                "",
-            )
+            numbers = (scalar.first[0], scalar.second[0], *EFFECT(scalar), scalar.p, scalar.holm)
+            yield (*whose, "parameter", scalar.name, "", *map(_number_text, numbers), level, "")
         for each in comparison.curves:
             if not np.isfinite(each.g).any():
                 continue
             at = int(np.argmax(np.where(np.isfinite(each.g), np.abs(each.g), -1.0)))
-            parts = (each.first.mean, each.second.mean, each.difference, each.low, each.high, each.g, each.g_low)
-            peaks = [float(part[at]) for part in (*parts, each.g_high)]
+            peaks = [float(part[at]) for part in (each.first.mean, each.second.mean, *EFFECT(each))]
             where = " ".join(f"{start:.0f}-{stop:.0f}" for start, stop in each.regions)
             percent = f"{100.0 * at / max(len(each.g) - 1, 1):g}"
             p = _number_text(each.least_p)

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
+from operator import attrgetter
 from pathlib import Path
 
 import numpy as np
 
 from myomorph import __version__
 from myomorph.analysis.groups import Animal, Comparison, Group, compare_groups
+from myomorph.io.parsing.text import csv_text
 from myomorph.model.errors import BadData, MyomorphError
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.report.page.parts import Note, PageHead
@@ -23,6 +23,7 @@ from myomorph.store.uncertainty_store import read_value_errors
 from myomorph.study.plan.groups import GroupPlan
 from myomorph.study.step.folder_steps import FolderOutput
 from myomorph.study.step.step import Step
+from myomorph.study.summary.condition_values import EFFECT
 from myomorph.study.summary.study_inputs import StudyInputs, groups_provenance
 from myomorph.study.summary.value_differences import MeasuredValues, difference_rows, differences
 from myomorph.study.trial.reporting import model_of
@@ -32,6 +33,7 @@ from myomorph.study.trial.trial_strides import TrialStrides, animal_of, in_one_t
 
 PAGE, PARAMETERS, CURVES, STRIDES = "groups.html", "group_parameters.csv", "group_curves.csv", "group_strides.csv"
 VALUES = "group_values.csv"
+STRIDE = attrgetter("start", "lift", "stop", "length", "duration", "speed", "duty", "width", "seen", "source")
 
 
 def compare_stored(plan: GroupPlan, out: Path, folder: Path, name: str = "") -> Comparison:
@@ -60,7 +62,7 @@ def compare_stored(plan: GroupPlan, out: Path, folder: Path, name: str = "") -> 
         (PARAMETERS, _parameter_table(result)),
         (CURVES, _curve_table(result)),
         (STRIDES, _stride_table(rows)),
-        (VALUES, _table(head, lines)),
+        (VALUES, csv_text(head, lines, digits=9)),
         (PAGE, page),
     ):
         (folder / file).write_text(text, encoding="utf-8")
@@ -117,15 +119,6 @@ def _group(
     return Group(members[0], tuple(animals))
 
 
-def _table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
-    text = io.StringIO(newline="")
-    table = csv.writer(text, lineterminator="\n")
-    table.writerow(head)
-    for row in rows:
-        table.writerow([f"{cell:.9g}" if isinstance(cell, float) else cell for cell in row])
-    return text.getvalue()
-
-
 def _parameter_table(comparison: Comparison) -> str:
     first, other = comparison.names
     head = [
@@ -134,15 +127,10 @@ def _parameter_table(comparison: Comparison) -> str:
         *("difference", "low", "high", "hedges_g", "g_low", "g_high", "p", "p_holm", "q"),
     ]
     rows = [
-        (
-            each.name,
-            *each.first,
-            *each.second,
-            *(each.difference, each.low, each.high, each.g, each.g_low, each.g_high, each.p, each.holm, each.q),
-        )
-        for each in comparison.scalars
+        (scalar.name, *scalar.first, *scalar.second, *EFFECT(scalar), scalar.p, scalar.holm, scalar.q)
+        for scalar in comparison.scalars
     ]
-    return _table(head, rows)
+    return csv_text(head, rows, digits=9)
 
 
 def _curve_table(comparison: Comparison) -> str:
@@ -158,14 +146,15 @@ def _curve_table(comparison: Comparison) -> str:
     for each in comparison.curves:
         columns = [
             *(part for band in (each.first, each.second) for part in (band.mean, band.low, band.high)),
-            *(each.difference, each.low, each.high, each.g, each.g_low, each.g_high, each.p),
+            *EFFECT(each),
+            each.p,
         ]
         percent = np.linspace(0.0, 100.0, len(each.difference))
         rows += [
             (each.family, each.name, float(at), *(float(column[i]) for column in columns))
             for i, at in enumerate(percent)
         ]
-    return _table(head, rows)
+    return csv_text(head, rows, digits=9)
 
 
 def _stride_table(trials: Sequence[tuple[str, str, TrialStrides]]) -> str:
@@ -174,29 +163,12 @@ def _stride_table(trials: Sequence[tuple[str, str, TrialStrides]]) -> str:
         "duty_factor", "width_m", "seen", "source",
     )  # fmt: skip
     rows = [
-        (
-            group,
-            subject,
-            strides.trial,
-            stride.limb,
-            *(
-                stride.start,
-                stride.lift,
-                stride.stop,
-                stride.length,
-                stride.duration,
-                stride.speed,
-                stride.duty,
-                stride.width,
-                stride.seen,
-            ),
-            stride.source,
-        )
+        (group, subject, strides.trial, stride.limb, *STRIDE(stride))
         for group, subject, strides in trials
         for limb in strides.limbs
         for stride in strides.of(limb)
     ]
-    return _table(head, rows)
+    return csv_text(head, rows, digits=9)
 
 
 STEP = Step(

@@ -16,7 +16,7 @@ import numpy as np
 from myomorph import __version__
 from myomorph.analysis.conditions import compare_conditions
 from myomorph.analysis.groups import GroupOptions
-from myomorph.io.parsing.text import written
+from myomorph.io.parsing.text import write_csv, written
 from myomorph.model.errors import few
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.report.study.study_input import Judged, StudyInput, TrialLine
@@ -204,10 +204,11 @@ def _write_conditions(
         (DIFFERENCES, pair_rows(comparisons)),
         (VALUE_DIFFERENCES, difference_rows(compared)),
     ):
-        with _csv(folder / name, next(rows)) as table:
-            table.writerows(rows)
+        write_csv(folder / name, next(rows), rows)
     shown = shown_quantities([quantity.quantity for quantity in quantities])
     groups = () if plan.groups is None else ((GROUPS_PAGE, "the two groups of subjects beside each other"),)
+    named = [(f"{condition.name}: " if condition.name else "", condition.notes) for condition in growing]
+    texts = [f"{prefix}{text}" for prefix, condition_notes in named for text in condition_notes]
     study_input = StudyInput(
         plan.name,
         made_at(),
@@ -217,20 +218,9 @@ def _write_conditions(
         comparisons,
         tuple(outliers),
         tuple(quantity for quantity in quantities if quantity.quantity in shown),
-        tuple(
-            difference
-            for difference in compared
-            if difference.quantity in shown and np.isfinite(difference.measured_sd)
-        ),
+        tuple(each for each in compared if each.quantity in shown and np.isfinite(each.measured_sd)),
         _changes(trials),
-        (
-            *notes,
-            *(
-                f"{condition.name}: {text}" if condition.name else text
-                for condition in growing
-                for text in condition.notes
-            ),
-        ),
+        (*notes, *texts),
         (*groups, *((name, text) for name, text in FILES if name != PARQUET or has_parquet())),
     )
     (folder / PAGE).write_text(study_page(study_input), encoding="utf-8")
@@ -256,21 +246,18 @@ def _in_order(plan: Plan, outcomes: Sequence[Outcome]) -> list[_Trial]:
 
 def _write_quality(plan: Plan, trials: Sequence[_Trial], out: Path, folder: Path) -> list[TrialLine]:
     """The table of quality of all trials; also each trial as a line of the page."""
-    lines: list[TrialLine] = []
-    with _csv(folder / TRIAL_QUALITY, (*WHOSE, *QUALITY_COLUMNS)) as table:
-        for trial in trials:
-            rows = read_quality(trial.outcome.folder / QUALITY) if trial.has_values else []
-            for row in rows:
-                table.writerow((*trial.whose, *(row[name] for name in QUALITY_COLUMNS)))
-            if trial.outcome.error:
-                table.writerow((*trial.whose, "failed", "", "", "", "failed", "", "", trial.outcome.error))
-            lines.append(_line(trial, rows, out))
-        for left in plan.excluded:
-            condition = plan.conditions.trials.get((left.subject, left.trial), "")
-            table.writerow(
-                (left.subject, condition, left.trial, "left out", "", "", "", "left out", "", "", left.reason)
-            )
-            lines.append(TrialLine(left.subject, left.trial, condition, "left out", reason=left.reason))
+    lines, cells = list[TrialLine](), list[tuple[str, ...]]()
+    for trial in trials:
+        rows = read_quality(trial.outcome.folder / QUALITY) if trial.has_values else []
+        cells += [(*trial.whose, *(row[name] for name in QUALITY_COLUMNS)) for row in rows]
+        if trial.outcome.error:
+            cells.append((*trial.whose, "failed", "", "", "", "failed", "", "", trial.outcome.error))
+        lines.append(_line(trial, rows, out))
+    for left in plan.excluded:
+        condition = plan.conditions.trials.get((left.subject, left.trial), "")
+        cells.append((left.subject, condition, left.trial, "left out", "", "", "", "left out", "", "", left.reason))
+        lines.append(TrialLine(left.subject, left.trial, condition, "left out", reason=left.reason))
+    write_csv(folder / TRIAL_QUALITY, (*WHOSE, *QUALITY_COLUMNS), cells)
     return lines
 
 

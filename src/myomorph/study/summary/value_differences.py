@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 
 import numpy as np
 from scipy.special import ndtri
@@ -21,6 +22,8 @@ CONFIDENCE = 0.95
 KEPT_DRAWS = 100
 """Of each trial so many draws at most are kept for differences, which know their deviation to 7 % by them."""
 Row = tuple[str, ...]
+NAMES = attrgetter("first", "second", "step", "quantity", "unit")
+NUMBERS = attrgetter("difference", "low", "high", "measured_sd", "low_all", "high_all")
 _Pair = tuple[bool, str, tuple[int, int], tuple[float, float], float, float, float, float, float]
 """What two conditions come to in one quantity: `ValueDifference` from `paired` on."""
 _Name = tuple[str, str]
@@ -209,25 +212,11 @@ def difference_rows(value_differences: Sequence[ValueDifference]) -> Iterator[Ro
         *("second_mean", "difference", "low", "high", "measured_sd", "low_all", "high_all"),
     )
     for difference in value_differences:
-        numbers = (
-            *difference.means,
-            difference.difference,
-            difference.low,
-            difference.high,
-            difference.measured_sd,
-            difference.low_all,
-            difference.high_all,
-        )
+        numbers = (*difference.means, *NUMBERS(difference))
         yield (
-            *(
-                difference.first,
-                difference.second,
-                difference.step,
-                difference.quantity,
-                difference.unit,
-                "yes" if difference.paired else "no",
-                difference.unit_of,
-            ),
+            *NAMES(difference),
+            "yes" if difference.paired else "no",
+            difference.unit_of,
             *map(str, difference.count),
             *(f"{value:.6g}" if np.isfinite(value) else "" for value in numbers),
         )

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from myomorph.io.parsing.text import written
+from myomorph.io.parsing.text import write_csv
 from myomorph.model.model import Model
 from myomorph.motion.emg_delay import EmgCalibration
 from myomorph.store.stored import put_conflicts
@@ -28,31 +27,16 @@ def write_calibration(targets: EmgTargets, muscles: Mapping[str, Sequence[str]],
 
 def write_channels(emg_calibration: EmgCalibration, muscles: Mapping[str, Sequence[str]], path: Path) -> None:
     """Delay, gain and muscles of each channel as a table."""
-    with written(path) as stream:
-        table = csv.writer(stream, lineterminator="\n")
-        table.writerow(
-            ("channel", "delay_s", "gain", "gain_low", "gain_high", "gain_from", "offset", "shape", "weight")
-            + ("r_held_out_without_emg", "r_held_out_with_emg", "muscles")
-        )
-        for index, name in enumerate(emg_calibration.channels):
-            low, high = (_cell(interval) for interval in emg_calibration.intervals[index])
-            source = "torques" if emg_calibration.by_torque[index] else "usual" if low else "file"
-            held = (_cell(one) for one in emg_calibration.held_out[index])
-            row: tuple[str, ...] = (
-                name,
-                f"{emg_calibration.delays[index]:.4f}",
-                f"{emg_calibration.gains[index]:.6g}",
-                low,
-                high,
-                source,
-            )
-            row += (
-                f"{emg_calibration.offsets[index]:.6g}",
-                f"{emg_calibration.shapes[index]:g}",
-                f"{emg_calibration.weight:g}",
-                *held,
-            )
-            table.writerow((*row, " ".join(muscles.get(name, ()))))
+    head = ("channel", "delay_s", "gain", "gain_low", "gain_high", "gain_from", "offset", "shape", "weight")
+    rows = []
+    for index, name in enumerate(emg_calibration.channels):
+        low, high = (_cell(limit) for limit in emg_calibration.intervals[index])
+        delay, gain = f"{emg_calibration.delays[index]:.4f}", f"{emg_calibration.gains[index]:.6g}"
+        source = "torques" if emg_calibration.by_torque[index] else "usual" if low else "file"
+        numbers = (emg_calibration.offsets[index], emg_calibration.shapes[index], emg_calibration.weight)
+        held = (_cell(correlation) for correlation in emg_calibration.held_out[index])
+        rows.append((name, delay, gain, low, high, source, *numbers, *held, " ".join(muscles.get(name, ()))))
+    write_csv(path, (*head, "r_held_out_without_emg", "r_held_out_with_emg", "muscles"), rows)
 
 
 def _cell(value: float) -> str:
@@ -64,12 +48,12 @@ def write_conflicts(model: Model, tension: Tension, targets: EmgTargets, output:
     """Where EMG and torques contradict each other, as a table and as a line."""
     if targets.target is None:
         return ()
-    found = targets.conflicts(model, tension)
-    put_conflicts(output.writer, found)
-    with written(output.folder / EMG_CONFLICTS) as stream:
-        table = csv.writer(stream, lineterminator="\n")
-        table.writerow(("muscle", "coordinate", "start_s", "stop_s", "worst_s", "emg_or_torque", "found"))
-        for one in found:
-            times = (f"{value:.4f}" for value in (one.start, one.stop, one.worst))
-            table.writerow((one.muscle, one.coordinate, *times, f"{one.emg:.5g}", f"{one.found:.5g}"))
-    return conflict_line(found, EMG_CONFLICTS)
+    conflicts = targets.conflicts(model, tension)
+    put_conflicts(output.writer, conflicts)
+    rows = []
+    for conflict in conflicts:
+        times = (f"{value:.4f}" for value in (conflict.start, conflict.stop, conflict.worst))
+        rows.append((conflict.muscle, conflict.coordinate, *times, f"{conflict.emg:.5g}", f"{conflict.found:.5g}"))
+    head = ("muscle", "coordinate", "start_s", "stop_s", "worst_s", "emg_or_torque", "found")
+    write_csv(output.folder / EMG_CONFLICTS, head, rows)
+    return conflict_line(conflicts, EMG_CONFLICTS)

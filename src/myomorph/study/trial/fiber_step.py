@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterator, Mapping
 from dataclasses import astuple, dataclass, fields
 
@@ -10,7 +9,7 @@ import numpy as np
 
 from myomorph.analysis.joint_loads import own_strides
 from myomorph.analysis.strides import Strides
-from myomorph.io.parsing.text import written
+from myomorph.io.parsing.text import write_csv
 from myomorph.io.sto import write_sto
 from myomorph.model.arrays import Array
 from myomorph.model.frozen_map import FrozenMap
@@ -114,12 +113,10 @@ def write_fibers(tension: Tension, model: Model, strides: Strides | None, output
     for name, title, values in tables:
         facts = FrozenMap({"name": f"Muscle tensions: {title}"})
         write_sto(Table(tension.time, tension.muscles, values, facts=facts), output.folder / f"{name}.sto")
-    with written(output.folder / WORK) as stream:
-        table = csv.writer(stream, lineterminator="\n")
-        table.writerow([f"{field.name}{_unit(field.name)}" for field in fields(FiberWork)])
-        optimal = {muscle.name: muscle.optimal_fiber_length for muscle in model.muscles}
-        for one in fiber_work(tension.time, tension.muscles, fibers, optimal, strides):
-            table.writerow([f"{value:.6g}" if isinstance(value, float) else value for value in astuple(one)])
+    optimal = {muscle.name: muscle.optimal_fiber_length for muscle in model.muscles}
+    work = fiber_work(tension.time, tension.muscles, fibers, optimal, strides)
+    head = (f"{field.name}{_unit(field.name)}" for field in fields(FiberWork))
+    write_csv(output.folder / WORK, head, map(astuple, work))
     return fiber_notes(tension, model)
 
 

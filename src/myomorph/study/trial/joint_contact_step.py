@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterator
 
 import numpy as np
 
 from myomorph.analysis.joint_loads import stride_loads
 from myomorph.analysis.strides import Strides
-from myomorph.io.parsing.text import written
+from myomorph.io.parsing.text import write_csv
 from myomorph.io.sto import write_sto
 from myomorph.model.series import Series
 from myomorph.store.contact_store import get_joint_contacts, put_joint_contacts
@@ -35,10 +34,7 @@ def write_joint_contacts(
     """Write forces at contact points, and return what is to be known of them, one line each."""
     put_joint_contacts(output.writer, joint_contact_forces)
     write_sto(joint_contact_forces.table(), output.folder / TABLE)
-    with written(output.folder / STRIDES) as stream:
-        table = csv.writer(stream, lineterminator="\n")
-        table.writerow(COLUMNS)
-        table.writerows(_stride_rows(joint_contact_forces, strides))
+    write_csv(output.folder / STRIDES, COLUMNS, _stride_rows(joint_contact_forces, strides))
     return (*points.notes, *lift_off_notes(joint_contact_forces, _half_distances(points)))
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
@@ -48,10 +47,7 @@ LENGTH_CURVES, LENGTH_RANGES = "length_strides.csv", "length_ranges.csv"
 
 
 def report_folder(
-    folder: str | Path,
-    preset: str = "",
-    times: Sequence[float] = (),
-    demo_model: ModelMaker | None = None,
+    folder: str | Path, preset: str = "", times: Sequence[float] = (), demo_model: ModelMaker | None = None
 ) -> list[Path]:
     """Make `report.html` of every folder of results in a folder, or of the folder itself.
 
@@ -104,15 +100,13 @@ def _write(
 
 def write_report(home: Path, prepared: Prepared) -> Path:
     """Write `report.html`, whole or not at all, and where the motion is a walk muscle lengths of every stride."""
-    temporary = home / f".{REPORT}.part"
-    temporary.write_text(prepared_page(prepared), encoding="utf-8")
-    os.replace(temporary, home / REPORT)
+    texts = {REPORT: prepared_page(prepared)}
     analysis = prepared.lengths
     if analysis is not None and analysis.ranges:
-        with written(home / LENGTH_CURVES) as stream:
-            stream.write(curves_table(analysis))
-        with written(home / LENGTH_RANGES) as stream:
-            stream.write(ranges_table(analysis))
+        texts |= {LENGTH_CURVES: curves_table(analysis), LENGTH_RANGES: ranges_table(analysis)}
+    for name, text in texts.items():
+        with written(home / name) as stream:
+            stream.write(text)
     return home / REPORT
 
 
@@ -208,13 +202,7 @@ def report_input(stored: Stored, model: Model) -> ReportInput:
         truth=Truth(truth.get("motion"), truth.get("torques"), truth.get("activations")) if truth else None,
     )
     phases = tuple(Phase(name, *span) for name, span in json.loads(facts.get("phases", "{}")).items())
-    shown = ReportInput(
-        head,
-        model,
-        _Meshes(model),
-        recorded,
-        analysis=AnalysisChoice(facts.get("preset", ""), phases),
-    )
+    shown = ReportInput(head, model, _Meshes(model), recorded, analysis=AnalysisChoice(facts.get("preset", ""), phases))
     for step in STEPS["trial"]:
         shown = step_of(step).show(shown, stored)
     return shown

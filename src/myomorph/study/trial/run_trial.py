@@ -241,11 +241,7 @@ class TrialSteps(JobSteps):
 
 
 def run_trial(
-    trial: TrialInputs,
-    steps: Sequence[str],
-    folder: Path,
-    fresh: bool = False,
-    results: StepResults | None = None,
+    trial: TrialInputs, steps: Sequence[str], folder: Path, fresh: bool = False, results: StepResults | None = None
 ) -> Outcome:
     """Run the steps of one recording into a folder: tables, `<trial>.nc`, `values.csv` and `report.html`. A step whose
     inputs, options and version are those of an earlier run is reused. Where a step fails, what the steps before it

@@ -9,12 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from myomorph.analysis.cycles import SAMPLES, Cycles, over_cycles
-from myomorph.io.parsing.text import written
+from myomorph.io.parsing.text import write_csv
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Series
 from myomorph.report.page.parts import Verdict
-from myomorph.report.trial.prepared import Prepared
 from myomorph.store.outcome import Outcome
 from myomorph.store.results import Stored
 from myomorph.store.uncertainty_store import get_value_limits
@@ -41,17 +40,17 @@ def write_trial_values(results: TrialResults, outcome: Outcome) -> None:
     if set(steps) <= set(outcome.reused) and all((outcome.folder / name).is_file() for name in names):
         return
     stored, model, prepared = results.stored, results.model, results.prepared
-    strides = strides_of(prepared, stored.facts.get("trial", ""))
+    strides = TrialStrides.whole(stored.facts.get("trial", ""), prepared.strides)
     mass = float(stored.facts.get("mass") or 0.0) or model.mass
     signals = [signal for step in trial_steps() for signal in step.signals(stored, model, mass)]
     cycles = [_cycles(signal, strides) for signal in signals]
     limits = get_value_limits(stored)
     _write_curves(outcome.folder / CURVES, strides, signals, cycles)
-    _write_rows(
+    write_csv(
         outcome.folder / QUALITY, QUALITY_COLUMNS, quality_rows(prepared.verdicts, prepared.results.head.warnings)
     )
     # Last, so that where there are values there is everything.
-    _write_rows(
+    write_csv(
         outcome.folder / VALUES,
         VALUE_COLUMNS,
         (
@@ -76,12 +75,6 @@ def _with_limits(value: Value, limits: Mapping[tuple[str, str], tuple[float, flo
     return value._replace(low=value.value + low, high=value.value + high, sd=deviation)
 
 
-def strides_of(prepared: Prepared, trial: str) -> TrialStrides | None:
-    """Strides of a trial, None where it is no walk."""
-    strides = prepared.strides
-    return None if strides is None else TrialStrides(trial, tuple(strides.strikes), (strides,), strides.notes)
-
-
 def trial_values(
     stored: Stored,
     model: Model,
@@ -97,20 +90,15 @@ def trial_values(
         if not step.numbers_last:
             yield from step.numbers(stored, model, strides)
     for signal, cycle in zip(signals, cycles, strict=True):
-        whole = statistics_of(signal.series.values)
-        each = {} if cycle is None or strides is None else statistics_of(cycle.values, axis=1)
-        means = {name: statistics_of(values)["mean"] for name, values in each.items()}
+        tables = {"": statistics_of(signal.series.values)}
+        if cycle is not None and strides is not None:
+            each = statistics_of(cycle.values, axis=1)
+            tables[f" {IN_STRIDE}"] = {name: statistics_of(values)["mean"] for name, values in each.items()}
         for index, name in enumerate(signal.series.names):
-            for what in signal.statistics:
-                yield Value(
-                    signal.step,
-                    f"{name}{signal.endings[index]}, {what}",
-                    float(whole[what][index]),
-                    signal.units[index],
-                )
-            for what in signal.statistics if means else ():
-                quantity = f"{name}{signal.endings[index]}, {what} {IN_STRIDE}"
-                yield Value(signal.step, quantity, float(means[what][index]), signal.units[index])
+            for where, numbers in tables.items():
+                for what in signal.statistics:
+                    quantity = f"{name}{signal.endings[index]}, {what}{where}"
+                    yield Value(signal.step, quantity, float(numbers[what][index]), signal.units[index])
     for step in steps:
         if step.numbers_last:
             yield from step.numbers(stored, model, strides)
@@ -121,16 +109,8 @@ def quality_rows(verdicts: Sequence[Verdict], warnings: Sequence[str]) -> Iterat
     for verdict in verdicts:
         limit = "" if verdict.limit is None else f"{verdict.limit:.6g}"
         time = "" if verdict.time is None else f"{verdict.time:.6g}"
-        yield (
-            verdict.quantity,
-            f"{verdict.value:.6g}",
-            verdict.unit,
-            limit,
-            verdict.state,
-            verdict.worst,
-            time,
-            verdict.detail,
-        )
+        value = f"{verdict.value:.6g}"
+        yield (verdict.quantity, value, verdict.unit, limit, verdict.state, verdict.worst, time, verdict.detail)
     for text in warnings:
         yield ("warning", "", "", "", "note", "", "", " ".join(text.split()))
 
@@ -167,8 +147,7 @@ def _write_curves(
         drawn = list(signal.drawn)
         head += [curve_name(signal.curve, signal.series.names[column]) for column in drawn]
         columns.append(statistics_of(cycle.values[:, :, drawn])["mean"] * signal.factor[drawn])
-    rows = ([f"{value:.6g}" for value in row] for row in np.hstack(columns).tolist())
-    _write_rows(path, head, rows)
+    write_csv(path, head, np.hstack(columns).tolist())
 
 
 def curve_name(family: str, name: str) -> str:
@@ -222,10 +201,3 @@ def read_quality(path: Path) -> list[dict[str, str]]:
         return []
     with path.open(newline="", encoding="utf-8") as stream:
         return list(csv.DictReader(stream))
-
-
-def _write_rows(path: Path, head: Sequence[str], rows: Iterator[Sequence[str]]) -> None:
-    with written(path) as stream:
-        table = csv.writer(stream, lineterminator="\n")
-        table.writerow(head)
-        table.writerows(rows)

@@ -18,10 +18,7 @@ from myomorph.model.provenance import Source
 from myomorph.model.series import Series
 from myomorph.store import stored as store
 from myomorph.store.results import ResultWriter, file_source
-from myomorph.store.settings import (
-    ReportOptions,
-    with_settings,
-)
+from myomorph.store.settings import ReportOptions, with_settings
 from myomorph.study.inputs.by_type import ByType, OptionSet
 from myomorph.study.inputs.input import Opened, Opening, Recorded
 from myomorph.study.inputs.markers import NO_RECORDING, Recording
@@ -194,13 +191,7 @@ class Signals:
 
 
 def all_drawn(
-    step: str,
-    series: Series,
-    ending: str,
-    unit: str,
-    statistics: tuple[str, ...],
-    curve: str,
-    factor: float = 1.0,
+    step: str, series: Series, ending: str, unit: str, statistics: tuple[str, ...], curve: str, factor: float = 1.0
 ) -> Signals:
     """Columns of one unit that are all drawn."""
     count = len(series.names)

@@ -11,14 +11,7 @@ from myomorph.analysis.cycles import SAMPLES, Cycles, over_cycles
 from myomorph.analysis.foot_events import Limb
 from myomorph.analysis.groups import Animal
 from myomorph.analysis.strides import Stride, Strides, find_strides
-from myomorph.analysis.walking import (
-    facing_of,
-    feet_move,
-    ground_speed,
-    running_events,
-    walking_limbs,
-    walking_points,
-)
+from myomorph.analysis.walking import facing_of, feet_move, ground_speed, running_events, walking_limbs, walking_points
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, check_name
 from myomorph.model.frozen_map import FrozenMap
@@ -57,6 +50,11 @@ class TrialStrides:
     limbs: tuple[str, ...]
     parts: tuple[Strides, ...]
     notes: tuple[str, ...] = ()
+
+    @staticmethod
+    def whole(trial: str, strides: Strides | None) -> TrialStrides | None:
+        """Those of a trial in one part, None where it is no walk."""
+        return None if strides is None else TrialStrides(trial, tuple(strides.strikes), (strides,), strides.notes)
 
     def of(self, limb: str) -> tuple[Stride, ...]:
         """Strides of one limb in all parts."""

@@ -40,6 +40,12 @@ MAX_RELATIVE_WIDTH = 0.5
 STATES = {"without": "muscles removed", "with": "muscles intact"}
 """What the two conditions of a specimen are called in texts."""
 
+QUANTITIES_OF = {
+    "without": ("mass_muscles_removed", "com_muscles_removed", "joint_viscosity"),
+    "with": ("mass_intact", "com_intact", "total_viscosity"),
+}
+"""Mass, distance of the mass center and viscosity of a condition, as tables call them."""
+
 NEUTRAL_ROUNDS = 3
 """How often the neutral position of a ball joint's spring is found again from angles counted from the last."""
 
@@ -171,6 +177,24 @@ class SpecimenViscosity:
     measured_muscle_mass: float | None
     notes: tuple[str, ...] = ()
 
+    @property
+    def conditions(self) -> dict[str, Condition]:
+        """What there is of "without" and "with" muscles."""
+        pairs = (("without", self.without), ("with", self.intact))
+        return {name: condition for name, condition in pairs if condition is not None}
+
+    @property
+    def estimates(self) -> dict[str, Estimate]:
+        """What was estimated, by quantity as tables call it."""
+        known: dict[str, Estimate] = {}
+        for name, condition in self.conditions.items():
+            known |= dict(zip(QUANTITIES_OF[name], (condition.mass, condition.com, condition.viscosity), strict=True))
+        if self.muscles is not None:
+            known["muscle_viscosity"] = self.muscles.common
+        if self.muscle_mass is not None:
+            known["estimated_muscle_mass"] = self.muscle_mass
+        return known
+
 
 def identify_specimen(
     name: str,
@@ -271,18 +295,11 @@ def _condition(
     influences = solved.influences
     mass, com, joint, plate, *axes = _estimates(influences, options, stream, np.zeros(len(influences.values)))
     names = ("mass", "com", "viscosity", "plate_viscosity", *solved.sums.axes)
-    return Condition(
-        tuple(recordings),
-        solved.whole.inertia.parameters,
-        mass,
-        com,
-        joint,
-        tuple(axes),
-        tuple(0.5 * (axis.high - axis.low) <= MAX_RELATIVE_WIDTH * joint.value for axis in axes),
-        solved.whole.inertia.noise,
-        plate,
-        tuple(name for name, by in zip(names, influences.by_trial, strict=True) if by),
-    )
+    excited = tuple(0.5 * (axis.high - axis.low) <= MAX_RELATIVE_WIDTH * joint.value for axis in axes)
+    by_trial = tuple(name for name, by in zip(names, influences.by_trial, strict=True) if by)
+    inertia = solved.whole.inertia
+    estimates = (mass, com, joint, tuple(axes), excited)
+    return Condition(tuple(recordings), inertia.parameters, *estimates, inertia.noise, plate, by_trial)
 
 
 def _both(bare: ConditionSolution, full: ConditionSolution, values: Array, blocks: Array) -> Influences:
@@ -327,16 +344,8 @@ def _muscles(
     others += [values(full.torque(block), bare.whole) for block in full.lacking]
     best = values(whole, bare.whole)
     drawn = _estimates(_both(bare, full, best, np.array(others)), options, 3, np.zeros(len(best)))
-    return MuscleViscosity(
-        names,
-        drawn[0],
-        shares,
-        drawn[1],
-        tuple(drawn[2:]),
-        problem.rank,
-        problem.singular_values,
-        problem.resolved(variance, common),
-    )
+    known = (problem.rank, problem.singular_values, problem.resolved(variance, common))
+    return MuscleViscosity(names, drawn[0], shares, drawn[1], tuple(drawn[2:]), *known)
 
 
 def _shares(names: tuple[str, ...], pcsa: Mapping[str, float] | None) -> Array:

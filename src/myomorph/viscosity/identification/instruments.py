@@ -19,9 +19,6 @@ from myomorph.viscosity.swings.sums import effective_samples, free_directions, p
 
 ROUNDS = 3
 """How often the errors are found again from recordings that are rid of the last ones."""
-SURPRISING, LEAST_GAIN = 4.0, 0.05
-"""Standard deviations that an error lies off what is assumed from which it is named (by chance 1 in 16,000), if the
-swings take this share off its variance."""
 SHOWN_IN = {
     "plate_position": (1e3, "mm"),
     "plate_rotation": (1e3, "mrad"),
@@ -69,24 +66,6 @@ class Instruments:
         named = ((source, _axis(source, axis)) for source, axis in self.sources)
         columns = (column.tolist() for column in (self.prior, self.errors, left))
         return tuple((*name, *row) for name, row in zip(named, zip(*columns, strict=True), strict=True))
-
-    @property
-    def surprises(self) -> tuple[str, ...]:
-        """A line for every error that the swings put farther from zero than its assumed standard deviation explains. An
-        estimate from a prior that is right scatters with the variance that the swings take off the prior's.
-        """
-        lines = []
-        for source, axis, prior, size, left in self.rows:
-            gain = prior**2 - left**2
-            if gain > LEAST_GAIN * prior**2 and abs(size) > SURPRISING * np.sqrt(gain):
-                factor, unit = SHOWN_IN[source]
-                which = " ".join((source.replace("_", " "), axis)).strip()
-                lines.append(
-                    f"{which}: the swings say {factor * size:+.2f} ± {factor * left:.2f} {unit}, but a standard "
-                    f"deviation of {factor * prior:.2g} {unit} is assumed: corrected; check it, or state a larger "
-                    f"{source} in [options.errors]"
-                )
-        return tuple(lines)
 
     def known(self, source: str) -> Array:
         """(sources, sources) covariance of what is left where all axes of a source are known."""

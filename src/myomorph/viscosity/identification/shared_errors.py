@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from statistics import NormalDist
+from typing import Any
 
 import numpy as np
 
@@ -13,18 +14,12 @@ from myomorph.model.errors import MyomorphError
 from myomorph.model.provenance import Estimate
 from myomorph.viscosity.identification.budget import ErrorOptions, ErrorShare, disturbed, thinned
 from myomorph.viscosity.identification.condition import Solution, solve_whole
-from myomorph.viscosity.identification.identify import Condition, SpecimenViscosity, ViscosityOptions
+from myomorph.viscosity.identification.identify import QUANTITIES_OF, Condition, SpecimenViscosity, ViscosityOptions
 from myomorph.viscosity.identification.inertia import InertiaOptions
 from myomorph.viscosity.identification.instruments import Instruments
 from myomorph.viscosity.identification.torque import muscle_problem, torque_problem
 from myomorph.viscosity.swings.recording import SwingRecording
 from myomorph.viscosity.swings.sums import SwingSums, swing_sums
-
-COLUMNS = {
-    "without": ("mass_muscles_removed", "com_muscles_removed", "joint_viscosity"),
-    "intact": ("mass_intact", "com_intact", "total_viscosity"),
-}
-"""What the first three of `Solution.estimates` are called in the tables."""
 
 
 def with_shared_errors(
@@ -41,7 +36,7 @@ def with_shared_errors(
     plate and have one center, so they share each error.
     """
     instruments = instruments or Instruments.assumed(errors)
-    conditions = {name: condition for name in COLUMNS if (condition := getattr(specimen_viscosity, name)) is not None}
+    conditions = specimen_viscosity.conditions
     recordings = {name: tuple(thinned(each) for each in condition.recordings) for name, condition in conditions.items()}
     try:
         exact = _values(recordings, conditions, options)
@@ -61,39 +56,33 @@ def with_shared_errors(
     slopes = {name: np.array([change[name] for change in changes]) for name in exact}
     sds = {name: float(np.sqrt(max(g @ instruments.covariance @ g, 0.0))) for name, g in slopes.items()}
 
-    def wider(name: str, estimate: Estimate | None) -> Estimate | None:
-        return (
-            estimate if estimate is None else _wider(estimate, z * sds.get(name, 0.0), name != "estimated_muscle_mass")
-        )
+    def wider(name: str, estimate: Estimate) -> Estimate:
+        return _wider(estimate, z * sds.get(name, 0.0), name != "estimated_muscle_mass")
 
-    parts = {}
+    parts: dict[str, Any] = {}
     for key, condition in conditions.items():
-        mass, com, viscosity = COLUMNS[key]
-        parts[key] = replace(
+        mass, com, viscosity = QUANTITIES_OF[key]
+        axes = zip(condition.recordings[0].axes, condition.axis_viscosity, strict=True)
+        plate = condition.plate_viscosity
+        parts["without" if key == "without" else "intact"] = replace(
             condition,
             mass=wider(mass, condition.mass),
             com=wider(com, condition.com),
             viscosity=wider(viscosity, condition.viscosity),
-            plate_viscosity=wider(f"plate {viscosity}", condition.plate_viscosity),
-            axis_viscosity=tuple(
-                wider(f"{axis} {viscosity}", axis_estimate) for axis, axis_estimate in _axes(condition)
-            ),
+            plate_viscosity=None if plate is None else wider(f"plate {viscosity}", plate),
+            axis_viscosity=tuple(wider(f"{axis} {viscosity}", estimate) for axis, estimate in axes),
         )
     muscles = specimen_viscosity.muscles
     if muscles is not None:
-        muscles = replace(muscles, common=_wider(muscles.common, z * sds.get("muscle_viscosity", 0.0), True))
+        parts["muscles"] = replace(muscles, common=wider("muscle_viscosity", muscles.common))
+    if specimen_viscosity.muscle_mass is not None:
+        parts["muscle_mass"] = wider("estimated_muscle_mass", specimen_viscosity.muscle_mass)
     swings = {
         name: (estimate.high - estimate.low) / (2.0 * z)
-        for name, estimate in _estimates(specimen_viscosity).items()
+        for name, estimate in specimen_viscosity.estimates.items()
         if np.isfinite(estimate.value)
     }
-    widened = replace(
-        specimen_viscosity,
-        **parts,
-        muscles=muscles,
-        muscle_mass=wider("estimated_muscle_mass", specimen_viscosity.muscle_mass),
-    )
-    return widened, _shares(swings, slopes, instruments)
+    return replace(specimen_viscosity, **parts), _shares(swings, slopes, instruments)
 
 
 def _shares(
@@ -116,24 +105,6 @@ def _shares(
     return tuple(shares)
 
 
-def _axes(condition: Condition) -> list[tuple[str, Estimate]]:
-    return list(zip(condition.recordings[0].axes, condition.axis_viscosity, strict=True))
-
-
-def _estimates(specimen_viscosity: SpecimenViscosity) -> dict[str, Estimate]:
-    """What the table of errors has a row for."""
-    known: dict[str, Estimate] = {}
-    for key, names in COLUMNS.items():
-        condition = getattr(specimen_viscosity, key)
-        if condition is not None:
-            known |= dict(zip(names, (condition.mass, condition.com, condition.viscosity), strict=True))
-    if specimen_viscosity.muscles is not None:
-        known["muscle_viscosity"] = specimen_viscosity.muscles.common
-    if specimen_viscosity.muscle_mass is not None:
-        known["estimated_muscle_mass"] = specimen_viscosity.muscle_mass
-    return known
-
-
 def _wider(estimate: Estimate, half: float, positive: bool) -> Estimate:
     low = estimate.value - float(np.hypot(estimate.value - estimate.low, half))
     high = estimate.value + float(np.hypot(estimate.high - estimate.value, half))
@@ -152,13 +123,17 @@ def _values(
         sums = swing_sums(condition_recordings, options.block, options.min_relative_speed)
         whole = solve_whole(sums, inertial, options.stiffness is not False, conditions[key].residual)
         mass, com, viscosity, plate, *axes = whole.estimates.tolist()
-        names = (*COLUMNS[key], f"plate {COLUMNS[key][2]}", *(f"{axis} {COLUMNS[key][2]}" for axis in sums.axes))
+        names = (
+            *QUANTITIES_OF[key],
+            f"plate {QUANTITIES_OF[key][2]}",
+            *(f"{axis} {QUANTITIES_OF[key][2]}" for axis in sums.axes),
+        )
         known |= dict(zip(names, (mass, com, viscosity, plate, *axes), strict=True))
         solved[key] = sums, whole
-    if len(solved) == len(COLUMNS):
+    if len(solved) == len(QUANTITIES_OF):
         known["estimated_muscle_mass"] = known["mass_intact"] - known["mass_muscles_removed"]
-        if solved["intact"][0].muscles:
-            known["muscle_viscosity"] = _common(*solved["intact"], solved["without"][1], options)
+        if solved["with"][0].muscles:
+            known["muscle_viscosity"] = _common(*solved["with"], solved["without"][1], options)
     return known
 
 
@@ -167,9 +142,3 @@ def _common(sums: SwingSums, full: Solution, bare: Solution, options: ViscosityO
     joint: Array = np.full(len(sums.axes), bare.joint.one) if options.subtract == "one" else bare.joint.axes
     torque = torque_problem(sums.torque_total(full.counts), full.inertia.parameters, options.stiffness is not False)
     return float(muscle_problem(torque, joint).along(np.ones(len(sums.muscles))))
-
-
-def helping_most(shares: Sequence[ErrorShare], quantity: str) -> ErrorShare | None:
-    """The source that adds most to a result: the measurement that would help most."""
-    candidates = [share for share in shares if share.quantity == quantity]
-    return max(candidates, key=lambda share: share.share, default=None)

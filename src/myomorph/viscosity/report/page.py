@@ -37,11 +37,9 @@ def viscosity_page(viscosity_input: ViscosityInput) -> str:
 
 
 def _facts(viscosity_input: ViscosityInput) -> list[tuple[str, str]]:
-    both = sum(1 for specimen in viscosity_input.done if specimen.without is not None and specimen.intact is not None)
+    both = sum(len(specimen.conditions) == 2 for specimen in viscosity_input.done)
     rows = [("Specimens", f"{len(viscosity_input.specimens)}, {both} of them with and without muscles")]
-    parts = [
-        part for specimen in viscosity_input.done for part in (specimen.without, specimen.intact) if part is not None
-    ]
+    parts = [part for specimen in viscosity_input.done for part in specimen.conditions.values()]
     if parts:
         swings, trials = sum(part.swings for part in parts), sum(part.trials for part in parts)
         rows.append(("Swings", f"{swings} in {trials} trials, {sum(part.seconds for part in parts):.0f} s"))

@@ -54,13 +54,8 @@ def specimen_sections(specimen_report: SpecimenReport, order: int) -> list[Secti
     return [section for section in parts if section is not None]
 
 
-def _conditions(specimen_report: SpecimenReport) -> list[tuple[str, ShownCondition]]:
-    conditions = (("without", specimen_report.without), ("with", specimen_report.intact))
-    return [(name, condition) for name, condition in conditions if condition is not None]
-
-
 def _swings(specimen_report: SpecimenReport, order: int) -> Section | None:
-    conditions = _conditions(specimen_report)
+    conditions = list(specimen_report.conditions.items())
     if not conditions:
         return None
     figures = [
@@ -130,23 +125,12 @@ def torque_plot(shown_condition: ShownCondition, axis: int, title: str) -> str:
     used = curves.swing >= 0
     rates, torque = curves.rates[used, axis], curves.torque[used, axis]
     ends = np.array([rates.min(), rates.max()]) if len(rates) else np.zeros(2)
-    axis_viscosity = shown_condition.axis_viscosity[axis]
-    clouds = [
-        Cloud(rates, torque, AXES[axis % 3], "torque by inverse dynamics"),
-        Cloud(
-            ends,
-            -shown_condition.viscosity.value * ends,
-            "left",
-            f"all axes: {number(shown_condition.viscosity.value)} Nms/rad",
-            True,
-        ),
-    ]
+    clouds = [Cloud(rates, torque, AXES[axis % 3], "torque by inverse dynamics")]
+    lines = [("left", "all axes", shown_condition.viscosity.value)]
     if shown_condition.excited[axis]:
-        clouds.append(
-            Cloud(
-                ends, -axis_viscosity.value * ends, "middle", f"this axis: {number(axis_viscosity.value)} Nms/rad", True
-            )
-        )
+        lines.append(("middle", "this axis", shown_condition.axis_viscosity[axis].value))
+    for style, words, value in lines:
+        clouds.append(Cloud(ends, -value * ends, style, f"{words}: {number(value)} Nms/rad", True))
     width = 330 if len(shown_condition.axes) > 1 else 505
     return xy_plot(f"Torque, axis {shown_condition.axes[axis]}, {title}", "N·m", "velocity [rad/s]", clouds, width)
 
@@ -162,7 +146,7 @@ def wrench_plot(curves: SwingCurves, component: int, title: str) -> str:
 
 def _axis_grid(specimen_report: SpecimenReport) -> Grid:
     rows = []
-    for name, condition in _conditions(specimen_report):
+    for name, condition in specimen_report.conditions.items():
         rows.append((TITLES[name], "all", with_interval(condition.viscosity), ""))
         if condition.plate_viscosity is not None:
             words = "from the moment on the plate alone, a check"
@@ -190,18 +174,14 @@ def _muscles(specimen_report: SpecimenReport, order: int) -> Section | None:
     values = Cloud(numbers, height, "first", "singular values", dotted=True)
     across = "combination of muscles, best known first"
     rank = xy_plot("Singular values", "log₁₀ of the share of the largest", across, [values], zero=False)
+    known = muscle_viscosity.resolved
+    resolved = "" if known is None else f", {known} of them to better than their size"
     lead = (
         f"One value for all muscles: {with_interval(muscle_viscosity.common)} Ns/m; in proportion to their "
         "cross-sections, mean "
         f"{with_interval(muscle_viscosity.by_pcsa)} Ns/m. The swings show {muscle_viscosity.rank} of "
-        f"{len(muscle_viscosity.muscles)} independent "
-        "combinations"
-        + (
-            f", {muscle_viscosity.resolved} of them to better than their size"
-            if muscle_viscosity.resolved is not None
-            else ""
-        )
-        + ": the values of single muscles also come from the regularisation that draws them to the common value."
+        f"{len(muscle_viscosity.muscles)} independent combinations{resolved}: the values of single muscles also come "
+        "from the regularisation that draws them to the common value."
     )
     cells = tuple(
         (muscle, with_interval(value), number(float(share)), number(float(scaled)))

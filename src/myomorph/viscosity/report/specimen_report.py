@@ -183,6 +183,12 @@ class SpecimenReport:
     instruments: Instruments | None = None
     shoulder: bool = True
 
+    @property
+    def conditions(self) -> dict[str, ShownCondition]:
+        """What there is of "without" and "with" muscles."""
+        pairs = (("without", self.without), ("with", self.intact))
+        return {name: condition for name, condition in pairs if condition is not None}
+
 
 @dataclass(frozen=True, eq=False)
 class ViscosityInput:
@@ -204,11 +210,12 @@ class ViscosityInput:
 
 def specimen_report(specimen_viscosity: SpecimenViscosity) -> SpecimenReport:
     """What is shown of an identified specimen, without what trust in it adds."""
+    shown = {name: shown_condition(condition) for name, condition in specimen_viscosity.conditions.items()}
     return SpecimenReport(
         specimen_viscosity.name,
         specimen_row(specimen_viscosity),
-        None if specimen_viscosity.without is None else shown_condition(specimen_viscosity.without),
-        None if specimen_viscosity.intact is None else shown_condition(specimen_viscosity.intact),
+        shown.get("without"),
+        shown.get("with"),
         specimen_viscosity.muscles,
         notes=specimen_viscosity.notes,
     )
@@ -221,38 +228,23 @@ def shown_condition(condition: Condition) -> ShownCondition:
         float(recording.used.sum()) * float(np.median(np.diff(recording.time))) for recording in condition.recordings
     ]
     longest = condition.recordings[int(np.argmax(swings))]
+    names = ("mass", "com", "viscosity", "axis_viscosity", "excited", "residual", "plate_viscosity", "by_trial")
     return ShownCondition(
-        longest.axes,
-        condition.mass,
-        condition.com,
-        condition.viscosity,
-        condition.axis_viscosity,
-        condition.excited,
-        condition.residual,
-        len(condition.recordings),
-        sum(swings),
-        sum(seconds),
-        swing_curves(longest, condition.parameters, condition.viscosity.value),
-        condition.plate_viscosity,
-        condition.by_trial,
+        axes=longest.axes,
+        trials=len(condition.recordings),
+        swings=sum(swings),
+        seconds=sum(seconds),
+        curves=swing_curves(longest, condition.parameters, condition.viscosity.value),
+        **{name: getattr(condition, name) for name in names},
     )
 
 
 def swing_curves(recording: SwingRecording, parameters: Array, viscosity: float) -> SwingCurves:
     """A trial's curves, at most `MAX_FRAMES`, with the line of a viscosity [N m s/rad] of torque against velocity."""
     keep = slice(None, None, -(-len(recording) // MAX_FRAMES))
-    rates = recording.rates[keep]
-    unused = ~recording.used[keep][:, None]
+    rates, unused = recording.rates[keep], ~recording.used[keep][:, None]
     predicted = np.where(unused, np.nan, recording.wrench_rows[keep] @ parameters)
-    return SwingCurves(
-        recording.name,
-        recording.axes,
-        recording.time[keep],
-        recording.swing[keep],
-        recording.angles[keep],
-        rates,
-        recording.torque_rows[keep] @ parameters,
-        -viscosity * rates,
-        np.where(unused, np.nan, recording.wrench[keep]),
-        predicted,
-    )
+    measured = np.where(unused, np.nan, recording.wrench[keep])
+    motion = (recording.time[keep], recording.swing[keep], recording.angles[keep], rates)
+    torques = (recording.torque_rows[keep] @ parameters, -viscosity * rates)
+    return SwingCurves(recording.name, recording.axes, *motion, *torques, measured, predicted)

@@ -138,11 +138,7 @@ def _wrap(source: Anatomy, wrap: PathWrap | TendonWrap) -> PathWrap | TendonWrap
 
 
 def _point(
-    source: Anatomy,
-    muscle: str,
-    point: PathPoint | MovingPathPoint,
-    coordinates: frozenset[str],
-    notes: list[str],
+    source: Anatomy, muscle: str, point: PathPoint | MovingPathPoint, coordinates: frozenset[str], notes: list[str]
 ) -> PathPoint | MovingPathPoint:
     if isinstance(point, MovingPathPoint):
         return _moving_point(source, muscle, point, coordinates, notes)

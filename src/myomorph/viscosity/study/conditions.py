@@ -8,12 +8,7 @@ from dataclasses import dataclass, replace
 from myomorph.model.errors import BadData, MyomorphError
 from myomorph.model.findings import Finding
 from myomorph.viscosity.identification.budget import ErrorOptions, ErrorShare
-from myomorph.viscosity.identification.identify import (
-    STATES,
-    SpecimenViscosity,
-    ViscosityOptions,
-    identify_specimen,
-)
+from myomorph.viscosity.identification.identify import STATES, SpecimenViscosity, ViscosityOptions, identify_specimen
 from myomorph.viscosity.identification.instruments import Instruments, estimate_instruments
 from myomorph.viscosity.identification.shared_errors import with_shared_errors
 from myomorph.viscosity.specimen.model import Specimen
@@ -48,7 +43,7 @@ class Identified:
 
     `conditions` are rid of the shared errors that the swings tell (`instruments`); `options` have the law of the
     passive torque decided; `reason` is why the cut-off is what it is; `lost` and `conflicts` name conditions that could
-    not be used, instruments that are not as assumed, and criteria of a law that disagree.
+    not be used, and criteria of a law that disagree.
     """
 
     found: SpecimenViscosity
@@ -79,19 +74,8 @@ def identify_conditions(
     by_swings = _identified(specimen, files, conditions, options.identification)
     shared, shares = with_shared_errors(by_swings, options.identification, options.errors, instruments)
     shared, shares = with_attachments(shared, shares, options.moment_arms, options.identification.level)
-    return Identified(
-        shared,
-        by_swings,
-        shares,
-        instruments,
-        conditions,
-        options,
-        compared,
-        cutoff,
-        reason,
-        tuple(lost),
-        tuple(conflicts),
-    )
+    law = (conditions, options, compared, cutoff, reason)
+    return Identified(shared, by_swings, shares, instruments, *law, tuple(lost), tuple(conflicts))
 
 
 def _cutoff(options: StudyOptions, conditions: Mapping[str, Prepared]) -> tuple[float, str]:

@@ -77,9 +77,9 @@ class _Recording(Strict):
 class _Study(StudyTable):
     """Sentences on where the recordings come from stand first in the report."""
 
-    real: list[str] = Field(default_factory=list)
-    simulated: list[str] = Field(default_factory=list)
-    assumed: list[str] = Field(default_factory=list)
+    real: tuple[str, ...] = ()
+    simulated: tuple[str, ...] = ()
+    assumed: tuple[str, ...] = ()
 
 
 class _Plate(Strict):
@@ -164,6 +164,11 @@ class SpecimenFiles:
     truth: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
     paper: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
     up: Literal["x", "y", "z"] | None = None
+
+    @property
+    def recordings(self) -> dict[str, tuple[SwingFiles, ...]]:
+        """By `CONDITIONS`."""
+        return dict(zip(CONDITIONS, (self.without, self.intact), strict=True))
 
 
 @dataclass(frozen=True)
@@ -253,15 +258,9 @@ def read_viscosity_plan(path: str | Path) -> ViscosityPlan:
     refuse(path, problems)
     assert file is not None
     settings = {step: chosen for step, chosen in file.options.model_dump(exclude_unset=True).items() if chosen}
+    told, settings_map = file.study, FrozenMap(settings)
     return ViscosityPlan(
-        file.study.name,
-        path,
-        tuple(specimens),
-        FrozenMap(settings),
-        tuple(file.study.real),
-        tuple(file.study.simulated),
-        tuple(file.study.assumed),
-        tuple(remarks),
+        told.name, path, tuple(specimens), settings_map, told.real, told.simulated, told.assumed, tuple(remarks)
     )
 
 
@@ -284,24 +283,20 @@ def _specimen(specimen: _Specimen, folder: Path, problems: list[str], remarks: l
         for key, entries in zip(OPTIONS.values(), (specimen.removed, specimen.intact), strict=True)
     )
     model = existing(folder, specimen.model, f"{where}: model", problems)
+    same = ("name", "measured_muscle_mass", "base", "joint", "up")
+    maps: dict[str, Any] = {name: FrozenMap(dict(getattr(specimen, name))) for name in ("pcsa", "truth", "paper")}
     return SpecimenFiles(
-        specimen.name,
-        model or folder,
-        without,
-        intact,
-        specimen.measured_muscle_mass,
-        specimen.base,
-        specimen.first_body,
-        tuple(specimen.bones),
-        specimen.joint,
-        FrozenMap({name: tuple(strands) for name, strands in specimen.muscles.items()}),
-        FrozenMap(dict(specimen.pcsa)),
-        existing(folder, specimen.tare, f"{where}: tare", problems),
-        None if specimen.plate is None else _plate(specimen.plate, folder, f"{where}: plate", problems),
-        tuple(_scans(specimen.ct, folder, f"{where}: ct", problems)),
-        FrozenMap(dict(specimen.truth)),
-        FrozenMap(dict(specimen.paper)),
-        specimen.up,
+        model=model or folder,
+        without=without,
+        intact=intact,
+        first=specimen.first_body,
+        bones=tuple(specimen.bones),
+        muscles=FrozenMap({name: tuple(strands) for name, strands in specimen.muscles.items()}),
+        tare=existing(folder, specimen.tare, f"{where}: tare", problems),
+        plate=None if specimen.plate is None else _plate(specimen.plate, folder, f"{where}: plate", problems),
+        ct=tuple(_scans(specimen.ct, folder, f"{where}: ct", problems)),
+        **{name: getattr(specimen, name) for name in same},
+        **maps,
     )
 
 

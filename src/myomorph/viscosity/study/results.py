@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass
+from operator import attrgetter
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 
 from myomorph.identify.validation import COMPONENTS
-from myomorph.io.parsing.text import written
+from myomorph.io.parsing.text import csv_text, write_csv, written
 from myomorph.io.sto import write_sto
 from myomorph.model.errors import BadFile
 from myomorph.model.frozen_map import FrozenMap
@@ -53,7 +52,7 @@ def specimens_table(rows: Sequence[tuple[str, Row]]) -> str:
         head += [quantity, f"{quantity}_low", f"{quantity}_high"][:width]
         for row_cells, (_, row) in zip(cells, rows, strict=True):
             row_cells += _interval(row.get(quantity))[:width]
-    return _csv(head, cells)
+    return csv_text(head, cells, digits=8)
 
 
 def _interval(estimate: Estimate | None) -> list[Any]:
@@ -67,87 +66,72 @@ def cohort_table(rows: Sequence[Row]) -> str:
         (line.quantity.name, line.mean, line.sd, line.count, line.low, line.high, line.quantity.unit)
         for line in cohort(rows)
     )
-    return _csv(head, cells)
-
-
-def axes_table(specimens: Sequence[SpecimenReport]) -> str:
-    """`axes.csv`: viscosity about every free axis."""
-    rows = (
-        (specimen.name, name, axis, *_interval(value), "yes" if excited else "no")
-        for specimen in specimens
-        for name, condition in (("without", specimen.without), ("with", specimen.intact))
-        if condition is not None
-        for axis, value, excited in zip(condition.axes, condition.axis_viscosity, condition.excited, strict=True)
-    )
-    return _csv(("name", "condition", "axis", "viscosity", "viscosity_low", "viscosity_high", "excited"), rows)
-
-
-def muscles_table(specimens: Sequence[SpecimenReport]) -> str:
-    """`muscles.csv`: the regularised viscosity of every muscle, and that in proportion to its cross-section."""
-    rows = (
-        (specimen.name, muscle, *_interval(value), share, share * found.by_pcsa.value, found.rank)
-        for specimen in specimens
-        if (found := specimen.muscles) is not None
-        for muscle, value, share in zip(found.muscles, found.by_muscle, found.pcsa, strict=True)
-    )
-    head = ("name", "muscle", "viscosity", "viscosity_low", "viscosity_high", "pcsa_share", "by_pcsa", "rank")
-    return _csv(head, rows)
-
-
-def models_table(specimens: Sequence[SpecimenReport]) -> str:
-    """`models.csv`: alternatives of the passive torque and how well each foretells a swing."""
-    head = ("name", "condition", "model", "viscosity", "values", "aic_over_best", "bic_over_best")
-    rows = (
-        (specimen.name, model.condition, model.terms, model.viscosity, model.values, model.aic, model.bic)
-        + (model.angle_error, model.wrench_error)
-        for specimen in specimens
-        for model in specimen.models
-    )
-    return _csv((*head, "held_out_angle_rad", "held_out_moment_nm"), rows)
+    return csv_text(head, cells, digits=8)
 
 
 def notes_table(specimens: Sequence[SpecimenReport]) -> str:
     """`notes.csv`: what failed, and what else was said of each specimen."""
     rows = [(specimen.name, "failed", specimen.failure) for specimen in specimens if specimen.failure]
     rows += [(specimen.name, "note", note) for specimen in specimens for note in specimen.notes]
-    return _csv(("name", "kind", "text"), rows)
+    return csv_text(("name", "kind", "text"), rows)
 
 
-def errors_table(specimens: Sequence[SpecimenReport]) -> str:
-    """`errors.csv`: what swings and each error that all swings share add to each result."""
-    rows = (
-        (specimen.name, error.quantity, error.source, error.prior_sd, error.sd, error.share)
-        for specimen in specimens
-        for error in sorted(specimen.errors, key=lambda each: (each.quantity, -each.share))
-    )
-    return _csv(("name", "quantity", "source", "prior_sd", "sd_of_result", "share_of_variance"), rows)
+Rows = Iterator[tuple[object, ...]]
 
 
-def instruments_table(specimens: Sequence[SpecimenReport]) -> str:
-    """`instruments.csv`: errors of instruments as assumed and as the swings tell them, in SI units."""
-    rows = (
-        (specimen.name, *row)
-        for specimen in specimens
-        if specimen.instruments is not None
-        for row in specimen.instruments.rows
-    )
-    return _csv(("name", "source", "axis", "prior_sd", "error", "sd_left"), rows)
+def _axis_rows(specimen: SpecimenReport) -> Rows:
+    for name, condition in specimen.conditions.items():
+        columns = (condition.axes, condition.axis_viscosity, condition.excited)
+        for axis, value, excited in zip(*columns, strict=True):
+            yield name, axis, *_interval(value), "yes" if excited else "no"
+
+
+def _muscle_rows(specimen: SpecimenReport) -> Rows:
+    if (muscles := specimen.muscles) is not None:
+        for muscle, value, share in zip(muscles.muscles, muscles.by_muscle, muscles.pcsa, strict=True):
+            yield muscle, *_interval(value), share, share * muscles.by_pcsa.value, muscles.rank
+
+
+MODEL = attrgetter(*("condition", "terms", "viscosity", "values", "aic", "bic", "angle_error", "wrench_error"))
+ERROR = attrgetter("quantity", "source", "prior_sd", "sd", "share")
+
+BY_SPECIMEN: dict[str, tuple[tuple[str, ...], Callable[[SpecimenReport], Iterable[tuple[object, ...]]]]] = {
+    # Viscosity about every free axis.
+    AXES: (("condition", "axis", "viscosity", "viscosity_low", "viscosity_high", "excited"), _axis_rows),
+    # The regularised viscosity of every muscle, and that in proportion to its cross-section.
+    MUSCLES: (
+        ("muscle", "viscosity", "viscosity_low", "viscosity_high", "pcsa_share", "by_pcsa", "rank"),
+        _muscle_rows,
+    ),
+    # Alternatives of the passive torque and how well each foretells a swing.
+    MODELS: (
+        ("condition", "model", "viscosity", "values", "aic_over_best", "bic_over_best", "held_out_angle_rad")
+        + ("held_out_moment_nm",),
+        lambda specimen: map(MODEL, specimen.models),
+    ),
+    # What swings and each error that all swings share add to each result.
+    ERRORS: (
+        ("quantity", "source", "prior_sd", "sd_of_result", "share_of_variance"),
+        lambda specimen: map(ERROR, sorted(specimen.errors, key=lambda error: (error.quantity, -error.share))),
+    ),
+    # Errors of instruments as assumed and as the swings tell them, in SI units.
+    INSTRUMENTS: (
+        ("source", "axis", "prior_sd", "error", "sd_left"),
+        lambda specimen: () if specimen.instruments is None else specimen.instruments.rows,
+    ),
+}
+"""Tables with rows of each specimen: the columns behind its name, and the rows."""
 
 
 def write_tables(specimens: Sequence[SpecimenReport], folder: Path) -> None:
     """Write all tables of a cohort, each whole or not at all."""
     known = [(specimen.name, specimen.row) for specimen in specimens if specimen.row]
-    for name, text in (
-        (SPECIMENS, specimens_table(known)),
-        (COHORT, cohort_table([row for _, row in known])),
-        (AXES, axes_table(specimens)),
-        (MUSCLES, muscles_table(specimens)),
-        (MODELS, models_table(specimens)),
-        (NOTES, notes_table(specimens)),
-        (ERRORS, errors_table(specimens)),
-        (INSTRUMENTS, instruments_table(specimens)),
-    ):
-        write_whole(text, folder / name)
+    write_whole(specimens_table(known), folder / SPECIMENS)
+    write_whole(cohort_table([row for _, row in known]), folder / COHORT)
+    write_whole(notes_table(specimens), folder / NOTES)
+    for name, (head, rows_of) in BY_SPECIMEN.items():
+        rows = ((specimen.name, *row) for specimen in specimens for row in rows_of(specimen))
+        write_csv(folder / name, ("name", *head), rows, digits=8)
 
 
 def write_whole(text: str, path: Path) -> None:
@@ -158,10 +142,9 @@ def write_whole(text: str, path: Path) -> None:
 
 def write_swings(specimen_viscosity: SpecimenViscosity, folder: Path) -> None:
     """Write every trial as a table over time: angles, rates, torques, wrench measured and predicted."""
-    for name, condition in (("without", specimen_viscosity.without), ("with", specimen_viscosity.intact)):
-        if condition is not None:
-            for recording in condition.recordings:
-                write_sto(swing_table(recording, condition), folder / f"{name}_{file_name(recording.name)}.sto")
+    for name, condition in specimen_viscosity.conditions.items():
+        for recording in condition.recordings:
+            write_sto(swing_table(recording, condition), folder / f"{name}_{file_name(recording.name)}.sto")
 
 
 def swing_table(recording: SwingRecording, condition: Condition) -> Table:
@@ -178,15 +161,6 @@ def swing_table(recording: SwingRecording, condition: Condition) -> Table:
     )
     names = tuple(f"{kind}_{column}".rstrip("_") for kind, columns, _ in blocks for column in columns)
     return Table(recording.time, names, np.hstack([values for _, _, values in blocks]))
-
-
-def _csv(head: Iterable[str], rows: Iterable[Sequence[object]]) -> str:
-    text = io.StringIO(newline="")
-    table = csv.writer(text, lineterminator="\n")
-    table.writerow(head)
-    for row in rows:
-        table.writerow([f"{cell:.8g}" if isinstance(cell, float) else cell for cell in row])
-    return text.getvalue()
 
 
 def write_store(viscosity_input: ViscosityInput, folder: Path) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -19,6 +19,7 @@ from myomorph.report.charts.axis import number
 from myomorph.store.progress import Advance
 from myomorph.store.results import file_source
 from myomorph.viscosity.identification.identify import (
+    QUANTITIES_OF,
     STATES,
     Condition,
     SpecimenViscosity,
@@ -62,11 +63,11 @@ def trusted(
     compared: Mapping[str, PassiveComparison] = FrozenMap({}),
 ) -> SpecimenReport:
     """The report with what tells how far to trust its values; what cannot be told is named in its notes."""
-    for make in (
-        lambda report: with_laws(report, "without", specimen_viscosity.without, laws, compared.get("without")),
-        lambda report: with_laws(report, "with", specimen_viscosity.intact, laws, compared.get("with")),
-        lambda report: with_arms(report, specimen_viscosity, arms),
-    ):
+    steps = [
+        partial(with_laws, name=name, condition=condition, options=laws, compared=compared.get(name))
+        for name, condition in specimen_viscosity.conditions.items()
+    ]
+    for make in (*steps, partial(with_arms, specimen_viscosity=specimen_viscosity, options=arms)):
         try:
             report = make(report)
         except MyomorphError as error:
@@ -77,34 +78,21 @@ def trusted(
 def with_laws(
     report: SpecimenReport,
     name: str,
-    condition: Condition | None,
+    condition: Condition,
     options: PassiveOptions,
     compared: PassiveComparison | None = None,
 ) -> SpecimenReport:
     """The report with alternatives to plain viscosity for one condition."""
-    if condition is None:
-        return report
     if np.isnan(condition.mass.value):
         options = replace(options, tare="unknown")
     compared = compared or compare_passive_laws(condition.recordings, options)
-    models = tuple(
-        PassiveModel(
-            name,
-            fit.name,
-            ", ".join(
-                f"{part} {number(value.value)} {_unit(part)}"
-                for part, value in fit.coefficients.items()
-                if not part.startswith("rest")
-            ),
-            fit.coefficients["viscosity"].value if "viscosity" in fit.coefficients else float("nan"),
-            fit.aic,
-            fit.bic,
-            fit.angle_error,
-            fit.moment_error,
-            fit is compared.chosen,
-        )
-        for fit in compared.fits
-    )
+    models = []
+    for fit in compared.fits:
+        terms = [(part, term.value) for part, term in fit.coefficients.items() if not part.startswith("rest")]
+        values = ", ".join(f"{part} {number(value)} {_unit(part)}" for part, value in terms)
+        viscosity = dict(terms).get("viscosity", float("nan"))
+        numbers = (viscosity, fit.aic, fit.bic, fit.angle_error, fit.moment_error)
+        models.append(PassiveModel(name, fit.name, values, *numbers, fit is compared.chosen))
     shown = compared.prediction
     if shown is None:
         return replace(report, models=(*report.models, *models))
@@ -116,10 +104,6 @@ def with_laws(
 def _unit(part: str) -> str:
     unit = next((unit for start, unit in UNITS.items() if part.startswith(start)), "")
     return unit.replace(" ", "").replace("^2", "²")
-
-
-def _swings(tracked: TrackedSpecimen, cutoff: float) -> tuple[SwingRecording, ...]:
-    return swing_recordings(tracked, cutoff, muscles=False)
 
 
 def with_cutoffs(
@@ -136,7 +120,7 @@ def with_cutoffs(
     values: dict[str, Array] = {}
     for name, condition_tracked in tracked.items():
         condition_options = replace(options, tare="unknown") if name in hidden else options
-        scan = scan_cutoffs(partial(_swings, condition_tracked), options=condition_options)
+        scan = scan_cutoffs(partial(swing_recordings, condition_tracked, muscles=False), options=condition_options)
         kind = "joint_viscosity" if name == "without" else "total_viscosity"
         values |= {kind: scan.viscosity, f"com_{name}": scan.com, f"mass_{name}": scan.mass}
     shown = {name: value for name, value in values.items() if np.isfinite(value).any()}
@@ -153,9 +137,8 @@ def with_arms(
         return report
 
     def spreads(moment_arm_options: MomentArmOptions) -> tuple:
-        return moment_arm_sensitivity(
-            intact.recordings, intact.parameters, without.viscosity.value, moment_arm_options
-        ).spreads
+        joint = without.viscosity.value
+        return moment_arm_sensitivity(intact.recordings, intact.parameters, joint, moment_arm_options).spreads
 
     kinds = spreads(options)
     by_level = [
@@ -177,10 +160,6 @@ def _size(kind: str, error: float) -> str:
 
 TRACKING, IDENTIFYING = 0.5, 0.25
 """Shares of a specimen's time, for the bar."""
-
-MASSES = {"without": ("mass_muscles_removed", "com_muscles_removed"), "with": ("mass_intact", "com_intact")}
-VISCOSITIES = {"without": ("joint_viscosity",), "with": ("total_viscosity",)}
-"""What a condition gives to the tables."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,11 +192,9 @@ def study_specimen(files: SpecimenFiles, options: StudyOptions, advance: Advance
     )
     report, model = _with_model(report, viscosity, tracked, identified.cutoff)
     residuals = (*opened.residuals, *_marker_residuals(identified.conditions))
-    known = replace(report, truth=files.truth, paper=files.paper, calibration=residuals, scans=opened.scans)
-    known = replace(
-        known, errors=identified.shares, instruments=identified.instruments, shoulder=_is_shoulder(specimen)
-    )
-    return Studied(viscosity, known, model)
+    report = replace(report, truth=files.truth, paper=files.paper, calibration=residuals, scans=opened.scans)
+    report = replace(report, errors=identified.shares, instruments=identified.instruments)
+    return Studied(viscosity, replace(report, shoulder=_is_shoulder(specimen)), model)
 
 
 def read_swings(files: SpecimenFiles, cutoff: float | None = None) -> Mapping[str, tuple[SwingRecording, ...]]:
@@ -255,22 +232,18 @@ def read_swings(files: SpecimenFiles, cutoff: float | None = None) -> Mapping[st
         raise BadData("; ".join(lost))
     if cutoff is None:
         cutoff = choose_cutoff([condition.tracked for condition in conditions.values()]).cutoff
-    return FrozenMap(
-        {
-            key: swing_recordings(conditions[name].tracked, cutoff, muscles=name == "with")
-            if name in conditions
-            else ()
-            for name, key in zip(CONDITIONS, ("without", "intact"), strict=True)
-        }
-    )
+    result = dict.fromkeys(("without", "intact"), tuple[SwingRecording, ...]())
+    for name, condition in conditions.items():
+        muscles = name == "with"
+        result["intact" if muscles else name] = swing_recordings(condition.tracked, cutoff, muscles=muscles)
+    return FrozenMap(result)
 
 
 def _opened(
     files: SpecimenFiles, options: StudyOptions, advance: Advance
 ) -> tuple[OpenedSpecimen, dict[str, Prepared], list[str]]:
     """The specimen, its conditions tracked, and why the others cannot be used, a line each."""
-    recordings = dict(zip(CONDITIONS, (files.without, files.intact), strict=True))
-    opened = open_specimen(files, recorded_markers(next(entry for entries in recordings.values() for entry in entries)))
+    opened = open_specimen(files, recorded_markers((*files.without, *files.intact)[0]))
     notes, residuals = (*opened.specimen.notes, *opened.notes), opened.residuals
     place = None
     if files.plate is not None:
@@ -280,13 +253,11 @@ def _opened(
         residuals += plate_residuals(calibration)
     conditions: dict[str, Prepared] = {}
     lost = []
-    share = TRACKING / sum(1 for entries in recordings.values() if entries)
+    recordings = {name: entries for name, entries in files.recordings.items() if entries}
     for name, entries in recordings.items():
-        if not entries:
-            continue
         try:
             conditions[name] = _tracked(
-                opened.specimen, files, name, place, options, lambda part: advance(share * part)
+                opened.specimen, files, entries, place, options, lambda part: advance(TRACKING / len(recordings) * part)
             )
         except MyomorphError as error:
             lost.append(f"{STATES[name]}: {error}")
@@ -304,12 +275,11 @@ def _is_shoulder(specimen: Specimen) -> bool:
 def _tracked(
     specimen: Specimen,
     files: SpecimenFiles,
-    name: str,
+    entries: Sequence[SwingFiles],
     place: Callable[[Trial], Trial] | None,
     options: StudyOptions,
     advance: Advance,
 ) -> Prepared:
-    entries: tuple[SwingFiles, ...] = files.without if name == "without" else files.intact
     notes: list[str] = []
     trials: list[SwingTrial] = []
     for entry in entries:
@@ -329,15 +299,14 @@ def _judged(
     intervals `by_swings` alone.
     """
     lacking: set[str] = set()
-    parts: dict[str, Condition | None] = {"without": by_swings.without, "with": by_swings.intact}
-    for name, condition in parts.items():
+    for name in CONDITIONS:
         findings = list(conditions[name].findings) if name in conditions else []
-        findings += [] if condition is None else condition_findings(condition)
+        findings += condition_findings(by_swings.conditions[name]) if name in by_swings.conditions else ()
         notes += [f"{STATES[name]}: {finding.text}" for finding in findings if finding.text not in notes]
         if any(finding.kind == TARED for finding in findings):
-            lacking |= {*MASSES[name], "estimated_muscle_mass"}
+            lacking |= {*QUANTITIES_OF[name][:2], "estimated_muscle_mass"}
         if any(finding.kind == TOO_SMALL for finding in findings):
-            lacking |= {*VISCOSITIES[name], "muscle_viscosity"}
+            lacking |= {QUANTITIES_OF[name][2], "muscle_viscosity"}
     muscles = None if "muscle_viscosity" in lacking else viscosity.muscles
     notes += [
         note for condition in conditions.values() for note in condition.notes if not any(note in line for line in notes)
@@ -384,7 +353,7 @@ def _marker_residuals(conditions: Mapping[str, Prepared]) -> tuple[Residual, ...
 def input_sources(files: SpecimenFiles) -> tuple[Source, ...]:
     """The files that a specimen is made from, by their hashes."""
     sources = [file_source("model", files.model)]
-    for name, entries in zip(CONDITIONS, (files.without, files.intact), strict=True):
+    for name, entries in files.recordings.items():
         for entry in entries:
             sources.append(file_source(f"markers {name} muscles", entry.markers))
             if entry.loads != entry.markers:

@@ -163,13 +163,7 @@ def base_slips(
 
 
 def slips_before(
-    specimen: Specimen,
-    name: str,
-    motion: Motion,
-    held: Mapping[str, float],
-    center: Array,
-    turned: float,
-    moved: float,
+    specimen: Specimen, name: str, motion: Motion, held: Mapping[str, float], center: Array, turned: float, moved: float
 ) -> list[Slip]:
     """What stands elsewhere in a trial than in the mean of all, held coordinates and the joint's center in ground [m]:
     moved between two trials.

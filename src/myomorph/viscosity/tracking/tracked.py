@@ -171,12 +171,7 @@ def _swung(specimen: Specimen, filtered: _Filtered, angles: Array, free: np.ndar
 
 
 def _recording(
-    specimen: Specimen,
-    trial: TrackedTrial,
-    filtered: _Filtered,
-    free: np.ndarray,
-    rest: Array,
-    muscles: bool,
+    specimen: Specimen, trial: TrackedTrial, filtered: _Filtered, free: np.ndarray, rest: Array, muscles: bool
 ) -> SwingRecording:
     angles = _angles(specimen, filtered, rest)
     names = tuple(specimen.muscles) if muscles else ()

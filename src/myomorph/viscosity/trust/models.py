@@ -174,9 +174,7 @@ class PassiveComparison:
 
 
 def compare_passive_laws(
-    recordings: Sequence[SwingRecording],
-    options: PassiveOptions | None = None,
-    laws: Sequence[tuple[str, ...]] = LAWS,
+    recordings: Sequence[SwingRecording], options: PassiveOptions | None = None, laws: Sequence[tuple[str, ...]] = LAWS
 ) -> PassiveComparison:
     """Fit every law to the torques of one condition, and let it predict windows that it has not seen.
 

@@ -34,11 +34,7 @@ from myomorph.study.inputs.torques import RecordedTorques
 from myomorph.study.step.step import Step, StepOutput
 from myomorph.study.trial.emg_tables import EMG_TABLE, write_calibration, write_conflicts
 from myomorph.study.trial.fiber_step import fiber_numbers, fiber_signals, write_fibers
-from myomorph.study.trial.joint_contact_step import (
-    joint_contact_numbers,
-    joint_contact_signals,
-    write_joint_contacts,
-)
+from myomorph.study.trial.joint_contact_step import joint_contact_numbers, joint_contact_signals, write_joint_contacts
 from myomorph.study.trial.steps.id import Torques, cutoff_of, put_dynamics, solve_dynamics, torque_table
 from myomorph.study.trial.steps.ik import Poses
 from myomorph.study.trial.trial_inputs import JoinedParts, Signals, TrialInputs, Value, all_drawn, statistics_of
@@ -114,10 +110,10 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques 
     return Tensions(tension, task.setting.contacts, loads, carried, notes)
 
 
-def strides_of_trial(trial: TrialInputs, poses: Poses, torques: Torques) -> Strides | None:
+def strides_of_trial(trial: TrialInputs, poses: Poses, torques: Torques | None) -> Strides | None:
     """Strides as the report and the tables of values have them: by plates, else events, else the motion."""
-    parts = (trial.model, poses.recorded, poses.fit)
-    return walking_strides(*parts, wrenches=torques.wrenches, events=trial.recording.events)
+    wrenches, events = None if torques is None else torques.wrenches, trial.recording.events
+    return walking_strides(trial.model, poses.recorded, poses.fit, wrenches=wrenches, events=events)
 
 
 def task_of(trial: TrialInputs, recorded: Motion, torques: Torques) -> TensionTask:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from hashlib import sha256
@@ -11,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from myomorph.analysis.walking import walking_strides
+from myomorph.io.parsing.text import write_csv
 from myomorph.io.sto import write_sto
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
@@ -26,7 +25,7 @@ from myomorph.study.trial.steps.drawn_quantities import Quantity, drawn_values
 from myomorph.study.trial.steps.drawn_trials import COARSE, ShareDraw, alone, chain_of, frozen
 from myomorph.study.trial.steps.id import Torques
 from myomorph.study.trial.steps.ik import Poses
-from myomorph.study.trial.steps.tension import Tensions
+from myomorph.study.trial.steps.tension import Tensions, strides_of_trial
 from myomorph.study.trial.trial_inputs import TrialInputs
 from myomorph.study.trial.trial_strides import TrialStrides
 from myomorph.uncertainty.bodies import Draw
@@ -114,7 +113,7 @@ def _run(
         for number in range(min(chosen.contributions, chosen.draws)):
             jobs += [ShareDraw(number, kind(sources, group), normals, sizes) for kind in (alone, frozen)]
     shapes = {quantity.name: quantity.values.shape for quantity in quantities}
-    numbers = drawn_values(quantities, _strides(trial, poses, torques))
+    numbers = drawn_values(quantities, TrialStrides.whole(trial.name, strides_of_trial(trial, poses, torques)))
     true = numbers.of({quantity.name: quantity.values for quantity in quantities})
     errors = np.full((chosen.draws, len(numbers.names)), np.nan)
     workers = trial.options[DrawWorkers].workers or None
@@ -152,13 +151,6 @@ def _run(
     put_uncertainty(output.writer, uncertainty, {quantity.name: quantity.unit for quantity in quantities})
     put_value_errors(output.writer, values)
     return uncertainty
-
-
-def _strides(trial: TrialInputs, poses: Poses, torques: Torques | None) -> TrialStrides | None:
-    """Strides as the trial's tables of values have them; None where it is no walk."""
-    wrenches = None if torques is None else torques.wrenches
-    strides = walking_strides(trial.model, poses.recorded, poses.fit, wrenches=wrenches, events=trial.recording.events)
-    return None if strides is None else TrialStrides(trial.name, tuple(strides.strikes), (strides,), strides.notes)
 
 
 def _shares(
@@ -228,36 +220,26 @@ def _write_limits(quantity: Quantity, spread: Spread, folder: Path) -> None:
 def _write_table(quantities: tuple[Quantity, ...], uncertainty: Uncertainty, path: Path) -> None:
     """One row a column: how wide its limits are, and what contributes to that."""
     groups = next((share.groups for share in uncertainty.shares.values()), ())
-    head = (
-        "table",
-        "column",
-        "unit",
-        "sd",
-        "width",
-        "widened",
-        *(f"{group}_{kind}" for kind in ("alone", "total") for group in groups),
-    )
-    with path.open("w", encoding="utf-8", newline="") as stream:
-        rows = csv.writer(stream, lineterminator="\n")
-        rows.writerow(head)
-        for quantity in quantities:
-            spread, shares = uncertainty.spreads[quantity.name], uncertainty.shares.get(quantity.name)
-            deviations = quantity.factors * np.sqrt(np.nanmean(spread.deviation**2, axis=0))
-            widths = quantity.factors * np.nanmean(spread.high - spread.low, axis=0)
-            for index, name in enumerate(quantity.names):
-                parts = () if shares is None else (*shares.alone[:, index], *shares.total[:, index])
-                numbers = (deviations[index], widths[index], uncertainty.factors[quantity.name], *parts)
-                rows.writerow((quantity.name, name, quantity.units[index], *(f"{value:.4g}" for value in numbers)))
+    shares_head = (f"{group}_{kind}" for kind in ("alone", "total") for group in groups)
+    head = ("table", "column", "unit", "sd", "width", "widened", *shares_head)
+    rows = []
+    for quantity in quantities:
+        spread, shares = uncertainty.spreads[quantity.name], uncertainty.shares.get(quantity.name)
+        deviations = quantity.factors * np.sqrt(np.nanmean(spread.deviation**2, axis=0))
+        widths = quantity.factors * np.nanmean(spread.high - spread.low, axis=0)
+        for index, name in enumerate(quantity.names):
+            parts = () if shares is None else (*shares.alone[:, index], *shares.total[:, index])
+            numbers = (deviations[index], widths[index], uncertainty.factors[quantity.name], *parts)
+            rows.append((quantity.name, name, quantity.units[index], *numbers))
+    write_csv(path, head, rows, digits=4)
 
 
 def _write_sources(sizes: Sequence[SourceSize], path: Path) -> None:
     """One row a source of error: how large it was taken to be, and where that comes from."""
-    with path.open("w", encoding="utf-8", newline="") as stream:
-        rows = csv.writer(stream, lineterminator="\n")
-        rows.writerow(("group", "source", "sd", "from", "items", "least", "greatest"))
-        for size in sizes:
-            numbers = (f"{value:.4g}" for value in (size.least, size.greatest))
-            rows.writerow((size.group, size.source, f"{size.size:.4g}", size.origin, size.items or "", *numbers))
+    rows = (
+        (size.group, size.source, size.size, size.origin, size.items or "", size.least, size.greatest) for size in sizes
+    )
+    write_csv(path, ("group", "source", "sd", "from", "items", "least", "greatest"), rows, digits=4)
 
 
 def _hashed(trial: TrialInputs) -> Sequence[object]:
