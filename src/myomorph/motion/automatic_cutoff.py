@@ -95,9 +95,8 @@ def _gain(frequency: Array, cutoff: Array | float) -> Array:
 
 
 def _acceleration_spectra(time: Array, values: Array) -> tuple[Array, Array, Array]:
-    """Frequencies (n,) [Hz] above zero; power of accelerations and of white noise in them, (n, coordinates) each.
-
-    Only coordinates that move are there. Second differences of white noise have the spectrum (2 - 2 cos(2 pi f h))^2.
+    """Frequencies (n,) [Hz] above zero; power of accelerations and of white noise in them, (n, coordinates) each. Only
+    coordinates that move are there. Second differences of white noise have the spectrum (2 - 2 cos(2 pi f h))^2.
     """
     step = np.diff(time)
     if step.max() - step.min() >= 1e-3 * step.mean():

@@ -37,11 +37,9 @@ TAIL = 3.0
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """Where the search ended (`found`, with the prior of the last stage), and how it came there.
-
-    `noise` is the standard deviation of a marker along one axis [m], `costs` are of the last stage's steps, `steps`
-    counts those of all stages, `free` (unknowns,) says what was searched for, `differing` pairs of lengths the prior
-    lets differ.
+    """Where the search ended (`found`, with the prior of the last stage), and how it came there. `noise` is the
+    standard deviation of a marker along one axis [m], `costs` are of the last stage's steps, `steps` counts those of
+    all stages, `free` (unknowns,) says what was searched for, `differing` pairs of lengths the prior lets differ.
     """
 
     problem: SharedProblem

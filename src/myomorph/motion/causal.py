@@ -106,8 +106,8 @@ class CausalStream:
         )  # fmt: skip
 
     def at(self, time: float) -> Array:
-        """(3, width) value, velocity and acceleration at a time not before the newest row, which is held until then.
-        NaN until the filter has settled. The array is used again by the next call.
+        """(3, width) value, velocity, acceleration not before the newest row; NaN until settled. The array is used
+        again.
         """
         if not self.settled(time):
             self._found[:] = np.nan
@@ -174,8 +174,8 @@ def _multiply(A, B, C):
 
 @inner
 def _follow(transition, share, before, now, state):
-    """States after a straight line from `before` to `now` of length `share` in delays. Less the steady answer to the
-    line, which lags it by one delay, the states move freely.
+    """States after a straight line of length `share` in delays; less the steady answer, one delay late, they move
+    freely.
     """
     for m in range(state.shape[1]):
         slope = (now[m] - before[m]) / share

@@ -151,9 +151,7 @@ def _filtered(rows: Array, usable: np.ndarray, rate: float, cutoff: float) -> tu
 
 
 def likely_lags(compared: Compared, search: float) -> list[float]:
-    """Lags [s] at which the rows explain the other recording best, the best first, each to a frame: the share of the
-    variance that any parameters can explain, at every lag at once by FFT.
-    """
+    """Lags [s], the best first, by the share of variance that any parameters explain, at every lag at once by FFT."""
     first, _ = _peaks(compared, compared.weights, search)
     # A signal that only holds noise would count as much as the others: what each leaves unexplained says.
     left = _left(compared, np.array([first[0], 0.0]))

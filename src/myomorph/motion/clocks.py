@@ -113,10 +113,8 @@ class Clock:
 
 
 def resample(series: SeriesKind, time: Array, cutoff: float | None = None) -> SeriesKind:
-    """Columns of a steady recording without gaps at other times by natural cubic splines, NaN outside it.
-
-    A cutoff of None takes 0.4 of the new rate where that is the lower one, so that nothing faster is mistaken for
-    something slow.
+    """Columns of a steady recording without gaps at other times by natural cubic splines, NaN outside it. A cutoff of
+    None takes 0.4 of the new rate where that is the lower one, so that nothing faster is mistaken for something slow.
     """
     rate, wanted = series.rate, (len(time) - 1) / float(time[-1] - time[0]) if len(time) > 1 else np.inf
     if cutoff is None and wanted < 0.9 * rate:
@@ -209,10 +207,8 @@ def _doubt(refineds: list[Refined]) -> str:
 
 def on_one_clock(parts: Mapping[str, SeriesKind]) -> tuple[dict[str, SeriesKind], tuple[str, ...]]:
     """Motions or markers of several parts at the times of that with the highest rate, over what all cover; and notes on
-    what was resampled or cut.
-
-    Times are taken as they are: clocks that count from different instants have to be brought together first
-    (`estimate_clock`). A resampled motion has no velocities: differentiate it again.
+    what was resampled or cut. Times are taken as they are: clocks that count from different instants have to be brought
+    together first (`estimate_clock`). A resampled motion has no velocities: differentiate it again.
     """
     if not clock_difference(parts):
         return dict(parts), ()

@@ -51,9 +51,7 @@ LONG_ENOUGH = 1.0
 
 @dataclass(frozen=True)
 class EmgFault:
-    """One thing that is wrong with one channel from `start` to `stop` [s]: it is "dead", "clipped", "unknown",
-    "negative", "large", "fast", "copy", "rate" or "noise".
-    """
+    """One thing wrong with a channel [s]: dead, clipped, unknown, negative, large, fast, copy, rate or noise."""
 
     channel: str
     kind: str
@@ -154,10 +152,9 @@ def refuse_unfit(emg: Emg, time: Array, channels: Iterable[str] | None = None) -
 
 
 def rate_against(emg: Series, time: Array) -> str:
-    """What a recording's length says of its rate beside the motion's, "" where nothing looks wrong.
-
-    A recording that is a whole number of times (2 ... 10) as long or as short as the motion, to 2 %, and starts with
-    it, was probably sampled at another rate than is declared.
+    """What a recording's length says of its rate beside the motion's, "" where nothing looks wrong. A recording that is
+    a whole number of times (2 ... 10) as long or as short as the motion, to 2 %, and starts with it, was probably
+    sampled at another rate than is declared.
     """
     length, other = float(emg.time[-1] - emg.time[0]), float(time[-1] - time[0])
     if min(length, other) <= 0.0 or abs(emg.time[0] - time[0]) > 0.1 * other:

@@ -76,8 +76,8 @@ STRAIGHT = 1e-6
 
 
 def shaped(envelopes: Array, shapes: Array) -> Array:
-    """(exp(A e) - 1) / (exp(A) - 1) of envelopes e (frames, channels) with shape factors A (channels,); e at A = 0
-    (Lloyd and Besier 2003).
+    """(exp(A e) - 1) / (exp(A) - 1) of envelopes e (frames, channels), e at a shape factor A of 0 (Lloyd and Besier
+    2003).
     """
     curved = np.abs(shapes) > STRAIGHT
     factors = np.where(curved, shapes, 1.0)
@@ -166,8 +166,8 @@ def uncalibrated(channels: Sequence[str], delay: float, shape: float = 0.0) -> E
 
 
 def fit_gains(envelopes: Array, activations: Array, offsets: bool = False) -> tuple[Array, Array]:
-    """Gains and offsets (channels,) that bring envelopes nearest to activations, both (frames, channels). Non-negative
-    least squares for each channel over the frames where both are known; a channel never known gets gain 1.
+    """Gains and offsets (channels,) by non-negative least squares of activations (frames, channels); 1 where never
+    known.
     """
     count = envelopes.shape[1]
     gains, rests = np.ones(count), np.zeros(count)
@@ -218,9 +218,7 @@ class Synergies:
         return len(self.vectors)
 
     def courses(self, envelopes: Array) -> Array:
-        """H (frames, synergies) of envelopes (frames, channels), by non-negative least squares over the channels that
-        are known in a frame; NaN where none is.
-        """
+        """H (frames, synergies) of envelopes by non-negative least squares over known channels; NaN where none is."""
         scaled = envelopes / self.scale
         known = np.isfinite(scaled)
         result = np.full((len(scaled), len(self)), np.nan)
@@ -233,10 +231,9 @@ class Synergies:
 def find_synergies(
     channels: tuple[str, ...], envelopes: Array, scale: Array | None = None, explained: float = EXPLAINED
 ) -> Synergies:
-    """The fewest synergies that explain a share of envelopes (frames, channels), frames with NaN left out.
-
-    Non-negative matrix factorization by multiplicative steps (Lee and Seung 2001), begun with the singular vectors
-    (Boutsidis and Gallopoulos 2008), so that the same data always give the same synergies.
+    """The fewest synergies that explain a share of envelopes (frames, channels), frames with NaN left out. Non-negative
+    matrix factorization by multiplicative steps (Lee and Seung 2001), begun with the singular vectors (Boutsidis and
+    Gallopoulos 2008), so that the same data always give the same synergies.
     """
     values = envelopes[np.isfinite(envelopes).all(axis=1)]
     if not values.size:

@@ -89,10 +89,9 @@ def envelopes(raw: Series, options: EnvelopeOptions | None = None, maxima: Mappi
 
 
 def linear_envelope(raw: Series, options: EnvelopeOptions | None = None) -> Series:
-    """Envelopes (samples, channels) in the units of the raw EMG.
-
-    Zero-lag notches where asked for, zero-lag Butterworth band-pass, absolute value, zero-lag Butterworth low-pass
-    (Merletti 1999, standards for reporting EMG data). Unknown samples (NaN) count as silence.
+    """Envelopes (samples, channels) in the units of the raw EMG. Zero-lag notches where asked for, zero-lag Butterworth
+    band-pass, absolute value, zero-lag Butterworth low-pass (Merletti 1999, standards for reporting EMG data). Unknown
+    samples (NaN) count as silence.
     """
     # Brings SciPy: loaded only where it is needed.
     from scipy.signal import butter, sosfiltfilt

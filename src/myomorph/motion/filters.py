@@ -19,10 +19,9 @@ REACH = 60
 
 
 def natural_spline(time: Array, values: Array, degree: int = 5) -> BSpline:
-    """Interpolating natural spline of degree 3 or 5 through every column of `values` (frames, ...).
-
-    OpenSim's `GCVSpline` with no error variance (Woltring 1986): the derivatives of order (degree + 1) / 2 ... degree -
-    1 vanish at both ends.
+    """Interpolating natural spline of degree 3 or 5 through every column of `values` (frames, ...). OpenSim's
+    `GCVSpline` with no error variance (Woltring 1986): the derivatives of order (degree + 1) / 2 ... degree - 1 vanish
+    at both ends.
     """
     if len(time) <= degree:
         raise BadData(f"a spline of degree {degree} needs at least {degree + 1} frames, but got {len(time)}")
@@ -36,7 +35,6 @@ def natural_spline(time: Array, values: Array, degree: int = 5) -> BSpline:
 
 def lowpass(values: Array, rate: float, cutoff: float) -> Array:
     """Zero-lag low-pass of values (frames, ...): a third-order Butterworth forwards and backwards, as OpenSim's tools.
-
     Each pass halves the power at `cutoff` [Hz], so the two together pass half the amplitude there (-6 dB); OpenSim does
     not correct for that. Both ends are extended by half the length, turned about the end points. A `cutoff` at or above
     half the rate is lowered to 0.49 of the rate, as OpenSim does.

@@ -214,10 +214,9 @@ def inverse_kinematics(
 def poses_near(
     model: Model, markers: Markers, motion: Motion, options: InverseKinematicsOptions | None = None
 ) -> Motion:
-    """The coordinates of `inverse_kinematics` for markers and a model that differ little from those of a motion.
-
-    Where two axes of a joint are nearly parallel, other angles give nearly the same pose, and a search that begins
-    elsewhere may end in these: here it begins at the motion in every frame. Unknown frames stay unknown.
+    """The coordinates of `inverse_kinematics` for markers and a model that differ little from those of a motion. Where
+    two axes of a joint are nearly parallel, other angles give nearly the same pose, and a search that begins elsewhere
+    may end in these: here it begins at the motion in every frame. Unknown frames stay unknown.
     """
     options = options or InverseKinematicsOptions()
     refuse_other_times("markers", markers.time, motion.time)
@@ -263,8 +262,8 @@ def pose_problem(
     options: InverseKinematicsOptions,
     recording: Markers | None = None,
 ) -> PoseProblem:
-    """The sum of all tasks, and the coordinates that may move with their bounds. Without a recording, the problem has
-    no frames, and no tasks but of markers and coordinates.
+    """The sum of all tasks, and what may move with its bounds; without a recording no frames, only markers and
+    coordinates.
     """
     model, frames = tree.model, 0 if recording is None else len(recording)
     time = np.empty(0) if recording is None else recording.time

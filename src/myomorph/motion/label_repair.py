@@ -63,9 +63,7 @@ def swap_findings(
     margin: Margin = USUAL,
     mend: bool = True,
 ) -> tuple[KinematicsFit, tuple[Finding, ...]]:
-    """Labels exchanged that the fit shows, and the fit with those put back that are not of the whole body. Without
-    `mend` the first is the last.
-    """
+    """Exchanged labels that the fit shows, and the fit with those put back (if `mend`) that are not of all the body."""
     findings: list[Finding] = []
     for _ in range(MAX_SWAPS):
         names = fit.marker_names

@@ -30,7 +30,6 @@ _SHOULDER_BLADE = re.compile(r"clav|scap|acromi|shoulder", re.IGNORECASE)
 @dataclass(frozen=True)
 class Length:
     """One length: an axis of a segment, stretched by one factor; named after the segment's heaviest body, "femur_r_y".
-
     `stretched` are (body, axis 0 ... 2) of every body axis that takes the factor, `extent` [m] how far the joint
     centers lie apart along it, in a last segment the joint and the markers, or the mass center. `along`: this is the
     longest of the segment's axes, from joint to joint; without joints at both ends the size shows in markers only.
@@ -183,7 +182,6 @@ HUMAN_SEGMENT = 0.24
 
 def length_unit(tree: Tree) -> float:
     """What stands for one metre in tolerances and usual distances: 1 for a body of human size, else less in proportion.
-
     unit = min(1, longest segment / 0.24 m), a segment being the distance of a joint's center to that of its body's
     parent or to a marker of its body.
     """

@@ -212,9 +212,7 @@ def _only_adds(short: str, long: str) -> bool:
 
 
 def name_findings(missing: Sequence[str], unused: Sequence[str], matched: int) -> tuple[Finding, ...]:
-    """Too few markers that match, and names that are nearly those of the model: `missing` were not recorded, `unused`
-    are not of the model.
-    """
+    """Too few markers that match, and names that are nearly those of the model."""
     model, recorded = matched + len(missing), matched + len(unused)
     near = near_names(missing, unused)
     hints = [f"'{other}' for '{name}'" for name, other in list(near.items())[:4]]
@@ -276,9 +274,7 @@ class Exchange:
 @read_only
 @dataclass(frozen=True, eq=False)
 class Steps:
-    """Steps of one marker that stand out: the frames that each leads from and to, where the marker would be after it
-    and what it is off (steps, 3) [m].
-    """
+    """Steps of a marker that stand out: frames from and to, where it would be and what it is off (steps, 3) [m]."""
 
     start: NDArray[np.int64]
     stop: NDArray[np.int64]

@@ -46,9 +46,7 @@ class MarkerFrames:
 
 
 def marker_frames(tree: Tree, problem: PoseProblem, observed: Array, values: Array) -> MarkerFrames:
-    """Errors of markers (frames, markers, 3) [m] and slopes at poses (frames, coordinates); variables at a bound do not
-    move.
-    """
+    """Errors of markers (frames, markers, 3) [m] and slopes at poses; variables at a bound do not move."""
     frames, count = len(values), len(problem.free)
     stacked = np.repeat(values[:, None], count + 1, axis=1)
     for i, j in enumerate(problem.free):
@@ -66,10 +64,9 @@ def marker_frames(tree: Tree, problem: PoseProblem, observed: Array, values: Arr
 
 
 def left_out(marker_frames: MarkerFrames, weight: Array) -> Array:
-    """(frames, markers, 3) how far each marker lies from where all others would put it, in its body's frame [m].
-
-    By the leverage h of a marker in the linear problem: (1 - h)^-1 e, without the directions that others hardly tell;
-    NaN where a marker is unseen or none is told.
+    """(frames, markers, 3) how far each marker lies from where all others would put it, in its body's frame [m]. By the
+    leverage h of a marker in the linear problem: (1 - h)^-1 e, without the directions that others hardly tell; NaN
+    where a marker is unseen or none is told.
     """
     frames, markers = marker_frames.errors.shape[:2]
     result = np.full((frames, markers, 3), np.nan)

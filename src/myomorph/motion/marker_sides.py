@@ -42,10 +42,9 @@ class _Link(NamedTuple):
 
 
 def side_findings(markers: Markers, names: Sequence[str], unit: float = 1.0) -> Iterator[Finding]:
-    """Pairs of bony markers of which one lies elsewhere than the other, by distances that both sides have.
-
-    Distances between points of the same bone, or of neighboring ones where they keep them, need no model. Points of the
-    skin are not looked at: where they lie is free, and a calibration finds it.
+    """Pairs of bony markers of which one lies elsewhere than the other, by distances that both sides have. Distances
+    between points of the same bone, or of neighboring ones where they keep them, need no model. Points of the skin are
+    not looked at: where they lie is free, and a calibration finds it.
     """
     links = _links(markers, names)
     if not links:

@@ -40,9 +40,7 @@ CLEARLY = 0.75
 
 
 class Margin(NamedTuple):
-    """By how much an exchange has to fit better to be believed: the share of the root mean square that it leaves at
-    most, and what it takes off at least, on a human body [m].
-    """
+    """How much better an exchange must fit: share of the RMS left at most, and what it takes off at least [m]."""
 
     share: float = BETTER
     gain: float = LEAST_GAIN
@@ -61,9 +59,7 @@ MIRRORED = "mirrored"
 
 @dataclass(frozen=True)
 class Swap:
-    """An exchange of labels of pairs of markers, none where the recording is mirrored instead; certain where no other
-    explanation fits about as well.
-    """
+    """Exchanged labels of pairs of markers, none for a mirrored recording; certain where nothing else fits as well."""
 
     name: str
     pairs: tuple[tuple[str, str], ...]

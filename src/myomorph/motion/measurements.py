@@ -56,10 +56,9 @@ def with_measured(measured: Iterable[Measured], factors: Mapping[str, Array] | N
 
 def measure(model: Model, markers: Markers, measurement: Measurement) -> Measured:
     """The scale factor of a measurement: mean over pairs of (mean over frames of |y_1 - y_2|) / |x_1 - x_2|, with y of
-    the recording and x of the model in its default pose.
-
-    A frame that does not show both markers does not count. A measurement without pairs, with a marker that model or
-    recording lack, or that no frame shows is not used, as in OpenSim.
+    the recording and x of the model in its default pose. A frame that does not show both markers does not count. A
+    measurement without pairs, with a marker that model or recording lack, or that no frame shows is not used, as in
+    OpenSim.
     """
     notes = _missing(model, markers, measurement)
     if notes:
@@ -115,9 +114,8 @@ def frames_around(markers: Markers, start: float, end: float) -> Markers:
 
 @dataclass(frozen=True, eq=False)
 class Placement:
-    """A model whose markers, only those recorded, lie where a static trial shows them except for the fixed ones.
-
-    `fit` is the pose, one frame, with the markers as they were before; `moved` how far each went [m].
+    """A model whose markers, only those recorded, lie where a static trial shows them except for the fixed ones. `fit`
+    is the pose, one frame, with the markers as they were before; `moved` how far each went [m].
     """
 
     model: Model

@@ -66,10 +66,9 @@ def solve_poses(
     progress: Callable[[int], None] | None = None,
     chunk: int = CHUNK,
 ) -> SolvedFrames:
-    """Minimise the tasks of every frame from `starts` (frames, coordinates) [rad or m].
-
-    Chained, each frame begins where those before it lead and only the first of a chunk, and of what comes after a long
-    gap, at its start; frames that no task shows are left out. A chunk is solved by one thread.
+    """Minimise the tasks of every frame from `starts` (frames, coordinates) [rad or m]. Chained, each frame begins
+    where those before it lead and only the first of a chunk, and of what comes after a long gap, at its start; frames
+    that no task shows are left out. A chunk is solved by one thread.
     """
     frames = len(starts)
     values, cost = np.array(starts, order="C"), np.empty(frames)
@@ -225,10 +224,9 @@ def posture_cost(P, c, stiffness):
 
 @bare
 def newton_step(P, work, closing, c, damping):
-    """Damped Newton step of the variables along the loops' ties; those of `work.held` stay where they are.
-
-    Variables that would leave their bounds are stopped there and the rest is solved again. Returns the largest entry of
-    the step, in units, or -1 where the damped Hessian is not positive definite along the ties.
+    """Damped Newton step of the variables along the loops' ties; those of `work.held` stay where they are. Variables
+    that would leave their bounds are stopped there and the rest is solved again. Returns the largest entry of the step,
+    in units, or -1 where the damped Hessian is not positive definite along the ties.
     """
     F, L, step, stopped, index, n = P.free, work.L, work.step, work.stopped, work.solved, P.free.shape[0]
     for i in range(n):

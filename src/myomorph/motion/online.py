@@ -138,9 +138,7 @@ class MovingWindow:
 
 
 class OnlineKinematics:
-    """Inverse kinematics of one frame after the other, each from where the last two lead; `names` are those of the
-    markers that will arrive, in their order.
-    """
+    """Inverse kinematics of one frame after the other of the named markers, each from where the last two lead."""
 
     def __init__(self, model: Model, names: Sequence[str], options: InverseKinematicsOptions | None = None):
         self._options = options or InverseKinematicsOptions()
@@ -153,9 +151,7 @@ class OnlineKinematics:
         self._usual = 0.0
 
     def solve(self, time: float, positions: Array) -> tuple[Array, float]:
-        """Coordinates of one frame of markers (markers, 3) [m], NaN where unseen, and its root mean square marker error
-        [m]; NaN where no marker is seen.
-        """
+        """Coordinates of one frame of markers (markers, 3) [m], NaN where unseen, and its RMS error [m]."""
         problem = self._frame(time, positions)
         if not frames_shown(problem)[0]:
             self._before = []
@@ -171,9 +167,7 @@ class OnlineKinematics:
         return values, error
 
     def from_start(self, time: float, positions: Array, start: Array, posture: Array) -> tuple[Array, float]:
-        """As `solve`, but from the pose `start`, coordinates that no marker shows drawn to `posture`, and remembering
-        nothing.
-        """
+        """As `solve`, from a pose, coordinates that no marker shows drawn to `posture`, remembering nothing."""
         return self._settle(self._frame(time, positions)._replace(posture=posture), start)
 
     def from_anywhere(self, time: float, positions: Array, posture: Array) -> tuple[Array, float]:

@@ -17,7 +17,6 @@ from myomorph.rigid.tree import ROTATION
 class PoseProblem(NamedTuple):
     """What is minimised, and what may move: coordinates that are solved for (`free`), their bounds [rad or m], the unit
     by which changes of each coordinate are measured (`coordinate_units`), values (frames, coordinates) of the others.
-
     `posture` is what coordinates that no task shows are pulled to, `tasks` arrays of each kind of task, markers and
     coordinates first, `ties` what closes the loops, None of an open model.
     """

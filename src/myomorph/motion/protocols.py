@@ -73,9 +73,7 @@ class Protocol:
 
 @dataclass(frozen=True, eq=False)
 class Recognized:
-    """Labels of a recording as protocols know them: by the protocol that knows most, None where none knows enough;
-    `common` only by the table of common names, `unknown` by none.
-    """
+    """Labels as protocols know them: by the one that knows most (None for none), by common names only, or by none."""
 
     protocol: Protocol | None
     sites: Mapping[str, Site]
@@ -85,9 +83,7 @@ class Recognized:
 
 @dataclass(frozen=True, eq=False)
 class ProtocolTable:
-    """Protocols by name, the common names of many laboratories, and the landmarks (words and kind, by `segment.key`)
-    that they name.
-    """
+    """Protocols by name, the common names, and the landmarks (words and kind, by `segment.key`) that they name."""
 
     landmarks: Mapping[str, tuple[str, Kind]]
     protocols: Mapping[str, Protocol]
@@ -115,10 +111,9 @@ def find_protocol(names: Iterable[str], table: ProtocolTable | None = None) -> P
 
 
 def recognize(names: Iterable[str], table: ProtocolTable | None = None) -> Recognized:
-    """What every label of a recording lies on: by its protocol, else by the table of common names.
-
-    Two labels never lie on the same landmark: a label of the protocol goes before a common name, and of two of the same
-    kind the first counts. Points of the skin may be several.
+    """What every label of a recording lies on: by its protocol, else by the table of common names. Two labels never lie
+    on the same landmark: a label of the protocol goes before a common name, and of two of the same kind the first
+    counts. Points of the skin may be several.
     """
     table = table or protocols()
     labels = tuple(dict.fromkeys(names))
@@ -141,10 +136,8 @@ def recognize(names: Iterable[str], table: ProtocolTable | None = None) -> Recog
 
 def labels_between(recorded: Iterable[str], known: Iterable[str], table: ProtocolTable | None = None) -> dict[str, str]:
     """Labels of a recording and the markers of a model on the same landmark under another name, as the key `labels`
-    takes them.
-
-    Only bony landmarks and joint centers: a point of the skin without a landmark lies elsewhere in every laboratory.
-    Names that both have are left out, and so are markers that the recording has under their own name.
+    takes them. Only bony landmarks and joint centers: a point of the skin without a landmark lies elsewhere in every
+    laboratory. Names that both have are left out, and so are markers that the recording has under their own name.
     """
     recorded, known = tuple(recorded), tuple(known)
     taken = set(recorded)
@@ -165,9 +158,7 @@ def protocols() -> ProtocolTable:
 
 
 def protocol_table(text: str, source: str, base: ProtocolTable | None = None) -> ProtocolTable:
-    """Protocols of a table in TOML (`motion/data/protocols.toml` says what stands where), added to those of `base`; one
-    of the same name takes the other's place.
-    """
+    """Protocols of a TOML table, as `motion/data/protocols.toml` says, added to those of `base` or in their place."""
     try:
         raw = tomllib.loads(text)
     except (tomllib.TOMLDecodeError, RecursionError) as error:

@@ -29,9 +29,8 @@ SAME_ROTATION = 1e-6
 
 
 def scout_poses(tree: Tree, problem: PoseProblem, settings: Settings) -> Array:
-    """Pose of every `SCOUT`-th frame (poses, coordinates), tracked in turn; where it is not shown, that before it.
-
-    The first frame, and a frame whose cost jumps, is solved again from several headings of the whole body, and the best
+    """Pose of every `SCOUT`-th frame (poses, coordinates), tracked in turn; where it is not shown, that before it. The
+    first frame, and a frame whose cost jumps, is solved again from several headings of the whole body, and the best
     pose is kept, so that a bad first frame or a long gap does not spoil what follows. A joint that then lies at a bound
     is tried from inside its range: angles of a ball joint have two branches.
     """
@@ -132,10 +131,8 @@ def _turning(tree: Tree, problem: PoseProblem, root: list[int]) -> list[int]:
 
 def nearest_turns(tree: Tree, turning: list[int], pose: Array, reference: Array) -> Array:
     """The same pose, of all angles of the root (rotations `turning` may turn all the way round) those nearest to a
-    reference.
-
-    Angles may be larger by a turn, and three in a row (a, b, c) about perpendicular axes give the same rotation as (a +
-    pi, pi - b, c + pi). Without bounds a search from several headings may end in either.
+    reference. Angles may be larger by a turn, and three in a row (a, b, c) about perpendicular axes give the same
+    rotation as (a + pi, pi - b, c + pi). Without bounds a search from several headings may end in either.
     """
     result = _without_turns(pose, turning, reference)
     names = tree.model.coordinate_names

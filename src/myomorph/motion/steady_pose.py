@@ -42,9 +42,7 @@ class SteadyFrame:
 
 
 class SteadyKinematics:
-    """Inverse kinematics of one frame after the other, continuous where markers come and go. Jumps are given back with
-    the time constant `blend` [s].
-    """
+    """Inverse kinematics frame by frame, continuous where markers come and go: jumps are given back in `blend` [s]."""
 
     def __init__(
         self, model: Model, names: Sequence[str], options: InverseKinematicsOptions | None = None, blend: float = BLEND

@@ -137,9 +137,7 @@ def resample_wrenches(wrenches: Wrenches, time: Array, cutoff: float | None = No
 
 
 def refuse_other_times(what: str, times: Array, time: Array) -> None:
-    """Refuse values whose times (samples,) are not those of the motion (frames,) [s], but for a microsecond; `what`
-    names them.
-    """
+    """Refuse values, named `what`, whose times (samples,) are not the motion's [s], but for a microsecond."""
     if len(times) != len(time) or np.max(np.abs(times - time), initial=0.0) > 1e-6:
         raise BadData(
             f"{what} have {len(times)} frames from {times[:1]} s, the motion {len(time)} from {time[:1]} s: both must "

@@ -31,10 +31,9 @@ MASSLESS = 1e-6
 
 
 def floating_coordinates(model: Model) -> tuple[str, ...]:
-    """Coordinates of the joints that let a body float: at least two translations and one rotation against the ground.
-
-    A joint to the ground that only turns (an arm fixed at the shoulder) or only slides (a sled) is part of the body or
-    of a rig, and its bounds count. Massless links between ground and body belong to the root joint.
+    """Coordinates of the joints that let a body float: at least two translations and one rotation against the ground. A
+    joint to the ground that only turns (an arm fixed at the shoulder) or only slides (a sled) is part of the body or of
+    a rig, and its bounds count. Massless links between ground and body belong to the root joint.
     """
     result: list[str] = []
     for chain in _root_chains(model):
@@ -49,10 +48,8 @@ def floating_coordinates(model: Model) -> tuple[str, ...]:
 
 def of_one_turn(tree: Tree, problem: PoseProblem, values: Array) -> Array:
     """Coordinates (frames, coordinates) whose angles begin, and go on after every gap (NaN), on the turn that is
-    nearest.
-
-    Frames are solved in stretches from poses that were found apart, which may differ by whole turns. Angles that would
-    leave their bounds, or that a task pulls at, stay.
+    nearest. Frames are solved in stretches from poses that were found apart, which may differ by whole turns. Angles
+    that would leave their bounds, or that a task pulls at, stay.
     """
     values = values.copy()
     for index, low, high in zip(problem.free, problem.lower, problem.upper, strict=True):
@@ -130,10 +127,9 @@ def other_branch(angles: Array) -> Array:
 
 
 def other_angles(angles: Array, axes: Array) -> Array:
-    """(3,) the other angles of the same rotation about any three axes, unit vectors, one a row [rad].
-
-    The last axis w after the second rotation makes an angle with the first axis u that depends on cos(b - beta) alone,
-    so the middle angle may be 2 beta - b; the others follow from where u and w come to lie (Davenport angles).
+    """(3,) the other angles of the same rotation about any three axes, unit vectors, one a row [rad]. The last axis w
+    after the second rotation makes an angle with the first axis u that depends on cos(b - beta) alone, so the middle
+    angle may be 2 beta - b; the others follow from where u and w come to lie (Davenport angles).
     """
     first, second, last = axes
     beta = np.arctan2(first @ np.cross(second, last), first @ last - (first @ second) * (second @ last))

@@ -28,9 +28,7 @@ PATIENCE = 600.0
 
 @dataclass(frozen=True)
 class RunMark:
-    """The run that a study's folder belongs to: its identifier, where and as which process it runs, when it began;
-    `format` and `version` of the folder and of the program that wrote it.
-    """
+    """The run that a folder belongs to: identifier, host, process, begin; `format` and `version` of what wrote it."""
 
     folder: Path
     run: str

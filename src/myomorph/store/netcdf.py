@@ -103,9 +103,7 @@ def _texts_of() -> Callable[[Any, str, str], None]:
 
 
 class _Disk:
-    """A file for HDF5, which ends the whole process where a write fails: the first failure is kept from it and told
-    after.
-    """
+    """A file for HDF5, which ends the whole process where a write fails: the first failure is kept and told after."""
 
     def __init__(self, path: str | os.PathLike[str]):
         # Without a buffer of Python's: what fails must fail here and not when the file is closed.
@@ -175,9 +173,7 @@ def new_netcdf(path: str | os.PathLike[str]) -> Iterator[NetcdfFile]:
 
 @dataclass(frozen=True)
 class NetcdfVariable:
-    """A variable of a file that is open: the data set, read by its parts, and its attributes without those of the
-    format.
-    """
+    """A variable of an open file: the data set, read by its parts, and its attributes but those of the format."""
 
     name: str
     values: Any
@@ -199,9 +195,7 @@ class NetcdfSource:
         return {name: as_text(value) for name, value in self._file.attrs.items() if not name.startswith("_NC")}
 
     def data(self, only: Sequence[str] = ()) -> Iterator[tuple[str, Any]]:
-        """Name and data set of every variable, or of those of `only` that are there, in the order in which they were
-        made where that is known.
-        """
+        """Name and data set of variables (of `only`, () for all), in the order in which they were made where known."""
         for name in [name for name in only if name in self._file] if only else self._file:
             values = self._file[name]
             if "NAME" not in values.attrs or not as_text(values.attrs["NAME"]).startswith(BARE):

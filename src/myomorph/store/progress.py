@@ -20,9 +20,7 @@ _SILENT = False
 
 
 def silence(silent: bool = True) -> bool:
-    """Let `progress` say nothing in this process, because another tells how far the whole has come. Returns whether it
-    was silent before.
-    """
+    """Let `progress` say nothing here, because another tells how far all is; whether it was silent before."""
     global _SILENT
     before, _SILENT = _SILENT, silent
     return before
@@ -31,10 +29,8 @@ def silence(silent: bool = True) -> bool:
 @contextmanager
 def progress(title: str, total: int, unit: str = "frames") -> Iterator[Advance]:
     """Show how far a piece of work has come, on standard error; yields the function to call with the number of units
-    just done.
-
-    Where that is a terminal, a bar with the time left appears once the work has taken `PATIENCE`; else one line tells
-    at the end what was done and how long it took. Shorter work stays silent.
+    just done. Where that is a terminal, a bar with the time left appears once the work has taken `PATIENCE`; else one
+    line tells at the end what was done and how long it took. Shorter work stays silent.
     """
     started = time.monotonic()
     bar: Progress | None = None

@@ -29,8 +29,8 @@ SIMPLE = (bool, int, float, str)
 
 @dataclass(frozen=True)
 class Setting:
-    """One option of a command line or a study file: its kind is bool, int, float, str, a Literal of texts, or one of
-    these or None, its help a line in the dataclass's docstring.
+    """An option of a command or a study file; `kind` bool, int, float, str, a Literal of texts, or one of these or
+    None.
     """
 
     name: str
@@ -145,10 +145,9 @@ class ReportOptions:
 
 
 def settings_of(options: type) -> tuple[Setting, ...]:
-    """Settings of an option dataclass: every field that a number, a text or a switch can give.
-
-    Fields of other types (mappings, motions) are not settings: they come from files. Where a dataclass has a
-    `SETTING_PREFIX`, names begin with it, so that they are told from those of other steps.
+    """Settings of an option dataclass: every field that a number, a text or a switch can give. Fields of other types
+    (mappings, motions) are not settings: they come from files. Where a dataclass has a `SETTING_PREFIX`, names begin
+    with it, so that they are told from those of other steps.
     """
     return _settings_of(options)
 

@@ -235,9 +235,7 @@ def _surface(surface: WrapObject, draw: Draw) -> WrapObject:
 @read_only
 @dataclass(frozen=True, eq=False)
 class Leg:
-    """Where a leg is turned when it is bowed: about unit vectors fore-aft on its thigh and shank; centers of hip on the
-    thigh and of ankle on the shank [m].
-    """
+    """A leg that is bowed about unit vectors fore-aft on thigh and shank; centers of hip and ankle on these [m]."""
 
     thigh: str
     shank: str

@@ -65,10 +65,8 @@ class SlowNoise:
 
 class MarkerErrors:
     """Errors of poses that markers show, by the trees of each draw's model; `names` of the markers that arrive, None
-    for those of the model, in poses that arrive themselves.
-
-    `rate` [Hz] of poses drawn; `thinned`, their share of the frames: of the variance of the cameras' noise so much is
-    left.
+    for those of the model, in poses that arrive themselves. `rate` [Hz] of poses drawn; `thinned`, their share of the
+    frames: of the variance of the cameras' noise so much is left.
     """
 
     def __init__(
@@ -183,9 +181,7 @@ CARRIES = 1.0
 
 
 class OnlineInputs:
-    """What a causal filter with a delay [s] gives, with the errors of all draws but those of the pose; `up` is against
-    gravity.
-    """
+    """What a causal filter with a delay [s] gives, with the errors of all draws but those of the pose."""
 
     def __init__(self, draws: Sequence[Draw], bodies: Sequence[str], delay: float, up: Array):
         shifts = _each(draws, bodies, "plate_position")
@@ -236,9 +232,7 @@ class SlopeFinder:
         self._problem, self._posture = pose_problem(self._tree, names, weights, options), options.posture_weight
 
     def at(self, coordinates: Array, seen: np.ndarray) -> Array:
-        """(frames, coordinates, 3 markers) derivatives at poses (frames, coordinates) [rad/m or 1]; what is not seen
-        has none.
-        """
+        """(frames, coordinates, 3 markers) derivatives at poses [rad/m or 1]; what is not seen has none."""
         blocks = range(0, len(coordinates), BLOCK)
         parts = [self._block(coordinates[block : block + BLOCK], seen[block : block + BLOCK]) for block in blocks]
         return np.concatenate(parts) if len(parts) > 1 else parts[0]

@@ -21,9 +21,7 @@ Row = Mapping[str, Estimate]
 @dataclass(frozen=True)
 class PublishedSpecimen:
     """A row of [S] tables I (without muscles) and II (with muscles); `name` is the number of the specimen, "mean" or
-    "SD".
-
-    Masses of the limb and distances of its mass center from the glenohumeral center [kg, m]; d_J and d_{M+J} [N m
+    "SD". Masses of the limb and distances of its mass center from the glenohumeral center [kg, m]; d_J and d_{M+J} [N m
     s/rad]; d_M, one value for all muscles [N s/m]; muscle mass, estimated (with less without) and on a scale [kg].
     """
 
@@ -86,7 +84,6 @@ QUANTITIES = (
 @dataclass(frozen=True)
 class CohortLine:
     """One quantity over all specimens that have it: mean and population SD (division by `count`), as [S] prints it.
-
     `low` and `high` are the 95 % interval of the mean of these specimens, from the intervals of each: how well they
     were measured, not how other specimens may differ; NaN where a specimen has none.
     """
@@ -108,10 +105,9 @@ def specimen_row(specimen_viscosity: SpecimenViscosity) -> Row:
 
 
 def cohort(rows: Sequence[Row]) -> tuple[CohortLine, ...]:
-    """Mean and population SD of every quantity that a specimen has (rows of `specimen_row`).
-
-    The specimens' errors are taken as independent: with half-widths h of their intervals, that of the mean of n is
-    sqrt(sum h^2) / n, below and above the mean each with its own.
+    """Mean and population SD of every quantity that a specimen has (rows of `specimen_row`). The specimens' errors are
+    taken as independent: with half-widths h of their intervals, that of the mean of n is sqrt(sum h^2) / n, below and
+    above the mean each with its own.
     """
     lines = []
     for quantity in QUANTITIES:

@@ -86,11 +86,9 @@ def share(lost: Array, whole: Array) -> float:
 
 @dataclass(frozen=True, eq=False)
 class JointBushing:
-    """A ball joint's damping as a bushing for `model.passive_dynamics.with_passive_dynamics`.
-
-    `residual`: root mean square of the generalized torque that it does not express, as a share of the whole, comparable
-    with that of `CoordinateDamping`; `middle`: greatest middle angle over the motion [rad], at a quarter turn a bushing
-    is singular.
+    """A ball joint's damping as a bushing for `model.passive_dynamics.with_passive_dynamics`. `residual`: root mean
+    square of the generalized torque that it does not express, as a share of the whole, comparable with that of
+    `CoordinateDamping`; `middle`: greatest middle angle over the motion [rad], at a quarter turn a bushing is singular.
     """
 
     bushing: Bushing
@@ -151,10 +149,8 @@ def identified_model(
     tracked: TrackedSpecimen, specimen_viscosity: SpecimenViscosity, cutoff: float
 ) -> tuple[Model, tuple[str, ...]] | None:
     """The specimen as it stood, its joint damped as found and every muscle with the common viscosity, and what that
-    does not express; None where the joint's viscosity is not known.
-
-    A hinge gets a damper of its coordinate, a ball the bushing nearest to its damping over the first trial. Masses stay
-    those of the model.
+    does not express; None where the joint's viscosity is not known. A hinge gets a damper of its coordinate, a ball the
+    bushing nearest to its damping over the first trial. Masses stay those of the model.
     """
     if specimen_viscosity.without is None:
         return None

@@ -63,9 +63,8 @@ def angle_slopes(problem: SharedProblem, at: Point) -> AngleSlopes:
 
 
 def frame_slopes(problem: SharedProblem, at: Point) -> Iterator[FrameSlopes]:
-    """At most `MAX_COUNT` frames of all recordings.
-
-    Where a frame's cost has its minimum, dq/ds = -(J_q^T W J_q)^-1 J_q^T W J_s.
+    """At most `MAX_COUNT` frames of all recordings. Where a frame's cost has its minimum, dq/ds = -(J_q^T W J_q)^-1
+    J_q^T W J_s.
     """
     total = sum(len(angle) for angle in at.angles)
     tree = compile_tree(problem.stretched(at.x))
@@ -136,7 +135,6 @@ class Slides:
 
 def sliding(problem: SharedProblem, at: Point, slides: Slides) -> Array:
     """(unknowns + coordinates, same) covariance that slides give the gradient [m^2 per unknown] and the angles' means.
-
     A slide u of a segment's markers moves them by E u, and the gradient by J^T W E u, where J are the slopes with the
     angles at their best; the angles follow the markers as well. Slides of neighboring frames are alike: their sum
     counts as that of `independent_frames`.

@@ -31,10 +31,9 @@ UNITS = ((1000.0, "millimetres"), (100.0, "centimetres"), (0.001, "kilometres"))
 
 
 def overall_size(model: Model, names: Sequence[str], recordings: Sequence[Array]) -> float:
-    """Size of a recorded body relative to the model: weighted median of the distances within segments.
-
-    Distances between markers of one segment do not change with posture. Each counts by its square on the model; where
-    no segment has two markers, all distances to the markers' middle take their place.
+    """Size of a recorded body relative to the model: weighted median of the distances within segments. Distances
+    between markers of one segment do not change with posture. Each counts by its square on the model; where no segment
+    has two markers, all distances to the markers' middle take their place.
     """
     marked, usual = [model.marker(name) for name in names], default_markers(model, names)
     segment = {body: number for number, group in enumerate(segments_that_stretch(model)) for body in group}
@@ -124,8 +123,8 @@ def _seen_from_base(model: Model, values: Array) -> Array:
 
 
 def _farthest(table: Array, usable: Ints, count: int, first: NDArray[np.bool_], same: float) -> list[int]:
-    """Rows chosen one after another, each as far as can be from those before it; the first among some of them. None is
-    chosen whose markers lie within `same` of those of one chosen, root mean square [m].
+    """Rows chosen one by one, each as far as can be from those before, none within `same` of one [m RMS]; the first of
+    some.
     """
     points = table[usable]
     least = same**2 * table.shape[1] / 3.0

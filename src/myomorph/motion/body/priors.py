@@ -81,11 +81,10 @@ def calibration_prior(
 def side_differences(
     lengths: Sequence[Length], x: Array, H: Array, prior: Prior, options: CalibrationOptions
 ) -> tuple[SideDifference, ...]:
-    """Pairs of lengths from joint to joint whose sides differ more than `side_sd` explains.
-
-    Of two Gaussian priors, narrow (`side_sd`) and wide (`ASYMMETRIC_SD`), the one is taken that makes the data
-    likelier, at odds of `ASYMMETRIC_SHARE`; pair after pair, the most telling first. The evidence is that of the
-    differences without a prior on sides, about the minimum x, with the information H of the data alone [1/variance].
+    """Pairs of lengths from joint to joint whose sides differ more than `side_sd` explains. Of two Gaussian priors,
+    narrow (`side_sd`) and wide (`ASYMMETRIC_SD`), the one is taken that makes the data likelier, at odds of
+    `ASYMMETRIC_SHARE`; pair after pair, the most telling first. The evidence is that of the differences without a prior
+    on sides, about the minimum x, with the information H of the data alone [1/variance].
     """
     pairs = mirrored_lengths(lengths)
     along = [pair for pair, (i, j) in enumerate(pairs) if lengths[i].along and lengths[i].between_joints]
@@ -141,9 +140,8 @@ MAX_UNEVEN = 0.25
 
 
 def symmetric_posture(tree: Tree, free: Ints, angles: Sequence[Array], sd: float) -> MeanPosture | None:
-    """Rows that hold the mean posture symmetric: right less left, and what bends or turns the trunk to one side.
-
-    How evenly a recording (frames, coordinates) [rad] shows both sides is seen from what an offset does not change, the
+    """Rows that hold the mean posture symmetric: right less left, and what bends or turns the trunk to one side. How
+    evenly a recording (frames, coordinates) [rad] shows both sides is seen from what an offset does not change, the
     distances of the mean from the least and the largest angle. Where they differ, the row counts less than `sd` [rad],
     and beyond `MAX_UNEVEN` not at all. Joints to the ground have no rows.
     """

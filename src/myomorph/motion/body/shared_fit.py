@@ -128,10 +128,9 @@ def _tied(problem: SharedProblem, x: Array, stretch: Stretch) -> tuple[MarkerArr
 
 
 def settle_anew(problem: SharedProblem, at: Point, root: Sequence[int], variance: float) -> Point:
-    """The same unknowns, every frame also tried from the angles of other frames, the best of each kept.
-
-    A frame may rest in a wrong valley (an arm turned half round), where it would draw the markers along; frames that do
-    not know the way out from there start beyond it. The whole body keeps its own place.
+    """The same unknowns, every frame also tried from the angles of other frames, the best of each kept. A frame may
+    rest in a wrong valley (an arm turned half round), where it would draw the markers along; frames that do not know
+    the way out from there start beyond it. The whole body keeps its own place.
     """
     every = np.concatenate(at.angles)
     if len(every) < 2:
@@ -152,9 +151,7 @@ def settle_anew(problem: SharedProblem, at: Point, root: Sequence[int], variance
 
 @dataclass(frozen=True, eq=False)
 class Minimum:
-    """Where the search ended: normal equations without priors, costs of every step, and the largest change of the last
-    step, of a factor or of a marker place in the problem's unit.
-    """
+    """Where the search ended: normal equations without priors, costs, largest change of the last step (factor or unit)."""
 
     point: Point
     reduced: Reduced
@@ -172,9 +169,7 @@ def minimise(
     tolerance: float = 1e-5,
     after_step: Callable[[], None] | None = None,
 ) -> Minimum:
-    """Levenberg-Marquardt steps of the shared unknowns that are `free`, every frame settled again after each, until the
-    largest change of a factor, and of a marker position in the problem's unit, is within the tolerance.
-    """
+    """Levenberg-Marquardt steps of the `free` shared unknowns, frames settled again after each, to the tolerance."""
     rows, right = problem.prior.rows[:, free], problem.prior.right
     point, damping, costs = start, 1e-6, [start.cost(variance)]
     lengths = len(problem.lengths)

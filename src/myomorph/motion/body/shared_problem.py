@@ -59,10 +59,9 @@ class MeanPosture:
 @dataclass(frozen=True, eq=False)
 class SharedProblem:
     """The problem of all frames. Its unknowns x are the factors of the lengths, three shifts [m] for each marker and
-    the overall size, which moves nothing but the prior.
-
-    `pose` has the model's markers and what may move, but no frames; `unit` measures changes of marker positions [m],
-    see `length_unit`; `mean_posture` is what is held likely of the mean of all frames' angles.
+    the overall size, which moves nothing but the prior. `pose` has the model's markers and what may move, but no
+    frames; `unit` measures changes of marker positions [m], see `length_unit`; `mean_posture` is what is held likely of
+    the mean of all frames' angles.
     """
 
     model: Model
@@ -114,10 +113,9 @@ class Point:
 
 @dataclass(frozen=True, eq=False)
 class Reduced:
-    """Normal equations of the shared unknowns, angles eliminated (`H`, `g`) and at fixed angles (`fixed_*`).
-
-    `errors` are for each set (frames, markers) distances [m], NaN where unseen; `angles_free` counts the angles, over
-    all frames, that are not at a bound and that no loop takes.
+    """Normal equations of the shared unknowns, angles eliminated (`H`, `g`) and at fixed angles (`fixed_*`). `errors`
+    are for each set (frames, markers) distances [m], NaN where unseen; `angles_free` counts the angles, over all
+    frames, that are not at a bound and that no loop takes.
     """
 
     H: Array

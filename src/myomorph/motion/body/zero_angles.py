@@ -48,11 +48,10 @@ def zero_angles(
     zero_sd: float,
     skin: Array,
 ) -> tuple[ZeroAngle, ...]:
-    """The zeros of all angles that markers show, what fixes each, and its standard deviation.
-
-    The precision of a zero is counted up source by source, the generic model first and the static trial (last set of
-    frames) last; what each one adds is its share. `variance` is of a marker along one axis [m^2], `zero_sd` of the
-    generic bones' axes against the person's [rad], `skin` the result of `sliding`.
+    """The zeros of all angles that markers show, what fixes each, and its standard deviation. The precision of a zero
+    is counted up source by source, the generic model first and the static trial (last set of frames) last; what each
+    one adds is its share. `variance` is of a marker along one axis [m^2], `zero_sd` of the generic bones' axes against
+    the person's [rad], `skin` the result of `sliding`.
     """
     slopes = angle_slopes(problem, at)
     motion = slice(0, len(problem.sets) - 1) if static else slice(None)

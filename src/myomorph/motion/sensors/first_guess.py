@@ -109,9 +109,7 @@ def named_headings(
 
 
 def by_trying(tree: Tree, bodies: tuple[str, ...], pose: CalibrationPose, cost: Callable[[Guess], float]) -> Guess:
-    """The heading, the same of all sensors, with which the recording fits best by `cost` [squares of the noise]; of a
-    pose any heading is as good.
-    """
+    """The heading, the same of all sensors, of least `cost` [squares of the noise]; of a pose any is as good."""
 
     def at(angle: float) -> tuple[float, float]:
         return cost(from_pose(tree, bodies, pose, np.full(len(bodies), angle))), angle

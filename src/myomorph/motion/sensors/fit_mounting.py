@@ -54,9 +54,7 @@ CLOCK_ERROR = 0.05
 
 
 class Chosen(NamedTuple):
-    """Frames that take part: their markers, without names where there are none, those that count and their weights, and
-    the share of a whole frame that each counts.
-    """
+    """Frames that take part: their markers, those that count with weights, and the share of a frame each counts."""
 
     time: Array
     markers: Markers

@@ -126,9 +126,7 @@ def weights_seen(model: Model, markers: Markers, weights: Mapping[str, float], o
 
 
 def bodies_of_sensors(model: Model, names: tuple[str, ...], chosen: Mapping[str, str]) -> dict[str, str]:
-    """Body of each sensor by its name: a frame of the model, a body, or that with `_imu` behind it; `chosen` are the
-    user's, "" leaves a sensor out.
-    """
+    """Body of each sensor by its name: a frame, a body, or that with `_imu` behind it; "" in `chosen` for none."""
     bodies, result = {body.name.casefold(): body.name for body in model.bodies}, dict[str, str]()
     frames = {frame.name: frame.body for frame in model.frames}
     for name, body in chosen.items():
@@ -164,9 +162,8 @@ STEADY_RATE = 0.02
 
 
 def with_orientations(sensors: InertialSensors, magnetometer: bool = True) -> InertialSensors:
-    """The sensors with the orientations that a filter finds in their raw signals; known orientations are kept.
-
-    The filter is VQF (Laidig and Seel 2023), run forwards and backwards over the whole recording: gyroscopes are
+    """The sensors with the orientations that a filter finds in their raw signals; known orientations are kept. The
+    filter is VQF (Laidig and Seel 2023), run forwards and backwards over the whole recording: gyroscopes are
     integrated, accelerations correct the inclination, magnetic fields the heading where they are undisturbed. Without
     magnetic fields every sensor's heading begins anywhere and drifts slowly.
     """

@@ -95,11 +95,9 @@ class SensorRecording:
 
 @dataclass(frozen=True, eq=False)
 class SensorFit:
-    """Inverse kinematics with sensors, as used with their orientations and mounting.
-
-    `bridges` are pulls of coordinates in gaps, of the root's place without markers and of joints whose sensor is lost,
-    towards `places` (None without gaps); `spreads` the standard deviation of what such a joint may be away from there
-    [rad].
+    """Inverse kinematics with sensors, as used with their orientations and mounting. `bridges` are pulls of coordinates
+    in gaps, of the root's place without markers and of joints whose sensor is lost, towards `places` (None without
+    gaps); `spreads` the standard deviation of what such a joint may be away from there [rad].
     """
 
     fit: KinematicsFit
@@ -124,10 +122,8 @@ def sensor_kinematics(
     progress: Callable[[int], None] | None = None,
 ) -> SensorFit:
     """Coordinates that sensors and markers (None where sensors are all there is) agree on best, each weighted by its
-    noise.
-
-    Where each sensor is mounted, its heading and the delay of its clock are found first (`fit_mounting`), from the
-    markers' motion or from a calibration pose and the recording itself.
+    noise. Where each sensor is mounted, its heading and the delay of its clock are found first (`fit_mounting`), from
+    the markers' motion or from a calibration pose and the recording itself.
     """
     options, sizes = options or InverseKinematicsOptions(), sizes or SensorOptions()
     raw = recording.sensors.orientations is None

@@ -41,8 +41,8 @@ class LikelyAngles:
 
 
 class Seen(NamedTuple):
-    """Angles of joints by inverse kinematics (frames, coordinates), which sensors reported (frames, sensors), the
-    numbers of their bodies, and which free coordinates are angles of joints.
+    """Angles of joints (frames, coordinates), which sensors reported (frames, sensors), on which bodies, and free
+    joints.
     """
 
     values: Array
@@ -60,9 +60,7 @@ def joint_angles(tree: Tree, free: Ints) -> np.ndarray:
 def body_slopes(
     tree: Tree, problem: PoseProblem, values: Array, bodies: Ints, bounded: bool = True
 ) -> tuple[Array, Array]:
-    """Rotations of bodies (frames, bodies, 3, 3), and their slopes (frames, bodies, 3, variables) in ground; if
-    `bounded`, coordinates that lie at a bound do not move.
-    """
+    """Rotations of bodies (frames, bodies, 3, 3), and their slopes (..., 3, variables); if `bounded`, none at a bound."""
     free, frames, count = problem.free, len(values), len(problem.free)
     stacked = np.repeat(values[:, None], count + 1, axis=1)
     for i, j in enumerate(free):

@@ -29,9 +29,7 @@ TO_CLOSE = 40
 
 
 class Ties(NamedTuple):
-    """Pairs of points, in bodies (ties,) at (ties, 3) [m], that coincide where loops are closed: one of a point
-    constraint, three of a weld.
-    """
+    """Pairs of points (ties, 3) [m] in bodies that coincide where loops are closed: one of a point, three of a weld."""
 
     body_1: Ints
     body_2: Ints
@@ -141,9 +139,7 @@ def ties_at(ties, T, c, work, closing):
 
 @bare
 def close(ties, T, P, c, work, closing):
-    """Newton steps of as few variables as close the loops, inside the bounds, from c in place. Leaves poses, gaps and
-    their derivatives at c. Returns whether the loops are closed.
-    """
+    """Newton steps of few variables from c in place that close the loops inside the bounds; whether they are closed."""
     if ties is None:
         couple(T, c)
         body_poses(T, c, work.R, work.p, work.w, work.o, work.dphi)
@@ -185,10 +181,9 @@ def close(ties, T, P, c, work, closing):
 
 @bare
 def eliminate(F, closing, held, late):
-    """Gauss-Jordan elimination of G d = -e over the variables F, with full pivoting; returns the rank.
-
-    Variables that are `held` are not taken, those that come `late` only when no other is left. Afterwards
-    d[taken[row]] = A[row, variables] - sum over the others of A[row, i] d[i].
+    """Gauss-Jordan elimination of G d = -e over the variables F, with full pivoting; returns the rank. Variables that
+    are `held` are not taken, those that come `late` only when no other is left. Afterwards d[taken[row]] = A[row,
+    variables] - sum over the others of A[row, i] d[i].
     """
     A, taken, dependent = closing.A, closing.taken, closing.dependent
     for i in range(F.shape[0]):
@@ -243,9 +238,7 @@ def hold_variables(T, ties, P, c, work, closing):
 
 @bare
 def multipliers(T, ties, P, c, work, closing):
-    """Multipliers of the ties at c, and their curvature added to work.H. `work.held` is filled: which variables lie at
-    a bound and are pushed outwards.
-    """
+    """Multipliers of the ties at c, their curvature added to work.H; fills `work.held`, what a bound holds outwards."""
     F, variables, push, held, late = P.free, P.free.shape[0], closing.push, work.held, work.late
     for i in range(variables):
         held[i] = False

@@ -119,9 +119,7 @@ def _keep(markers, c, frame, work):
 @read_only
 @dataclass(frozen=True, eq=False)
 class MarkerTask(Task):
-    """A marker near where it was seen (frames, 3) [m], NaN where unseen: weight |x - position|^2, divided by the
-    weights of all markers seen.
-    """
+    """A marker near where it was seen (frames, 3) [m]: weight |x - position|^2, over the weights of all seen."""
 
     marker: str
     positions: Array

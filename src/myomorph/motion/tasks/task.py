@@ -150,8 +150,8 @@ def new_work(T, n):
 
 @bare
 def add_row(work, body, slope, residual, weight):
-    """Add weight residual^2 with its Gauss-Newton curvature; returns the cost. `slope` has six numbers, derivatives of
-    the residual in the body's angular velocity and in its velocity at `work.origin`.
+    """Add weight residual^2 with Gauss-Newton curvature; `slope` in the body's twist at `work.origin`. Returns the
+    cost.
     """
     if not work.has_rows[0]:
         work.has_rows[0] = True

@@ -63,10 +63,9 @@ class Converted:
 
 
 def convert(paths: Sequence[Path], out: Path, options: ConvertOptions | None = None) -> Converted:
-    """Read files of one recording (C3D, TRC, ..., tables of forces and EMG) and write them as others.
-
-    The ending of `out` says what: .trc markers, .mot forces (with external loads .xml beside it), .sto or .csv EMG or a
-    table, .c3d all of it; without an ending a folder, for all that there is.
+    """Read files of one recording (C3D, TRC, ..., tables of forces and EMG) and write them as others. The ending of
+    `out` says what: .trc markers, .mot forces (with external loads .xml beside it), .sto or .csv EMG or a table, .c3d
+    all of it; without an ending a folder, for all that there is.
     """
     options = options or ConvertOptions()
     ending = out.suffix.lower()
@@ -287,9 +286,7 @@ LOADED = 20.0
 
 
 def on_feet(wrenches: Wrenches, markers: Markers | None, bodies: Sequence[str] = ()) -> Wrenches:
-    """Forces with the bodies that are given, else step by step on the foot whose markers are nearest. Forces that never
-    act are left out; where no marker shows the feet, bodies stay unknown.
-    """
+    """Forces with the bodies given, else step by step on the nearest foot; those that never act are left out."""
     if bodies:
         if len(bodies) > len(wrenches.names):
             raise BadData(f"{len(bodies)} bodies are given, but the forces are {', '.join(wrenches.names)}")

@@ -44,9 +44,7 @@ START = "start one with 'dask scheduler' and give the address that it prints"
 
 @dataclass(frozen=True)
 class Fitness:
-    """What a process is, and whether it sees the folder of the results: the file that it is to read, with what it
-    should hold.
-    """
+    """What a process is, and whether it sees the folder of the results by the file that it is to read."""
 
     version: str
     python: str
@@ -91,9 +89,7 @@ def _model(key: str, model: bytes) -> Model | None:
 
 @contextmanager
 def _dated(date: str) -> Iterator[None]:
-    """Work silently on one thread, and date results as the program that sent the job does; settings before hold again
-    after.
-    """
+    """Work silently on one thread, and date results as the sender does; settings before hold again after."""
     # Frames are not split over threads: the machine has as many processes as it should use cores.
     wanted = {"MYOMORPH_THREADS": "1", "SOURCE_DATE_EPOCH": date or None}
     before = {name: os.environ.get(name) for name in wanted}

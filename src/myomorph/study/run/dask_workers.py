@@ -42,10 +42,9 @@ class Parcel:
 
 @dataclass
 class Process:
-    """A process of the cluster as seen from here.
-
-    `memory` [bytes] it may take, 0 where nothing bounds it; `asked`: future of its fitness, None once it was found fit;
-    `takes`: it takes tasks now, one that is short of memory pauses; `models` that it was given, by their hashes.
+    """A process of the cluster as seen from here. `memory` [bytes] it may take, 0 where nothing bounds it; `asked`:
+    future of its fitness, None once it was found fit; `takes`: it takes tasks now, one that is short of memory pauses;
+    `models` that it was given, by their hashes.
     """
 
     address: str

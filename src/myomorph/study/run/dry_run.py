@@ -76,9 +76,7 @@ class DryRun:
 
 
 def dry_run(graph: Graph, out: Path, fresh: bool = False, workers: int = 1) -> DryRun:
-    """Look at what a run of a study would do, `fresh` as if nothing could be reused. Recordings are opened only where
-    there are earlier results to hold against them.
-    """
+    """Look at what a run would do; recordings are opened only where there are earlier results to hold against them."""
     check_age(read_mark(out))
     looked = _Looked(graph, fresh)
     rows = []

@@ -76,10 +76,9 @@ def open_pair_steps(
     common: Settings,
     folder: Path,
 ) -> JobSteps:
-    """The steps of several trials as one, from the coordinates that their own steps found.
-
-    By the name of the part, its recording and the folder of its results; `models` by file, those that a subject's own
-    steps made; settings of the steps for each part, and `common` ones of all as one.
+    """The steps of several trials as one, from the coordinates that their own steps found. By the name of the part, its
+    recording and the folder of its results; `models` by file, those that a subject's own steps made; settings of the
+    steps for each part, and `common` ones of all as one.
     """
     opened: dict[Path, Model] = {}
     joined: dict[str, Part] = {}

@@ -76,9 +76,7 @@ class Begin:
 
 @dataclass(frozen=True)
 class Do:
-    """A job's packed `work`, the number of the model it is given (0 for none), that model, packed, where the process
-    does not hold it yet, and models to forget.
-    """
+    """A job's packed `work`, the number of its model (0 for none), that model where not held yet, models to forget."""
 
     work: bytes
     model: int = 0

@@ -116,9 +116,7 @@ class _Process:
 
 
 class LocalWorkers:
-    """Processes of this machine, each with so many threads for its kernels, replaced where they are lost; one that
-    takes more than `memory` [bytes] is ended, and its job is lost.
-    """
+    """Processes of this machine, replaced where they are lost; one that takes more than `memory` [bytes] is ended."""
 
     def __init__(self, count: int, memory: int | None = None, threads: int = 1) -> None:
         if count < 1:
@@ -332,10 +330,9 @@ def _why(process: _Process) -> str:
 def local_workers(
     count: int | None = None, memory: int | None = None, jobs: int = 0, threads: int | None = None
 ) -> Workers:
-    """Workers of this machine: the process itself where there is one job, else others beside it.
-
-    By default one for each core, as far as memory reaches, but no more than `jobs` (0 where not known); each with one
-    thread and its share of the free `memory` [bytes], or all cores where there is one job.
+    """Workers of this machine: the process itself where there is one job, else others beside it. By default one for
+    each core, as far as memory reaches, but no more than `jobs` (0 where not known); each with one thread and its share
+    of the free `memory` [bytes], or all cores where there is one job.
     """
     if memory is not None and memory < NEEDED // 4:
         raise BadData(f"memory {memory / 1e9:g} GB: expected {NEEDED / 4e9:.2f} GB or more: less holds no model")

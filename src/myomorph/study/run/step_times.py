@@ -96,8 +96,8 @@ class StepTimes:
             self._samples.setdefault((sample.step, sample.settings, sample.muscles), []).append(sample)
 
     def expected(self, step: str, settings: Mapping[str, object], muscles: int, frames: int | None) -> float | None:
-        """Seconds that a step takes, None where it never ran here with these settings and so many muscles, or frames
-        are not known.
+        """Seconds that a step takes; None where it never ran here with such settings and muscles, or frames are
+        unknown.
         """
         samples = self._samples.get((step, settings_key(settings), muscles), [])[:MAX_COUNTED]
         if not samples or frames is None:
@@ -108,9 +108,7 @@ class StepTimes:
 
 @dataclass
 class Learning:
-    """Hears what jobs took, and keeps it at the end of a run that was not interrupted. Jobs during which kernels were
-    compiled tell nothing about steps, and are left out.
-    """
+    """Hears what jobs took, and keeps it after a whole run, but for jobs during which kernels were compiled."""
 
     works: Mapping[Key, Work]
     muscles: dict[Path, int] = field(default_factory=dict)

@@ -32,9 +32,7 @@ RARELY = 1.0
 
 
 class StudyProgress:
-    """Counts the jobs of a study as they end. On a terminal a bar on standard error shows it, in the place of those of
-    single steps; else nothing is printed.
-    """
+    """Counts the jobs of a study as they end, on a terminal with a bar in the place of those of single steps."""
 
     def __init__(self, title: str, total: int, count: int) -> None:
         self.title, self.total, self.count = title, total, max(1, count)
@@ -124,9 +122,7 @@ class StudyLog:
         self._put(self._log, f"{now} {' '.join(text.split())}")
 
     def time(self, outcome: Outcome, compiled: bool = False) -> None:
-        """Add how long the steps of a trial took that were computed now; kernels that are `compiled` are so once on
-        this machine.
-        """
+        """Add how long the steps of a trial took now; `compiled` if kernels were, once on this machine."""
         names = ",".join(_quoted(name) for name in (outcome.subject, outcome.trial))
         lines = [f"{names},{step},{outcome.frames},{seconds:.3f},{compiled:d}" for step, seconds in outcome.timed]
         if lines:

@@ -82,8 +82,8 @@ class Work:
         return min(known) if self.scope == "pair" else sum(known)
 
     def __call__(self, model: Model | None, read: str = "") -> Outcome:
-        """Do it: what one process may do at a time in its folder; an error ends it, but not the study. `read` is the
-        hash of the model's file when it was read, "" where not known.
+        """Do it alone in its folder; an error ends it, but not the study. `read`: hash of the model's file, "" if
+        unknown.
         """
         started = time.monotonic()
         try:
@@ -128,9 +128,7 @@ def not_run(key: Key, folder: Path, why: str, like: Outcome | None = None) -> Ou
 
 @dataclass(frozen=True)
 class Graph:
-    """All that a study has to do, in the order of its file; `last` is done for the whole study when all have ended,
-    from their outcomes.
-    """
+    """All that a study has to do, in the order of its file; `last` follows from the outcomes of all."""
 
     name: str
     works: tuple[Work, ...]

@@ -45,9 +45,7 @@ class FolderOutput:
 
     @contextmanager
     def whole(self, notes: Sequence[str] = ()) -> Iterator[Path]:
-        """A folder to fill with the step's tables, which are all there in the end or not at all, and notes on what may
-        not be believed.
-        """
+        """A folder to fill with the step's tables, all there in the end or not at all, and notes on doubts."""
         with result_folder(self.tables, self.made, notes, self.step) as folder:
             yield folder
 

@@ -82,9 +82,7 @@ class JobSteps(ABC):
 
 
 def run_steps(job: JobSteps, steps: Sequence[str], check: Callable[[], None] = lambda: None) -> Outcome:
-    """Run steps in their order; where one fails, what those before it found is kept. What `check` raises before a step
-    ends the job.
-    """
+    """Run steps in their order; where one fails, what is before it is kept. What `check` raises ends the job."""
     outcome = job.outcome
     with job:
         for step in steps:

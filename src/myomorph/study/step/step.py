@@ -29,9 +29,7 @@ Result = TypeVar("Result")
 
 @dataclass(frozen=True, kw_only=True)
 class StepHead:
-    """What study files and the command line can say to a step (or the report) of a name there and a title in reports:
-    the fields of its option dataclasses but `not_settings`, which come from elsewhere.
-    """
+    """A step or the report as files and commands name it: settings are the fields of its options but `not_settings`."""
 
     name: str
     title: str

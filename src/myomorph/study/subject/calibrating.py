@@ -124,9 +124,7 @@ def stored_findings(tables: Path) -> tuple[Finding, ...]:
 
 
 def _checked(name: str, markers: Markers, model: Model, findings: list[Finding]) -> Markers:
-    """A recording with exchanged labels put back; these and misplaced markers are added to the findings. A calibration
-    would move the model's markers after both.
-    """
+    """A recording with exchanged labels put back, before a calibration moves markers after them; findings are added."""
     markers, exchanged = mended_labels(model, markers)
     beside = side_findings(markers, model.marker_names, length_unit(compile_tree(model)))
     known = {(finding.kind, finding.place) for finding in findings}
@@ -169,9 +167,7 @@ def calibrate_subject(subject: SubjectInputs, output: FolderOutput) -> Calibrate
 
 
 def write_calibrated(calibrated: Calibrated, out: Path, tables: Path | None = None) -> tuple[str, ...]:
-    """Write the model, and beside it a folder of tables, a report and what it was made from, whole or not at all.
-    Returns what the model's file could not hold.
-    """
+    """Write the model, and a folder of tables, report and findings, whole or not at all; returns what is lost in it."""
     calibration = calibrated.found
 
     def fill(folder: Path) -> None:

@@ -56,9 +56,7 @@ class IdentifyOptions(SettingGroup):
 
 @dataclass(frozen=True, eq=False)
 class SubjectMotion:
-    """One motion of a subject and its forces, as recorded; held out, it is only compared afterwards, not identified
-    from.
-    """
+    """One motion of a subject and its forces, as recorded; held out, it is only compared afterwards."""
 
     name: str
     motion: Motion
@@ -192,9 +190,7 @@ def input_sources(model: Path, motions: Sequence[Path], loads: Sequence[Path], s
 def write_identified(
     identified: Identified, out: Path, subject: str = "", tables: Path | None = None
 ) -> tuple[str, ...]:
-    """Write the model, and beside it a folder of tables and a report, whole or not at all. Returns what the model's
-    file could not hold.
-    """
+    """Write the model, and a folder of tables and a report, whole or not at all; returns what is lost in the model."""
     identification = identified.found
     return write_made_model(
         identification.model,

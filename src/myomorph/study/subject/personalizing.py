@@ -157,10 +157,9 @@ def _emg(trial: TrialInputs, motion: Motion) -> EmgTarget | None:
 
 
 def read_passive(path: Path, model: Model) -> PersonalTrial:
-    """Torques of resting muscles, measured in poses: a table of a pose a row.
-
-    Columns named as coordinates hold the pose; columns named `COORDINATE_moment` (or `_force`) the torque that muscles
-    and joints apply about the coordinate, which turns it up where positive [N m or N], blank where it was not measured.
+    """Torques of resting muscles, measured in poses: a table of a pose a row. Columns named as coordinates hold the
+    pose; columns named `COORDINATE_moment` (or `_force`) the torque that muscles and joints apply about the coordinate,
+    which turns it up where positive [N m or N], blank where it was not measured.
     """
     with reading.about(path):
         table = read_sto(path)
@@ -187,9 +186,7 @@ def _coordinate(name: str) -> str:
 
 
 def write_personalized(made: Made[Personalized], out: Path, tables: Path | None = None) -> tuple[str, ...]:
-    """Write the model, and beside it a folder of tables, whole or not at all. Returns what the model's file could not
-    hold.
-    """
+    """Write the model, and a folder of tables, whole or not at all; returns what is lost in the model's file."""
     return write_made_model(
         made.found.model,
         made.provenance,

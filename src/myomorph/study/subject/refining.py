@@ -79,9 +79,7 @@ def refined(trials: Sequence[TrialInputs], mass: float | None, options: RefineOp
 
 
 def write_refined(refined: Made[Refinement], out: Path, tables: Path | None = None) -> tuple[str, ...]:
-    """Write the model, and beside it a folder of motions, tables and a report, whole or not at all. Returns what the
-    model's file could not hold.
-    """
+    """Write the model, and a folder of motions, tables and report, whole or not at all; returns what is lost in it."""
     refinement = refined.found
 
     def fill(folder: Path) -> None:

@@ -101,11 +101,10 @@ class SubjectFiles:
 
 @dataclass(frozen=True)
 class MadeModel:
-    """Where a subject's own steps leave the model that the trials use, and the file beside which its meshes lie.
-
-    None where no step makes them: gains of EMG channels, folder with refined coordinates of trials, table of how much
-    more markers move than the mass (no file where they do not). `sizes` are tables of how far off the model may be;
-    where a step finds none it is not there.
+    """Where a subject's own steps leave the model that the trials use, and the file beside which its meshes lie. None
+    where no step makes them: gains of EMG channels, folder with refined coordinates of trials, table of how much more
+    markers move than the mass (no file where they do not). `sizes` are tables of how far off the model may be; where a
+    step finds none it is not there.
     """
 
     path: Path

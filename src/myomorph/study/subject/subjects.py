@@ -43,9 +43,7 @@ def write_rows(rows: Sequence[Mapping[str, object]], path: Path) -> None:
 
 
 def check_out_model(out: Path, tables: Path | None = None, read: Iterable[Path | None] = ()) -> None:
-    """Raise `BadFile` where a model cannot be written under this name, with a folder beside it; neither may replace
-    what is read.
-    """
+    """Raise `BadFile` where a model cannot be written so, or it or its folder would replace what is `read`."""
     if out.suffix.lower() != ".osim":
         raise BadFile(out, f"is no name for a model: it ends in '{out.suffix}'", "give a name that ends in .osim")
     if out.is_dir():
@@ -60,9 +58,7 @@ def check_out_model(out: Path, tables: Path | None = None, read: Iterable[Path |
 def write_made_model(
     model: Model, made: Provenance, out: Path, tables: Path, fill: Callable[[Path], None], notes: Sequence[str] = ()
 ) -> tuple[str, ...]:
-    """Write a model, and a folder with what it was made from, notes, and the tables and report that `fill` writes
-    there. Returns what the model's file could not hold.
-    """
+    """Write a model, and a folder with provenance, notes and what `fill` writes; returns what is lost in its file."""
     check_out_model(out)
     with tempfile.TemporaryDirectory(prefix=f".{out.name}.", dir=out.parent) as temporary:
         path = Path(temporary) / out.name

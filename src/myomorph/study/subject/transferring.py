@@ -33,9 +33,7 @@ def transfer_files(lower: Path, higher: Path, pose: Path | None, options: Transf
 
 
 def write_transferred(transferred: Made[Transfer], out: Path) -> tuple[str, ...]:
-    """Write the model, and beside it a folder of tables, whole or not at all. Returns what the model's file could not
-    hold.
-    """
+    """Write the model, and a folder of tables, whole or not at all; returns what is lost in the model's file."""
     result = transferred.found
 
     def fill(folder: Path) -> None:

@@ -37,9 +37,7 @@ STRIDE = attrgetter("start", "lift", "stop", "length", "duration", "speed", "dut
 
 
 def compare_stored(plan: GroupPlan, out: Path, folder: Path, name: str = "") -> Comparison:
-    """Compare the groups from the results in `out/subject/trial`; writes a page and four tables into a folder. A trial
-    without results or strides is left out, said on the page.
-    """
+    """Compare the groups by results in `out/subject/trial`: a page and four tables, which name trials left out."""
     notes: list[str] = []
     rows: list[tuple[str, str, TrialStrides]] = []
     groups = [_group(members, plan, out, notes, rows) for members in (plan.first, plan.second)]

@@ -70,9 +70,7 @@ class Ahead:
 
 
 def compile_ahead(steps: Sequence[str], wraps: frozenset[str] = frozenset()) -> Ahead:
-    """Compile the muscle kernels in a child where steps after the first need them, for a model with `wraps_of`, and
-    they are not cached.
-    """
+    """Compile the muscle kernels in a child where steps after the first need them and they are not cached."""
     child = None
     if any(step in MUSCLE_STEPS for step in steps[1:]) and not cached(wraps):
         command = [sys.executable, "-m", "myomorph.study.trial.ahead", *sorted(wraps)]

@@ -38,10 +38,8 @@ MAX_NAMED = 8
 @dataclass(frozen=True)
 class FiberWork:
     """What fibers and tendon of one muscle do in one stride (1, 2, ... of the muscle's own leg; 0 for the whole
-    recording), from `start` to `stop` [s].
-
-    Positive work, and negative as a positive number, of the fibers and of the tendon [J], greatest powers [W], the
-    tendon's strain, fiber length over optimal.
+    recording), from `start` to `stop` [s]. Positive work, and negative as a positive number, of the fibers and of the
+    tendon [J], greatest powers [W], the tendon's strain, fiber length over optimal.
     """
 
     muscle: str
@@ -96,9 +94,7 @@ def _work(time: Array, power: Array) -> tuple[float, float]:
 
 
 def write_fibers(tension: Tension, model: Model, strides: Strides | None, output: StepOutput) -> tuple[str, ...]:
-    """Write fibers and tendons of elastic tendons, work over strides or the whole recording, and return what is to be
-    known of them. Nothing is written where tendons were rigid.
-    """
+    """Write fibers and tendons, their work over strides or the whole; returns notes. None for rigid tendons."""
     fibers = tension.fibers
     if fibers is None:
         return ()

@@ -111,9 +111,7 @@ def write_report(home: Path, prepared: Prepared) -> Path:
 
 
 class TrialResults:
-    """The results of a trial as its tables and its report show them: read and prepared once, when first wanted. A page
-    needs more than tables of values.
-    """
+    """The results of a trial, read and prepared once, when first wanted; a page needs more than tables of values."""
 
     def __init__(self, path: Path, model: Model, stored: Stored | None = None, page: bool = True):
         self.path, self.model, self._stored = path, model, stored

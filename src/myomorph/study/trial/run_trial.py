@@ -252,9 +252,7 @@ def run_trial(
 
 
 class _Held:
-    """Values of steps that would quickly be computed again, in memory until they are put into one file. Only where an
-    earlier run left nothing, which must not be lost between the two.
-    """
+    """Values of quick steps in memory until they are put into one file, where no earlier run left anything to lose."""
 
     def __init__(self, parts: Path, allowed: bool):
         self.parts, self.allowed = parts, allowed

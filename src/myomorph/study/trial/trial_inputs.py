@@ -42,9 +42,7 @@ LOADED = 0.05
 
 @dataclass(frozen=True)
 class TrialNotes:
-    """Sentences about a recording, for the first lines of the report; `root` is what the forces at the root are where
-    they are not residuals, see `report.trial.report_input.Dynamics`.
-    """
+    """Sentences for the first lines of the report; `root` says what forces at the root are but residuals (`Dynamics`)."""
 
     real: tuple[str, ...] = ()
     assumed: tuple[str, ...] = ()
@@ -70,9 +68,7 @@ class KnownTruth:
 
 @dataclass(frozen=True, eq=False)
 class JoinedParts:
-    """Parts of a recording that joins those of several subjects and objects: each one's name, and the file of its model
-    or what makes the model of an object.
-    """
+    """Parts of a joined recording by name: the file of its model or the table of an object."""
 
     models: Mapping[str, str | dict[str, object]]
 
@@ -87,10 +83,9 @@ class JoinedParts:
 
 @dataclass(frozen=True, eq=False)
 class TrialInputs:
-    """One recording of one subject with all that the steps need, whatever files or programs it came from.
-
-    `inputs` are opened and fitted to the model, found by their types: `Recording`, `ExternalLoads`, `RecordedEmg`, ...;
-    `sources` are inputs by their hashes; `warnings` come from the readers of the files.
+    """One recording of one subject with all that the steps need, whatever files or programs it came from. `inputs` are
+    opened and fitted to the model, found by their types: `Recording`, `ExternalLoads`, `RecordedEmg`, ...; `sources`
+    are inputs by their hashes; `warnings` come from the readers of the files.
     """
 
     name: str
@@ -156,9 +151,7 @@ class TrialInputs:
 
 
 class Value(NamedTuple):
-    """One number of a trial, the step it comes from, and its unit; limits of 90 % and standard deviation of draws, NaN
-    where nothing was drawn.
-    """
+    """One number of a trial, its step and unit; limits of 90 % and standard deviation of draws, NaN for none."""
 
     step: str
     quantity: str
@@ -215,9 +208,7 @@ def statistics_of(values: Array, axis: int = 0) -> dict[str, Array]:
 
 
 def open_trial(files: TrialFiles, settings: Settings, model: Model | None = None) -> TrialInputs:
-    """Read the files of a recording and make of them what the steps take. Inputs are opened in the order of their
-    table, those only that the trial has.
-    """
+    """Read the files of a recording, in the order of the inputs' table, and make of them what the steps take."""
     model = open_model(files.model) if model is None else model
     opening = Opening(files.model, model, options_of(settings), files.inputs, ByType())
     wanted, parts = inputs_of(files.inputs), list[Opened]()
@@ -247,10 +238,9 @@ def open_trial(files: TrialFiles, settings: Settings, model: Model | None = None
 
 
 def options_of(settings: Settings) -> OptionSet:
-    """What a study file or a command says to the steps, as values of their options.
-
-    Options that several steps have, as the low-pass filter, are one for all: the last step that names one counts. Steps
-    to which nothing is said are not looked at, so that commands without them start faster.
+    """What a study file or a command says to the steps, as values of their options. Options that several steps have, as
+    the low-pass filter, are one for all: the last step that names one counts. Steps to which nothing is said are not
+    looked at, so that commands without them start faster.
     """
     result = OptionSet()
     for name in (*STEPS["trial"], REPORT):

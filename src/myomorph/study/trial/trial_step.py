@@ -82,9 +82,7 @@ def report_key(trial: TrialInputs, done: Sequence[str]) -> str:
 
 
 def keep_facts(writer: ResultWriter, trial: TrialInputs, done: Sequence[str]) -> None:
-    """Write the facts of the recording as they are now, before those of an earlier run are reused. Warnings stay those
-    of the steps, which add their own.
-    """
+    """Write the facts of the recording as they are now, before earlier ones are reused; steps add warnings."""
     for name, text in trial.facts.items():
         if name != "warnings":
             writer.fact(name, text)

@@ -82,7 +82,6 @@ def _variance(parts: Array) -> Array:
 
 def _freedom(parts: Array) -> Array:
     """(estimates,) degrees of freedom of sums of squares of normal parts, from 1 to one less than the parts.
-
     Satterthwaite's (sum s^2)^2 / sum s^4 of the variances s^2, with sum s^4 = sum u^4 / 3 and (sum s^2)^2 = (sum u^2)^2
     - 2 sum s^4 on average.
     """

@@ -52,10 +52,9 @@ class InertiaOptions:
 @dataclass(frozen=True, eq=False)
 class LimbInertia:
     """The limb as one rigid link: `parameters` (10,) about the joint's center ([D] order), `noise` (6,) the root mean
-    square of measured less predicted wrench, by which its rows are weighted [N m], [N].
-
-    `hidden`: the mass hides behind an unknown zero of the plate, parameters[0] is a guess; `possible`: a body can have
-    the parameters that the wrench shows, up to its noise.
+    square of measured less predicted wrench, by which its rows are weighted [N m], [N]. `hidden`: the mass hides behind
+    an unknown zero of the plate, parameters[0] is a guess; `possible`: a body can have the parameters that the wrench
+    shows, up to its noise.
     """
 
     parameters: Array
@@ -78,10 +77,9 @@ class LimbInertia:
 def limb_inertia(
     sums: SwingSums, counts: Array | None = None, options: InertiaOptions | None = None, noise: Array | None = None
 ) -> LimbInertia:
-    """Parameters phi that minimise sum |(wrench - wrench_rows phi - offset) / noise|^2, of a possible body.
-
-    Each row of the wrench is weighted by its own residual, found by repetition unless `noise` (6,) [N m], [N] is known.
-    Parameters that the swings do not show (the axial inertia, all but seven or fewer of a hinge) come from the prior of
+    """Parameters phi that minimise sum |(wrench - wrench_rows phi - offset) / noise|^2, of a possible body. Each row of
+    the wrench is weighted by its own residual, found by repetition unless `noise` (6,) [N m], [N] is known. Parameters
+    that the swings do not show (the axial inertia, all but seven or fewer of a hinge) come from the prior of
     `InertiaOptions`; what they do show outweighs it by the number of frames. `counts` (blocks,): how often each counts.
     """
     options = options or InertiaOptions()

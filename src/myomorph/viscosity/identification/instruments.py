@@ -38,9 +38,7 @@ MASS_AND_MOMENT = 4
 @read_only
 @dataclass(frozen=True, eq=False)
 class Instruments:
-    """Errors of the sources (name and axis) of `ErrorOptions`, from their prior standard deviations and the swings,
-    with the covariance of what is left unknown.
-    """
+    """Errors of the sources (name and axis) of `ErrorOptions` from priors and swings, and their covariance."""
 
     sources: tuple[tuple[str, int], ...]
     prior: Array
@@ -195,9 +193,7 @@ def _solved(parts: Sequence[Sequence[_Equations]], known: Instruments, last: Ins
 
 
 def _reduced(equations: _Equations, theta: Array, scale: Array) -> tuple[Array, Array, float]:
-    """Normal equations of the errors with the unknowns of the equations' own taken off, and their weight, found from
-    the last errors `theta` in units of `scale`.
-    """
+    """Normal equations of the errors, the equations' own unknowns taken off, weighted by the last errors `theta`."""
     inertial = np.concatenate([part.reshape(-1, part.shape[2]) for part in equations.own])
     errors = np.concatenate([part.reshape(-1, part.shape[2]) for part in equations.errors]) * scale
     y = np.concatenate([part.ravel() for part in equations.y])

@@ -88,9 +88,7 @@ def with_shared_errors(
 def _shares(
     swings: Mapping[str, float], slopes: Mapping[str, Array], instruments: Instruments
 ) -> tuple[ErrorShare, ...]:
-    """The table of sources and results, of standard deviations by the scatter of `swings` and what a unit of each error
-    (sources,) changes.
-    """
+    """The table of sources and results, by the scatter of `swings` and what a unit of each error changes."""
     names = list(dict.fromkeys(name for name, _ in instruments.sources))
     known = {name: instruments.covariance - instruments.known(name) for name in names}
     prior = {name: float(size) for (name, _), size in zip(instruments.sources, instruments.prior, strict=True)}

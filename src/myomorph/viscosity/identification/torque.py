@@ -39,10 +39,8 @@ class JointViscosity:
 
 def torque_problem(products: Array, parameters: Array | None, stiffness: bool = True) -> Array:
     """(axes, 2 + muscles, 2 + muscles) products of [torque, rate, u] of each axis, torque = torque_rows phi, from
-    `SwingSums.torque_total`; without `parameters` the torque that the plate measures.
-
-    `stiffness`: take off what a spring and a constant torque of each axis explain, so that neither biases what resists
-    motion.
+    `SwingSums.torque_total`; without `parameters` the torque that the plate measures. `stiffness`: take off what a
+    spring and a constant torque of each axis explain, so that neither biases what resists motion.
     """
     if stiffness:
         products = eliminated(products, [CONSTANT, ANGLE])
@@ -114,9 +112,7 @@ class MuscleProblem:
 
 
 def muscle_problem(problem: Array, joint: Array) -> MuscleProblem:
-    """The equations of the muscles (`torque_problem` of swings with them), the joint's own torque -d_J rate taken off;
-    d_J (axes,).
-    """
+    """The equations of the muscles of `torque_problem`, the joint's own torque -d_J rate taken off; d_J (axes,)."""
     H = problem[:, FIRST:, FIRST:].sum(axis=0)
     g = -(problem[:, TORQUE, FIRST:] + joint[:, None] * problem[:, SPEED, FIRST:]).sum(axis=0)
     return MuscleProblem(H, g)
@@ -124,7 +120,6 @@ def muscle_problem(problem: Array, joint: Array) -> MuscleProblem:
 
 def noise_variance(blocks: Array, joint: Array) -> float:
     """Variance that noise, independent between frames, would need for scores that scatter over the blocks as they do.
-
     The scores are those of the muscles' values that fit best without any restraint, so that muscles which differ do not
     count as noise; frames that depend on each other count as what they are.
     """
@@ -138,9 +133,7 @@ def noise_variance(blocks: Array, joint: Array) -> float:
 
 
 def ridge_strength(problem: MuscleProblem, variance: float, common: float, spread: float) -> float:
-    """Strength with which single muscles are drawn to the common value: variance / (spread common)^2. The prior of a
-    muscle's viscosity is then normal about the common value with that relative standard deviation.
-    """
+    """Variance / (spread common)^2: the prior of a muscle is normal about the common value with that relative SD."""
     if not common > 0.0:
         return float("inf")
     least = 1e-12 * float(np.trace(problem.H)) / len(problem.g)

@@ -25,7 +25,6 @@ MAX_FRAMES = 1200
 @dataclass(frozen=True, eq=False)
 class SwingCurves:
     """One trial as charts show it, thinned: (frames,) [s] and number of the swing, -1 where frames are not used.
-
     `angles` and `rates` (frames, axes) [rad], [rad/s]; `torque` by inverse dynamics and `passive`, -viscosity times
     rates [N m]; `wrench` (frames, 6) on the base, measured, and `predicted` by the inertial parameters, NaN in frames
     that are not used.
@@ -47,10 +46,9 @@ class SwingCurves:
 @dataclass(frozen=True, eq=False)
 class ShownCondition:
     """A specimen with its muscles, or without them: viscosities over all axes and of each [N m s/rad], and which axes
-    swings moved enough; `residual` (6,), root mean square of measured less predicted wrench.
-
-    `curves` are of the trial with the most swings; `plate_viscosity` is from the moment that the plate measures, a
-    check; `by_trial` names intervals that are by trial, because trials differ more than their swings explain.
+    swings moved enough; `residual` (6,), root mean square of measured less predicted wrench. `curves` are of the trial
+    with the most swings; `plate_viscosity` is from the moment that the plate measures, a check; `by_trial` names
+    intervals that are by trial, because trials differ more than their swings explain.
     """
 
     axes: tuple[str, ...]
@@ -92,9 +90,7 @@ class PassiveModel:
 @read_only
 @dataclass(frozen=True, eq=False)
 class HeldOutSwing:
-    """A swing that the models did not see: angles (frames, axes) [rad], measured and as each model predicts them by
-    integrating forward from its first frame.
-    """
+    """A swing that the models did not see: angles (frames, axes) [rad], measured and integrated forward by each."""
 
     condition: str
     time: Array
@@ -116,9 +112,7 @@ class CutoffScan:
 
 @dataclass(frozen=True)
 class ArmError:
-    """One kind of error of the moment arms, in words: relative SD and bias of the common muscle viscosity; 2.5, 50 and
-    97.5 percent of the draws [N s/m].
-    """
+    """One kind of error of the moment arms: relative SD and bias of d_M, and 2.5, 50 and 97.5 % of draws [N s/m]."""
 
     kind: str
     size: str
@@ -132,9 +126,7 @@ class ArmError:
 @read_only
 @dataclass(frozen=True, eq=False)
 class ArmSpread:
-    """What moment arms with relative errors (levels,) do to the muscles' common viscosity: 2.5, 50 and 97.5 percent of
-    the draws of each level [N s/m], and the same for other kinds of error.
-    """
+    """2.5, 50 and 97.5 % of draws of d_M [N s/m] at relative errors of the arms (levels,), and other kinds."""
 
     errors: Array
     low: Array

@@ -24,9 +24,7 @@ ASTRAY = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Anatomy:
-    """A source model in its default pose; its bones are base, limb's first body, and the others, in tree order. `homes`
-    has for every body that moves with a bone that bone and its pose in it.
-    """
+    """A source model in its default pose; `homes`: of bodies that move with a bone that bone and their pose in it."""
 
     model: Model
     bones: tuple[str, ...]

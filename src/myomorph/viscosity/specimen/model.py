@@ -49,10 +49,8 @@ class SpecimenNames:
 @dataclass(frozen=True, eq=False)
 class SwingTrial:
     """One raw recording of a swing: markers in the laboratory, whose axes are those of the model's ground; wrenches on
-    the plate's clock that count for the base, whatever body they name; start and end of what is to be used [s].
-
-    `tare`: the plate with the fixture but without limb, of which the mean is taken off; None where it was set to zero
-    so.
+    the plate's clock that count for the base, whatever body they name; start and end of what is to be used [s]. `tare`:
+    the plate with the fixture but without limb, of which the mean is taken off; None where it was set to zero so.
     """
 
     name: str
@@ -140,8 +138,8 @@ class Specimen:
         return replace(self, model=self._with_joint(replace(joint, parent_frame=frame)))
 
     def resting(self, rotation: Array) -> Specimen:
-        """The same specimen whose joint coordinates are zero where the limb has a rotation (3, 3) in the base. A hinge
-        keeps its zero.
+        """The same whose joint coordinates are zero at a rotation (3, 3) of the limb in the base; a hinge keeps its
+        zero.
         """
         if len(self.joint_coordinates) == 1:
             return self
@@ -176,11 +174,10 @@ class Specimen:
 
 
 def build_specimen(model: Model, names: SpecimenNames) -> Specimen:
-    """The specimen of [S] out of a shoulder model, or of any model with a limb on a base.
-
-    The base stands on six coordinates; between base and limb is a ball joint of three coordinates at the center of the
-    model's joint, or a hinge, whatever phantom bodies the model has there. Joints beyond stay, as coordinates that
-    wires hold. Bodies beyond a bone move with it, everything else of the model is dropped.
+    """The specimen of [S] out of a shoulder model, or of any model with a limb on a base. The base stands on six
+    coordinates; between base and limb is a ball joint of three coordinates at the center of the model's joint, or a
+    hinge, whatever phantom bodies the model has there. Joints beyond stay, as coordinates that wires hold. Bodies
+    beyond a bone move with it, everything else of the model is dropped.
     """
     source = anatomy(model, names.base, names.first, names.bones)
     center, directions, distance = joint_center(source, names.base, names.first)

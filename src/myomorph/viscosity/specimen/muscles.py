@@ -59,9 +59,7 @@ STRANDS: tuple[tuple[tuple[str, ...], ...], ...] = (
 
 
 def fig1_muscles(model: Model) -> Mapping[str, tuple[str, ...]]:
-    """The 11 muscles of [S] figure 1: the paper's name to the strands of the model, of two families whose names are
-    known.
-    """
+    """The 11 muscles of [S] figure 1: the paper's name to strands of the model, of two families of names."""
     known = set(model.muscle_names)
     lacking = [[strand for muscle in family for strand in muscle if strand not in known] for family in STRANDS]
     for family, missing in zip(STRANDS, lacking, strict=True):

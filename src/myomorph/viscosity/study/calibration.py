@@ -113,9 +113,7 @@ def model_from_scans(model: Model, scans: Sequence[ScanFiles], recorded: Markers
 
 
 def read_picks(path: Path) -> dict[str, Array]:
-    """Rows of a table of picked points, (3,) or (6,) by name: x, y, z of the scan and bone_x, bone_y, bone_z. A first
-    line of words is skipped.
-    """
+    """Rows of a table of picked points by name: x, y, z of the scan, perhaps of the bone (bone_x, ...) too."""
     try:
         rows = list(csv.reader(path.read_text(encoding="utf-8-sig").splitlines()))
     except (OSError, UnicodeDecodeError) as error:

@@ -360,9 +360,7 @@ def fixed_plan(
     time: tuple[float, float] | None = None,
     settings: Mapping[str, Any] = FrozenMap({}),
 ) -> ViscosityPlan:
-    """The plan of one specimen whose files are given by hand: recordings and their forces, which may be empty, of each
-    of `CONDITIONS`; settings of all steps.
-    """
+    """The plan of one specimen by hand: recordings and their forces of each of `CONDITIONS`, settings of all steps."""
     if model is None:
         raise BadData("give a study file, or --model with --intact and --removed")
     if not model.is_file():

@@ -114,9 +114,7 @@ def with_cutoffs(
     options: ViscosityOptions,
     hidden: Collection[str] = (),
 ) -> SpecimenReport:
-    """The report with what other cut-offs of the filter would have given; the mass of conditions in `hidden` is not
-    shown.
-    """
+    """The report with what other cut-offs would have given; the mass of conditions in `hidden` is not shown."""
     values: dict[str, Array] = {}
     for name, condition_tracked in tracked.items():
         condition_options = replace(options, tare="unknown") if name in hidden else options
@@ -172,9 +170,7 @@ class Studied:
 
 
 def study_specimen(files: SpecimenFiles, options: StudyOptions, advance: Advance) -> Studied:
-    """Identify one specimen. A condition that cannot be used is named in the notes, and what the other one shows is
-    still found; `advance` is called with the share of the work just done.
-    """
+    """Identify one specimen; an unusable condition is named in its notes. `advance` gets shares of the work done."""
     opened, conditions, lost = _opened(files, options, advance)
     specimen, notes = opened.specimen, list(opened.notes)
     try:
@@ -295,9 +291,7 @@ def _tracked(
 def _judged(
     viscosity: SpecimenViscosity, by_swings: SpecimenViscosity, conditions: Mapping[str, Prepared], notes: list[str]
 ) -> tuple[SpecimenReport, SpecimenViscosity]:
-    """The specimen without what its recordings cannot tell, and every fault as a note; a swing is judged too small by
-    intervals `by_swings` alone.
-    """
+    """The specimen without what its recordings cannot tell, faults as notes; small swings judged by `by_swings`."""
     lacking: set[str] = set()
     for name in CONDITIONS:
         findings = list(conditions[name].findings) if name in conditions else []

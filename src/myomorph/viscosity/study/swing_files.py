@@ -42,9 +42,7 @@ WHOLE = 9
 
 
 def turn_to(up: str, gravity: Array) -> Array:
-    """(3, 3) that turns vectors of a laboratory, whose axis `up` points up, into axes with this gravity: the shortest
-    turn.
-    """
+    """(3, 3) the shortest turn of a laboratory, whose axis `up` points up, into axes with this gravity."""
     lab = np.eye(3)[AXES.index(up)]
     own = -np.asarray(gravity) / np.linalg.norm(gravity)
     axis, cosine = np.cross(lab, own), float(lab @ own)
@@ -216,9 +214,7 @@ def _muscles(model: Model) -> dict[str, tuple[str, ...]]:
 def open_swing(
     swing: SwingFiles, model: Model, files: SpecimenFiles, place: Callable[[Trial], Trial] | None = None
 ) -> tuple[SwingTrial, tuple[str, ...]]:
-    """A recording of a swing, in the model's ground axes, and what its files had to say; `place` puts the plates of a
-    C3D file where they are.
-    """
+    """A swing in the model's ground axes, and notes; `place` puts the plates of a C3D file where they are."""
     recorded = read_recording(swing.markers)
     if files.up is not None:
         recorded = recorded.rotated(turn_to(files.up, model.gravity))
@@ -260,9 +256,7 @@ def open_wrench(path: Path, place: Callable[[Trial], Trial] | None = None) -> Wr
 
 
 def wrench_of_table(path: Path) -> Wrenches:
-    """A table of one force: its nine columns are force, point and torque, as OpenSim writes them, known by their
-    endings (vx, px, and x of a torque), else by their order.
-    """
+    """One force of nine columns, force, point and torque, known by endings (vx, px, x of a torque) or their order."""
     table = read_sto(path)
     if len(table.names) != WHOLE:
         raise BadFile(

@@ -21,10 +21,9 @@ from myomorph.viscosity.specimen.model import Specimen
 @dataclass(frozen=True, eq=False)
 class LimbMotion:
     """A limb in motion about its joint's center, everything distal of the joint one rigid link: its rotations to
-    ground, d(rate about a free axis)/d(coordinate's velocity) and rates about the free axes [rad/s].
-
-    `wrench_rows` (frames, 6, 10): moment about the center and force that unit parameters need, ground axes;
-    `torque_rows` (frames, axes, 10): the moment along the free axes.
+    ground, d(rate about a free axis)/d(coordinate's velocity) and rates about the free axes [rad/s]. `wrench_rows`
+    (frames, 6, 10): moment about the center and force that unit parameters need, ground axes; `torque_rows` (frames,
+    axes, 10): the moment along the free axes.
     """
 
     rotations: Array
@@ -35,9 +34,7 @@ class LimbMotion:
 
 
 def limb_motion(specimen: Specimen, motion: Motion) -> LimbMotion:
-    """Rotation, rates and rows of a motion, with derivatives, of the specimen's joint, the base at its stand; NaN where
-    it is.
-    """
+    """Rotation, rates and rows of a motion of the joint with derivatives, the base at its stand; NaN where it is."""
     pendulum = specimen.pendulum
     tree = compile_tree(pendulum)
     rows = base_regressor(pendulum, motion, specimen.center_in_ground)
@@ -53,7 +50,6 @@ def limb_motion(specimen: Specimen, motion: Motion) -> LimbMotion:
 
 def lengthening(specimen: Specimen, motion: Motion, slopes: Array) -> Array:
     """(frames, strands, axes) d(length)/d(angle about a free axis), J_M of [S] eq. 3 [m/rad], NaN where the motion is.
-
     Strands stand muscle after muscle, each divided by the root of their number (see `SwingRecording`). Moment arms
     about the coordinates become arms about the axes by the inverse of `slopes` (frames, axes, coordinates).
     """
@@ -72,9 +68,8 @@ def lengthening(specimen: Specimen, motion: Motion, slopes: Array) -> Array:
 
 
 def differentiate_joint(specimen: Specimen, motion: Motion, cutoff: float | None = None) -> Motion:
-    """The motion of a specimen's joint with velocities and accelerations, low-pass filtered first at `cutoff` [Hz].
-
-    As `motion.filters.differentiate`, but a ball is filtered as a quaternion, which no pose makes singular: omega = 2
+    """The motion of a specimen's joint with velocities and accelerations, low-pass filtered first at `cutoff` [Hz]. As
+    `motion.filters.differentiate`, but a ball is filtered as a quaternion, which no pose makes singular: omega = 2
     vec(conj(q) dq/dt) / |q|^2. Angles near a quarter turn of the middle rotation have large rates, which together still
     are that omega.
     """

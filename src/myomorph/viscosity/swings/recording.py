@@ -186,11 +186,10 @@ def force_mismatch(
 
 
 def swing_numbers(angle: Array, rate: Array, free: np.ndarray, least: float) -> np.ndarray:
-    """(frames,) number of the swing, -1 where the limb is not free, of the dominant rotation [rad], [rad/s].
-
-    In every unbroken run of free frames a swing lasts from one turn to the next but one; the first begins with the
-    release. A turn counts if the limb has come `least` [rad] away from the turn before. What follows the last turn is
-    cut into pieces as long as the swings before.
+    """(frames,) number of the swing, -1 where the limb is not free, of the dominant rotation [rad], [rad/s]. In every
+    unbroken run of free frames a swing lasts from one turn to the next but one; the first begins with the release. A
+    turn counts if the limb has come `least` [rad] away from the turn before. What follows the last turn is cut into
+    pieces as long as the swings before.
     """
     numbers = np.full(len(angle), -1)
     following = 0

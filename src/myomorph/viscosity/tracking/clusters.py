@@ -78,11 +78,10 @@ class Clusters:
 
 
 def checked_clusters(specimen: Specimen, markers: Markers, name: str, tolerance: float) -> tuple[Markers, list[str]]:
-    """The markers with their own names, what does not belong unseen, and what was found, one line each.
-
-    Distances between the markers of a bone tell, within a tolerance [m] of the model's: exchanged labels are put back
-    where that brings all distances right; a single marker that is off its cluster, and whole clusters that no change of
-    labels explains, are left out in those frames.
+    """The markers with their own names, what does not belong unseen, and what was found, one line each. Distances
+    between the markers of a bone tell, within a tolerance [m] of the model's: exchanged labels are put back where that
+    brings all distances right; a single marker that is off its cluster, and whole clusters that no change of labels
+    explains, are left out in those frames.
     """
     clusters = Clusters(specimen, markers, tolerance)
     notes = _unmarked(specimen, clusters, name)

@@ -83,10 +83,9 @@ def cluster_poses(places: Array, seen: Array) -> tuple[Array, Array]:
 
 
 def rotation_center(base: tuple[Array, Array], limb: tuple[Array, Array]) -> tuple[Array, Array]:
-    """The point of a limb that stays nearest to one of the base: (3,) in the base and (3,) in the limb [m].
-
-    min sum |R_b c_b + p_b - R_l c_l - p_l|^2 over all frames (SCoRE: Ehrig et al. 2006, Journal of Biomechanics
-    39:2798), of finite rotations (frames, 3, 3) and origins (frames, 3) in ground.
+    """The point of a limb that stays nearest to one of the base: (3,) in the base and (3,) in the limb [m]. min sum
+    |R_b c_b + p_b - R_l c_l - p_l|^2 over all frames (SCoRE: Ehrig et al. 2006, Journal of Biomechanics 39:2798), of
+    finite rotations (frames, 3, 3) and origins (frames, 3) in ground.
     """
     rows = np.concatenate([base[0], -limb[0]], axis=2).reshape(-1, 6)
     both = np.linalg.lstsq(rows, (limb[1] - base[1]).ravel(), rcond=None)[0]
@@ -149,9 +148,7 @@ def slips_within(specimen: Specimen, name: str, motion: Motion, turned: float, m
 def base_slips(
     specimen: Specimen, name: str, time: Array, rotations: Array, origins: Array, turned: float, moved: float
 ) -> list[Slip]:
-    """The base (NaN where not seen) where it turns by more than `turned` [rad], or the joint's center by more than
-    `moved` [m], in a trial.
-    """
+    """The base where it turns by more than `turned` [rad], or the joint's center by `moved` [m], in a trial."""
     seen = np.isfinite(origins).all(axis=1)
     if not seen.any():
         return []
@@ -165,9 +162,7 @@ def base_slips(
 def slips_before(
     specimen: Specimen, name: str, motion: Motion, held: Mapping[str, float], center: Array, turned: float, moved: float
 ) -> list[Slip]:
-    """What stands elsewhere in a trial than in the mean of all, held coordinates and the joint's center in ground [m]:
-    moved between two trials.
-    """
+    """What stands elsewhere in a trial than in the mean of all, coordinates and center [m]: moved in between."""
     result = []
     start = float(motion.time[0])
     for coordinate_values, mean in held.items():

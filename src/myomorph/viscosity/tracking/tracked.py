@@ -102,11 +102,10 @@ class _Filtered:
 def swing_recordings(
     tracked: TrackedSpecimen, cutoff: float | None, muscles: bool = True
 ) -> tuple[SwingRecording, ...]:
-    """The trials of one condition as the equations of [S] step 1 to 3, with J_M where `muscles` are wanted.
-
-    Motion and wrench pass the same low-pass, `cutoff` [Hz]. The rest of `angles` is the mean rotation over the free
-    swings of all trials, one for the condition. Frames at ends and gaps, as far as the filter reaches, and frames in
-    which the limb is touched have swing -1.
+    """The trials of one condition as the equations of [S] step 1 to 3, with J_M where `muscles` are wanted. Motion and
+    wrench pass the same low-pass, `cutoff` [Hz]. The rest of `angles` is the mean rotation over the free swings of all
+    trials, one for the condition. Frames at ends and gaps, as far as the filter reaches, and frames in which the limb
+    is touched have swing -1.
     """
     specimen, trials = tracked.specimen, tracked.trials
     made = [_filtered(specimen, trial, cutoff) for trial in trials]

@@ -54,11 +54,10 @@ class PlateZero:
 
 
 def plate_zero(recordings: Sequence[SwingRecording], sums: SwingSums | None = None) -> PlateZero:
-    """Identify first moment and inertia from what changes alone, then see what is left of the wrench.
-
-    On a fixed base the mass shows only as the constant force m g, which a zero set with the limb on the plate takes
-    away; the first moment h = m c and the inertia I show in what changes. Since I >= m c^2 for every body, m >= |h|^2 /
-    I, and c <= I / |h|, the distance of the center of oscillation.
+    """Identify first moment and inertia from what changes alone, then see what is left of the wrench. On a fixed base
+    the mass shows only as the constant force m g, which a zero set with the limb on the plate takes away; the first
+    moment h = m c and the inertia I show in what changes. Since I >= m c^2 for every body, m >= |h|^2 / I, and c <= I /
+    |h|, the distance of the center of oscillation.
     """
     sums = swing_sums(recordings) if sums is None else sums
     parameters = limb_inertia(sums, None, InertiaOptions(tare="unknown")).parameters.copy()

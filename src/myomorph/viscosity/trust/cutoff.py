@@ -67,9 +67,7 @@ class Residuals:
 
 @dataclass(frozen=True, eq=False)
 class CutoffChoice:
-    """The cutoff [Hz] for motion and wrench alike: the highest that any signal asks for, within `MIN_CUTOFF` and
-    `MAX_CUTOFF`.
-    """
+    """The highest cutoff [Hz] that any signal asks for, within `MIN_CUTOFF` and `MAX_CUTOFF`, for motion and wrench."""
 
     cutoff: float
     reason: str
@@ -115,11 +113,10 @@ def residual_analysis(name: str, parts: Sequence[Array], rate: float) -> Residua
 
 
 def choose_cutoff(conditions: Sequence[TrackedSpecimen]) -> CutoffChoice:
-    """One cutoff for motion and wrench of all conditions, so that a difference between them is not the filter's.
-
-    A low-pass leaves an equation as it is as long as both its sides pass the same filter; what it may not do is bend
-    the motion, from which the sides are made by products. So the cutoff is the highest that the residual analysis of
-    any joint coordinate or component of the wrench asks for.
+    """One cutoff for motion and wrench of all conditions, so that a difference between them is not the filter's. A
+    low-pass leaves an equation as it is as long as both its sides pass the same filter; what it may not do is bend the
+    motion, from which the sides are made by products. So the cutoff is the highest that the residual analysis of any
+    joint coordinate or component of the wrench asks for.
     """
     tracked = [trial for condition in conditions for trial in condition.trials]
     if not tracked:

@@ -254,8 +254,8 @@ class Window:
         return swing_forward(self.recording, self.frames, parameters, law)
 
     def errors(self, predicted: SwingMotion, free_offset: bool) -> Array:
-        """(3,) mean square of angle [rad^2], moment [(N m)^2] and force [N^2], measured less predicted; with
-        `free_offset` (the plate's zero is not known) only changes of the wrench are compared.
+        """(3,) mean square of angle, moment and force [rad^2, (N m)^2, N^2] less predicted; changes alone if
+        `free_offset`.
         """
         measured = self.measured
         wrench = measured.wrench - predicted.wrench

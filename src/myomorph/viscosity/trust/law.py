@@ -100,7 +100,6 @@ def resistances(angles: Array, rates: Array, lengthening: Array, width: float) -
 @dataclass(frozen=True, eq=False)
 class PassiveProblem:
     """The torques of one condition and what each coefficient of a law explains of them, in blocks of single swings.
-
     `products` (blocks, 10 + 3 axes + 3, ...) of [torque_rows, resistances], all axes together; `width` of Coulomb
     friction [rad/s]; `inertial`: how the limb's parameters are identified; `noise` (6,) of the wrench.
     """
@@ -134,9 +133,7 @@ class PassiveProblem:
         return limb_inertia(self.sums, counts, self.inertial, self.noise).parameters
 
     def fit(self, terms: Sequence[str], counts: Array, parameters: Array) -> tuple[Array, Array]:
-        """Coefficients (..., 3 axes + 3) and what they leave of the torque's sum of squares (...,), of counts (...,
-        blocks) and parameters (..., 10).
-        """
+        """Coefficients (..., 3 axes + 3) and what they leave of the sum of squares, of counts and parameters."""
         products = np.tensordot(counts, self.products, axes=1)
         phi = np.asarray(parameters)
         mapping, groups = law_columns(terms, len(self.axes))

@@ -89,10 +89,8 @@ class PassiveOptions:
 @dataclass(frozen=True, eq=False)
 class PassiveFit:
     """One law, as the torques and the swings judge it: coefficients by name, units in `UNITS`; root mean square of
-    torque that it leaves [N m]; criteria above the lowest of all laws.
-
-    Errors are root mean square over the held-out windows: angle between measured and predicted limb [rad], wrench [N
-    m], [N].
+    torque that it leaves [N m]; criteria above the lowest of all laws. Errors are root mean square over the held-out
+    windows: angle between measured and predicted limb [rad], wrench [N m], [N].
     """
 
     terms: tuple[str, ...]

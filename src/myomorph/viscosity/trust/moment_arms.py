@@ -70,10 +70,9 @@ class MomentArmOptions:
 @dataclass(frozen=True, eq=False)
 class MomentArmSpread:
     """What one kind of error does to d_M [N s/m], the common viscosity of the muscles: one factor for all muscles; one
-    a muscle; or an offset of each muscle's arms, constant in the limb's axes.
-
-    `error`: standard deviation of the factor, relative, or of each component of the offset [m]; `exact`: d_M with the
-    arms as given; `first_order`: its relative standard deviation by its slopes, NaN for an offset.
+    a muscle; or an offset of each muscle's arms, constant in the limb's axes. `error`: standard deviation of the
+    factor, relative, or of each component of the offset [m]; `exact`: d_M with the arms as given; `first_order`: its
+    relative standard deviation by its slopes, NaN for an offset.
     """
 
     kind: Kind
@@ -100,9 +99,7 @@ class MomentArmSpread:
 @read_only
 @dataclass(frozen=True, eq=False)
 class MomentArmSensitivity:
-    """Sensitivity of d_M to moment arms: its relative change over that of each muscle's moment arms (they sum to -2),
-    and the spread by each kind of error.
-    """
+    """d(ln d_M)/d(ln arms) of each muscle (their sum is -2), and the spread by each kind of error."""
 
     muscles: tuple[str, ...]
     slopes: Array
@@ -116,10 +113,9 @@ class MomentArmSensitivity:
 def moment_arm_sensitivity(
     intact: Sequence[SwingRecording], parameters: Array, joint: float | Array, options: MomentArmOptions | None = None
 ) -> MomentArmSensitivity:
-    """Spread of d_M when every muscle's moment arms are systematically wrong.
-
-    The common value of swings with muscles, less d_J of those without, is d_M = v g / v H v with v_m the square of the
-    factor of muscle m, so a factor s of all arms makes it d_M / s^2.
+    """Spread of d_M when every muscle's moment arms are systematically wrong. The common value of swings with muscles,
+    less d_J of those without, is d_M = v g / v H v with v_m the square of the factor of muscle m, so a factor s of all
+    arms makes it d_M / s^2.
     """
     options = options or MomentArmOptions()
     random = np.random.default_rng(options.seed)
@@ -150,9 +146,8 @@ def moment_arm_sensitivity(
 def with_attachments(
     specimen_viscosity: SpecimenViscosity, shares: Sequence[ErrorShare], options: MomentArmOptions, level: float
 ) -> tuple[SpecimenViscosity, tuple[ErrorShare, ...]]:
-    """The specimen with d_M's interval widened by errors of attachments, and the error budget with this source.
-
-    The draws say how far d_M scatters, in its logarithm, when arms are off by offsets of each muscle. That their middle
+    """The specimen with d_M's interval widened by errors of attachments, and the error budget with this source. The
+    draws say how far d_M scatters, in its logarithm, when arms are off by offsets of each muscle. That their middle
     lies below is left out: points that are off change only the two components of an arm across the muscle, and less in
     the mean than such offsets do.
     """

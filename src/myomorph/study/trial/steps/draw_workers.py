@@ -28,9 +28,7 @@ ONE_THREAD = ("OPENBLAS", "OMP", "MKL", "NUMEXPR", "VECLIB_MAXIMUM")
 
 
 def attempts(chain: Chain, draws: Sequence[Draw], workers: int | None = None) -> Iterator[Tables | None]:
-    """What draws come to, in their order, None for each that has no solution. By default as many processes as there are
-    threads to use, where that is worth their start.
-    """
+    """What draws come to, in order, None for no solution; by default on all threads where worth their start."""
     count = thread_count() if workers is None else workers
     if count <= 1 or len(draws) <= 2:
         yield from (chain.attempt(draw) for draw in draws)

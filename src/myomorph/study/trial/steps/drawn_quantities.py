@@ -136,9 +136,7 @@ LOADS = ("total_", "medial_", "lateral_")
 @read_only
 @dataclass(frozen=True)
 class _Columns:
-    """Columns of a table whose numbers are kept, as the step's own signals have them, with factors to the units of
-    tables of values.
-    """
+    """Columns of a table whose numbers are kept, as the step's signals have them, with factors to their units."""
 
     step: str
     columns: tuple[int, ...]
@@ -172,9 +170,7 @@ class _Columns:
 @read_only
 @dataclass(frozen=True, eq=False)
 class DrawnValues:
-    """What is kept of each draw beside its tables: columns of these at their times, and step, quantity and table of
-    every number.
-    """
+    """What is kept of each draw: columns of its tables at their times, and step, quantity and table of each number."""
 
     times: Mapping[str, Array]
     kept: Mapping[str, _Columns]

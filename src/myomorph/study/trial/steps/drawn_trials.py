@@ -134,9 +134,7 @@ class Chain:
         return tuple(zip(whole, part, strict=True))
 
     def drawn(self, draw: Draw) -> dict[str, Array]:
-        """Values of all tables under the errors of a draw, at the frames that are drawn; one of `FAILURES` where there
-        is no solution.
-        """
+        """Values of all tables under a draw's errors at the drawn frames; one of `FAILURES` for no solution."""
         trial, sources = drawn_trial(self, draw), draw.sources
         moved = acts(sources, MOVED)
         recorded = self._moved(trial, draw) if moved else self.recorded
@@ -256,9 +254,7 @@ def every(step: int, torques: Torques) -> Torques:
 
 
 def chain_of(trial: TrialInputs, poses: Poses, torques: Torques | None, tense: bool, thin: bool) -> Chain:
-    """What a trial's results are drawn around; `thin`, poses and tensions are `POSES` and `TENSIONS` times a second,
-    where more frames are recorded.
-    """
+    """What a trial's results are drawn around; `thin`, at most `POSES` poses and `TENSIONS` tensions a second."""
     markers, base, residuals, recorded = None, None, dict[str, float](), poses.recorded
     sensors = None
     if trial.time is not None:

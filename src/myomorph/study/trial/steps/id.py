@@ -59,9 +59,7 @@ class Torques:
 
 
 def cutoff_of(trial: TrialInputs, recorded: Motion) -> float | None:
-    """Cutoff of the low-pass filter of a motion and its external forces [Hz], None for no filter. A refined motion was
-    filtered with its forces already: only a lower cutoff changes it.
-    """
+    """Cutoff [Hz] for a motion and its forces, None for none; a refined motion is changed only by a lower one."""
     cutoff, refined = trial.options[Differentiation].cutoff, trial.get(RefinedMotion)
     if refined is not None and (cutoff is None or cutoff >= refined.cutoff):
         return None
@@ -101,7 +99,6 @@ def filter_effect(trial: TrialInputs, recorded: Motion, dynamics: Torques) -> tu
 
 def with_derivatives(trial: TrialInputs, recorded: Motion) -> tuple[Motion, tuple[str, ...]]:
     """The motion with velocities and accelerations, cut to the time that is used, with closed loops closed; and notes.
-
     Where soft tissue is known, it is that of the body's mass; a refined motion is that already. Derivatives are taken
     of all frames first, as OpenSim does, so the cut leaves no edges.
     """
@@ -121,9 +118,7 @@ def every_frame(step: int, motion: Motion) -> Motion:
 
 
 def solve_dynamics(trial: TrialInputs, recorded: Motion, step: int = 1) -> Torques:
-    """Inverse dynamics of coordinates, external forces filtered as the motion; or the torques that a file gives. Of so
-    many frames (`step`) one is computed; all are filtered.
-    """
+    """Inverse dynamics, forces filtered as the motion, of one in `step` frames; or the torques that a file gives."""
     given, loads = trial.get(RecordedTorques), trial.get(ExternalLoads)
     if given is not None:
         motion, notes = with_derivatives(trial, recorded)

@@ -42,9 +42,7 @@ FINDINGS = "ik_findings"
 
 @dataclass(frozen=True, eq=False)
 class Poses:
-    """Coordinates over time, as inverse kinematics (`fit`) or a file gave them; findings of the checks of markers,
-    which the notes report.
-    """
+    """Coordinates over time, as inverse kinematics (`fit`) or a file gave them, and findings of marker checks."""
 
     recorded: Motion
     fit: KinematicsFit | None = None
@@ -245,9 +243,7 @@ SAME = 1e-5
 
 
 def put_fit_beside(writer: ResultWriter, motion: Path, model: Model, time: Array) -> bool:
-    """Write the marker errors of `ik` (`NAME_ik.nc` beside `NAME.mot`) at some times [s] into another result, where
-    they belong to its coordinates; whether there were any.
-    """
+    """Write the marker errors of `NAME_ik.nc` beside `NAME.mot` at some times [s], if its coordinates are these."""
     beside = motion.with_name(f"{motion.stem}_ik{STORED}")
     if not beside.is_file():
         return False
