@@ -151,7 +151,7 @@ def settle_anew(problem: SharedProblem, at: Point, root: Sequence[int], variance
 
 @dataclass(frozen=True, eq=False)
 class Minimum:
-    """Where the search ended: normal equations without priors, costs, largest change of the last step (factor or unit)."""
+    """Where the search ended: normal equations without priors, costs, and the largest change in the last step."""
 
     point: Point
     reduced: Reduced

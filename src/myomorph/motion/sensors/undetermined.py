@@ -60,7 +60,7 @@ def joint_angles(tree: Tree, free: Ints) -> np.ndarray:
 def body_slopes(
     tree: Tree, problem: PoseProblem, values: Array, bodies: Ints, bounded: bool = True
 ) -> tuple[Array, Array]:
-    """Rotations of bodies (frames, bodies, 3, 3), and their slopes (..., 3, variables); if `bounded`, none at a bound."""
+    """Angles of joints (frames, coordinates), which sensors reported (frames, sensors), their bodies, free joints."""
     free, frames, count = problem.free, len(values), len(problem.free)
     stacked = np.repeat(values[:, None], count + 1, axis=1)
     for i, j in enumerate(free):
