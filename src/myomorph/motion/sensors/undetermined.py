@@ -60,7 +60,7 @@ def joint_angles(tree: Tree, free: Ints) -> np.ndarray:
 def body_slopes(
     tree: Tree, problem: PoseProblem, values: Array, bodies: Ints, bounded: bool = True
 ) -> tuple[Array, Array]:
-    """Angles of joints (frames, coordinates), which sensors reported (frames, sensors), their bodies, free joints."""
+    """Rotations of bodies (frames, bodies, 3, 3), and slopes (..., 3, variables), 0 at bounds if `bounded`."""
     free, frames, count = problem.free, len(values), len(problem.free)
     stacked = np.repeat(values[:, None], count + 1, axis=1)
     for i, j in enumerate(free):

@@ -132,6 +132,14 @@ class FolderSteps(JobSteps, Generic[Inputs]):
             return None
         return stored_provenance(home / value.tables, value)
 
+    def reasons(self, step: str) -> tuple[str, ...]:
+        """Why a step is computed; of a result of which only a file is missing, as an older version left it, which."""
+        value, home = self._step(step), self.outcome.folder
+        missing = [name for name in value.leaves.values() if not (home / name).exists()]
+        if missing and not self.fresh and stored_provenance(home / value.tables, value) is not None:
+            return (f"{missing[0]} is missing",)
+        return super().reasons(step)
+
     def compute(self, step: str) -> None:
         """Run a step, which writes its files."""
         value, home = self._step(step), self.outcome.folder

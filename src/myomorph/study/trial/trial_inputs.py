@@ -42,7 +42,7 @@ LOADED = 0.05
 
 @dataclass(frozen=True)
 class TrialNotes:
-    """Parts of a joined recording by name: the file of the model, or the table of an object."""
+    """Sentences for the first lines of the report; `root` says what forces at the root are, see `Dynamics`."""
 
     real: tuple[str, ...] = ()
     assumed: tuple[str, ...] = ()
