@@ -34,13 +34,7 @@ DEMO_STEPS = usual_steps()
 
 
 def run_demo(name: str, out: Path) -> Outcome:
-    """Run the whole chain on a demo and write tables, NetCDF and `report.html` into a folder.
-
-    Raises
-    ------
-    UnknownName
-        where there is no such demo
-    """
+    """Run the whole chain on a demo and write tables, NetCDF and `report.html` into a folder."""
     # Making the recording needs all kernels already: on a new machine both processes compile at once.
     ahead = compile_ahead(DEMO_STEPS, frozenset() if name == "judo" else frozenset({TENDONS}))
     try:
@@ -65,11 +59,6 @@ def demo_trial(name: str) -> TrialInputs:
     "jump": a recorded countermovement jump (package `biomdp`) with a leg model (package `myo-sim`);
     "simulated": a full-body squat that the project simulates, with known truth; "judo": two simulated fighters who pull
     on each other, every force known.
-
-    Raises
-    ------
-    UnknownName
-        where there is no such demo
     """
     if name == "jump":
         return _jump_trial()

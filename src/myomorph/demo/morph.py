@@ -48,22 +48,13 @@ STYLES = ("middle", "second", "third", "fourth", "left", "first")
 @read_only
 @dataclass(frozen=True, eq=False)
 class MorphErrors:
-    """Errors against the truth.
+    """Errors against the truth."""
 
-    Attributes
-    ----------
-    points : owner, name and body of the muscles' fixed points
-    distances : (points,) by method [m]
-    joints : distance of each joint's center in its child from the truth [m]
-    arms : by method, root mean square over the range of the error of each moment arm [m]
-    pairs : muscle and coordinate of each of these
-    """
-
-    points: tuple[tuple[str, str, str], ...]
-    distances: Mapping[str, Array]
-    joints: Mapping[str, float]
-    arms: Mapping[str, Array]
-    pairs: tuple[tuple[str, str], ...]
+    points: tuple[tuple[str, str, str], ...]  # owner, name and body of the muscles' fixed points
+    distances: Mapping[str, Array]  # (points,) by method [m]
+    joints: Mapping[str, float]  # distance of each joint's center in its child from the truth [m]
+    arms: Mapping[str, Array]  # by method, root mean square over the range of the error of each moment arm [m]
+    pairs: tuple[tuple[str, str], ...]  # muscle and coordinate of each of these
 
 
 def axis_scaling(landmarks: FeaturePoints) -> AffineMap:
@@ -74,12 +65,8 @@ def axis_scaling(landmarks: FeaturePoints) -> AffineMap:
 
 
 def morph_errors(morph: Morph, truth: Mapping[str, PointMap], landmarks: Mapping[str, FeaturePoints]) -> MorphErrors:
-    """Errors of a morph, and of simpler maps through landmarks alone, against a known deformation.
-
-    Parameters
-    ----------
-    truth : where the points of each body's frame truly go
-    landmarks : of each body that has a truth
+    """Errors of a morph, and of simpler maps through landmarks alone, against a known deformation. `truth`: where the
+    points of each body's frame truly go; `landmarks`: of each body that has a truth.
     """
     fixed = {(m.name, p.name) for m in morph.source.muscles for p in m.path.points if isinstance(p, PathPoint)}
     points = [point for point in morph.points if (point.owner, point.name) in fixed and point.body in truth]
@@ -216,32 +203,17 @@ ERRORS = "errors.csv"
 
 @dataclass(frozen=True, eq=False)
 class MorphDemo:
-    """What the demo found.
+    """What the demo found."""
 
-    Attributes
-    ----------
-    morphed : the leg in the deformed bones
-    truth : by body
-    errors : against the truth
-    report : path of the page
-    """
-
-    morphed: Morphed
-    truth: Mapping[str, BodyTruth]
-    errors: MorphErrors
-    report: Path
+    morphed: Morphed  # the leg in the deformed bones
+    truth: Mapping[str, BodyTruth]  # by body
+    errors: MorphErrors  # against the truth
+    report: Path  # path of the page
 
 
 def run_morph_demo(out: Path) -> MorphDemo:
     """Carry the leg's muscles into the deformed bones and write the model, its errors, bones, tables and a report.
-
-    Parameters
-    ----------
-    out : folder, made where it does not exist
-
-    Raises
-    ------
-    BadData : `myo-sim` is not installed
+    `out`: folder, made where it does not exist.
     """
     # Brings jinja2: loaded only where it is needed.
     from myomorph.report.morph.morph_page import morph_page

@@ -39,15 +39,8 @@ ARM_OFFSET = 0.0014
 
 
 def run_shoulder_demo(out: Path, said: Callable[[Outcome], None]) -> list[Outcome]:
-    """Write the example study into a folder's `RECORDINGS`, identify it, and write tables and `report.html`.
-
-    Parameters
-    ----------
-    said : called with each specimen's outcome when it ends
-
-    Raises
-    ------
-    BadData : `myo-sim` is not installed
+    """Write the example study into a folder's `RECORDINGS`, identify it, and write tables and `report.html`. `said`:
+    called with each specimen's outcome when it ends.
     """
     return run_viscosity(read_viscosity_plan(write_shoulder_study(out / RECORDINGS)), out, said)
 

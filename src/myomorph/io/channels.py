@@ -21,12 +21,7 @@ HEADING_LINES = 50
 
 
 def read_channels(path: str | os.PathLike[str]) -> Series:
-    """All channels of a recording (samples, channels), in the file's units.
-
-    Raises
-    ------
-    BadFile : a file of another kind, or one without channels or time
-    """
+    """All channels of a recording (samples, channels), in the file's units."""
     path = Path(path)
     ending = path.suffix.lower()
     if ending == ".c3d":
@@ -48,10 +43,6 @@ def read_csv_table(path: Path) -> Table:
     """A CSV file as a table; its column of time is in [s], or in [ms] where its name says so.
 
     With semicolons between cells a comma is a decimal point. Lines before the one of the names are passed over.
-
-    Raises
-    ------
-    BadFile : no line of names, a row that is not of numbers, or times that do not rise
     """
     lines = [line for line in file_text(path, HINT).splitlines() if line.strip()]
     mark, names, start = _heading(lines, path)

@@ -46,18 +46,10 @@ def read_events(path: str | os.PathLike[str], rate: float | None = None, start: 
     """Touches in a CSV table, each row a span or an event.
 
     A span has the columns `site,start,stop` [s] or `site,first_frame,last_frame`; an event `time` [s] or `frame`,
-    `site` and `event` ("touch" or "leave"). Columns `surface`, `confidence` (0 to 1) and `source` may be
-    added; lines that begin with # are remarks. A site that still touches at the end does so until the last event of
-    the table.
-
-    Parameters
-    ----------
-    rate : frames per second of the camera, needed where the table counts frames [Hz]
-    start : time of the camera's zero on the motion's clock [s]
-
-    Raises
-    ------
-    BadFile : a row that cannot be understood, by its number, or frames without a rate
+    `site` and `event` ("touch" or "leave"). Columns `surface`, `confidence` (0 to 1) and `source` may be added; lines
+    that begin with # are remarks. A site that still touches at the end does so until the last event of the table.
+    `rate`: frames per second of the camera, needed where the table counts frames [Hz]; `start`: time of the camera's
+    zero on the motion's clock [s].
     """
     path = Path(path)
     header, rows = _table(path)

@@ -32,15 +32,10 @@ USUAL = "ground_force_vx, 1_ground_force_px, ground_torque_x; Fx1, COPx1, Mx1; F
 
 @dataclass(frozen=True)
 class ForceColumns:
-    """The columns of one force.
+    """The columns of one force."""
 
-    Attributes
-    ----------
-    name : what the columns of the force itself begin with, without what names the axis
-    force, point, torque : columns along x, y and z; () for a part that the table lacks, "" for an axis that it lacks
-    """
-
-    name: str
+    name: str  # what the columns of the force itself begin with, without what names the axis
+    # force, point, torque: columns along x, y and z; () for a part that the table lacks, "" for an axis that it lacks
     force: tuple[str, ...]
     point: tuple[str, ...] = ()
     torque: tuple[str, ...] = ()
@@ -101,17 +96,7 @@ def table_wrenches(table: Table, bodies: Mapping[str, str] | None = None) -> Wre
     """Forces of a table in ground [N, m, N m]; the bodies are those given, else not known ("").
 
     A force without a center of pressure acts at the ground's origin with its moment about it, and a note says so.
-
-    Parameters
-    ----------
-    bodies : what the names of the columns of each force begin with ("ground_force_", "FP1_"), and its body
-
-    Raises
-    ------
-    BadData
-        where no column is known as that of a force
-    UnknownName
-        where a prefix is that of no force
+    `bodies`: what the names of the columns of each force begin with ("ground_force_", "FP1_"), and its body.
     """
     source = table.source or "the table"
     if bodies:

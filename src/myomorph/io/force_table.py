@@ -37,18 +37,13 @@ LOADED = 20.0
 
 @dataclass(frozen=True)
 class ForceLayout:
-    """How a table of forces is laid out, where somebody says so.
+    """How a table of forces is laid out, where somebody says so."""
 
-    Attributes
-    ----------
-    names : of its columns in order, as `time`, `Fx1`, `COPx1`; "-" for one to leave out; () as its heading has them
-    rate : of its rows, where it has no times [Hz]; 0 as its heading has it
-    origins : points that the moments of forces without a center of pressure are about, in the table's order and along
-        its axes [m]; () for the origin
-    """
-
+    # of its columns in order, as `time`, `Fx1`, `COPx1`; "-" for one to leave out; () as its heading has them
     names: tuple[str, ...] = ()
-    rate: float = 0.0
+    rate: float = 0.0  # of its rows, where it has no times [Hz]; 0 as its heading has it
+    # points that the moments of forces without a center of pressure are about, in the table's order and along its axes
+    # [m]; () for the origin
     origins: tuple[tuple[float, float, float], ...] = ()
 
     def __post_init__(self) -> None:
@@ -57,12 +52,7 @@ class ForceLayout:
 
 
 def force_layout(names: str = "", rate: float = 0.0, origins: str = "") -> ForceLayout:
-    """A layout of texts: names between commas, origins as "x,y,z; x,y,z" [m].
-
-    Raises
-    ------
-    BadData : an origin is not three numbers
-    """
+    """A layout of texts: names between commas, origins as "x,y,z; x,y,z" [m]."""
     points: list[tuple[float, float, float]] = []
     for text in origins.split(";") if origins.strip() else []:
         try:
@@ -76,17 +66,8 @@ def force_layout(names: str = "", rate: float = 0.0, origins: str = "") -> Force
 def read_forces(path: Path, bodies: Mapping[str, str] | None = None, layout: ForceLayout | None = None) -> Wrenches:
     """Forces of a table in its own axes [N, m, N m], its bodies those named, else not known ("").
 
-    A table with the usual heading is read as it stands; of any other, notes say what was taken for what.
-
-    Parameters
-    ----------
-    bodies : what the names of the columns of each force begin with, and its body
-    layout : what the table does not say itself
-
-    Raises
-    ------
-    BadFile, BadData, UnknownName
-        where the table cannot be read, holds no force that is known, or has no force of a prefix
+    A table with the usual heading is read as it stands; of any other, notes say what was taken for what. `bodies`: what
+    the names of the columns of each force begin with, and its body; `layout`: what the table does not say itself.
     """
     layout = layout or ForceLayout()
     table = None if layout.names or layout.rate else _usual(path)
@@ -124,16 +105,9 @@ def laboratory_table(path: Path, layout: ForceLayout | None = None) -> Table:
     """A table with any heading or none: columns between tabs, commas, semicolons or blanks.
 
     Knows names under names of plates and over units, frames and sub frames for times with the rate in the heading,
-    decimal commas, and a second section below the first, which is passed over. Without a heading the columns are
-    found by their numbers where only one reading is possible.
-
-    Returns
-    -------
-    columns (rows, columns) in the table's own units; `warnings` say what was taken for what
-
-    Raises
-    ------
-    BadFile : there are no rows of numbers, no times, or columns that only their owner knows
+    decimal commas, and a second section below the first, which is passed over. Without a heading the columns are found
+    by their numbers where only one reading is possible. Returns columns (rows, columns) in the table's own units;
+    `warnings` say what was taken for what.
     """
     layout = layout or ForceLayout()
     lines = [line for line in file_text(path, HINT).splitlines() if line.strip(" \t,;")]
@@ -301,12 +275,7 @@ def _in_metres(wrenches: Wrenches, table: Table) -> Wrenches:
 
 
 def _about_origins(wrenches: Wrenches, origins: Sequence[tuple[float, float, float]]) -> Wrenches:
-    """Moments of forces without a center of pressure about points of their own.
-
-    Raises
-    ------
-    BadData : there are not as many origins as such forces
-    """
+    """Moments of forces without a center of pressure about points of their own."""
     bare = [index for index in range(len(wrenches.names)) if not wrenches.points[:, index].any()]
     if len(bare) != len(origins):
         raise BadData(

@@ -15,18 +15,11 @@ from myomorph.model.series import Trial
 
 @dataclass(frozen=True)
 class Format:
-    """A kind of file.
+    """A kind of file."""
 
-    Attributes
-    ----------
-    name : of the kind, in a few words
-    endings : of the names of such files, in small letters, with the dot
-    reader : "module:function", imported when the first such file is read (MuJoCo and HDF5 take a moment)
-    """
-
-    name: str
-    endings: tuple[str, ...]
-    reader: str
+    name: str  # of the kind, in a few words
+    endings: tuple[str, ...]  # of the names of such files, in small letters, with the dot
+    reader: str  # "module:function", imported when the first such file is read (MuJoCo and HDF5 take a moment)
 
     def read(self, path: Path) -> Any:
         """What a file of this kind holds; raises what its reader raises."""
@@ -101,13 +94,7 @@ def read_model(path: str | os.PathLike[str]) -> Model:
 
 
 def read_trial(path: str | os.PathLike[str]) -> Trial:
-    """What a recording of one of the `TRIALS` holds; force plates as the file stores them.
-
-    Raises
-    ------
-    BadFile
-        The file cannot be read, or its name ends in something else.
-    """
+    """What a recording of one of the `TRIALS` holds; force plates as the file stores them."""
     kind = trial_format(path)
     if kind is None:
         expected = ", ".join(ending for kind in TRIALS for ending in kind.endings)

@@ -25,18 +25,11 @@ ROWS, SHARE = 50, 0.1
 
 @dataclass(frozen=True)
 class FrameCount:
-    """What a recording says of its length.
+    """What a recording says of its length."""
 
-    Attributes
-    ----------
-    frames : None where its first bytes do not tell
-    rate : frames a second [Hz], None where they do not tell
-    start : time of the first frame [s], None where they do not tell
-    """
-
-    frames: int | None = None
-    rate: float | None = None
-    start: float | None = None
+    frames: int | None = None  # None where its first bytes do not tell
+    rate: float | None = None  # frames a second [Hz], None where they do not tell
+    start: float | None = None  # time of the first frame [s], None where they do not tell
 
     def within(self, time: tuple[float, float] | None) -> int | None:
         """Frames of a part of the recording, from start to end [s]; at most those that there are."""

@@ -41,22 +41,15 @@ HINT = "expected an HDF5 file with a dataset 'tracks' of (frames, animals, point
 
 @dataclass(frozen=True)
 class KeypointNames:
-    """What a file of names tells of the points of a recording.
+    """What a file of names tells of the points of a recording."""
 
-    Attributes
-    ----------
-    names : of the points, in the order of the recording; () where not specified
-    bodies : point to the body of a model it belongs to
-    offsets : point to where it lies on that body (3,) [m]
-    unit : of the positions [m], None where not specified
-    rate : frames per second [Hz], None where not specified
-    """
-
-    names: tuple[str, ...] = ()
+    names: tuple[str, ...] = ()  # of the points, in the order of the recording; () where not specified
+    # point to the body of a model it belongs to
     bodies: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
+    # point to where it lies on that body (3,) [m]
     offsets: Mapping[str, tuple[float, float, float]] = field(default_factory=lambda: FrozenMap({}))
-    unit: float | None = None
-    rate: float | None = None
+    unit: float | None = None  # of the positions [m], None where not specified
+    rate: float | None = None  # frames per second [Hz], None where not specified
 
 
 def read_keypoints(
@@ -64,20 +57,11 @@ def read_keypoints(
 ) -> Trial:
     """Read keypoints as markers: (frames, points) positions in metres, a hidden one as NaN.
 
-    What is not specified here is taken from the file itself (`node_names`, attributes `units` and `rate`), then
-    from the file of names beside it: the recording's own name with .yaml, .json or .txt, or the only file of
-    its folder with so many names, which the warnings report.
-
-    Parameters
-    ----------
-    names : of the points, in order
-    units : "m", "cm", "mm" or "in"
-    rate : frames per second [Hz]; where nothing tells it, times are frame numbers, with a warning
-    animal : which one, where the file holds several
-
-    Raises
-    ------
-    BadFile : it is no such file; names or unit are specified nowhere; or they do not fit the points
+    What is not specified here is taken from the file itself (`node_names`, attributes `units` and `rate`), then from
+    the file of names beside it: the recording's own name with .yaml, .json or .txt, or the only file of its folder with
+    so many names, which the warnings report. `names`: of the points, in order; `units`: "m", "cm", "mm" or "in";
+    `rate`: frames per second [Hz]; where nothing tells it, times are frame numbers, with a warning; `animal`: which
+    one, where the file holds several.
     """
     path = Path(path)
     if units and units not in UNITS:
@@ -221,10 +205,6 @@ def read_keypoint_names(path: str | os.PathLike[str]) -> KeypointNames:
 
     Of YAML and JSON the keys are names, bodies, offsets [m], units and rate; those of stac-mjx are
     understood too (KP_NAMES, KEYPOINT_MODEL_PAIRS, KEYPOINT_INITIAL_OFFSETS, MOCAP_SCALE_FACTOR).
-
-    Raises
-    ------
-    BadFile : it cannot be read, or holds no names
     """
     path = Path(path)
     try:

@@ -20,10 +20,6 @@ def read_labels(path: str | os.PathLike[str]) -> dict[str, str]:
 
     A CSV file has two columns (separated by comma, semicolon or tab), with a heading or without, and lines that begin
     with # are remarks. A TOML file has a line for each label, alone or in a table `[labels]`.
-
-    Raises
-    ------
-    BadFile : it is of another kind, holds no label, or has one label twice
     """
     path = Path(path)
     ending = path.suffix.lower()

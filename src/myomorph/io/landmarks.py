@@ -46,11 +46,6 @@ def read_landmark_pairs(path: str | os.PathLike[str]) -> dict[str, LandmarkPairs
     A table with the columns `body, name, source_x, source_y, source_z, target_x, target_y, target_z`, in any order and
     case, separated by commas, semicolons or tabs; in meters unless a column says otherwise (`source_x [mm]`). Source
     points are in the source body's frame, target points in the frame of the target's bone.
-
-    Raises
-    ------
-    BadFile
-        A column is missing, a line has text for a number, lacks one side, or names a landmark of its body again.
     """
     path = Path(path)
     table = _table(path, PAIR_COLUMNS)
@@ -70,18 +65,9 @@ def read_landmark_pairs(path: str | os.PathLike[str]) -> dict[str, LandmarkPairs
 
 
 def read_landmarks(path: str | os.PathLike[str], body: str = "") -> dict[str, Array]:
-    """Landmarks (3,) of one bone by name [m].
-
-    Parameters
-    ----------
-    path : a table (`name, x, y, z`), 3D Slicer's markups (`.json`, `.fcsv`), JSON (`{"name": [x, y, z]}`), an OpenSim
-        model or MarkerSet; see `read_body_landmarks` for units and frames
-    body : whose landmarks, where a file has those of several bodies
-
-    Raises
-    ------
-    BadFile : as `read_body_landmarks`, or the file has several bodies and none is named
-    UnknownName : the body has no landmarks there
+    """Landmarks (3,) of one bone by name [m]. `path`: a table (`name, x, y, z`), 3D Slicer's markups (`.json`,
+    `.fcsv`), JSON (`{"name": [x, y, z]}`), an OpenSim model or MarkerSet; see `read_body_landmarks` for units and
+    frames; `body`: whose landmarks, where a file has those of several bodies.
     """
     body_landmarks = read_body_landmarks(path)
     if body:
@@ -102,11 +88,6 @@ def read_body_landmarks(path: str | os.PathLike[str]) -> dict[str, dict[str, Arr
     `x [mm]`, a key `"units": "mm"`. 3D Slicer's markups are in millimeters unless they say otherwise; their axes stay
     as the file has them (LPS or RAS), so the bone must be saved in the same. OpenSim's markers and stations come in
     the frames of their bodies; a MarkerSet without a model in the frames that it names.
-
-    Raises
-    ------
-    BadFile
-        The file is absent, too large, of another kind, has no landmarks, or a landmark is given twice or has no place.
     """
     path = Path(path)
     ending = path.suffix.lower()

@@ -27,39 +27,25 @@ PARTS = ("force_v", "force_p", "torque_")
 
 @dataclass(frozen=True)
 class LoadEntry:
-    """One force of an external loads file, before its numbers are read.
-
-    Attributes
-    ----------
-    body : the body it acts on
-    force_body, point_body : the bodies whose frames its force (and torque) and its point are given in
-    force, point, torque : what the names of the three columns begin with, "" where there are none
-    data : the table that holds the columns
-    """
+    """One force of an external loads file, before its numbers are read."""
 
     name: str
-    body: str
+    body: str  # the body it acts on
+    # force_body, point_body: the bodies whose frames its force (and torque) and its point are given in
     force_body: str
     point_body: str
+    # force, point, torque: what the names of the three columns begin with, "" where there are none
     force: str
     point: str
     torque: str
-    data: Path
+    data: Path  # the table that holds the columns
 
 
 def read_load_entries(
     path: str | os.PathLike[str], motion_file: str | os.PathLike[str] | None = None
 ) -> tuple[LoadEntry, ...]:
-    """The forces that an external loads file names, those it switches off left out.
-
-    Parameters
-    ----------
-    motion_file : the table to use instead of the one the file names
-
-    Raises
-    ------
-    BadFile
-        The file is not an OpenSim document of external loads, or a force lacks what it needs.
+    """The forces that an external loads file names, those it switches off left out. `motion_file`: the table to use
+    instead of the one the file names.
     """
     loads = read_document(path, ("ExternalLoads",), "external loads (ExternalLoads)")
     shared = loads.text("", "datafile")
@@ -129,22 +115,9 @@ def _old_entry(node: Node, data: Path) -> LoadEntry:
 def read_external_loads(
     path: str | os.PathLike[str], motion_file: str | os.PathLike[str] | None = None, poses: PosesOf | None = None
 ) -> Wrenches:
-    """The wrenches of an external loads file, in ground, over the times of its table.
-
-    Parameters
-    ----------
-    motion_file : the table to use instead of the one the file names
-    poses : rotations (frames, 3, 3) and origins (frames, 3) in ground of a body at given times, needed
-        only where a force or point is given in a moving body's frame, or a force has no point
-
-    Raises
-    ------
-    BadFile
-        The XML or its table cannot be read.
-    UnknownName
-        The table lacks the columns.
-    BadModel
-        A body's motion is needed but not given.
+    """The wrenches of an external loads file, in ground, over the times of its table. `motion_file`: the table to use
+    instead of the one the file names; `poses`: rotations (frames, 3, 3) and origins (frames, 3) in ground of a body
+    at given times, needed only where a force or point is given in a moving body's frame, or a force has no point.
     """
     entries = read_load_entries(path, motion_file)
     tables = {data: read_sto(data) for data in dict.fromkeys(entry.data for entry in entries)}
@@ -209,11 +182,6 @@ def loads_table(wrenches: Wrenches, name: str = "Contact forces") -> Table:
 
     Columns of a load NAME are NAME_force_vx, vy, vz [N], NAME_force_px, py, pz [m] and NAME_torque_x, y, z
     [N m]: the force on the body. An unknown point of a load without force becomes 0.
-
-    Raises
-    ------
-    BadData
-        where a load has no body, or two have one name
     """
     for load, body in zip(wrenches.names, wrenches.bodies, strict=True):
         if not body:

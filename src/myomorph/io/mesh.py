@@ -35,17 +35,9 @@ def read_surfaces(
 ) -> tuple[dict[str, Surface], tuple[str, ...]]:
     """The meshes a model draws its bodies with, by the name the model gives them.
 
-    What cannot be drawn is left out and named in a warning: a picture is not worth a stop.
-
-    Parameters
-    ----------
-    folders : where to look, in order
-    root : names may climb out of a folder (`../meshes/femur.stl`, as MuJoCo's models do) as long as they
-        stay inside this one; None forbids climbing
-
-    Returns
-    -------
-    surfaces by `Mesh.file`, and warnings, one line each
+    What cannot be drawn is left out and named in a warning: a picture is not worth a stop. `folders`: where to look, in
+    order; `root`: names may climb out of a folder (`../meshes/femur.stl`, as MuJoCo's models do) as long as they stay
+    inside this one; None forbids climbing; returns surfaces by `Mesh.file`, and warnings, one line each.
     """
     wanted = [mesh.file for body in model.bodies for mesh in body.meshes if mesh.shape == "mesh" and mesh.file]
     surfaces: dict[str, Surface] = {}
@@ -306,12 +298,7 @@ def _exactly(data: bytes, count: int) -> bytes:
 
 
 def write_obj(surface: Surface, path: str | os.PathLike[str]) -> None:
-    """Write a surface as Wavefront OBJ, in metres with eight digits; OpenSim and MuJoCo read it.
-
-    Raises
-    ------
-    BadFile : the file cannot be written
-    """
+    """Write a surface as Wavefront OBJ, in metres with eight digits; OpenSim and MuJoCo read it."""
     path = Path(path)
     vertices = "\n".join(f"v {x:.8g} {y:.8g} {z:.8g}" for x, y, z in surface.vertices.tolist())
     faces = "\n".join(f"f {a} {b} {c}" for a, b, c in (np.asarray(surface.faces) + 1).tolist())

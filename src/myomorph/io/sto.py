@@ -233,10 +233,6 @@ def motion_from_table(table: Table, model: Model) -> Motion:
     Columns are found as `hip_flexion_r` or as a state, `/jointset/hip_r/hip_flexion_r/value`; speeds
     (`.../speed`, `hip_flexion_r_u`) and other columns are left out. Degrees become radians for
     rotational coordinates only, as OpenSim does.
-
-    Raises
-    ------
-    BadData : no column belongs to a coordinate of the model
     """
     columns = coordinate_columns(table.names, model)
     if not columns:

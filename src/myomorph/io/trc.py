@@ -39,10 +39,6 @@ def read_trc(path: str | os.PathLike[str]) -> Trial:
     Takes header values that are shifted by extra tabs, blanks and every spelling of NaN for hidden
     markers, exact (0, 0, 0) for hidden markers, rows that end early, names without columns and
     columns without names, commas for tabs, and counts that do not hold.
-
-    Raises
-    ------
-    BadFile : it is not a TRC file, or has no frame
     """
     path = Path(path)
     text = file_text(path, HINT)

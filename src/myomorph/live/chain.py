@@ -53,53 +53,28 @@ class ChainOptions:
 @read_only
 @dataclass(frozen=True, eq=False)
 class ChainFrame:
-    """What one frame gives; everything filtered is of `time` less the filter's delay.
+    """What one frame gives; everything filtered is of `time` less the filter's delay."""
 
-    Attributes
-    ----------
-    time : of the newest frame [s]
-    pose : (coordinates,) as the markers show it, not filtered
-    coordinates, velocities : (coordinates,) filtered
-    torques : (coordinates,) [N m or N]
-    tension : what the torques are shared into
-    wrenches : (bodies, 6) external moment about the ground's origin and force [N m], [N]
-    error : of the markers [m]
-    seen : markers that are
-    owed : jump that is still to be given back, as of `SteadyFrame`
-    state : index into `STATES`
-    limits : of coordinates, torques and tensions, None where unknown or not asked for
-    """
-
-    time: float
-    pose: Array
+    time: float  # of the newest frame [s]
+    pose: Array  # (coordinates,) as the markers show it, not filtered
+    # coordinates, velocities: (coordinates,) filtered
     coordinates: Array
     velocities: Array
-    torques: Array
-    tension: TensionFrame
-    wrenches: Array
-    error: float
-    seen: int
-    owed: float
-    state: int
-    limits: FrameLimits | None = None
+    torques: Array  # (coordinates,) [N m or N]
+    tension: TensionFrame  # what the torques are shared into
+    wrenches: Array  # (bodies, 6) external moment about the ground's origin and force [N m], [N]
+    error: float  # of the markers [m]
+    seen: int  # markers that are
+    owed: float  # jump that is still to be given back, as of `SteadyFrame`
+    state: int  # index into `STATES`
+    limits: FrameLimits | None = None  # of coordinates, torques and tensions, None where unknown or not asked for
 
 
 class Poses:
-    """The pose of each frame: inverse kinematics of its markers, or its coordinates as they come.
-
-    Parameters
-    ----------
-    source : whose `names` and `markers` say what comes
-    blend : time constant with which the jump of a lost or found marker is given back [s]; None for no blending
-
-    Attributes
-    ----------
-    marker_names : of the markers that model and source share; none where coordinates come
-
-    Raises
-    ------
-    BadData : model and source share no marker
-    UnknownName : a coordinate is not in the model
+    """The pose of each frame: inverse kinematics of its markers, or its coordinates as they come. `marker_names`: of
+    the markers that model and source share; none where coordinates come; `source`: whose `names` and `markers` say
+    what comes; `blend`: time constant with which the jump of a lost or found marker is given back [s]; None for no
+    blending.
     """
 
     def __init__(self, model: Model, source: Source, blend: float | None = None):
@@ -141,26 +116,12 @@ class Poses:
 
 
 class LiveChain:
-    """From markers and forces to coordinates, torques, activations.
-
-    Parameters
-    ----------
-    source : which says what will come: names of markers or coordinates, plates and rates
-    limits : how limits of results are drawn; None for no limits
-    sources : sizes of the errors that they are drawn with
-
-    Attributes
-    ----------
-    poses : of the frames
-    filter_delay : how much older torques and tensions are than their frame [s]
-    max_age : frames older than that are dropped [s]
-    bodies : that external forces act on
-    actuators : reserves and residuals, names
-    limits : what draws them, None where none are asked for
-
-    Raises
-    ------
-    BadData, BadModel, UnknownName : model and source do not fit
+    """From markers and forces to coordinates, torques, activations. `poses`: of the frames; `filter_delay`: how much
+    older torques and tensions are than their frame [s]; `max_age`: frames older than that are dropped [s]; `bodies`:
+    that external forces act on; `actuators`: reserves and residuals, names; `limits`: what draws them, None where
+    none are asked for; `source`: which says what will come: names of markers or coordinates, plates and rates;
+    `limits`: how limits of results are drawn; None for no limits; `sources`: sizes of the errors that they are drawn
+    with.
     """
 
     def __init__(

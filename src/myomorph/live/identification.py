@@ -59,27 +59,17 @@ class LiveOptions:
 
 @dataclass(frozen=True, eq=False)
 class LiveResult:
-    """What a live session ends with.
+    """What a live session ends with."""
 
-    Attributes
-    ----------
-    identification : the estimate with everything that was folded in
-    state : of it at the end
-    motion : coordinates as they came, before the filter
-    wrenches : total external force as it came, on the base body, before the filter
-    frames, seconds : that came, and how long it took [s]
-    busy : time spent on frames, without displays and waiting [s]
-    marker_rms : root mean square marker error of all frames, nan without markers [m]
-    """
-
-    identification: OnlineIdentification
-    state: OnlineState
-    motion: Motion
-    wrenches: Wrenches
+    identification: OnlineIdentification  # the estimate with everything that was folded in
+    state: OnlineState  # of it at the end
+    motion: Motion  # coordinates as they came, before the filter
+    wrenches: Wrenches  # total external force as it came, on the base body, before the filter
+    # frames, seconds: that came, and how long it took [s]
     frames: int
     seconds: float
-    busy: float
-    marker_rms: float = float("nan")
+    busy: float  # time spent on frames, without displays and waiting [s]
+    marker_rms: float = float("nan")  # root mean square marker error of all frames, nan without markers [m]
 
     @property
     def frames_per_second(self) -> float:
@@ -107,17 +97,9 @@ class IdentificationFrame:
 
 
 class LiveIdentification:
-    """Steps of the loop that fold every frame into an estimate, and keep what came.
-
-    Parameters
-    ----------
-    source : which says what will come
-    mass : of the subject [kg]; None where it is not known
-
-    Attributes
-    ----------
-    estimate : with everything that was folded in
-    max_age, newest_force : infinite: no frame is dropped, and none waits, since the estimate itself waits for forces
+    """Steps of the loop that fold every frame into an estimate, and keep what came. `estimate`: with everything that
+    was folded in; `max_age, newest_force`: infinite: no frame is dropped, and none waits, since the estimate itself
+    waits for forces; `source`: which says what will come; `mass`: of the subject [kg]; None where it is not known.
     """
 
     max_age = newest_force = float("inf")
@@ -203,17 +185,8 @@ def identify_frames(
     displays: Sequence[Display] = (),
     now: Callable[[], float] = clock.monotonic,
 ) -> LiveResult:
-    """Take frames from a source until it is done.
-
-    Parameters
-    ----------
-    model : scaled to the subject
-    mass : of the subject [kg]; None where it is not known
-    now : a clock [s]
-
-    Raises
-    ------
-    BadData : no frame came, or none could be used
+    """Take frames from a source until it is done. `model`: scaled to the subject; `mass`: of the subject [kg]; None
+    where it is not known; `now`: a clock [s].
     """
     # As in the loop: the matrices are small, before it and after it too.
     with threadpool_limits(limits=1, user_api="blas"):
@@ -228,12 +201,7 @@ def identify_frames(
 
 
 class Looks:
-    """Lets displays look at the estimate every now and then.
-
-    Parameters
-    ----------
-    now : a clock [s]
-    """
+    """Lets displays look at the estimate every now and then. `now`: a clock [s]."""
 
     def __init__(
         self,
@@ -279,20 +247,9 @@ def run_live(
     surfaces: Mapping[str, Surface] | None = None,
     terminal: bool = True,
 ) -> LiveResult:
-    """Identify while frames arrive, and show it.
-
-    Parameters
-    ----------
-    model : scaled to the subject
-    recording : to play; None for streams
-    mass : of the subject [kg]
-    surfaces : meshes for the pictures
-    terminal : draw on the terminal, where there is one
-
-    Raises
-    ------
-    BadData : neither a recording nor streams, or nothing usable came
-    MyomorphError : an optional package is missing
+    """Identify while frames arrive, and show it. `model`: scaled to the subject; `recording`: to play; None for
+    streams; `mass`: of the subject [kg]; `surfaces`: meshes for the pictures; `terminal`: draw on the terminal,
+    where there is one.
     """
     live = live or LiveOptions()
     source = source_of(recording, live)
@@ -310,12 +267,7 @@ def run_live(
 
 
 def source_of(recording: LiveRecording | None, live: LiveOptions) -> Source:
-    """What the frames come from.
-
-    Raises
-    ------
-    BadData : neither a recording nor both streams are named
-    """
+    """What the frames come from."""
     if live.lsl_markers and live.lsl_forces:
         return LabStreams(live.lsl_markers, live.lsl_forces)
     if live.lsl_markers or live.lsl_forces:
@@ -333,12 +285,7 @@ def live_motions(
     time: tuple[float, float] | None,
     settings: Mapping[str, Any],
 ) -> list[SubjectMotion]:
-    """Motions as they arrive, shown while they do, from recordings one after the other or from streams.
-
-    Raises
-    ------
-    BadData : neither recordings nor streams, or nothing usable came
-    """
+    """Motions as they arrive, shown while they do, from recordings one after the other or from streams."""
     live = with_settings(LiveOptions(), settings)
     online = with_settings(OnlineOptions(), settings)
     run = partial(run_live, model, mass=mass, live=live, online=online, surfaces=_surfaces(model))

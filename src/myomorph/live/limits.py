@@ -60,16 +60,12 @@ class LimitOptions:
 @read_only
 @dataclass(frozen=True, eq=False)
 class FrameLimits:
-    """Lower limits, upper limits and standard deviations of a frame's results.
+    """Lower limits, upper limits and standard deviations of a frame's results."""
 
-    Attributes
-    ----------
-    coordinates, torques : (3, coordinates) [rad or m], [N m or N]
-    activations, forces : (3, muscles), [N]
-    """
-
+    # coordinates, torques: (3, coordinates) [rad or m], [N m or N]
     coordinates: Array
     torques: Array
+    # activations, forces: (3, muscles), [N]
     activations: Array
     forces: Array
 
@@ -77,42 +73,22 @@ class FrameLimits:
 @read_only
 @dataclass(frozen=True, eq=False)
 class Instant:
-    """What a frame gave without errors.
-
-    Attributes
-    ----------
-    pose : (coordinates,) not filtered
-    row : markers of the frame (markers, 3) [m], or coordinates
-    motion : (4, coordinates) filtered value and its derivatives up to the third
-    loads : (3, bodies, 6) filtered wrenches and their first two derivatives
-    result : (columns,) all `TABLES` beside each other
-    """
+    """What a frame gave without errors."""
 
     time: float
-    pose: Array
-    row: Array
-    motion: Array
-    loads: Array
-    result: Array
+    pose: Array  # (coordinates,) not filtered
+    row: Array  # markers of the frame (markers, 3) [m], or coordinates
+    motion: Array  # (4, coordinates) filtered value and its derivatives up to the third
+    loads: Array  # (3, bodies, 6) filtered wrenches and their first two derivatives
+    result: Array  # (columns,) all `TABLES` beside each other
 
 
 class LiveLimits:
-    """Draws of the chain beside the frames.
-
-    Parameters
-    ----------
-    names : of the markers that will arrive; None where coordinates do
-    bodies : that external forces act on
-    filter : of poses and forces
-    rate : of the frames [Hz]
-    up : (3,) against gravity
-
-    Attributes
-    ----------
-    draws : inputs drawn
-    factors : by which limits of each table are wider than those of the draws
-    tried, failed : drawn frames, and how many of these had no solution
-    missed : frames with results for which no limits were known in time
+    """Draws of the chain beside the frames. `draws`: inputs drawn; `factors`: by which limits of each table are wider
+    than those of the draws; `tried, failed`: drawn frames, and how many of these had no solution; `missed`: frames
+    with results for which no limits were known in time; `names`: of the markers that will arrive; None where
+    coordinates do; `bodies`: that external forces act on; `filter`: of poses and forces; `rate`: of the frames [Hz];
+    `up`: (3,) against gravity.
     """
 
     def __init__(
@@ -240,11 +216,8 @@ class LiveLimits:
         return (third - before) / gap if 0.0 < gap < NEAR else np.zeros_like(third)
 
     def _limits(self, apart: Array) -> Array:
-        """(3, columns) how far both limits lie from the result, and its standard deviation.
-
-        Parameters
-        ----------
-        apart : (draws, columns) errors of the result
+        """(3, columns) how far both limits lie from the result, and its standard deviation. `apart`: (draws, columns)
+        errors of the result.
         """
         low, high = np.quantile(apart, (0.5 - 0.5 * LEVEL, 0.5 + 0.5 * LEVEL), axis=0)
         for factor, a, b in zip(self.factors.values(), self._ends, self._ends[1:], strict=False):

@@ -117,26 +117,15 @@ class Spread:
 
 
 class Delays:
-    """Times of every frame, 40 bytes each.
-
-    Attributes
-    ----------
-    dropped : frames that came and were left out because newer ones waited
-    """
+    """Times of every frame, 40 bytes each. `dropped`: frames that came and were left out because newer ones waited."""
 
     def __init__(self) -> None:
         self._rows = array("d")
         self.dropped = 0
 
     def add(self, time: float, taken: float, age: float, busy: float, state: int) -> None:
-        """One frame.
-
-        Parameters
-        ----------
-        time : of the frame [s]
-        taken, age : how long after it was there it was taken, and its result given out; nan where nobody knows [s]
-        busy : what its computation took [s]
-        state : index into `STATES`
+        """One frame. `time`: of the frame [s]; `taken`, `age`: how long after it was there it was taken, and its result
+        given out; nan where nobody knows [s]; `busy`: what its computation took [s]; `state`: index into `STATES`.
         """
         self._rows.extend((time, taken, age, busy, state))
 
@@ -171,22 +160,13 @@ class Delays:
 
 @dataclass(frozen=True, eq=False)
 class LiveSession:
-    """How a session went.
+    """How a session went."""
 
-    Attributes
-    ----------
-    delays : of all frames
-    filter_delay : which comes on top of them [s]
-    seconds : how long it took [s]
-    notes : what was assumed or missing, one line each
-    interrupted : whether it was ended by Ctrl-C
-    """
-
-    delays: Delays
-    filter_delay: float
-    seconds: float
-    notes: tuple[str, ...] = ()
-    interrupted: bool = False
+    delays: Delays  # of all frames
+    filter_delay: float  # which comes on top of them [s]
+    seconds: float  # how long it took [s]
+    notes: tuple[str, ...] = ()  # what was assumed or missing, one line each
+    interrupted: bool = False  # whether it was ended by Ctrl-C
 
     def summary(self) -> tuple[str, ...]:
         """A few lines for the end."""
@@ -211,20 +191,10 @@ def follow(
     delays: Delays | None = None,
     now: Callable[[], float] = clock.perf_counter,
 ) -> LiveSession:
-    """Take frames from a source until it is done, or Ctrl-C is pressed.
-
-    Parameters
-    ----------
-    steps : what is computed of each frame
-    source : of the frames and forces
-    outputs : what a result must have reached before it counts as given out
-    late : what it reaches after that
-    delays : to be filled, where another looks at them meanwhile
-    now : a clock [s]
-
-    Raises
-    ------
-    BadData : no frame came
+    """Take frames from a source until it is done, or Ctrl-C is pressed. `steps`: what is computed of each frame;
+    `source`: of the frames and forces; `outputs`: what a result must have reached before it counts as given out;
+    `late`: what it reaches after that; `delays`: to be filled, where another looks at them meanwhile; `now`: a clock
+    [s].
     """
     delays = Delays() if delays is None else delays
     interrupted = False

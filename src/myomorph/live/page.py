@@ -30,22 +30,8 @@ LOOK = 200
 
 
 class LivePage:
-    """A page that shows the newest frame.
-
-    Parameters
-    ----------
-    surfaces : meshes by `Mesh.file`
-    port : of the page
-    delays : which it shows
-
-    Attributes
-    ----------
-    port : of the page
-
-    Raises
-    ------
-    MyomorphError : `viser` is not installed, or the process ended
-    BadData : the port is taken, or none
+    """A page that shows the newest frame. `port`: of the page; `surfaces`: meshes by `Mesh.file`; `port`: of the page;
+    `delays`: which it shows.
     """
 
     def __init__(

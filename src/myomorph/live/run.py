@@ -39,51 +39,33 @@ from myomorph.uncertainty.spread import Spread, Uncertainty
 
 @dataclass(frozen=True)
 class LiveFiles:
-    """A recording that is played.
+    """A recording that is played."""
 
-    Attributes
-    ----------
-    markers : file of markers, or of coordinates (.mot, .sto)
-    loads : external loads file, or a table of plates; None for the plates of a C3D file, or for no forces
-    speed : times real time; 0 as fast as it goes
-    labels : what the model calls markers that the recording calls otherwise, "" for those to leave out
-    """
-
-    markers: Path
+    markers: Path  # file of markers, or of coordinates (.mot, .sto)
+    # external loads file, or a table of plates; None for the plates of a C3D file, or for no forces
     loads: Path | None = None
-    speed: float = 1.0
+    speed: float = 1.0  # times real time; 0 as fast as it goes
+    # what the model calls markers that the recording calls otherwise, "" for those to leave out
     labels: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
 
 
 @dataclass(frozen=True)
 class LiveStreams:
-    """Streams of the Lab Streaming Layer, see `LabStreams`.
+    """Streams of the Lab Streaming Layer, see `LabStreams`."""
 
-    Attributes
-    ----------
-    markers, forces : their names; "" for no forces
-    up : the laboratory's vertical axis; z is turned to the model's y
-    """
-
+    # markers, forces: their names; "" for no forces
     markers: str
     forces: str = ""
-    up: str = "y"
+    up: str = "y"  # the laboratory's vertical axis; z is turned to the model's y
 
 
 @dataclass(frozen=True)
 class LiveOutputs:
-    """Where results go, beside the end's summary.
+    """Where results go, beside the end's summary."""
 
-    Attributes
-    ----------
-    web : port of a page on this machine
-    stream : name of a stream of the Lab Streaming Layer
-    folder : of tables
-    """
-
-    web: int | None = None
-    stream: str = ""
-    folder: Path | None = None
+    web: int | None = None  # port of a page on this machine
+    stream: str = ""  # name of a stream of the Lab Streaming Layer
+    folder: Path | None = None  # of tables
 
 
 def run_live_chain(
@@ -96,16 +78,8 @@ def run_live_chain(
     limits: LimitOptions | None = None,
     sources: Sources | None = None,
 ) -> LiveSession:
-    """Follow a recording or streams until they end.
-
-    Parameters
-    ----------
-    limits : how limits of results are drawn, with errors of the sizes in `sources`; None for no limits
-    said : called with a line for every place where results can be seen
-
-    Raises
-    ------
-    MyomorphError : what is given does not fit, or an optional package is missing
+    """Follow a recording or streams until they end. `limits`: how limits of results are drawn, with errors of the sizes
+    in `sources`; None for no limits; `said`: called with a line for every place where results can be seen.
     """
     outputs = outputs or LiveOutputs()
     opened = reading.open_model(model)
@@ -138,12 +112,7 @@ def run_live_chain(
 
 
 def open_source(model: Model, live_files: LiveFiles | LiveStreams) -> tuple[Source, tuple[Input, ...]]:
-    """Frames to come, and what provenance tells of them.
-
-    Raises
-    ------
-    MyomorphError : a file cannot be read or does not fit the model, or a stream is not there
-    """
+    """Frames to come, and what provenance tells of them."""
     if isinstance(live_files, LiveStreams):
         if live_files.up not in ("y", "z"):
             raise BadData(f"--up {live_files.up}: expected y or z")
@@ -168,11 +137,8 @@ BLOCK = 256
 
 
 class LiveRecord:
-    """Keeps every frame on the disk while the session runs, and writes the results at its end.
-
-    Parameters
-    ----------
-    folder : that the results go into, which exists
+    """Keeps every frame on the disk while the session runs, and writes the results at its end. `folder`: that the
+    results go into, which exists.
     """
 
     def __init__(self, chain: LiveChain, folder: Path):

@@ -28,42 +28,30 @@ CHUNK = 0.05
 @read_only
 @dataclass(frozen=True, eq=False)
 class Arrived:
-    """What came since the last look.
+    """What came since the last look."""
 
-    Attributes
-    ----------
-    motion_time, motion : (frames,) [s] and (frames, coordinates) or (frames, markers, 3) [m]
-    force_time, forces : (samples,) [s] and (samples, plates, 6) moment about the ground's origin and force of each
-        plate [N m], [N]
-    """
-
+    # motion_time, motion: (frames,) [s] and (frames, coordinates) or (frames, markers, 3) [m]
     motion_time: Array
     motion: Array
+    # force_time, forces: (samples,) [s] and (samples, plates, 6) moment about the ground's origin and force of each
+    # plate [N m], [N]
     force_time: Array
     forces: Array
 
 
 class Source(Protocol):
-    """Frames of markers or coordinates, and forces.
+    """Frames of markers or coordinates, and forces."""
 
-    Attributes
-    ----------
-    names : of markers or coordinates
-    markers : whether they are markers
-    plates, bodies : names of the plates, and of the bodies that they act on, "" where not known
-    rate, force_rate : [Hz]; no forces come at 0
-    duration : of the whole, None where nobody knows [s]
-    speed : times real time at which it is played; 0 where that says nothing
-    """
-
-    names: tuple[str, ...]
-    markers: bool
+    names: tuple[str, ...]  # of markers or coordinates
+    markers: bool  # whether they are markers
+    # plates, bodies: names of the plates, and of the bodies that they act on, "" where not known
     plates: tuple[str, ...]
     bodies: tuple[str, ...]
+    # rate, force_rate: [Hz]; no forces come at 0
     rate: float
     force_rate: float
-    duration: float | None
-    speed: float
+    duration: float | None  # of the whole, None where nobody knows [s]
+    speed: float  # times real time at which it is played; 0 where that says nothing
 
     def take(self) -> Arrived:
         """Everything that came since the last call."""
@@ -80,18 +68,9 @@ class Source(Protocol):
 
 
 class Replay:
-    """A recording at the speed at which it was made, or another.
-
-    Parameters
-    ----------
-    motion : markers, or coordinates
-    wrenches : all external forces, in ground, on any clock; None for none
-    speed : times real time; 0 as fast as it goes
-    now : a clock [s]
-
-    Raises
-    ------
-    BadData : a negative speed, a recording without a rate, or no common time
+    """A recording at the speed at which it was made, or another. `motion`: markers, or coordinates; `wrenches`: all
+    external forces, in ground, on any clock; None for none; `speed`: times real time; 0 as fast as it goes; `now`: a
+    clock [s].
     """
 
     def __init__(
@@ -183,18 +162,10 @@ def open_recording(
     time: tuple[float, float] | None = None,
     labels: Mapping[str, str] | None = None,
 ) -> LiveRecording:
-    """Files to play.
-
-    Parameters
-    ----------
-    motion : markers (.trc, .c3d) or coordinates (.mot, .sto)
-    loads : external loads file, or a table of plates; None for the plates of a C3D file, or for no forces
-    time : first and last time that is played [s]; None for all
-    labels : what the model calls markers that the recording calls otherwise, "" for those to leave out
-
-    Raises
-    ------
-    MyomorphError : a file cannot be read, or does not fit the model
+    """Files to play. `motion`: markers (.trc, .c3d) or coordinates (.mot, .sto); `loads`: external loads file, or a
+    table of plates; None for the plates of a C3D file, or for no forces; `time`: first and last time that is played
+    [s]; None for all; `labels`: what the model calls markers that the recording calls otherwise, "" for those to
+    leave out.
     """
     series: Markers | Motion
     wrenches: Wrenches | None = None

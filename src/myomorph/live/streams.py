@@ -25,12 +25,7 @@ _UNITS: Mapping[str, float] = {
 
 
 def marker_channels(labels: Sequence[str], units: Sequence[str]) -> tuple[tuple[str, ...], np.ndarray, float]:
-    """Names of markers, (markers, 3) their channels, and the factor to metres.
-
-    Raises
-    ------
-    BadData : a marker without all three axes, no marker at all, or an unknown unit
-    """
+    """Names of markers, (markers, 3) their channels, and the factor to metres."""
     channels: dict[str, dict[str, int]] = {}
     for i, label in enumerate(labels):
         match = _AXIS.match(label)
@@ -55,10 +50,6 @@ def force_channels(labels: Sequence[str], units: Sequence[str]) -> tuple[tuple[s
     """Names of plates, and a function from samples (samples, channels) to their wrenches (samples, plates, 6).
 
     Wrenches are moments about the ground's origin [N m] and forces [N].
-
-    Raises
-    ------
-    BadData : a plate with neither F, P, T nor F, M in all three axes, or points in an unknown unit
     """
     plate_channels: dict[str, dict[str, int]] = {}
     for i, label in enumerate(labels):
@@ -111,23 +102,13 @@ RATE_ERROR = 0.2
 class LabStreams:
     """Markers and forces that other programs send over the Lab Streaming Layer.
 
-    The markers' stream has three channels a marker, labelled NAME_x, NAME_y, NAME_z (any of `_ . : -` or a
-    space before the axis), in the unit that the channels name (m where none), NaN while hidden. The forces'
-    stream has either nine channels a plate, NAME_Fx Fy Fz (force on the subject [N]), NAME_Px Py Pz (point of
-    application [m]), NAME_Tx Ty Tz (free torque about it [N m]), or six, NAME_Fx Fy Fz and NAME_Mx My Mz
-    (moment about the laboratory's origin [N m]). Both are in the model's ground axes.
-
-    Parameters
-    ----------
-    markers, forces : names of the streams; "" for no forces
-    wait : for the streams to appear [s]
-    turn : (3, 3) rows are the ground's axes in the laboratory; None where they are the same
-    library : `pylsl`, or something that behaves like it
-
-    Raises
-    ------
-    MyomorphError : `pylsl` is not installed
-    BadData : no such stream, or channels that have no meaning
+    The markers' stream has three channels a marker, labelled NAME_x, NAME_y, NAME_z (any of `_ . : -` or a space before
+    the axis), in the unit that the channels name (m where none), NaN while hidden. The forces' stream has either nine
+    channels a plate, NAME_Fx Fy Fz (force on the subject [N]), NAME_Px Py Pz (point of application [m]), NAME_Tx Ty Tz
+    (free torque about it [N m]), or six, NAME_Fx Fy Fz and NAME_Mx My Mz (moment about the laboratory's origin [N m]).
+    Both are in the model's ground axes. `markers`, `forces`: names of the streams; "" for no forces; `wait`: for the
+    streams to appear [s]; `turn`: (3, 3) rows are the ground's axes in the laboratory; None where they are the same;
+    `library`: `pylsl`, or something that behaves like it.
     """
 
     markers = True
@@ -225,12 +206,7 @@ class _Stream:
                 self._early = (sample, time)
 
     def pulled(self) -> tuple[Array, Array]:
-        """Times (samples,) [s] and samples (samples, channels) since the last call.
-
-        Raises
-        ------
-        BadData : after a second, where they come at another rate than the stream says
-        """
+        """Times (samples,) [s] and samples (samples, channels) since the last call."""
         samples, times = self._inlet.pull_chunk(timeout=0.0, max_samples=4096)
         if self._early is not None:
             samples, times = [self._early[0], *samples], [self._early[1], *times]
@@ -264,17 +240,8 @@ class LabOutlet:
     A row is of one instant, which its time stamp names: the frame's own less the filter's delay. Channels are labelled
     by the names of coordinates, the same with `_moment` or `_force`, and the names of muscles, and have units. What is
     unknown is NaN. Of a stream, time stamps are those of its sender on this machine's clock; of a recording that is
-    played, those at which its frames were due. With limits, all channels come twice
-    more, as `..._low` and `..._high`.
-
-    Parameters
-    ----------
-    source : of the frames
-    library : `pylsl`, or something that behaves like it
-
-    Raises
-    ------
-    MyomorphError : `pylsl` is not installed, or cannot send
+    played, those at which its frames were due. With limits, all channels come twice more, as `..._low` and `..._high`.
+    `source`: of the frames; `library`: `pylsl`, or something that behaves like it.
     """
 
     def __init__(self, name: str, chain: LiveChain, source: Source, library: Any = None):

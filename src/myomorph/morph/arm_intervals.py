@@ -50,18 +50,11 @@ NINETY, ON_SURFACE, IN_SPACE = 1.645, 2.146, 2.500
 
 @dataclass(frozen=True, eq=False)
 class _Known:
-    """A bone of the target that was matched.
+    """A bone of the target that was matched."""
 
-    Attributes
-    ----------
-    length : [m]
-    features : points of it, with radii
-    shape : of its surface, None where there is none
-    """
-
-    length: float
-    features: FeaturePoints
-    shape: Shape | None
+    length: float  # [m]
+    features: FeaturePoints  # points of it, with radii
+    shape: Shape | None  # of its surface, None where there is none
 
 
 class _Displacement:
@@ -94,11 +87,8 @@ class _Displacement:
         return np.stack(columns, axis=-1)
 
     def slid(self, points: Array, within: Array) -> Array:
-        """Path points (n, 3) displaced, those near the surface along it [m].
-
-        Parameters
-        ----------
-        within : (n,) their own radii of 90 % [m]
+        """Path points (n, 3) displaced, those near the surface along it [m]. `within`: (n,) their own radii of 90 %
+        [m].
         """
         steps, shape = self._steps(points), self.known.shape
         moved = np.asarray(points + within[:, None] / IN_SPACE * steps)
@@ -124,11 +114,7 @@ def with_arm_intervals(morph: Morph, checks: MorphChecks, progress: Callable[[in
     """The checks with intervals of moment arms (`MomentArms.within`) and of wrap objects.
 
     Muscles with a point whose interval is not known, or on a bone that was not matched, have none, as where a bone was
-    scaled with its neighbors or mapped by landmarks alone.
-
-    Parameters
-    ----------
-    progress : called with 1 after each of `DRAWS` models
+    scaled with its neighbors or mapped by landmarks alone. `progress`: called with 1 after each of `DRAWS` models.
     """
     known = _matched(morph)
     if not known or not checks.arms:

@@ -36,13 +36,7 @@ from myomorph.tension.tension import TensionOptions
 
 
 def run_analyze(setup: AnalyzeSetup, source: Path) -> ToolResult:
-    """Run the analyses of a setup that exist here; the others are named in the warnings.
-
-    Raises
-    ------
-    BadData
-        where none of them exists
-    """
+    """Run the analyses of a setup that exist here; the others are named in the warnings."""
     built = [analysis for analysis in setup.analyses if analysis.kind in ANALYSES]
     others = tuple(dict.fromkeys(analysis.kind for analysis in setup.analyses if analysis.kind not in ANALYSES))
     if not built:

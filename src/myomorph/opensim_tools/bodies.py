@@ -39,13 +39,7 @@ FIBERS = {
 
 
 def muscle_analysis(here: Analyzed, analysis: Analysis) -> Result:
-    """All tables of a MuscleAnalysis by their names, what was found, and warnings.
-
-    Raises
-    ------
-    BadModel
-        The model has no muscles.
-    """
+    """All tables of a MuscleAnalysis by their names, what was found, and warnings."""
     model = here.model
     if not model.muscles:
         raise BadModel(f"model '{model.name}' has no muscles")
@@ -99,12 +93,8 @@ def _moment_arms(here: Analyzed, columns: list[int], about: tuple[str, ...]) -> 
 
 
 def listed(analysis: Analysis, tag: str, kind: str, names: tuple[str, ...]) -> tuple[tuple[str, ...], list[str]]:
-    """The names that a list of an analysis asks for, in its order, and a note for each that the model lacks.
-
-    Parameters
-    ----------
-    tag : of the list; empty or beginning with "all" it asks for all names
-    kind : of what is listed, for the notes
+    """The names that a list of an analysis asks for, in its order, and a note for each that the model lacks. `tag`: of
+    the list; empty or beginning with "all" it asks for all names; `kind`: of what is listed, for the notes.
     """
     asked = tuple(analysis.options.get(tag, "").split())
     if not asked or asked[0].lower() == "all":
@@ -118,11 +108,6 @@ def body_kinematics(here: Analyzed, analysis: Analysis) -> Result:
 
     In ground; velocities and accelerations in the bodies' own axes where the analysis says so. Orientations are
     body-fixed X-Y-Z angles.
-
-    Raises
-    ------
-    BadData
-        None of the bodies asked for is in the model.
     """
     model = here.model
     known = (*model.body_names, WHOLE)
@@ -158,15 +143,7 @@ def body_kinematics(here: Analyzed, analysis: Analysis) -> Result:
 
 
 def point_kinematics(here: Analyzed, analysis: Analysis) -> Result:
-    """Position, velocity and acceleration of a point of a body, in ground or in the axes of another body.
-
-    Raises
-    ------
-    UnknownName
-        A body is not in the model.
-    BadData
-        The point is not three numbers.
-    """
+    """Position, velocity and acceleration of a point of a body, in ground or in the axes of another body."""
     moved, numbers = _moved(here)
     body, other = (
         analysis.options.get(tag, default).strip().rsplit("/", 1)[-1]

@@ -24,13 +24,7 @@ from myomorph.tension.reaction import joint_reactions
 
 
 def actuation(here: Analyzed, analysis: Analysis) -> Result:
-    """Force, speed and power of every muscle and actuator that is switched on.
-
-    Raises
-    ------
-    BadData
-        where the model has neither
-    """
+    """Force, speed and power of every muscle and actuator that is switched on."""
     forces = here.forces
     if forces is None:
         raise BadData(f"{analysis.name}: model '{here.model.name}' has no muscles and no actuators")
@@ -97,11 +91,8 @@ def reported_forces(here: Analyzed, analysis: Analysis) -> Result:
 def force_columns(here: Analyzed, forces: Series | None) -> tuple[tuple[str, ...], Array, tuple[str, ...]]:
     """All forces at each frame as OpenSim reports them: names, values (frames, columns), and what is left out.
 
-    External forces and torques are in ground, the points that they act on in the frame of their body.
-
-    Parameters
-    ----------
-    forces : of muscles and actuators
+    External forces and torques are in ground, the points that they act on in the frame of their body. `forces`: of
+    muscles and actuators.
     """
     model, frames = here.model, len(here.motion)
     c, rates, _ = here.arrays
@@ -186,13 +177,6 @@ def joint_reaction(here: Analyzed, analysis: Analysis) -> Result:
 
     As OpenSim, the analysis takes the accelerations that all forces together cause; those of the motion are not read.
     Without a forces_file, forces of muscles are those of their states.
-
-    Raises
-    ------
-    BadData
-        where lists differ in length, or muscles without a forces_file are of a class whose fibers are not built
-    UnknownName
-        where a joint, body or frame does not exist, or a muscle or actuator is not in the forces_file
     """
     reading.has_mass(here.model, "joint reactions")
     model, motion, actuators = here.model, here.motion, here.actuators

@@ -16,19 +16,12 @@ Writers = Mapping[Path, Callable[[Path], object]]
 
 @dataclass(frozen=True)
 class ToolResult:
-    """What running a setup file came to.
-
-    Attributes
-    ----------
-    lines : what was found, one line each
-    written : the files
-    warnings : what looked wrong but did not stop the work, one line each
-    """
+    """What running a setup file came to."""
 
     tool: str
-    lines: tuple[str, ...]
-    written: tuple[Path, ...]
-    warnings: tuple[str, ...] = ()
+    lines: tuple[str, ...]  # what was found, one line each
+    written: tuple[Path, ...]  # the files
+    warnings: tuple[str, ...] = ()  # what looked wrong but did not stop the work, one line each
 
 
 def check_outputs(outputs: Iterable[Path], inputs: Iterable[Path | None]) -> None:

@@ -35,11 +35,6 @@ def run_tool(source: Path) -> ToolResult:
     """Run a setup file and write what it asks for, where it asks for it.
 
     Paths are relative to the setup file's folder, as OpenSim takes them.
-
-    Raises
-    ------
-    MyomorphError
-        where the file is no setup of a tool that exists, or an input is missing, wrong or would be overwritten
     """
     setup = read_setup(source)
     if isinstance(setup, ScaleSetup):

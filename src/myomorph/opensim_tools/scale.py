@@ -31,13 +31,7 @@ from myomorph.study.subject.calibrating import with_marker_set
 
 
 def run_scale(setup: ScaleSetup, source: Path) -> ToolResult:
-    """Scale a model and place its markers; see OpenSim's ScaleTool.
-
-    Raises
-    ------
-    MyomorphError
-        where a file is missing, does not fit the model, or would be overwritten
-    """
+    """Scale a model and place its markers; see OpenSim's ScaleTool."""
     if setup.model is None:
         raise BadData(f"{source}: names no model_file: expected that of the generic model")
     lines, warnings = [], list(setup.warnings)
@@ -177,16 +171,8 @@ def tasks_of_setup(
     options: InverseKinematicsOptions, tasks: IkTasks, coordinates: Path | None, model: Model, source: Path
 ) -> InverseKinematicsOptions:
     """Options with the tasks of a setup file, and the motion that coordinate tasks take their values from.
-
-    Parameters
-    ----------
-    coordinates : file of that motion; it is not read where no task takes its value from it
-    source : the setup file
-
-    Raises
-    ------
-    BadData
-        where a task takes its value from a file, but none is named, or no marker of the model has a weight
+    `coordinates`: file of that motion; it is not read where no task takes its value from it; `source`: the setup
+    file.
     """
     options = with_tasks(options, tasks, model, str(source))
     wanted = [aim.coordinate for aim in tasks.coordinates if aim.source == "table" and aim.weight > 0.0]

@@ -50,28 +50,17 @@ Result = tuple[Tables, str, tuple[str, ...]]
 
 @dataclass(frozen=True, eq=False)
 class Analyzed:
-    """A model in a motion, as analyses see it.
+    """A model in a motion, as analyses see it."""
 
-    Attributes
-    ----------
-    model : with the muscles and actuators that take part: without its own forces where the setup replaces them
-    actuators : those that the setup adds
-    recorded : the whole motion as the file has it
-    motion : the frames analysed, with velocities and accelerations
-    first : number of the first of them in the file
-    stored : (frames,) states of muscles by muscle and name that the file holds
-    balanced : whether muscles are put into equilibrium first
-    loads : the file of external forces
-    """
-
-    model: Model
-    actuators: tuple[Actuator, ...]
-    recorded: Motion
-    motion: Motion
-    first: int
+    model: Model  # with the muscles and actuators that take part: without its own forces where the setup replaces them
+    actuators: tuple[Actuator, ...]  # those that the setup adds
+    recorded: Motion  # the whole motion as the file has it
+    motion: Motion  # the frames analysed, with velocities and accelerations
+    first: int  # number of the first of them in the file
+    # (frames,) states of muscles by muscle and name that the file holds
     stored: States = field(default_factory=lambda: FrozenMap({}))
-    balanced: bool = False
-    loads: Path | None = None
+    balanced: bool = False  # whether muscles are put into equilibrium first
+    loads: Path | None = None  # the file of external forces
 
     def every(self, step: int) -> Analyzed:
         """The frames that OpenSim takes of these, see `stepped`."""

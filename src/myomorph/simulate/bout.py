@@ -34,36 +34,24 @@ SMALL = 1e-3
 
 @dataclass(frozen=True)
 class Drives:
-    """How far off each aim may be for a cost of 1; the smaller, the more the fighters want it.
+    """How far off each aim may be for a cost of 1; the smaller, the more the fighters want it."""
 
-    Attributes
-    ----------
-    acceleration, root : of joints and of pelves [rad/s^2, m/s^2]
-    foot, lapel, sleeve : accelerations of soles, of the lapel's gap and of the sleeve's length [m/s^2]
-    pull : of the intended force at the lapel [N]
-    effort : factor of the muscles' cost
-    friction : coefficient that the fighters count on
-    stiffness : of the way back to the plan [1/s^2]
-    """
-
+    # acceleration, root: of joints and of pelves [rad/s^2, m/s^2]
     acceleration: float = 6.0
     root: float = 2.0
+    # foot, lapel, sleeve: accelerations of soles, of the lapel's gap and of the sleeve's length [m/s^2]
     foot: float = 0.3
     lapel: float = 1.0
     sleeve: float = 1.0
-    pull: float = 25.0
-    effort: float = 0.3
-    friction: float = 0.6
-    stiffness: float = 120.0
+    pull: float = 25.0  # of the intended force at the lapel [N]
+    effort: float = 0.3  # factor of the muscles' cost
+    friction: float = 0.6  # coefficient that the fighters count on
+    stiffness: float = 120.0  # of the way back to the plan [1/s^2]
 
 
 class Controller:
-    """Activations of both fighters from the state, instant by instant.
-
-    Parameters
-    ----------
-    compiled : mujoco.MjModel of the pair
-    weight, tone : (muscles,) w and a0
+    """Activations of both fighters from the state, instant by instant. `compiled`: mujoco.MjModel of the pair;
+    `weight`, `tone`: (muscles,) w and a0.
     """
 
     def __init__(self, compiled: Any, weight: Array, tone: Array, drives: Drives | None = None):
@@ -78,14 +66,9 @@ class Controller:
     def activations(
         self, data: Any, wanted: Array, standing: Sequence[tuple[int, Array, Array]], lapel: Array, pull: float
     ) -> Array:
-        """Activations (muscles,) at the state of `data`, of which positions and velocities are up to date.
-
-        Parameters
-        ----------
-        wanted : (nv,) accelerations
-        standing : corners of soles on the mat: number of the body, point in it (3,), and where it came down (3,) [m]
-        lapel : (3,) intended force on tori's hand [N]
-        pull : intended at the sleeve [N]
+        """Activations (muscles,) at the state of `data`, of which positions and velocities are up to date. `wanted`:
+        (nv,) accelerations; `standing`: corners of soles on the mat: number of the body, point in it (3,), and where
+        it came down (3,) [m]; `lapel`: (3,) intended force on tori's hand [N]; `pull`: intended at the sleeve [N].
         """
         m, drives = self._m, self.drives
         soles = [jacobian(m, data, body, point) for body, point, _ in standing]
@@ -225,39 +208,27 @@ LAG = 0.01
 @read_only
 @dataclass(frozen=True, eq=False)
 class Run:
-    """What happened, step by step.
+    """What happened, step by step."""
 
-    Attributes
-    ----------
-    time : (steps,) [s]
-    qpos : (steps, nq)
-    activations, tensions : (steps, muscles) [1, N]
-    forces, moments : (steps, contacts, 3) on tori (of soles: on the foot), moments about the ground's origin, of the
-        four feet and the two grips [N], [N m]
-    places : (steps, grips, 3) where the grips' forces act [m]
-    strayed : (steps,) greatest distance of a joint from the plan [rad]
-    """
-
-    time: Array
-    qpos: Array
+    time: Array  # (steps,) [s]
+    qpos: Array  # (steps, nq)
+    # activations, tensions: (steps, muscles) [1, N]
     activations: Array
     tensions: Array
+    # forces, moments: (steps, contacts, 3) on tori (of soles: on the foot), moments about the ground's origin, of the
+    # four feet and the two grips [N], [N m]
     forces: Array
     moments: Array
-    places: Array
-    strayed: Array
+    places: Array  # (steps, grips, 3) where the grips' forces act [m]
+    strayed: Array  # (steps,) greatest distance of a joint from the plan [rad]
 
 
 def simulate_bout(
     compiled: Any, builds: Mapping[str, Build], plan: Plan, weight: Array, tone: Array, until: float = np.inf
 ) -> Run:
-    """Move both fighters through a plan.
-
-    Parameters
-    ----------
-    compiled : mujoco.MjModel of the pair, muscles with their fibers
-    weight, tone : (muscles,) of the fighters' own criterion, see `Controller`
-    until : end of the bout, where the plan is not over sooner [s]
+    """Move both fighters through a plan. `compiled`: mujoco.MjModel of the pair, muscles with their fibers; `weight`,
+    `tone`: (muscles,) of the fighters' own criterion, see `Controller`; `until`: end of the bout, where the plan is
+    not over sooner [s].
     """
     m = compiled
     data = mujoco.MjData(m)

@@ -71,17 +71,11 @@ class Deformation:
 @read_only
 @dataclass(frozen=True, eq=False)
 class BodyTruth:
-    """The deformation as one body sees it: from its frame in the source to its frame in the target.
-
-    Attributes
-    ----------
-    pose : of the body in the source's default pose
-    origin : of its frame in the target, in ground; its axes keep their directions [m]
-    """
+    """The deformation as one body sees it: from its frame in the source to its frame in the target."""
 
     field: Deformation
-    pose: Transform
-    origin: Array
+    pose: Transform  # of the body in the source's default pose
+    origin: Array  # of its frame in the target, in ground; its axes keep their directions [m]
 
     def apply(self, points: ArrayLike) -> Array:
         """Points (..., 3) of the source's frame in the target's [m]."""
@@ -95,12 +89,7 @@ class BodyTruth:
 
 
 def demo_case() -> tuple[Model, dict[str, Surface], dict[str, Surface], dict[str, BodyTruth]]:
-    """The right leg, its bones, the deformed bones, and the truth, by body.
-
-    Raises
-    ------
-    BadData : `myo-sim` is not installed
-    """
+    """The right leg, its bones, the deformed bones, and the truth, by body."""
     whole = leg_model()
     model = right_leg(whole)
     surfaces = source_bones(whole)

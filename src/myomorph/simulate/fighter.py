@@ -24,24 +24,15 @@ Point = tuple[str, float, float, float]
 
 @dataclass(frozen=True)
 class Segment:
-    """A body: its joints on its parent, and what it is made of.
-
-    Attributes
-    ----------
-    place : (3,) of its origin in the parent's frame [m]
-    joints : names of hinges and their axes in order
-    share : of the body's mass
-    center : (3,) mass center [m]
-    size : (3,) half sizes of the box whose inertia it has [m]
-    """
+    """A body: its joints on its parent, and what it is made of."""
 
     name: str
     parent: str
-    place: tuple[float, float, float]
-    joints: tuple[tuple[str, tuple[int, int, int]], ...]
-    share: float
-    center: tuple[float, float, float]
-    size: tuple[float, float, float]
+    place: tuple[float, float, float]  # (3,) of its origin in the parent's frame [m]
+    joints: tuple[tuple[str, tuple[int, int, int]], ...]  # names of hinges and their axes in order
+    share: float  # of the body's mass
+    center: tuple[float, float, float]  # (3,) mass center [m]
+    size: tuple[float, float, float]  # (3,) half sizes of the box whose inertia it has [m]
 
 
 X, Y, Z = (1, 0, 0), (0, 1, 0), (0, 0, 1)
@@ -129,22 +120,15 @@ MARKED = {
 
 @dataclass(frozen=True)
 class Build:
-    """How one fighter differs from the tables.
+    """How one fighter differs from the tables."""
 
-    Attributes
-    ----------
-    mass : [kg]
-    height : [m]
-    strength : of all muscles, as a factor
-    strengths : of single muscles by name, factors beside that
-    paths : lengths of muscles' paths by name where their fibers have their optimal length [m]; muscles of no length
-        where it is empty
-    """
-
-    mass: float = 75.0
-    height: float = HEIGHT
-    strength: float = 1.0
+    mass: float = 75.0  # [kg]
+    height: float = HEIGHT  # [m]
+    strength: float = 1.0  # of all muscles, as a factor
+    # of single muscles by name, factors beside that
     strengths: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
+    # lengths of muscles' paths by name where their fibers have their optimal length [m]; muscles of no length where it
+    # is empty
     paths: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
 
     @property
@@ -201,13 +185,8 @@ def _sided(body: str, side: str) -> str:
 
 
 def fighter_mjcf(prefix: str, build: Build, place: tuple[float, float, float], turn: float) -> tuple[str, str, str]:
-    """The fighter as text: its tree of bodies, its tendons and its actuators.
-
-    Parameters
-    ----------
-    prefix : before every name
-    place : of the pelvis in ground [m]
-    turn : about the vertical [rad]
+    """The fighter as text: its tree of bodies, its tendons and its actuators. `prefix`: before every name; `place`: of
+    the pelvis in ground [m]; `turn`: about the vertical [rad].
     """
     s = build.size
     children: dict[str, list[Segment]] = {}

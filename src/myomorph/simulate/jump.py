@@ -51,51 +51,31 @@ SHOULDER_WEIGHT = 0.2
 @read_only
 @dataclass(frozen=True, eq=False)
 class JumpStudy:
-    """All that inverse kinematics, inverse dynamics and tensions of the jump need.
+    """All that inverse kinematics, inverse dynamics and tensions of the jump need."""
 
-    Attributes
-    ----------
-    model : scaled to the jumper, with the recording's markers; ground x forward, y up, z right
-    trial : the recording in that ground, with its plates
-    markers : recorded markers of pelvis, trunk and right leg, and the right leg's mirror images
-        (named `Left_... (mirrored)`)
-    marker_weights : for inverse kinematics
-    wrenches : half of plate 1 on each foot, at the plates' clock; see `share`
-    analog : the six EMG channels that carry signals [V]
-    events : phases of the jump, read off the plate
-    mass : of the jumper, from the plate in quiet standing [kg]
-    factors : scale factor of each body
-    window, cutoff : what to use of the recording [s], low-pass of motion and forces [Hz]
-    share : (samples,) share of the right foot in the load that the center of pressure tells, NaN in
-        flight; 0.5 is assumed
-    real, assumed : sentences for the first lines of a report
-    source : path of the recording
-    """
-
-    model: Model
-    trial: Trial
+    model: Model  # scaled to the jumper, with the recording's markers; ground x forward, y up, z right
+    trial: Trial  # the recording in that ground, with its plates
+    # recorded markers of pelvis, trunk and right leg, and the right leg's mirror images (named `Left_... (mirrored)`)
     markers: Markers
-    marker_weights: dict[str, float]
-    wrenches: Wrenches
-    analog: Analog
-    events: tuple[Event, ...]
-    mass: float
-    factors: dict[str, float]
+    marker_weights: dict[str, float]  # for inverse kinematics
+    wrenches: Wrenches  # half of plate 1 on each foot, at the plates' clock; see `share`
+    analog: Analog  # the six EMG channels that carry signals [V]
+    events: tuple[Event, ...]  # phases of the jump, read off the plate
+    mass: float  # of the jumper, from the plate in quiet standing [kg]
+    factors: dict[str, float]  # scale factor of each body
+    # window, cutoff: what to use of the recording [s], low-pass of motion and forces [Hz]
     window: tuple[float, float]
     cutoff: float
+    # (samples,) share of the right foot in the load that the center of pressure tells, NaN in flight; 0.5 is assumed
     share: Array
+    # real, assumed: sentences for the first lines of a report
     real: tuple[str, ...]
     assumed: tuple[str, ...]
-    source: str
+    source: str  # path of the recording
 
 
 def jump_study() -> JumpStudy:
-    """The jump, ready for inverse kinematics, inverse dynamics, muscle paths and tensions.
-
-    Raises
-    ------
-    BadData : the packages `biomdp` or `myo-sim` are not installed, or the recording lacks what it needs
-    """
+    """The jump, ready for inverse kinematics, inverse dynamics, muscle paths and tensions."""
     path = recording_path()
     # The file is read in a process of its own, which leaves this one free to make the model.
     with ThreadPoolExecutor(1) as pool:

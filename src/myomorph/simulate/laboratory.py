@@ -43,19 +43,12 @@ weighs nothing, carries it, and has a site "plate" there along the ground's. Spe
 
 @dataclass(frozen=True)
 class Noise:
-    """How badly a swing is measured; all noise is white and normal.
+    """How badly a swing is measured; all noise is white and normal."""
 
-    Attributes
-    ----------
-    marker : standard deviation of each marker's coordinates [m]
-    force : of each component of the plate's force [N]
-    lever : of each component of its moment about the plate's origin, over `force` [m]
-    offset, drift : the plate's clock reads offset + (1 + drift) t [s], [s/s]
-    """
-
-    marker: float = 3e-4
-    force: float = 0.3
-    lever: float = 0.2
+    marker: float = 3e-4  # standard deviation of each marker's coordinates [m]
+    force: float = 0.3  # of each component of the plate's force [N]
+    lever: float = 0.2  # of each component of its moment about the plate's origin, over `force` [m]
+    # offset, drift: the plate's clock reads offset + (1 + drift) t [s], [s/s]
     offset: float = 0.0
     drift: float = 0.0
 
@@ -63,23 +56,15 @@ class Noise:
 @read_only
 @dataclass(frozen=True, eq=False)
 class Sampled:
-    """A simulated swing, exact but for the integrator.
+    """A simulated swing, exact but for the integrator."""
 
-    Attributes
-    ----------
-    time : (frames,) [s]
-    rotations : (frames, 3, 3) of the limb's first body in ground
-    rates, accelerations : (frames, 3) angular, along the limb's axes [rad/s], [rad/s^2]
-    wrench : (frames, 6) of the base on the limb, moment about the joint's center, in ground [N m], [N]
-    lengthening : (frames, tendons) speed of each tendon [m/s]
-    """
-
-    time: Array
-    rotations: Array
+    time: Array  # (frames,) [s]
+    rotations: Array  # (frames, 3, 3) of the limb's first body in ground
+    # rates, accelerations: (frames, 3) angular, along the limb's axes [rad/s], [rad/s^2]
     rates: Array
     accelerations: Array
-    wrench: Array
-    lengthening: Array
+    wrench: Array  # (frames, 6) of the base on the limb, moment about the joint's center, in ground [N m], [N]
+    lengthening: Array  # (frames, tendons) speed of each tendon [m/s]
 
     def every(self, number: int) -> Sampled:
         """Every so many-th frame."""
@@ -88,19 +73,12 @@ class Sampled:
 
 @dataclass(frozen=True, eq=False)
 class VirtualTrial:
-    """One release: what was measured of it, and what truly happened.
-
-    Attributes
-    ----------
-    markers : 200 Hz, with noise
-    wrenches : of the plate on the base, 2000 Hz on its own clock, with noise: force, point, torque
-    exact : the simulation at the forces' instants, without noise, on the true clock
-    """
+    """One release: what was measured of it, and what truly happened."""
 
     name: str
-    markers: Markers
-    wrenches: Wrenches
-    exact: Sampled
+    markers: Markers  # 200 Hz, with noise
+    wrenches: Wrenches  # of the plate on the base, 2000 Hz on its own clock, with noise: force, point, torque
+    exact: Sampled  # the simulation at the forces' instants, without noise, on the true clock
 
 
 def simulate(compiled: Any, qpos: Array, qvel: Array, seconds: float, step: float) -> Sampled:
@@ -218,12 +196,8 @@ BONES = {"scapula_r": "scapula.stl", "humerus_r": "humerus.stl", "ulna_r": "ulna
 
 
 class VirtualPlate:
-    """A plate that lies elsewhere than its file says.
-
-    Parameters
-    ----------
-    true : its axes and the center of its top surface, in ground
-    random : by how much the file is wrong, some millimeters and a degree or two
+    """A plate that lies elsewhere than its file says. `true`: its axes and the center of its top surface, in ground;
+    `random`: by how much the file is wrong, some millimeters and a degree or two.
     """
 
     def __init__(self, true: Transform, random: np.random.Generator) -> None:
@@ -288,12 +262,9 @@ def write_scans(
     """A CT of every bone with its cluster, in a frame of its own; the entries of a study file's `ct`.
 
     Of each bone: the model's surface `<bone>_model.stl` [m], the scan `<bone>.stl` (refined, turned, shifted, 0.2 mm of
-    noise), the cluster `<bone>_cluster.stl` of three balls [mm], and five picked points, 0.5 mm off.
-
-    Parameters
-    ----------
-    modelled : points (..., 3) of the specimen's bones as the bones of the model have them, each in its body's frame
-        [m]; by default the model has the bones of the specimen
+    noise), the cluster `<bone>_cluster.stl` of three balls [mm], and five picked points, 0.5 mm off. `modelled`: points
+    (..., 3) of the specimen's bones as the bones of the model have them, each in its body's frame [m]; by default the
+    model has the bones of the specimen.
     """
     modelled = modelled or (lambda points: points)
     entries = []

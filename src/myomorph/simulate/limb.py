@@ -33,15 +33,10 @@ TISSUE_RADIUS = 0.03
 
 @dataclass(frozen=True, eq=False)
 class HeldLimb:
-    """A specimen whose joints beyond the first are wired: one rigid limb.
-
-    Attributes
-    ----------
-    held : value of each held coordinate, where it is not the model's default [rad]
-    """
+    """A specimen whose joints beyond the first are wired: one rigid limb."""
 
     specimen: Specimen
-    held: Mapping[str, float]
+    held: Mapping[str, float]  # value of each held coordinate, where it is not the model's default [rad]
 
     @cached_property
     def poses(self) -> dict[str, Transform]:
@@ -110,20 +105,12 @@ class HeldLimb:
 
 @dataclass(frozen=True)
 class SoftTissue:
-    """A part of a limb's mass that hangs on it by springs and dampers, the same in every direction.
+    """A part of a limb's mass that hangs on it by springs and dampers, the same in every direction."""
 
-    Attributes
-    ----------
-    place : (3,) of its center in the limb's frame while the limb hangs at rest [m]
-    mass : [kg]
-    frequency : at which it vibrates against a limb that is held [Hz]
-    damping : ratio to the critical one
-    """
-
-    place: tuple[float, float, float]
-    mass: float
-    frequency: float
-    damping: float
+    place: tuple[float, float, float]  # (3,) of its center in the limb's frame while the limb hangs at rest [m]
+    mass: float  # [kg]
+    frequency: float  # at which it vibrates against a limb that is held [Hz]
+    damping: float  # ratio to the critical one
 
     @property
     def parameters(self) -> Array:
@@ -202,16 +189,10 @@ def swing_mjcf(
     muscle: float,
     tissue: SoftTissue | None = None,
 ) -> str:
-    """MJCF of a limb on a fixed base, with its muscles as tendons where `muscle` is positive.
-
-    Parameters
-    ----------
-    parameters : (10,) of the limb in its frame
-    stand : pose of the base in ground
-    rest : (3, 3) of the limb in ground at which the ball's angles are zero
-    damping : of the ball joint, the same about every axis [N m s/rad]
-    muscle : viscosity of every muscle [N s/m]
-    tissue : part of the limb, `parameters` included, that moves against its bones
+    """MJCF of a limb on a fixed base, with its muscles as tendons where `muscle` is positive. `parameters`: (10,) of
+    the limb in its frame; `stand`: pose of the base in ground; `rest`: (3, 3) of the limb in ground at which the
+    ball's angles are zero; `damping`: of the ball joint, the same about every axis [N m s/rad]; `muscle`: viscosity
+    of every muscle [N s/m]; `tissue`: part of the limb, `parameters` included, that moves against its bones.
     """
     specimen = limb.specimen
     loose = "" if tissue is None else tissue.mjcf(rest.T @ np.asarray(specimen.model.gravity))
@@ -242,11 +223,8 @@ def swing_mjcf(
 
 
 def _muscles_mjcf(model: Model, frame: Callable[[str], Transform]) -> tuple[dict[str, list[str]], dict[str, str]]:
-    """Sites and surfaces by body, and the path of each muscle through them.
-
-    Parameters
-    ----------
-    frame : pose of a body in the frame of what stands for it in the MJCF
+    """Sites and surfaces by body, and the path of each muscle through them. `frame`: pose of a body in the frame of
+    what stands for it in the MJCF.
     """
     inside: dict[str, list[str]] = {name: [] for name in model.body_names}
     paths: dict[str, str] = {}
@@ -349,11 +327,8 @@ PIN = 0.06
 def with_clusters(specimen: Specimen, arm: float = 0.05) -> Specimen:
     """The specimen with three made markers, "<bone>_1" to "_3", on every bone and no others.
 
-    A cluster stands on a pin at the middle of its bone, beside the line from joint to joint.
-
-    Parameters
-    ----------
-    arm : distance of a cluster's farthest marker from its pin [m]; the others are at 0.6 and 0.8 of it
+    A cluster stands on a pin at the middle of its bone, beside the line from joint to joint. `arm`: distance of a
+    cluster's farthest marker from its pin [m]; the others are at 0.6 and 0.8 of it.
     """
     markers: list[Marker] = []
     for bone in specimen.model.body_names:

@@ -52,94 +52,58 @@ LOADED = 0.02
 
 @dataclass(frozen=True)
 class PairOptions:
-    """What is simulated, and how badly it is measured.
+    """What is simulated, and how badly it is measured."""
 
-    Attributes
-    ----------
-    kind : "pull": both lean back and pull; "sway": and sway to the sides; "step": tori steps back
-    seed : of builds, measures of the movement, criteria of the fighters and noise
-    rate : of markers [Hz]
-    marker_noise : standard deviation of each coordinate of a marker, white [m]
-    strength_error : of what the laboratory takes for the muscles' maximum forces, standard deviation of its logarithm
-    emg_gain, emg_noise : of envelopes: standard deviation of a channel's gain about 1, and white noise
-    weight_spread : standard deviation of the logarithm of a muscle's weight in its fighter's own criterion
-    tone : least and greatest activation that a muscle keeps without need
-    vigor : factor of the pulls, and of how far the fighters lean back for them
-    until : when the bout ends, where the plan is not over sooner [s]
-    """
-
-    kind: Kind = "pull"
-    seed: int = 0
-    rate: float = 100.0
-    marker_noise: float = 0.0005
+    kind: Kind = "pull"  # "pull": both lean back and pull; "sway": and sway to the sides; "step": tori steps back
+    seed: int = 0  # of builds, measures of the movement, criteria of the fighters and noise
+    rate: float = 100.0  # of markers [Hz]
+    marker_noise: float = 0.0005  # standard deviation of each coordinate of a marker, white [m]
+    # of what the laboratory takes for the muscles' maximum forces, standard deviation of its logarithm
     strength_error: float = 0.15
+    # emg_gain, emg_noise: of envelopes: standard deviation of a channel's gain about 1, and white noise
     emg_gain: float = 0.1
     emg_noise: float = 0.02
+    # standard deviation of the logarithm of a muscle's weight in its fighter's own criterion
     weight_spread: float = 0.5
-    tone: tuple[float, float] = (0.01, 0.05)
-    vigor: float = 1.0
-    until: float = float("inf")
+    tone: tuple[float, float] = (0.01, 0.05)  # least and greatest activation that a muscle keeps without need
+    vigor: float = 1.0  # factor of the pulls, and of how far the fighters lean back for them
+    until: float = float("inf")  # when the bout ends, where the plan is not over sooner [s]
 
 
 @dataclass(frozen=True, eq=False)
 class PairTruth:
-    """What truly happened, at the times of the markers.
+    """What truly happened, at the times of the markers."""
 
-    Attributes
-    ----------
-    motion : coordinates of the joined model
-    activations, tensions : (frames, muscles) [1, N]
-    forces : (frames, contacts, 3) of `FEET` on the feet and of `GRIPS` on tori's hands, in ground [N]
-    wrenches : the same as loads, with those on uke beside them
-    models : the fighters' own, by part
-    """
-
-    motion: Motion
+    motion: Motion  # coordinates of the joined model
+    # activations, tensions: (frames, muscles) [1, N]
     activations: Series
     tensions: Series
-    forces: Series
-    wrenches: Wrenches
-    models: Mapping[str, Model]
+    forces: Series  # (frames, contacts, 3) of `FEET` on the feet and of `GRIPS` on tori's hands, in ground [N]
+    wrenches: Wrenches  # the same as loads, with those on uke beside them
+    models: Mapping[str, Model]  # the fighters' own, by part
 
 
 @dataclass(frozen=True, eq=False)
 class VirtualPair:
-    """What a laboratory has of a simulated bout, and the truth.
-
-    Attributes
-    ----------
-    models : of the fighters as the laboratory knows them, by part: strengths are off by `strength_error`
-    model : of both together
-    markers, emg : as recorded; channels of `emg` are all muscles of `model`
-    plates : of each fighter, by part, what plates under both of its feet would measure
-    sites : heels and toes of the feet, and the grips
-    touching : (frames, sites) 1 where a site bears load, as a camera would tell
-    builds : of the fighters as the laboratory knows them
-    """
+    """What a laboratory has of a simulated bout, and the truth."""
 
     options: PairOptions
+    # of the fighters as the laboratory knows them, by part: strengths are off by `strength_error`
     models: Mapping[str, Model]
-    model: Model
+    model: Model  # of both together
+    # markers, emg: as recorded; channels of `emg` are all muscles of `model`
     markers: Markers
     emg: Emg
-    plates: Mapping[str, Wrenches]
-    sites: tuple[Site, ...]
-    touching: Series
-    builds: Mapping[str, Build]
+    plates: Mapping[str, Wrenches]  # of each fighter, by part, what plates under both of its feet would measure
+    sites: tuple[Site, ...]  # heels and toes of the feet, and the grips
+    touching: Series  # (frames, sites) 1 where a site bears load, as a camera would tell
+    builds: Mapping[str, Build]  # of the fighters as the laboratory knows them
     truth: PairTruth
 
 
 def virtual_pair(options: PairOptions | None = None, cutoff: float | None = None) -> VirtualPair:
-    """Simulate a bout.
-
-    Parameters
-    ----------
-    cutoff : low-pass of what is given as true forces, for comparison with an estimate that filters so [Hz]
-
-    Raises
-    ------
-    BadData
-        where a fighter does not keep up with the plan, as one who falls
+    """Simulate a bout. `cutoff`: low-pass of what is given as true forces, for comparison with an estimate that filters
+    so [Hz].
     """
     options = options or PairOptions()
     random = np.random.default_rng(options.seed)
@@ -287,12 +251,9 @@ def _plates(truth: PairTruth, part: str) -> Wrenches:
 
 
 def pair_sites(builds: Mapping[str, Build], directed: bool = False) -> tuple[Site, ...]:
-    """Heels and toes of the four feet, and the two grips.
-
-    Parameters
-    ----------
-    directed : whether it is known how the grips can be loaded: pulls only, straight ahead of tori's trunk, the lapel
-        within 45 degrees and the sleeve within 27; else force may pass them any way
+    """Heels and toes of the four feet, and the two grips. `directed`: whether it is known how the grips can be loaded:
+    pulls only, straight ahead of tori's trunk, the lapel within 45 degrees and the sleeve within 27; else force may
+    pass them any way.
     """
     sites = []
     for foot in FEET:

@@ -20,33 +20,22 @@ ROUNDS = 60
 @read_only
 @dataclass(frozen=True, eq=False)
 class Aim:
-    """What a pose should reach.
+    """What a pose should reach."""
 
-    Attributes
-    ----------
-    body : whose point, or whose attitude, is aimed at
-    point : (3,) in its frame [m]; None aims at the attitude
-    target : (3,) in ground [m], or a (3, 3) attitude; None with `other` for a point that moves along
-    other, other_point : body and point that the first one's point should stand at
-    offset : (3,) from there, in ground [m]
-    weight : against the others
-    """
-
-    body: str
-    point: Array | None
+    body: str  # whose point, or whose attitude, is aimed at
+    point: Array | None  # (3,) in its frame [m]; None aims at the attitude
+    # (3,) in ground [m], or a (3, 3) attitude; None with `other` for a point that moves along
     target: Array | None = None
+    # other, other_point: body and point that the first one's point should stand at
     other: str = ""
     other_point: Array | None = None
-    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    weight: float = 1.0
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)  # (3,) from there, in ground [m]
+    weight: float = 1.0  # against the others
 
 
 def posed(compiled: Any, start: Array, aims: Sequence[Aim], posture: float = 0.03) -> Array:
-    """The pose (nq,) nearest to `start` that meets the aims, by damped Gauss-Newton steps.
-
-    Parameters
-    ----------
-    posture : weight of staying at `start`, against an aim's 1
+    """The pose (nq,) nearest to `start` that meets the aims, by damped Gauss-Newton steps. `posture`: weight of staying
+    at `start`, against an aim's 1.
     """
     data = mujoco.MjData(compiled)
     q = start.copy()
@@ -116,46 +105,28 @@ HOLD = (-0.065, 0.0, -0.01)
 
 @dataclass(frozen=True)
 class Stance:
-    """One instant of the plan.
+    """One instant of the plan."""
 
-    Attributes
-    ----------
-    time : [s]
-    back : how far each pelvis is behind the middle of its stance [m]
-    lean : how far each trunk leans back [rad]
-    sway : of the pelves to tori's right [m]
-    drop : of the pelves below straight legs [m]
-    twist : of tori's trunk to the left [rad]
-    lapel, sleeve : pulls intended [N]
-    foot : shift of tori's right foot, backward and up [m]
-    """
-
-    time: float
-    back: tuple[float, float] = (0.1, 0.1)
-    lean: tuple[float, float] = (0.1, 0.1)
-    sway: tuple[float, float] = (0.0, 0.0)
-    drop: float = 0.07
-    twist: float = 0.0
+    time: float  # [s]
+    back: tuple[float, float] = (0.1, 0.1)  # how far each pelvis is behind the middle of its stance [m]
+    lean: tuple[float, float] = (0.1, 0.1)  # how far each trunk leans back [rad]
+    sway: tuple[float, float] = (0.0, 0.0)  # of the pelves to tori's right [m]
+    drop: float = 0.07  # of the pelves below straight legs [m]
+    twist: float = 0.0  # of tori's trunk to the left [rad]
+    # lapel, sleeve: pulls intended [N]
     lapel: float = 40.0
     sleeve: float = 25.0
-    foot: tuple[float, float] = (0.0, 0.0)
+    foot: tuple[float, float] = (0.0, 0.0)  # shift of tori's right foot, backward and up [m]
 
 
 @read_only
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """Stances as poses, and what lies between them.
+    """Stances as poses, and what lies between them."""
 
-    Attributes
-    ----------
-    stances : in the order of time
-    poses : (stances, nq)
-    lifted : from when to when tori's right foot is off the mat [s]; both 0 for never
-    """
-
-    stances: tuple[Stance, ...]
-    poses: Array
-    lifted: tuple[float, float] = (0.0, 0.0)
+    stances: tuple[Stance, ...]  # in the order of time
+    poses: Array  # (stances, nq)
+    lifted: tuple[float, float] = (0.0, 0.0)  # from when to when tori's right foot is off the mat [s]; both 0 for never
 
     @property
     def duration(self) -> float:
@@ -190,16 +161,8 @@ class Plan:
 def make_plan(
     compiled: Any, builds: Mapping[str, Build], kind: str, random: np.random.Generator, vigor: float = 1.0
 ) -> Plan:
-    """A plan of one kind, its measures drawn at random.
-
-    Parameters
-    ----------
-    vigor : factor of the pulls, and of how far the fighters lean back for them
-
-    Raises
-    ------
-    UnknownName
-        where there is no such kind
+    """A plan of one kind, its measures drawn at random. `vigor`: factor of the pulls, and of how far the fighters lean
+    back for them.
     """
     check_name("kind of bout", kind, get_args(Kind), "the simulation")
     base = Stance(

@@ -34,29 +34,18 @@ GRAVITY = 9.80665
 
 @dataclass(frozen=True)
 class SensorErrors:
-    """Standard deviations of what is wrong with simulated sensors; 0 leaves one out.
+    """Standard deviations of what is wrong with simulated sensors; 0 leaves one out."""
 
-    Attributes
-    ----------
-    skin : of the rotation of a sensor against its bone about each axis, half of its variance follows the joint angles,
-        half is a process of its own [rad]
-    skin_time : that correlates it [s]
-    noise : of the filter, the same way [rad]
-    noise_time : that correlates it [s]
-    pose : of each joint angle in the calibration pose against the model's [rad]
-    heading : of each sensor's heading against the others' [rad]
-    drift : of each sensor's heading after a minute, a random walk [rad]
-    axes : of the orientation of joint axes, the body's against the model's [rad]
-    """
-
+    # of the rotation of a sensor against its bone about each axis, half of its variance follows the joint angles, half
+    # is a process of its own [rad]
     skin: float = 0.035
-    skin_time: float = 0.15
-    noise: float = 0.01
-    noise_time: float = 1.0
-    pose: float = 0.05
-    heading: float = 0.03
-    drift: float = 0.0
-    axes: float = 0.035
+    skin_time: float = 0.15  # that correlates it [s]
+    noise: float = 0.01  # of the filter, the same way [rad]
+    noise_time: float = 1.0  # that correlates it [s]
+    pose: float = 0.05  # of each joint angle in the calibration pose against the model's [rad]
+    heading: float = 0.03  # of each sensor's heading against the others' [rad]
+    drift: float = 0.0  # of each sensor's heading after a minute, a random walk [rad]
+    axes: float = 0.035  # of the orientation of joint axes, the body's against the model's [rad]
 
 
 NO_ERRORS = SensorErrors(**dict.fromkeys(("skin", "noise", "pose", "heading", "drift", "axes"), 0.0))
@@ -65,22 +54,14 @@ NO_ERRORS = SensorErrors(**dict.fromkeys(("skin", "noise", "pose", "heading", "d
 @read_only
 @dataclass(frozen=True, eq=False)
 class SimulatedSensors:
-    """Sensors, and the truth about them.
+    """Sensors, and the truth about them."""
 
-    Attributes
-    ----------
-    sensors : orientations over the motion
-    pose : in the calibration pose, one second
-    rotations : (sensors, 3, 3) from sensors to bodies
-    headings : (frames, sensors) by which each earth is turned about the vertical against the body's ground [rad]
-    person : the body, whose joint axes differ from those of the model
-    """
-
-    sensors: InertialSensors
-    pose: InertialSensors
-    rotations: Array
+    sensors: InertialSensors  # orientations over the motion
+    pose: InertialSensors  # in the calibration pose, one second
+    rotations: Array  # (sensors, 3, 3) from sensors to bodies
+    # (frames, sensors) by which each earth is turned about the vertical against the body's ground [rad]
     headings: Array
-    person: Model
+    person: Model  # the body, whose joint axes differ from those of the model
 
 
 def simulated_sensors(
@@ -91,12 +72,8 @@ def simulated_sensors(
     seed: int = 0,
     mounted: Array | None = None,
 ) -> SimulatedSensors:
-    """Sensors named BODY_imu on bodies that move.
-
-    Parameters
-    ----------
-    motion : all coordinates [rad or m], without gaps
-    mounted : (sensors, 3, 3) from sensors to bodies; by default any
+    """Sensors named BODY_imu on bodies that move. `motion`: all coordinates [rad or m], without gaps; `mounted`:
+    (sensors, 3, 3) from sensors to bodies; by default any.
     """
     errors, rng = errors or SensorErrors(), np.random.default_rng(seed)
     off: dict[str, float] = {name: 0.0 for group in GROUPS.values() for name in group}
@@ -149,13 +126,9 @@ def simulated_sensors(
 def raw_signals(
     sensors: InertialSensors, rate: float, noise: float = 0.01, bias: float = 0.005, seed: int = 0
 ) -> InertialSensors:
-    """What gyroscope, accelerometer and magnetometer measure of sensors that turn in place.
-
-    Parameters
-    ----------
-    rate : samples a second [Hz]
-    noise : of angular velocities [rad/s]; ten times as much of accelerations [m/s^2]
-    bias : standard deviation of each gyroscope's constant error [rad/s]
+    """What gyroscope, accelerometer and magnetometer measure of sensors that turn in place. `rate`: samples a second
+    [Hz]; `noise`: of angular velocities [rad/s]; ten times as much of accelerations [m/s^2]; `bias`: standard
+    deviation of each gyroscope's constant error [rad/s].
     """
     assert sensors.orientations is not None
     rng = np.random.default_rng(seed)

@@ -43,16 +43,10 @@ TIGHT = 1e-5
 @read_only
 @dataclass(frozen=True, eq=False)
 class VirtualCondition:
-    """What truly is of a specimen with its muscles or without, and what was recorded.
+    """What truly is of a specimen with its muscles or without, and what was recorded."""
 
-    Attributes
-    ----------
-    parameters : (10,) of the limb about the joint's center, in the axes of its first bone
-    viscosity : d_J, or with muscles d_{M+J}: the one value nearest to the passive torque of all trials
-        [N m s/rad]
-    """
-
-    parameters: Array
+    parameters: Array  # (10,) of the limb about the joint's center, in the axes of its first bone
+    # d_J, or with muscles d_{M+J}: the one value nearest to the passive torque of all trials [N m s/rad]
     viscosity: float
     trials: tuple[VirtualTrial, ...]
 
@@ -73,37 +67,24 @@ class VirtualCondition:
 
 @dataclass(frozen=True, eq=False)
 class VirtualSpecimen:
-    """A virtual specimen and its recordings.
+    """A virtual specimen and its recordings."""
 
-    Attributes
-    ----------
-    published : the row of [S] tables I and II that it is made after
-    specimen : its model, with exact markers and muscles
-    muscle_viscosity : d_M of every muscle [N s/m]
-    factor : of the muscles' size about the joint's center, 1 for the model's own
-    moment_arm : root mean square over the muscles and the intact swings, of the arm that the motion uses:
-        lengthening speed over angular speed [m]
-    """
-
-    published: PublishedSpecimen
-    specimen: Specimen
+    published: PublishedSpecimen  # the row of [S] tables I and II that it is made after
+    specimen: Specimen  # its model, with exact markers and muscles
     without: VirtualCondition
     intact: VirtualCondition
     joint_viscosity: float
-    muscle_viscosity: float
-    factor: float
+    muscle_viscosity: float  # d_M of every muscle [N s/m]
+    factor: float  # of the muscles' size about the joint's center, 1 for the model's own
+    # root mean square over the muscles and the intact swings, of the arm that the motion uses: lengthening speed over
+    # angular speed [m]
     moment_arm: float
     noise: Noise
 
 
 @lru_cache(maxsize=1)
 def arm_model() -> Model:
-    """The arm that comes with `myo-sim`.
-
-    Raises
-    ------
-    BadData : that package is not installed
-    """
+    """The arm that comes with `myo-sim`."""
     return composed_model("myoarm")
 
 
@@ -123,19 +104,10 @@ def virtual_specimen(
     full_size: bool = False,
     seed: int | None = None,
 ) -> VirtualSpecimen:
-    """One of the six, swung without muscles and with them.
-
-    Parameters
-    ----------
-    number : 1 to 6, the row of the tables
-    seconds, trials : length [s] and number of the releases of each condition
-    noise : by default 0.3 mm, 0.3 N, and clocks apart by tens of milliseconds and of millionths
-    full_size : muscles of the model's size, and d_M such that the total viscosity is the table's
-    seed : of releases and noise; the number by default
-
-    Raises
-    ------
-    BadData : there is no such specimen, or `myo-sim` is not installed
+    """One of the six, swung without muscles and with them. `number`: 1 to 6, the row of the tables; `seconds`,
+    `trials`: length [s] and number of the releases of each condition; `noise`: by default 0.3 mm, 0.3 N, and clocks
+    apart by tens of milliseconds and of millionths; `full_size`: muscles of the model's size, and d_M such that the
+    total viscosity is the table's; `seed`: of releases and noise; the number by default.
     """
     if not 1 <= number <= len(SPECIMENS):
         raise BadData(f"there is no specimen {number}: [S] has 1 to {len(SPECIMENS)}")

@@ -57,29 +57,18 @@ CLUSTER = 0.05 * np.array([[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0]
 
 @dataclass(frozen=True)
 class SimulationOptions:
-    """What is simulated, and how badly it is measured.
+    """What is simulated, and how badly it is measured."""
 
-    Attributes
-    ----------
-    duration : [s]
-    squats : in that time
-    rate, force_rate : of markers and forces [Hz]
-    marker_noise : standard deviation of each marker's white noise [m]
-    tissue : standard deviation of its slow shift on the skin, below 2 Hz [m]
-    force_noise : standard deviation of the forces' white noise [N]
-    cutoff : low-pass of the estimate [Hz]
-    seed : of the noise
-    """
-
-    duration: float = 2.0
-    squats: int = 1
+    duration: float = 2.0  # [s]
+    squats: int = 1  # in that time
+    # rate, force_rate: of markers and forces [Hz]
     rate: float = 100.0
     force_rate: float = 1000.0
-    marker_noise: float = 0.0005
-    tissue: float = 0.002
-    force_noise: float = 1.0
-    cutoff: float = 6.0
-    seed: int = 20
+    marker_noise: float = 0.0005  # standard deviation of each marker's white noise [m]
+    tissue: float = 0.002  # standard deviation of its slow shift on the skin, below 2 Hz [m]
+    force_noise: float = 1.0  # standard deviation of the forces' white noise [N]
+    cutoff: float = 6.0  # low-pass of the estimate [Hz]
+    seed: int = 20  # of the noise
 
 
 def simulated_trial(options: SimulationOptions | None = None) -> TrialInputs:
@@ -148,13 +137,7 @@ def simulated_trial(options: SimulationOptions | None = None) -> TrialInputs:
 
 
 def marked_body() -> Model:
-    """MyoFullBody with a cluster of four markers on each of 15 bodies; fingers and wrists are locked.
-
-    Raises
-    ------
-    BadData
-        where the package `myo-sim` is not installed
-    """
+    """MyoFullBody with a cluster of four markers on each of 15 bodies; fingers and wrists are locked."""
     model = composed_model("myofullbody")
     dependent = model.dependent_coordinates
     coordinates = tuple(

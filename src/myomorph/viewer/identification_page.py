@@ -69,13 +69,8 @@ def move_next(state: OnlineState, segments: Mapping[str, Segment]) -> str:
 def live_panel(
     state: OnlineState, names: tuple[str, ...], segments: Mapping[str, Segment], at: Clock, body: Text | None = None
 ) -> RenderableType:
-    """Everything for a terminal.
-
-    Parameters
-    ----------
-    names : of the bodies
-    segments : of the bodies
-    body : the body drawn in characters
+    """Everything for a terminal. `names`: of the bodies; `segments`: of the bodies; `body`: the body drawn in
+    characters.
     """
     facts = Table.grid(padding=(0, 2))
     facts.add_column(style="dim", no_wrap=True)
@@ -143,17 +138,8 @@ def live_markdown(state: OnlineState, names: tuple[str, ...], segments: Mapping[
 
 
 class WebViewer(Page):
-    """A page that shows a body: links in colors, markers as points, a text and a progress bar.
-
-    Parameters
-    ----------
-    surfaces : meshes by `Mesh.file`; without any, limbs are rounds
-    port : of the page, http://localhost:PORT
-
-    Raises
-    ------
-    MyomorphError : `viser` is not installed
-    BadData : the port is taken, or none
+    """A page that shows a body: links in colors, markers as points, a text and a progress bar. `surfaces`: meshes by
+    `Mesh.file`; without any, limbs are rounds; `port`: of the page, http://localhost:PORT.
     """
 
     def __init__(self, model: Model, surfaces: Mapping[str, Surface] | None = None, port: int = 8080):

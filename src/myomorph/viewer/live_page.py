@@ -35,45 +35,25 @@ THIN = 0.4
 @read_only
 @dataclass(frozen=True, eq=False)
 class Shown:
-    """What the page is sent of one frame.
+    """What the page is sent of one frame."""
 
-    Attributes
-    ----------
-    coordinates : (coordinates,) as the markers show them, NaN where unknown
-    activations, forces : (muscles,) NaN where unknown
-    torques : (coordinates,) NaN where unknown
-    wrenches : (bodies, 6) external moment about the ground's origin and force
-    markers : (markers, 3) NaN where hidden, or with 0 rows
-    state : why torques are unknown, "" where they are known
-    facts : lines of text, by what they tell
-    torque_limits, force_limits : (2, coordinates), (2, muscles) limits of 90 %, None where unknown
-    """
-
-    coordinates: Array
+    coordinates: Array  # (coordinates,) as the markers show them, NaN where unknown
+    # activations, forces: (muscles,) NaN where unknown
     activations: Array
     forces: Array
-    torques: Array
-    wrenches: Array
-    markers: Array
-    state: str
-    facts: Mapping[str, str]
+    torques: Array  # (coordinates,) NaN where unknown
+    wrenches: Array  # (bodies, 6) external moment about the ground's origin and force
+    markers: Array  # (markers, 3) NaN where hidden, or with 0 rows
+    state: str  # why torques are unknown, "" where they are known
+    facts: Mapping[str, str]  # lines of text, by what they tell
+    # torque_limits, force_limits: (2, coordinates), (2, muscles) limits of 90 %, None where unknown
     torque_limits: Array | None = None
     force_limits: Array | None = None
 
 
 class ChainViewer(Page):
-    """A page that shows the newest frame of the chain.
-
-    Parameters
-    ----------
-    surfaces : meshes by `Mesh.file`; without any, limbs are rounds
-    port : of the page, http://localhost:PORT
-    wrenches : external forces that may come
-
-    Raises
-    ------
-    MyomorphError : `viser` is not installed
-    BadData : the port is taken, or none
+    """A page that shows the newest frame of the chain. `surfaces`: meshes by `Mesh.file`; without any, limbs are
+    rounds; `port`: of the page, http://localhost:PORT; `wrenches`: external forces that may come.
     """
 
     def __init__(self, model: Model, surfaces: Mapping[str, Surface] | None, port: int, wrenches: int):
@@ -122,11 +102,8 @@ class ChainViewer(Page):
 
 def force_ends(wrenches: Array, up: Array, weight: float, length: float) -> Array:
     """(bodies, 2, 3) start and end of the arrows of forces, from where they meet the floor; NaN for small ones.
-
-    Parameters
-    ----------
-    wrenches : (bodies, 6) moment about the ground's origin and force
-    weight, length : of the subject [N], and of an arrow of that force [m]
+    `wrenches`: (bodies, 6) moment about the ground's origin and force; `weight`, `length`: of the subject [N], and
+    of an arrow of that force [m].
     """
     moments, forces = wrenches[:, :3], wrenches[:, 3:]
     lift = forces @ up

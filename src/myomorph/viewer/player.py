@@ -29,30 +29,19 @@ MAX_LABELS = 6
 
 
 class Player(Page):
-    """A page with bodies and a clock: which time it is, and how the page shows it.
-
-    Parameters
-    ----------
-    port : of the page; any free one where not given
-
-    Attributes
-    ----------
-    lock : what changes the page holds it, for the clock and every control run in threads of their own
-    bodies, shown : what is played, and how the page shows it
-    playing, speed, loop : whether time goes on, how fast, and whether it begins again at the end
-    follows : whether the view goes with the first body
-    now : the present on the page's clock [s]
-    span : first and last time of that clock [s]
-    found : of each body, indices of the muscles that stand out
-    spacing : distance between bodies beside each other, beyond where they were [m]
-    drawn : frames that were drawn
+    """A page with bodies and a clock: which time it is, and how the page shows it. `lock`: what changes the page holds
+    it, for the clock and every control run in threads of their own; `playing, speed, loop`: whether time goes on,
+    how fast, and whether it begins again at the end; `follows`: whether the view goes with the first body; `now`:
+    the present on the page's clock [s]; `drawn`: frames that were drawn; `port`: of the page; any free one where not
+    given.
     """
 
+    # bodies, shown: what is played, and how the page shows it
     bodies: list[PlayedBody]
     shown: list[ShownBody]
-    found: list[tuple[int, ...]]
-    span: tuple[float, float]
-    spacing: float
+    found: list[tuple[int, ...]]  # of each body, indices of the muscles that stand out
+    span: tuple[float, float]  # first and last time of that clock [s]
+    spacing: float  # distance between bodies beside each other, beyond where they were [m]
 
     def __init__(self, port: int | None):
         super().__init__(port, "Myomorph")

@@ -40,22 +40,10 @@ Choices = Sequence[Mapping[str, Callable[[], ReportInput]]]
 
 
 class Replay(Player):
-    """A page on this machine that plays results again.
-
-    Parameters
-    ----------
-    choices : of each body, its recordings; the first of each is shown first
-    port : of the page; any free one where not given
-    served : called with the port once the page can be opened, which loads while the results are read
-
-    Attributes
-    ----------
-    chosen : of each body, the name of the recording that is shown
-    panel : the controls
-
-    Raises
-    ------
-    MyomorphError : a recording cannot be opened or has no motion, `viser` is not installed, or the port is taken
+    """A page on this machine that plays results again. `chosen`: of each body, the name of the recording that is shown;
+    `panel`: the controls; `choices`: of each body, its recordings; the first of each is shown first; `port`: of the
+    page; any free one where not given; `served`: called with the port once the page can be opened, which loads while
+    the results are read.
     """
 
     def __init__(self, choices: Choices, port: int | None = None, served: Callable[[int], None] | None = None):
@@ -122,15 +110,9 @@ class Replay(Player):
 
 
 class Panel:
-    """The controls of a player, and numbers and curves of the present.
-
-    Parameters
-    ----------
-    player : which it controls
-    server : `viser`'s
-    recordings : of each body, the names of those that can be shown
-    chosen : of each body, the name of the one that is
-    choose : called with the number of a body and a name where a user chooses another
+    """The controls of a player, and numbers and curves of the present. `player`: which it controls; `server`:
+    `viser`'s; `recordings`: of each body, the names of those that can be shown; `chosen`: of each body, the name of
+    the one that is; `choose`: called with the number of a body and a name where a user chooses another.
     """
 
     def __init__(
@@ -353,12 +335,8 @@ def _plain(text: str) -> str:
 
 
 class MuscleIndex:
-    """Muscles of a model under the names that people give them.
-
-    Parameters
-    ----------
-    names : of the muscles
-    prefixes : what the names of a subject begin with, where there are several
+    """Muscles of a model under the names that people give them. `names`: of the muscles; `prefixes`: what the names of
+    a subject begin with, where there are several.
     """
 
     def __init__(self, names: Sequence[str], prefixes: Sequence[str] = ()):

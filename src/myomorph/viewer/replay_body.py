@@ -66,27 +66,20 @@ class Tubes:
 @read_only
 @dataclass(frozen=True, eq=False)
 class Instant:
-    """A body at one time, in ground.
+    """A body at one time, in ground."""
 
-    Attributes
-    ----------
-    known : whether the coordinates of this frame are
-    rotations, origins : (bodies + 1, 3, 3), (bodies + 1, 3) poses, the ground first
-    tubes : of the muscles
-    recorded, modelled : (markers, 3) NaN where hidden [m]
-    measured, estimated : (forces, 2, 3) start and end of the arrows of plates and of contacts, NaN without a force
-    centers : (subjects, 3) of mass [m]
-    """
-
-    known: bool
+    known: bool  # whether the coordinates of this frame are
+    # rotations, origins: (bodies + 1, 3, 3), (bodies + 1, 3) poses, the ground first
     rotations: Array
     origins: Array
-    tubes: Tubes
+    tubes: Tubes  # of the muscles
+    # recorded, modelled: (markers, 3) NaN where hidden [m]
     recorded: Array
     modelled: Array
+    # measured, estimated: (forces, 2, 3) start and end of the arrows of plates and of contacts, NaN without a force
     measured: Array
     estimated: Array
-    centers: Array
+    centers: Array  # (subjects, 3) of mass [m]
 
     @property
     def middle(self) -> Array:
@@ -96,23 +89,10 @@ class Instant:
 
 
 class PlayedBody:
-    """One body with all that was found of it, frame by frame on demand.
-
-    Parameters
-    ----------
-    given : with a model and a motion
-
-    Attributes
-    ----------
-    known : (frames,) whether the coordinates of each frame are
-    scene : the body at some frames: its solids, directions and floor
-    size : that all that is drawn is thick by [m]
-    subjects : people and objects in the model
-    centers : (frames, subjects, 3) of mass [m]
-
-    Raises
-    ------
-    BadData : there is no model or no motion, or no frame of it is known
+    """One body with all that was found of it, frame by frame on demand. `known`: (frames,) whether the coordinates of
+    each frame are; `scene`: the body at some frames: its solids, directions and floor; `size`: that all that is
+    drawn is thick by [m]; `subjects`: people and objects in the model; `centers`: (frames, subjects, 3) of mass [m];
+    `given`: with a model and a motion.
     """
 
     def __init__(self, results: ReportInput):
@@ -240,18 +220,10 @@ def arrows(ends: Array, size: float, color: Array) -> tuple[Tubes, Tubes]:
 
 
 def tubes(points: Array, muscle: np.ndarray, radii: Array, colors: Array, beyond: float = 0.35) -> Tubes:
-    """A tube between every two points that follow each other on a muscle.
-
-    Parameters
-    ----------
-    points : (points, 3), NaN where a path has no more
-    muscle : (points,) index of the muscle of each point
-    radii, colors : (muscles,) [m], (muscles, 3) in 0..1
-    beyond : how far a tube goes on at both ends, in radii, so that no gap opens where a path bends
-
-    Returns
-    -------
-    as many tubes at any frame; those that do not exist have no size
+    """A tube between every two points that follow each other on a muscle. `points`: (points, 3), NaN where a path has
+    no more; `muscle`: (points,) index of the muscle of each point; `radii`, `colors`: (muscles,) [m], (muscles, 3)
+    in 0..1; `beyond`: how far a tube goes on at both ends, in radii, so that no gap opens where a path bends;
+    returns as many tubes at any frame; those that do not exist have no size.
     """
     joined = muscle[1:] == muscle[:-1]
     start, end, owner = points[:-1][joined], points[1:][joined], muscle[1:][joined]

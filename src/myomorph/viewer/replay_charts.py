@@ -210,12 +210,8 @@ def _ink(name: str, index: int) -> str:
 
 
 class Curves:
-    """The panel of curves of one body: a coordinate, muscles, forces and the center of mass.
-
-    Parameters
-    ----------
-    gui : `viser`'s controls
-    on : calls a function where a user changes a control: `on(control, changed)`
+    """The panel of curves of one body: a coordinate, muscles, forces and the center of mass. `gui`: `viser`'s controls;
+    `on`: calls a function where a user changes a control: `on(control, changed)`.
     """
 
     def __init__(self, gui: Any, on: Any, body: PlayedBody, now: float):
@@ -266,13 +262,8 @@ class Plot:
     """A chart on a page, whose line moves with the time.
 
     Another chart is another plot in the same place, made whole by one message: a page that draws between a message with
-    other curves and one with their values looks for values that are not there.
-
-    Parameters
-    ----------
-    gui : `viser`'s controls
-    tab : where it stands
-    place : among the tab's controls
+    other curves and one with their values looks for values that are not there. `gui`: `viser`'s controls; `tab`: where
+    it stands; `place`: among the tab's controls.
     """
 
     def __init__(self, gui: Any, tab: Any, place: float):

@@ -52,13 +52,8 @@ MAX_TRIANGLES, SIMPLE = 60_000, 300
 
 
 class ShownBody:
-    """One body on a page.
-
-    Parameters
-    ----------
-    page : `viser`'s scene
-    root : name of the node that everything hangs on
-    number : of the body, which gives its color
+    """One body on a page. `page`: `viser`'s scene; `root`: name of the node that everything hangs on; `number`: of the
+    body, which gives its color.
     """
 
     def __init__(self, page: Any, root: str, body: PlayedBody, number: int = 0):

@@ -36,21 +36,8 @@ MARKER = (70, 70, 70)
 class Page:
     """A page on this machine on which bodies move.
 
-    All that is seen hangs on one frame, which moves back as the first body moves on where the view follows it.
-
-    Parameters
-    ----------
-    port : of the page, http://localhost:PORT; any free one where not given
-    title : of the page
-
-    Attributes
-    ----------
-    port : of the page
-
-    Raises
-    ------
-    MyomorphError : `viser` is not installed
-    BadData : the port is taken, or none
+    All that is seen hangs on one frame, which moves back as the first body moves on where the view follows it. `port`:
+    of the page; `port`: of the page, http://localhost:PORT; any free one where not given; `title`: of the page.
     """
 
     def __init__(self, port: int | None, title: str):
@@ -64,11 +51,8 @@ class Page:
             self._server.stop()
 
     def _lay_floor(self, scene: Scene, root: Array) -> None:
-        """Empty the page, and give it lights, the floor of a scene, and the frame that bodies hang on.
-
-        Parameters
-        ----------
-        root : (3,) where the first body begins [m]
+        """Empty the page, and give it lights, the floor of a scene, and the frame that bodies hang on. `root`: (3,)
+        where the first body begins [m].
         """
         page = self._page
         page.reset()
@@ -111,13 +95,7 @@ class Page:
 
 
 def open_server(port: int | None, title: str) -> Any:
-    """A page on this machine by `viser`, on a given port or on any free one.
-
-    Raises
-    ------
-    MyomorphError : `viser` is not installed
-    BadData : the port is taken, or none
-    """
+    """A page on this machine by `viser`, on a given port or on any free one."""
     viser = _viser()
     if port is not None:
         if not 0 < port < 65536:
@@ -180,13 +158,8 @@ def add_lights(page: Any, scene: Scene) -> None:
 
 
 class Links:
-    """The links of one body on a page, each one mesh.
-
-    Parameters
-    ----------
-    root : name of the node that they hang on
-    solids : in the bodies' frames
-    colors : of bodies, by their numbers
+    """The links of one body on a page, each one mesh. `root`: name of the node that they hang on; `solids`: in the
+    bodies' frames; `colors`: of bodies, by their numbers.
     """
 
     def __init__(

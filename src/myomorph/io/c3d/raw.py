@@ -34,29 +34,19 @@ MAX_DIMENSIONS = 7
 @read_only
 @dataclass(frozen=True, eq=False)
 class RawC3d:
-    """Parameters and samples of a C3D file, scaled, in the file's units.
+    """Parameters and samples of a C3D file, scaled, in the file's units."""
 
-    Attributes
-    ----------
-    groups : group to parameter to value: texts, or numbers of the file's shape (first index fastest)
-    first_frame : number of the first frame, counted from 1
-    point_rate, analog_rate : samples per second [Hz]
-    points : (frames, points, 3), NaN where the file calls them invalid
-    residuals : (frames, points), negative where invalid
-    analog : (samples, channels), offset and scale applied
-    events : (label, time [s]) of the header's own list
-    remarks : what had to be mended or left out
-    """
-
+    # group to parameter to value: texts, or numbers of the file's shape (first index fastest)
     groups: Mapping[str, Mapping[str, Value]]
-    first_frame: int
+    first_frame: int  # number of the first frame, counted from 1
+    # point_rate, analog_rate: samples per second [Hz]
     point_rate: float
     analog_rate: float
-    points: Array
-    residuals: Array
-    analog: Array
-    events: tuple[tuple[str, float], ...] = ()
-    remarks: tuple[str, ...] = ()
+    points: Array  # (frames, points, 3), NaN where the file calls them invalid
+    residuals: Array  # (frames, points), negative where invalid
+    analog: Array  # (samples, channels), offset and scale applied
+    events: tuple[tuple[str, float], ...] = ()  # (label, time [s]) of the header's own list
+    remarks: tuple[str, ...] = ()  # what had to be mended or left out
 
     def texts(self, group: str, name: str) -> tuple[str, ...]:
         """Texts of a parameter and of its continuations (`LABELS`, `LABELS2`, ...), () if absent."""
@@ -86,12 +76,7 @@ class RawC3d:
 
 
 def read_raw_c3d(path: str | os.PathLike[str]) -> RawC3d:
-    """Read a C3D file with NumPy alone.
-
-    Raises
-    ------
-    BadFile : it is no C3D file, or holds neither a point nor an analog sample
-    """
+    """Read a C3D file with NumPy alone."""
     path = Path(path)
     with readable(path):
         data = path.read_bytes()

@@ -39,10 +39,6 @@ def read_c3d(path: str | os.PathLike[str]) -> Trial:
     Points that a program computed (angles, moments, powers, forces) are in
     `other_points`; computed positions stay among the markers, as OpenSim has it. Force plates are
     `plate_recordings`: `contact.plates` makes forces of them. EMG stays in `analog`; see `emg_channels`.
-
-    Raises
-    ------
-    BadFile : it is no C3D file, or holds nothing that can be used
     """
     path = Path(path)
     raw = read_raw_c3d(path)

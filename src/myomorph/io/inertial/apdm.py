@@ -29,10 +29,6 @@ def read_apdm(path: Path) -> InertialSensors:
     """Sensors of an APDM file, named by their labels.
 
     Source: APDM, Opal how-to: HDF5 file structure.
-
-    Raises
-    ------
-    BadFile : the file is no such one
     """
     if not path.is_file():
         raise BadFile(path, "no such file")

@@ -75,12 +75,7 @@ def _read(path: Path) -> InertialSensors:
 
 
 def read_c3d_sensors(path: Path) -> InertialSensors:
-    """The inertial sensors among the analog channels of a C3D file.
-
-    Raises
-    ------
-    BadFile : there are none
-    """
+    """The inertial sensors among the analog channels of a C3D file."""
     analog = read_c3d(path).analog
     sensors = None if analog is None else sensors_of_channels(analog.time, analog.names, analog.values, analog.units)
     if sensors is None:

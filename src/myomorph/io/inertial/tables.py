@@ -24,10 +24,6 @@ def read_orientations(path: Path) -> InertialSensors:
     """Orientations as OpenSim writes them: a column of quaternions w, x, y, z for each sensor.
 
     Source: OpenSim, OpenSense: kinematics with IMU data.
-
-    Raises
-    ------
-    BadFile : the table is one of something else
     """
     table = read_sto(path)
     if table.facts.get("DataType", "").lower() != "quaternion" or len(table.names) % 4:
@@ -47,12 +43,7 @@ def read_orientations(path: Path) -> InertialSensors:
 
 
 def read_sensor_csv(path: Path) -> InertialSensors:
-    """A CSV file of Movella DOT (one sensor) or of Delsys (several, each channel with its own clock).
-
-    Raises
-    ------
-    BadFile : the file is neither
-    """
+    """A CSV file of Movella DOT (one sensor) or of Delsys (several, each channel with its own clock)."""
     lines = file_text(path, HINT).splitlines()
     if any(COLUMNS.match(line) for line in lines[:HEAD_LINES]):
         return read_dot(path)

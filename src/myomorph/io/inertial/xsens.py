@@ -33,10 +33,6 @@ def read_mvnx(path: Path) -> InertialSensors:
     Frames of calibration poses are left out: their orientations are those of an avatar.
 
     Source: Movella, MVN User Manual, MVNX.
-
-    Raises
-    ------
-    BadFile : no frames, or frames without orientations
     """
     root = read_xml(path).root
     subject = _first(root, "subject")
@@ -101,12 +97,7 @@ def read_dot(path: Path) -> InertialSensors:
 
 
 def _table(path: Path, rate_unit: float) -> InertialSensors:
-    """Columns of one sensor.
-
-    Raises
-    ------
-    BadFile : no such columns, or no rows
-    """
+    """Columns of one sensor."""
     text = file_text(path, HINT)
     lines = text.splitlines()
     start = next((index for index, line in enumerate(lines[:HEAD_LINES]) if COLUMNS.match(line)), None)

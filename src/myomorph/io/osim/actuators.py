@@ -84,17 +84,8 @@ def _body(node: Node, tag: str) -> str:
 def placed_actuator(
     actuator: Actuator, coordinates: tuple[str, ...], pose_of: Callable[[str], tuple[str, Transform]], where: str
 ) -> Actuator:
-    """The actuator with its names looked up, its points and directions in bodies.
-
-    Parameters
-    ----------
-    pose_of : body and pose of the frame of a name
-    where : begins the message about an unknown name
-
-    Raises
-    ------
-    UnknownName
-        It names a body or coordinate that the model does not have.
+    """The actuator with its names looked up, its points and directions in bodies. `pose_of`: body and pose of the frame
+    of a name; `where`: begins the message about an unknown name.
     """
     if actuator.kind == "coordinate":
         check_name("coordinate", actuator.coordinate, coordinates, where)
@@ -132,18 +123,8 @@ def write_actuator(parent: etree._Element, actuator: Actuator) -> None:
 
 
 def read_actuators(path: str | os.PathLike[str], model: Model | None = None) -> tuple[Actuator, ...]:
-    """The actuators of a ForceSet file, those it switches off left out.
-
-    Parameters
-    ----------
-    model : where given, names are looked up in it, and points on its offset frames placed in bodies
-
-    Raises
-    ------
-    BadFile
-        The file holds no set of forces, or a force that is not an ideal actuator.
-    UnknownName
-        An actuator names a coordinate or body that the model lacks.
+    """The actuators of a ForceSet file, those it switches off left out. `model`: where given, names are looked up in
+    it, and points on its offset frames placed in bodies.
     """
     node = read_document(path, ("ForceSet", "ActuatorSet"), "a set of actuators (ForceSet)")
     actuators = []

@@ -76,13 +76,7 @@ def tied_frame(node: Node, frames: Frames, i: str) -> tuple[str, Transform]:
 
 
 def read_passive_torques(model: Node, coordinates: Sequence[Coordinate]) -> tuple[PassiveTorque, ...]:
-    """The passive torques of a model's forces, those switched off left out.
-
-    Raises
-    ------
-    UnknownName
-        One names a coordinate that the model does not have.
-    """
+    """The passive torques of a model's forces, those switched off left out."""
     by_name = {coordinate.name: coordinate for coordinate in coordinates}
     passive_torques: list[PassiveTorque] = []
     for node in model.items("ForceSet"):
@@ -100,13 +94,7 @@ def read_passive_torques(model: Node, coordinates: Sequence[Coordinate]) -> tupl
 
 
 def read_bushings(model: Node, frames: Frames) -> tuple[Bushing, ...]:
-    """The bushings of a model's forces, those switched off left out.
-
-    Raises
-    ------
-    UnknownName
-        One names a frame that the model does not have.
-    """
+    """The bushings of a model's forces, those switched off left out."""
     bushings = []
     for node in model.items("ForceSet"):
         if node.kind != BUSHING or not node.is_applied:

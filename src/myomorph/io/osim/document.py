@@ -38,20 +38,14 @@ INFINITE = {"inf": np.inf, "+inf": np.inf, "-inf": -np.inf, "infinity": np.inf, 
 
 @dataclass(frozen=True, eq=False)
 class Document:
-    """What all parts of one file share.
-
-    Attributes
-    ----------
-    version : five or six digits, 40000 for OpenSim 4.0
-    defaults : by class, the element of the file's defaults section
-    warnings : filled while reading, one line each
-    """
+    """What all parts of one file share."""
 
     path: Path
-    version: int
+    version: int  # five or six digits, 40000 for OpenSim 4.0
     root: etree._Element
+    # by class, the element of the file's defaults section
     defaults: dict[str, etree._Element] = field(default_factory=dict)
-    warnings: list[str] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)  # filled while reading, one line each
 
     def warn(self, line: str) -> None:
         """Remember a warning once."""
@@ -61,16 +55,11 @@ class Document:
 
 @dataclass(frozen=True, eq=False)
 class Node:
-    """One object of the file: its properties, those of the defaults section where it has none itself.
-
-    Attributes
-    ----------
-    path : component path as OpenSim 4 would write it ("/jointset/hip_r")
-    """
+    """One object of the file: its properties, those of the defaults section where it has none itself."""
 
     element: etree._Element
     document: Document
-    path: str = ""
+    path: str = ""  # component path as OpenSim 4 would write it ("/jointset/hip_r")
 
     @property
     def kind(self) -> str:
@@ -205,13 +194,7 @@ class Node:
 
 
 def read_document(path: str | os.PathLike[str], wanted: tuple[str, ...], what: str) -> Node:
-    """The object of one of the classes `wanted` (of any, where that is empty) that an OpenSim file holds.
-
-    Raises
-    ------
-    BadFile
-        The file is not XML, not OpenSim's, too old or too new, or holds something else.
-    """
+    """The object of one of the classes `wanted` (of any, where that is empty) that an OpenSim file holds."""
     file = read_xml(path)
     root = file.root
     data = root

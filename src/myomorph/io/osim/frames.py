@@ -48,13 +48,7 @@ class Frames:
                     self._collect(item)
 
     def place(self, text: str, user: Node) -> tuple[str, Transform]:
-        """Body and pose of the frame that `user` names.
-
-        Raises
-        ------
-        UnknownName
-            No frame has that path or name.
-        """
+        """Body and pose of the frame that `user` names."""
         return self._at(self._find(text, user, {**self._placed, **self._offsets}, "frame"))
 
     def station(self, text: str, user: Node) -> tuple[str, Array]:

@@ -28,13 +28,7 @@ SAMPLES = 401
 
 
 def read_function(node: Node, user: Node) -> Function:
-    """The function an object of the file describes; `user` is the object that uses it.
-
-    Raises
-    ------
-    BadModel
-        The class is not one of those that coordinates, couplers and moving points can be made of.
-    """
+    """The function an object of the file describes; `user` is the object that uses it."""
     kind = node.kind
     if kind == "Constant":
         return constant(node.number("value", 0.0))
@@ -120,11 +114,8 @@ def natural_spline(x: Array, y: Array, half: int) -> PiecewisePolynomial:
 
 
 def write_function(parent: etree._Element, function: Function, user: str, warnings: list[str]) -> None:
-    """Put the OpenSim object that equals `function` into `parent`; say in `warnings` where none does.
-
-    Parameters
-    ----------
-    user : what has the function, for the warning
+    """Put the OpenSim object that equals `function` into `parent`; say in `warnings` where none does. `user`: what has
+    the function, for the warning.
     """
     if isinstance(function, SineProduct):
         if function.arity != 1:

@@ -54,17 +54,7 @@ class ReadJoint:
 
 
 def read_joint(node: Node, frames: Frames, old_child: str = "") -> ReadJoint:
-    """A joint with its axes and coordinates.
-
-    Parameters
-    ----------
-    old_child : in documents before 4.0, the body that the joint stands in
-
-    Raises
-    ------
-    BadModel
-        The joint is of a class that is not built, or its axes do not fit its coordinates.
-    """
+    """A joint with its axes and coordinates. `old_child`: before 4.0, the body that the joint stands in."""
     kind = node.kind
     if kind not in KINDS:
         raise BadModel(

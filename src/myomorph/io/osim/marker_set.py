@@ -16,27 +16,13 @@ from myomorph.model.spatial import Transform
 
 
 def read_marker_set(path: str | os.PathLike[str], model: Model) -> tuple[Marker, ...]:
-    """The markers of a MarkerSet file, on bodies of `model`.
-
-    Raises
-    ------
-    BadFile
-        The file holds no MarkerSet, or a marker without a name.
-    UnknownName
-        A marker is on a body or frame that the model does not have.
-    """
+    """The markers of a MarkerSet file, on bodies of `model`."""
     node = read_document(path, ("MarkerSet",), "an OpenSim MarkerSet")
     return tuple({marker.name: _marker(marker, model) for marker in named_markers(node)}.values())
 
 
 def named_markers(marker_set: Node) -> list[Node]:
-    """The markers of a MarkerSet.
-
-    Raises
-    ------
-    BadFile
-        A marker has no name.
-    """
+    """The markers of a MarkerSet."""
     inside = marker_set.element.find("objects")
     holder = marker_set.element if inside is None else inside
     result = [marker_set.node(element) for element in holder.findall("Marker")]

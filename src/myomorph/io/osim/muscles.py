@@ -102,13 +102,7 @@ def is_muscle(node: Node) -> bool:
 
 
 def read_muscle(node: Node, paths: PathReader, groups: tuple[str, ...]) -> Muscle:
-    """A muscle with its path and parameters.
-
-    Raises
-    ------
-    BadModel
-        Its class is not built.
-    """
+    """A muscle with its path and parameters."""
     if node.kind not in DEFAULTS:
         known = ", ".join(DEFAULTS)
         raise BadModel(f"{node.document.path}: muscle '{node.name}' is a {node.kind}, which is not built: {known} are")

@@ -75,17 +75,7 @@ def _groups(model: Node) -> dict[str, tuple[str, ...]]:
 
 
 def read_osim(path: str | os.PathLike[str]) -> Model:
-    """The model of an OpenSim file.
-
-    Raises
-    ------
-    BadFile
-        The file is not XML, cut off, not OpenSim's, or a value in it makes no sense.
-    BadModel
-        The model holds what would change the result and is not built.
-    UnknownName
-        Something refers to a body, coordinate or wrap object that the model does not have.
-    """
+    """The model of an OpenSim file."""
     node = read_document(path, ("Model",), "an OpenSim model")
     document = node.document
     if document.version < OLDEST:

@@ -30,21 +30,13 @@ PLACER = (
 @read_only
 @dataclass(frozen=True, eq=False)
 class ScalerSetup:
-    """How bodies are stretched.
+    """How bodies are stretched."""
 
-    Attributes
-    ----------
-    order : "measurements" and "manualScale", as they are carried out
-    measurements : those that are switched on
-    factors : (3,) by body, given by hand
-    time_range : frames of `markers` that are averaged [s]
-    """
-
-    order: tuple[str, ...]
-    measurements: tuple[Measurement, ...]
-    factors: Mapping[str, Array]
+    order: tuple[str, ...]  # "measurements" and "manualScale", as they are carried out
+    measurements: tuple[Measurement, ...]  # those that are switched on
+    factors: Mapping[str, Array]  # (3,) by body, given by hand
     markers: Path | None
-    time_range: tuple[float, float]
+    time_range: tuple[float, float]  # frames of `markers` that are averaged [s]
     preserve_mass_distribution: bool
     output_model: Path | None
     output_factors: Path | None
@@ -52,39 +44,28 @@ class ScalerSetup:
 
 @dataclass(frozen=True)
 class PlacerSetup:
-    """How markers are moved to where a static trial shows them.
-
-    Attributes
-    ----------
-    coordinates : table that gives coordinate tasks their values
-    most_movement : of a marker in the static frames [m]; inf for no limit
-    """
+    """How markers are moved to where a static trial shows them."""
 
     tasks: IkTasks
     markers: Path | None
-    coordinates: Path | None
+    coordinates: Path | None  # table that gives coordinate tasks their values
     time_range: tuple[float, float]
     output_model: Path | None
     output_motion: Path | None
     output_markers: Path | None
-    most_movement: float = np.inf
+    most_movement: float = np.inf  # of a marker in the static frames [m]; inf for no limit
 
 
 @dataclass(frozen=True)
 class ScaleSetup:
-    """Settings of a ScaleTool; paths are absolute or relative to the setup file's folder.
-
-    Attributes
-    ----------
-    model, marker_set : the generic model, and markers that replace or join its own
-    mass : of the person [kg], None where the scaling gives it
-    scaler, placer : None where switched off
-    """
+    """Settings of a ScaleTool; paths are absolute or relative to the setup file's folder."""
 
     name: str
+    # model, marker_set: the generic model, and markers that replace or join its own
     model: Path | None
     marker_set: Path | None
-    mass: float | None
+    mass: float | None  # of the person [kg], None where the scaling gives it
+    # scaler, placer: None where switched off
     scaler: ScalerSetup | None
     placer: PlacerSetup | None
     facts: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
@@ -92,14 +73,7 @@ class ScaleSetup:
 
 
 def scale_setup(node: Node) -> ScaleSetup:
-    """The settings of a ScaleTool.
-
-    Raises
-    ------
-    BadFile
-        A measurement is not of two markers, a body's axes are none, factors are not positive, or the
-        order names something else than `ORDERS`.
-    """
+    """The settings of a ScaleTool."""
     maker, scaler, placer = (node.child(tag) for tag in ("GenericModelMaker", "ModelScaler", "MarkerPlacer"))
     warnings = list(unknown_parts(node, TOOL))
     for part, read in ((scaler, SCALER), (placer, PLACER)):

@@ -20,13 +20,7 @@ OUTPUTS = (".osim", ".mot", ".sto", ".xml")
 
 
 def with_included(node: Node) -> Node:
-    """The node with the contents of the files that its parts name by a `file` attribute.
-
-    Raises
-    ------
-    BadFile
-        A file is absent or holds another part, or files include each other.
-    """
+    """The node with the contents of the files that its parts name by a `file` attribute."""
     if not any(element.get("file") for element in node.element.iter()):
         return node
     root = copy.deepcopy(node.element)
@@ -44,19 +38,13 @@ def with_included(node: Node) -> Node:
 
 @dataclass(frozen=True)
 class CoordinateAim:
-    """A coordinate that inverse kinematics pulls towards a value.
-
-    Attributes
-    ----------
-    weight : of the squared difference
-    source : where the value comes from: the model's default, `value`, or a table of coordinates
-    value : [rad or m], of source "value"
-    """
+    """A coordinate that inverse kinematics pulls towards a value."""
 
     coordinate: str
-    weight: float
+    weight: float  # of the squared difference
+    # where the value comes from: the model's default, `value`, or a table of coordinates
     source: Literal["default", "value", "table"] = "default"
-    value: float = 0.0
+    value: float = 0.0  # [rad or m], of source "value"
 
 
 @dataclass(frozen=True)
@@ -68,13 +56,7 @@ class IkTasks:
 
 
 def read_ik_tasks(path: str | os.PathLike[str]) -> IkTasks:
-    """The inverse kinematics tasks of an IKTaskSet file, or of the setup file of a tool that has one.
-
-    Raises
-    ------
-    BadFile
-        The file holds no task set, or a task has no name or an impossible weight.
-    """
+    """The inverse kinematics tasks of an IKTaskSet file, or of the setup file of a tool that has one."""
     node = with_included(read_document(path, (), "inverse kinematics tasks (IKTaskSet) or a tool's setup"))
     if _task_set(node) is None:
         raise node.bad("has no IKTaskSet inside")
@@ -132,13 +114,7 @@ def resolved(node: Node, name: str) -> Path:
 
 
 def output_of(node: Node, tag: str) -> Path | None:
-    """The file that a property wants written, None for none; its ending is checked, as it may come from anybody.
-
-    Raises
-    ------
-    BadFile
-        The name does not end as OpenSim's files do.
-    """
+    """The file that a property wants written, None for none; its ending is checked, as it may come from anybody."""
     path = path_of(node, tag)
     if path is not None and path.suffix.lower() not in OUTPUTS:
         raise node.bad(

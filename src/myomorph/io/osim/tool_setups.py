@@ -58,51 +58,36 @@ READ = {
 
 @dataclass(frozen=True)
 class InverseKinematicsSetup:
-    """Settings of an InverseKinematicsTool; paths are absolute or relative to the setup file's folder.
-
-    Attributes
-    ----------
-    time_range : [s]
-    output : the motion to write, None for none
-    constraint_weight : inf where constraints hold strictly
-    warnings : what the file holds that is not read, one line each
-    """
+    """Settings of an InverseKinematicsTool; paths are absolute or relative to the setup file's folder."""
 
     name: str
     model: Path | None
     markers: Path | None
     coordinates: Path | None
     tasks: IkTasks
-    time_range: tuple[float, float]
-    output: Path | None
+    time_range: tuple[float, float]  # [s]
+    output: Path | None  # the motion to write, None for none
     results: Path
     accuracy: float = 1e-5
-    constraint_weight: float = np.inf
+    constraint_weight: float = np.inf  # inf where constraints hold strictly
     report_errors: bool = True
     report_locations: bool = False
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()  # what the file holds that is not read, one line each
 
 
 @dataclass(frozen=True)
 class InverseDynamicsSetup:
-    """Settings of an InverseDynamicsTool.
-
-    Attributes
-    ----------
-    cutoff : low-pass of the coordinates [Hz], None for no filter
-    output : name of the table of generalized forces in the folder `results`
-    excluded : forces left out, as the file names them ("Muscles", "ALL", ...)
-    """
+    """Settings of an InverseDynamicsTool."""
 
     name: str
     model: Path | None
     coordinates: Path | None
     loads: Path | None
     time_range: tuple[float, float]
-    cutoff: float | None
-    output: str
+    cutoff: float | None  # low-pass of the coordinates [Hz], None for no filter
+    output: str  # name of the table of generalized forces in the folder `results`
     results: Path
-    excluded: tuple[str, ...] = ()
+    excluded: tuple[str, ...] = ()  # forces left out, as the file names them ("Muscles", "ALL", ...)
     warnings: tuple[str, ...] = ()
 
 
@@ -117,22 +102,14 @@ class StaticOptimizationSettings:
 
 @dataclass(frozen=True)
 class Analysis:
-    """One analysis of an AnalyzeTool that is switched on.
+    """One analysis of an AnalyzeTool that is switched on."""
 
-    Attributes
-    ----------
-    kind : its class, "StaticOptimization"
-    step : every so many frames
-    options : its other properties as texts
-    forces : the file of forces that a JointReaction takes, None for none
-    """
-
-    kind: str
+    kind: str  # its class, "StaticOptimization"
     name: str
-    step: int
+    step: int  # every so many frames
     static_optimization: StaticOptimizationSettings | None = None
-    options: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
-    forces: Path | None = None
+    options: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))  # its other properties as texts
+    forces: Path | None = None  # the file of forces that a JointReaction takes, None for none
 
     def flag(self, option: str, default: bool) -> bool:
         """Whether an option that is true or false is true."""
@@ -141,28 +118,20 @@ class Analysis:
 
 @dataclass(frozen=True)
 class AnalyzeSetup:
-    """Settings of an AnalyzeTool.
-
-    Attributes
-    ----------
-    actuators : files of forces that are added to the model's, or replace them
-    cutoff : low-pass of the coordinates [Hz], None for no filter
-    equilibrium : whether muscles are put into equilibrium at every frame
-    analyses : in the file's order
-    """
+    """Settings of an AnalyzeTool."""
 
     name: str
     model: Path | None
     coordinates: Path | None
     states: Path | None
     loads: Path | None
-    actuators: tuple[Path, ...]
+    actuators: tuple[Path, ...]  # files of forces that are added to the model's, or replace them
     replace_forces: bool
     time_range: tuple[float, float]
-    cutoff: float | None
+    cutoff: float | None  # low-pass of the coordinates [Hz], None for no filter
     results: Path
-    equilibrium: bool = False
-    analyses: tuple[Analysis, ...] = ()
+    equilibrium: bool = False  # whether muscles are put into equilibrium at every frame
+    analyses: tuple[Analysis, ...] = ()  # in the file's order
     warnings: tuple[str, ...] = ()
 
 
@@ -170,13 +139,7 @@ Setup = ScaleSetup | InverseKinematicsSetup | InverseDynamicsSetup | AnalyzeSetu
 
 
 def read_setup(path: str | os.PathLike[str]) -> Setup:
-    """The settings in an OpenSim setup file: scaling, inverse kinematics, inverse dynamics or analyses.
-
-    Raises
-    ------
-    BadFile
-        The file is the setup of no such tool, or a value in it makes no sense.
-    """
+    """The settings in an OpenSim setup file: scaling, inverse kinematics, inverse dynamics or analyses."""
     node = read_document(path, (), "")
     kind = MISSPELT.get(node.kind, node.kind)
     if kind not in TOOLS:

@@ -20,28 +20,15 @@ AMPERSAND = re.compile(r"&(?!(?:amp|lt|gt|quot|apos|#\d+|#x[0-9a-fA-F]+);)")
 
 @dataclass(frozen=True, eq=False)
 class XmlFile:
-    """A parsed document.
+    """A parsed document."""
 
-    Attributes
-    ----------
-    root : the outermost element
-    path : where it was read from
-    warnings : what the parser had to overlook, one line each
-    """
-
-    root: etree._Element
-    path: Path
-    warnings: tuple[str, ...] = ()
+    root: etree._Element  # the outermost element
+    path: Path  # where it was read from
+    warnings: tuple[str, ...] = ()  # what the parser had to overlook, one line each
 
 
 def read_xml(path: str | os.PathLike[str]) -> XmlFile:
-    """Parse an XML file, overlooking a few slips as OpenSim's parser does, and nothing worse.
-
-    Raises
-    ------
-    BadFile
-        The file is absent, empty, too large, cut off, not XML, or declares entities.
-    """
+    """Parse an XML file, overlooking a few slips as OpenSim's parser does, and nothing worse."""
     path = Path(path)
     content = _content(path)
     if ENTITIES.search(content.replace(b"\0", b"")):

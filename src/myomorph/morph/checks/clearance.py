@@ -35,16 +35,12 @@ NAMED = 3
 
 @dataclass(frozen=True, eq=False)
 class Clearance:
-    """Paths after they were brought out of the bones.
+    """Paths after they were brought out of the bones."""
 
-    Attributes
-    ----------
-    start, model : the target before and after
-    after, before : by muscle how much deeper than allowed it runs, where it does [m]
-    """
-
+    # start, model: the target before and after
     start: Model
     model: Model
+    # after, before: by muscle how much deeper than allowed it runs, where it does [m]
     after: Mapping[str, float]
     before: Mapping[str, float]
 
@@ -85,13 +81,9 @@ def cleared(
     points: Sequence[TransferredPoint],
     table: CoordinateTable | None = None,
 ) -> tuple[Model, tuple[TransferredPoint, ...], tuple[str, ...]]:
-    """The target with its paths out of the bones, its points where they are then, and what was done.
-
-    Parameters
-    ----------
-    bones : those of which both surfaces are known count
-    points : on their way so far
-    table : the target's coordinate of each of the source's; None where they are the same
+    """The target with its paths out of the bones, its points where they are then, and what was done. `bones`: those of
+    which both surfaces are known count; `points`: on their way so far; `table`: the target's coordinate of each of
+    the source's; None where they are the same.
     """
     donor = replace(source, muscles=tuple(source.muscle(muscle.name) for muscle in target.muscles))
     known = {bone.body: bone for bone in bones}
@@ -151,11 +143,8 @@ def clear_paths(target: Model, ground: Ground, weight: float = WEIGHT) -> Cleara
     Where a path is deepest, a via point beside that place goes out, or the wrap object around which the path runs there
     grows, whichever changes lengths and moment arms over the ranges of motion the least; origins and insertions stay.
     What makes a path deeper is undone and tried again with smaller steps: a wrap object that grows past a path's points
-    throws the path aside. In the end every move is taken back as far as the path stays out.
-
-    Parameters
-    ----------
-    weight : of the change of lengths and moment arms beside the displacement; 0 moves points the least
+    throws the path aside. In the end every move is taken back as far as the path stays out. `weight`: of the change of
+    lengths and moment arms beside the displacement; 0 moves points the least.
     """
     model = target
     before = left = ground.excess(target, target.muscle_names)

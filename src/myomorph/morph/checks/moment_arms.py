@@ -31,13 +31,9 @@ CoordinateTable = Mapping[str, tuple[str, float, float]]
 @read_only
 @dataclass(frozen=True, eq=False)
 class Postures:
-    """Coordinates of both models, the default postures first.
+    """Coordinates of both models, the default postures first."""
 
-    Attributes
-    ----------
-    source, target : (postures, coordinates) in each model's order [rad or m]
-    """
-
+    # source, target: (postures, coordinates) in each model's order [rad or m]
     source: Array
     target: Array
 
@@ -53,16 +49,8 @@ def paired_postures(
     Every coordinate that both have takes one of `LEVELS` values spread over its range, drawn independently of the
     others, so any few of them meet in nearly all combinations; one evaluation then serves every muscle. The target's
     coordinate stands at the same share of its own range, from the other end where the pair's factor is negative. What
-    only one of them has, and what is locked, stays.
-
-    Parameters
-    ----------
-    pairs : None where both have the same coordinates
-    defaults : of the default postures, where they differ from the models'
-
-    Raises
-    ------
-    UnknownName : a coordinate that a model does not have
+    only one of them has, and what is locked, stays. `pairs`: None where both have the same coordinates; `defaults`: of
+    the default postures, where they differ from the models'.
     """
     if pairs is None:
         pairs = {name: (name, 1.0, 0.0) for name in source.coordinate_names}
@@ -121,15 +109,11 @@ STAYS = 0.25
 
 @dataclass(frozen=True)
 class CoordinatePair:
-    """A coordinate of the source and the one of the target that it is compared with.
-
-    Attributes
-    ----------
-    factor, offset : target = factor * source + offset [rad or m]
-    """
+    """A coordinate of the source and the one of the target that it is compared with."""
 
     source: str
     target: str
+    # factor, offset: target = factor * source + offset [rad or m]
     factor: float = 1.0
     offset: float = 0.0
 
@@ -212,12 +196,7 @@ def swept(model: Model) -> tuple[Coordinate, ...]:
 def compared_coordinates(
     source: Model, target: Model, table: CoordinateTable | None = None
 ) -> tuple[CoordinatePair, ...]:
-    """Coordinates that both models sweep: those of one name, or as a table pairs them.
-
-    Raises
-    ------
-    UnknownName : the table names a coordinate that its model does not have
-    """
+    """Coordinates that both models sweep: those of one name, or as a table pairs them."""
     if table is None:
         table = {
             coordinate_name: (coordinate_name, 1.0, 0.0)
@@ -235,12 +214,8 @@ def compared_coordinates(
 def compare_moment_arms(
     source: Model, target: Model, pairs: Sequence[CoordinatePair], samples: int = SAMPLES
 ) -> tuple[MomentArms, ...]:
-    """Moment arms r = -dl/dq of muscles that both models have, over the range of each coordinate.
-
-    Parameters
-    ----------
-    pairs : coordinates to compare, as `compared_coordinates` finds them
-    samples : poses along a range
+    """Moment arms r = -dl/dq of muscles that both models have, over the range of each coordinate. `pairs`: coordinates
+    to compare, as `compared_coordinates` finds them; `samples`: poses along a range.
     """
     arms = []
     for pair in pairs:

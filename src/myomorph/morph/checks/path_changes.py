@@ -21,16 +21,10 @@ STEP = 1e-3
 @read_only
 @dataclass(frozen=True, eq=False)
 class PathChange:
-    """How far a muscle's path is from that of another model, each the root mean square over the poses.
+    """How far a muscle's path is from that of another model, each the root mean square over the poses."""
 
-    Attributes
-    ----------
-    length : its length [m]
-    arm : all its moment arms about turning coordinates together [m/rad]
-    """
-
-    length: float
-    arm: float
+    length: float  # its length [m]
+    arm: float  # all its moment arms about turning coordinates together [m/rad]
 
 
 def moved_poses(model: Model, muscle: Muscle, poses: Poses) -> Array:
@@ -138,20 +132,12 @@ SAME = 1e-7
 @read_only
 @dataclass(frozen=True, eq=False)
 class PathEnd:
-    """Where a straight part of a path, or an arc, ends.
+    """Where a straight part of a path, or an arc, ends."""
 
-    Attributes
-    ----------
-    lever : share of its motion with which the place looked at moves
-    point : number of the via point, -1 for none
-    wrap : name of the wrap object, "" for none
-    rotation : (3, 3) of the via point's body in ground
-    """
-
-    lever: float
-    point: int = -1
-    wrap: str = ""
-    rotation: Array = field(default_factory=lambda: np.eye(3))
+    lever: float  # share of its motion with which the place looked at moves
+    point: int = -1  # number of the via point, -1 for none
+    wrap: str = ""  # name of the wrap object, "" for none
+    rotation: Array = field(default_factory=lambda: np.eye(3))  # (3, 3) of the via point's body in ground
 
     @property
     def movable(self) -> bool:

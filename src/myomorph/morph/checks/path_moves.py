@@ -36,18 +36,11 @@ SMALLEST = 0.1
 @read_only
 @dataclass(frozen=True, eq=False)
 class Move:
-    """A way to bring a path out of a bone.
+    """A way to bring a path out of a bone."""
 
-    Attributes
-    ----------
-    end : the via point or wrap object that is moved
-    by : (3,) of a via point in its body's frame, (1,) by how much a wrap object grows [m]
-    cost : square of what it moves, and `weight` times the square of what it changes
-    """
-
-    end: PathEnd
-    by: Array
-    cost: float
+    end: PathEnd  # the via point or wrap object that is moved
+    by: Array  # (3,) of a via point in its body's frame, (1,) by how much a wrap object grows [m]
+    cost: float  # square of what it moves, and `weight` times the square of what it changes
 
 
 def least_move(
@@ -137,19 +130,13 @@ def _swollen(wrap: WrapObject, start: WrapObject, by: float) -> WrapObject:
 
 @dataclass(frozen=True, eq=False)
 class Ground:
-    """What paths are held against.
+    """What paths are held against."""
 
-    Attributes
-    ----------
-    target : bones, by body
-    poses : in which paths are looked at
-    deeper : how much deeper than the source's, in the target's size, a path may run, as a share of the bone's length
-    allowed : by muscle and body of the target how deep its path may run [m]; the share for those that are not there
-    """
-
-    target: Mapping[str, Solid]
-    poses: Poses
+    target: Mapping[str, Solid]  # bones, by body
+    poses: Poses  # in which paths are looked at
+    # how much deeper than the source's, in the target's size, a path may run, as a share of the bone's length
     deeper: float
+    # by muscle and body of the target how deep its path may run [m]; the share for those that are not there
     allowed: Mapping[tuple[str, str], float]
 
     @staticmethod

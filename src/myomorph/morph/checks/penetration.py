@@ -33,18 +33,8 @@ class Solid:
     """A bone that can tell what is inside of it, open, flipped or in many pieces as its surface may be.
 
     Inside is where the generalized winding number is above one half (Barill et al. 2018); pieces are turned outward
-    first.
-
-    Attributes
-    ----------
-    surface : turned outward
-    turned : share of the faces that were turned
-    open : whether more than a hundredth of its edges has a face on one side only
-    length : greatest extent along an axis [m]
-
-    Raises
-    ------
-    BadData : a surface without faces
+    first. `surface`: turned outward; `turned`: share of the faces that were turned; `open`: whether more than a
+    hundredth of its edges has a face on one side only; `length`: greatest extent along an axis [m].
     """
 
     def __init__(self, surface: Surface):
@@ -110,16 +100,10 @@ def _outward(vertices: Array, faces: np.ndarray) -> tuple[np.ndarray, float]:
 @read_only
 @dataclass(frozen=True, eq=False)
 class Poses:
-    """Poses at which paths are looked at.
+    """Poses at which paths are looked at."""
 
-    Attributes
-    ----------
-    coordinates : (poses, coordinates) in the model's order [rad or m]
-    moved : coordinate that each pose moves away from the default, "" for the default pose
-    """
-
-    coordinates: Array
-    moved: tuple[str, ...]
+    coordinates: Array  # (poses, coordinates) in the model's order [rad or m]
+    moved: tuple[str, ...]  # coordinate that each pose moves away from the default, "" for the default pose
 
 
 def range_poses(model: Model, names: Sequence[str], values: Sequence[Array]) -> Poses:
@@ -137,12 +121,7 @@ def range_poses(model: Model, names: Sequence[str], values: Sequence[Array]) -> 
 
 
 def standing_poses(model: Model, values: Mapping[str, float] | None = None) -> dict[str, Transform]:
-    """Poses in ground of all bodies and of the ground at given coordinates [rad or m], the others at their defaults.
-
-    Raises
-    ------
-    UnknownName : a coordinate that the model does not have
-    """
+    """Poses in ground of all bodies and of the ground at given coordinates [rad or m], the others at their defaults."""
     values = values or {}
     for name in values:
         model.coordinate(name)
@@ -183,17 +162,11 @@ class Penetration:
 @read_only
 @dataclass(frozen=True, eq=False)
 class Depth:
-    """How deep a muscle runs in a bone.
+    """How deep a muscle runs in a bone."""
 
-    Attributes
-    ----------
-    depth : at the deepest place over all poses [m]
-    pose : number of the pose where that is
-    place, outward : (3,) that place in ground [m], and the unit vector from it to the nearest point of the surface
-    """
-
-    depth: float
-    pose: int
+    depth: float  # at the deepest place over all poses [m]
+    pose: int  # number of the pose where that is
+    # place, outward: (3,) that place in ground [m], and the unit vector from it to the nearest point of the surface
     place: Array
     outward: Array
 
@@ -209,12 +182,8 @@ def path_depths(
 
     Paths are drawn around their wrap surfaces and sampled every hundredth of the smallest bone's length. A muscle is
     looked at in the default pose and in those whose coordinate moves it, and only against `bones_beside` it: two legs
-    that are crossed run through each other in any model.
-
-    Parameters
-    ----------
-    bones : by body, in the bodies' frames
-    muscles : only these
+    that are crossed run through each other in any model. `bones`: by body, in the bodies' frames; `muscles`: only
+    these.
     """
     paths, tree = compile_paths(model), compile_tree(model)
     wanted = np.isin(model.muscle_names, model.muscle_names if muscles is None else list(muscles))

@@ -132,10 +132,6 @@ def fit_map(features: FeaturePoints, options: MapOptions | None = None) -> Point
 
     Features at the same place are taken together. What the features do not tell (across the plane of flat ones) is
     that of the similarity nearest to them; `feature_warnings` says when.
-
-    Raises
-    ------
-    BadData : fewer than three points, or points on a line
     """
     options = options or MapOptions()
     merged = _merged(features)
@@ -235,16 +231,8 @@ class BoneMap:
 
 def radii_around(places: Array, radii: Array | None, asked: Array) -> Array:
     """Distances (n,) within which points of a surface belong with 90 % [m], from those of the features around them.
-
-    Parameters
-    ----------
-    places : (features, 3) in the frame of the points [m]
-    radii : (features,) of the features in the target [m]
-    asked : (n, 3) points [m]
-
-    Returns
-    -------
-    NaN where nothing is known
+    `places`: (features, 3) in the frame of the points [m]; `radii`: (features,) of the features in the target [m];
+    `asked`: (n, 3) points [m]; returns NaN where nothing is known.
     """
     known = np.zeros(0, dtype=np.intp) if radii is None else np.flatnonzero(np.isfinite(radii))
     if radii is None or len(known) < AROUND:

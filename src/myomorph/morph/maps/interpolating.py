@@ -28,20 +28,12 @@ RADIAL_PAIRS = 500_000
 @read_only
 @dataclass(frozen=True, eq=False)
 class RadialMap:
-    """y = matrix x + offset + sum_i c_i phi(|x - x_i|), phi(r) = r or r^3.
+    """y = matrix x + offset + sum_i c_i phi(|x - x_i|), phi(r) = r or r^3."""
 
-    Attributes
-    ----------
-    whole : matrix and offset
-    points : (n, 3) features of the source [m]
-    coefficients : (n, 3) c_i, which sum to zero and have no first moment [1] or [m^-2]
-    kernel : phi
-    """
-
-    whole: AffineMap
-    points: Array
-    coefficients: Array
-    kernel: Kernel
+    whole: AffineMap  # matrix and offset
+    points: Array  # (n, 3) features of the source [m]
+    coefficients: Array  # (n, 3) c_i, which sum to zero and have no first moment [1] or [m^-2]
+    kernel: Kernel  # phi
 
     def __post_init__(self) -> None:
         count = len(self.points)
@@ -76,13 +68,9 @@ def fit_radial(source: Array, target: Array, whole: AffineMap, kernel: Kernel, s
     """Functions through feature points, or past them by no more than a root mean square distance.
 
     With [[K + m I, P], [P^T, 0]] [c; a] = [y; 0] the map passes the features by m c. `smoothing` fixes m: the root mean
-    square of these distances, or that of the affine map alone where this is less.
-
-    Parameters
-    ----------
-    source, target : (features, 3), no two at the same place [m]
-    whole : of the whole bone: what it makes of an unknown direction is kept
-    smoothing : root mean square distance from the features [m]
+    square of these distances, or that of the affine map alone where this is less. `source`, `target`: (features, 3), no
+    two at the same place [m]; `whole`: of the whole bone: what it makes of an unknown direction is kept; `smoothing`:
+    root mean square distance from the features [m].
     """
     rest = target - whole.apply(source)
     middle = source.mean(axis=0)
@@ -161,21 +149,13 @@ class SubspaceMap:
     Feature i sends x to T_i(x) = y_i + A_i (x - x_i), and the map is sum_i w_i(x) T_i(x) with
     w_i = |x - x_i|^-p / sum_j |x - x_j|^-p. It goes through every feature, has the Jacobian A_i there, and is an affine
     map exactly where all A_i are that map's.
-
-    Attributes
-    ----------
-    whole : of the whole bone, from `fit_whole`
-    points : (n, 3) features of the source [m]
-    shifts : (n, 3) y_i less what `whole` makes of x_i [m]
-    slopes : (n, 3, 3) A_i less the matrix of `whole`
-    exponent : p
     """
 
-    whole: AffineMap
-    points: Array
-    shifts: Array
-    slopes: Array
-    exponent: float
+    whole: AffineMap  # of the whole bone, from `fit_whole`
+    points: Array  # (n, 3) features of the source [m]
+    shifts: Array  # (n, 3) y_i less what `whole` makes of x_i [m]
+    slopes: Array  # (n, 3, 3) A_i less the matrix of `whole`
+    exponent: float  # p
 
     def __post_init__(self) -> None:
         count = len(self.points)
@@ -255,15 +235,10 @@ def fit_subspace(
     """Local transforms of features from their neighbors.
 
     A_i minimizes sum_j |x_j - x_i|^-q |y_j - y_i - A (x_j - x_i)|^2 + s |A - A_whole|^2, where s is `STIFFNESS` times
-    the mean over directions of sum_j |x_j - x_i|^(2 - q).
-
-    Parameters
-    ----------
-    source, target : (features, 3), no two at the same place [m]
-    whole : of the whole bone
-    exponent : of the distance, in the weights of the blend
-    smoothing : root mean square distance by which features are moved towards where the others send them, or all the
-        way where this is less [m]
+    the mean over directions of sum_j |x_j - x_i|^(2 - q). `source`, `target`: (features, 3), no two at the same place
+    [m]; `whole`: of the whole bone; `exponent`: of the distance, in the weights of the blend; `smoothing`: root mean
+    square distance by which features are moved towards where the others send them, or all the way where this is less
+    [m].
     """
     shifts: Array = target - whole.apply(source)
     subspace_map = SubspaceMap(whole, source, shifts, _slopes(source, shifts), exponent)

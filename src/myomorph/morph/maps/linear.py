@@ -60,20 +60,12 @@ class Similarity:
 @read_only
 @dataclass(frozen=True, eq=False)
 class PointFit:
-    """Picked points laid on others.
+    """Picked points laid on others."""
 
-    Attributes
-    ----------
-    similarity : from the source's frame to the target's
-    residuals : (points,) distances that remain [m]
-    left_out : (points,) distances when the pick itself is left out [m]; NaN with three points
-    notes : wrong picks and mirrored sides, one line each
-    """
-
-    similarity: Similarity
-    residuals: Array
-    left_out: Array
-    notes: tuple[str, ...] = ()
+    similarity: Similarity  # from the source's frame to the target's
+    residuals: Array  # (points,) distances that remain [m]
+    left_out: Array  # (points,) distances when the pick itself is left out [m]; NaN with three points
+    notes: tuple[str, ...] = ()  # wrong picks and mirrored sides, one line each
 
     @property
     def rms(self) -> float:
@@ -82,16 +74,8 @@ class PointFit:
 
 
 def procrustes(source: Array, target: Array, scale: bool = False, weights: Array | None = None) -> Similarity:
-    """The similarity that brings points onto others with least squares (Kabsch 1976, Umeyama 1991).
-
-    Parameters
-    ----------
-    source, target : (points, 3), at least three that are not on a line [m]
-    weights : (points,)
-
-    Raises
-    ------
-    BadData : fewer than three points, or points on a line
+    """The similarity that brings points onto others with least squares (Kabsch 1976, Umeyama 1991). `source`, `target`:
+    (points, 3), at least three that are not on a line [m]; `weights`: (points,).
     """
     source, target = np.asarray(source, dtype=np.float64), np.asarray(target, dtype=np.float64)
     if source.shape != target.shape or source.ndim != 2 or len(source) < 3:
@@ -115,15 +99,7 @@ def procrustes(source: Array, target: Array, scale: bool = False, weights: Array
 
 def fit_points(names: Sequence[str], source: Array, target: Array, scale: bool = False) -> PointFit:
     """`procrustes` with its residuals, and what looks wrong: a pick that the others contradict, a mirrored side.
-
-    Parameters
-    ----------
-    names : of the points, for messages
-    source, target : (points, 3) [m]
-
-    Raises
-    ------
-    BadData : as `procrustes`
+    `names`: of the points, for messages; `source`, `target`: (points, 3) [m].
     """
     source, target = np.asarray(source, dtype=np.float64), np.asarray(target, dtype=np.float64)
     fit = procrustes(source, target, scale)
@@ -170,16 +146,10 @@ FOLDS = 24
 @read_only
 @dataclass(frozen=True, eq=False)
 class AffineMap:
-    """y = matrix x + offset.
+    """y = matrix x + offset."""
 
-    Attributes
-    ----------
-    matrix : (3, 3)
-    offset : (3,) [m]
-    """
-
-    matrix: Array
-    offset: Array
+    matrix: Array  # (3, 3)
+    offset: Array  # (3,) [m]
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "matrix", frozen_array(self.matrix, (3, 3)))
@@ -200,12 +170,7 @@ class AffineMap:
         return np.broadcast_to(self.matrix, (*shape, 3, 3)).copy()
 
     def inverse(self) -> AffineMap:
-        """The way back.
-
-        Raises
-        ------
-        BadData : a matrix that flattens space
-        """
+        """The way back."""
         try:
             back = np.linalg.inv(self.matrix).astype(np.float64)
         except np.linalg.LinAlgError:
@@ -217,17 +182,9 @@ class AffineMap:
 def fit_affine(source: Array, target: Array, weights: Array | None = None) -> AffineMap:
     """The affine map that brings points nearest to others, a similarity along directions of which they tell nothing.
 
-    Four points that are not in a plane are reproduced exactly. Points in a plane (three always are) fix the map in
-    that plane alone; across it the map is that of `procrustes` with scale.
-
-    Parameters
-    ----------
-    source, target : (points, 3), at least three that are not on a line [m]
-    weights : (points,)
-
-    Raises
-    ------
-    BadData : fewer than three points, or points on a line
+    Four points that are not in a plane are reproduced exactly. Points in a plane (three always are) fix the map in that
+    plane alone; across it the map is that of `procrustes` with scale. `source`, `target`: (points, 3), at least three
+    that are not on a line [m]; `weights`: (points,).
     """
     start = AffineMap.from_similarity(procrustes(source, target, True, weights))
     share = np.ones(len(source)) if weights is None else np.asarray(weights, dtype=np.float64)
@@ -249,16 +206,8 @@ def fit_whole(source: Array, target: Array, weights: Array | None = None) -> Aff
     A few landmarks tell little of how thick a long bone is and of its shear, and an affine map makes the most of their
     errors, far more so beside the bone. With E the squares of the errors at features left out in turn, the affine map
     counts 1 - E_affine / E_similarity, the similarity the rest: features that an affine map moves exactly are
-    reproduced exactly, from five on. Four leave nothing to check: they make a similarity.
-
-    Parameters
-    ----------
-    source, target : (points, 3), at least three that are not on a line [m]
-    weights : (points,)
-
-    Raises
-    ------
-    BadData : fewer than three points, or points on a line
+    reproduced exactly, from five on. Four leave nothing to check: they make a similarity. `source`, `target`: (points,
+    3), at least three that are not on a line [m]; `weights`: (points,).
     """
     affine = fit_affine(source, target, weights)
     similarity = AffineMap.from_similarity(procrustes(source, target, True, weights))

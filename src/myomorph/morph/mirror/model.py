@@ -118,16 +118,8 @@ def with_other_side(
 ) -> Model:
     """A one-sided model with the missing side: what has no counterpart gets one, bodies in the middle stay.
 
-    Masses in the middle stay as they are: a pelvis is taken to be whole.
-
-    Parameters
-    ----------
-    axis, point, middle : as of `mirrored`
-    suffix : put behind names that tell no side, for their counterparts
-
-    Raises
-    ------
-    BadModel : as of `mirrored`, or where there is nothing to add
+    Masses in the middle stay as they are: a pelvis is taken to be whole. `axis`, `point`, `middle`: as of `mirrored`;
+    `suffix`: put behind names that tell no side, for their counterparts.
     """
     side = other_side_of(model, axis, point, middle, suffix)
     copy = mirrored_parts(model, side)
@@ -227,17 +219,9 @@ class MirroredMap:
 def with_mirrored_bones(
     model: Model, bones: Mapping[str, BoneMap], surfaces: Mapping[str, Surface], together: bool = False, axis: str = "z"
 ) -> dict[str, BoneMap]:
-    """The maps, and the mirrored ones of bodies that have none while their other side has one.
-
-    Parameters
-    ----------
-    surfaces : of the source's own bones, in their bodies' frames
-    together : the target's bones share one frame, in which the plane of symmetry is that of a mapped bone in the middle
-    axis : of ground across the source's plane of symmetry
-
-    Raises
-    ------
-    BadModel : right and left bodies of the source do not face each other along `axis`
+    """The maps, and the mirrored ones of bodies that have none while their other side has one. `surfaces`: of the
+    source's own bones, in their bodies' frames; `together`: the target's bones share one frame, in which the plane
+    of symmetry is that of a mapped bone in the middle; `axis`: of ground across the source's plane of symmetry.
     """
     side = other_side_of(model, axis)
     middle = _shared_plane(bones, side.planes, side.middle) if together else None

@@ -26,20 +26,8 @@ def with_other_muscles(model: Model, axis: str | ArrayLike = "z") -> tuple[Model
 
     Where they lie is mirrored in ground with all coordinates at zero; bodies of the other side are the model's own, in
     whatever frames it has them. The skeleton stays as it is. Of a muscle whose name tells no side, its bodies tell it:
-    `DELT1` on the right arm gets the counterpart `DELT1_l`.
-
-    Parameters
-    ----------
-    model : whose skeleton has both sides, and muscles of one
-    axis : of ground across the plane of symmetry
-
-    Returns
-    -------
-    the model, and what looks wrong, one line each
-
-    Raises
-    ------
-    BadModel : there is nothing to add, or a body or coordinate of a muscle has no other side
+    `DELT1` on the right arm gets the counterpart `DELT1_l`. `model`: whose skeleton has both sides, and muscles of one;
+    `axis`: of ground across the plane of symmetry; returns the model, and what looks wrong, one line each.
     """
     copy = mirrored_parts(model, _naming_by_bodies(model, other_side_of(model, axis)))
     new = [muscle for muscle in copy.muscles if muscle.name not in model.muscle_names]

@@ -24,16 +24,10 @@ SNAP = 1e-6
 @read_only
 @dataclass(frozen=True, eq=False)
 class Reflection:
-    """x -> x - 2 (n . x - d) n, in the plane n . x = d.
+    """x -> x - 2 (n . x - d) n, in the plane n . x = d."""
 
-    Attributes
-    ----------
-    normal : (3,) n, a unit vector
-    offset : d [m]
-    """
-
-    normal: Array
-    offset: float = 0.0
+    normal: Array  # (3,) n, a unit vector
+    offset: float = 0.0  # d [m]
 
     def __post_init__(self) -> None:
         normal = np.asarray(self.normal, dtype=np.float64) / np.linalg.norm(self.normal)
@@ -122,21 +116,15 @@ OFF_PLANE = 0.02
 
 @dataclass(frozen=True, eq=False)
 class OtherSide:
-    """How the names and places of a model become those of the other side.
+    """How the names and places of a model become those of the other side."""
 
-    Attributes
-    ----------
-    planes : of every body (and the ground) in its frame: that of symmetry for those in the middle, one across an axis
-        of the frame for the others
-    middle : bodies that are their own other side
-    signs : of coordinates whose axes in the middle turn round, -1 (pelvis list); all others have 1
-    named : from a kind ("bodies") and a name to the name on the other side
-    """
-
+    # of every body (and the ground) in its frame: that of symmetry for those in the middle, one across an axis of the
+    # frame for the others
     planes: Mapping[str, Reflection]
-    middle: frozenset[str]
+    middle: frozenset[str]  # bodies that are their own other side
+    # of coordinates whose axes in the middle turn round, -1 (pelvis list); all others have 1
     signs: Mapping[str, float]
-    named: Callable[[str, str], str]
+    named: Callable[[str, str], str]  # from a kind ("bodies") and a name to the name on the other side
 
     def of(self, names: Iterable[str]) -> tuple[float, ...]:
         """Signs of coordinates."""
@@ -150,19 +138,11 @@ def other_side_of(
     middle: Collection[str] | None = None,
     suffix: str = "",
 ) -> OtherSide:
-    """Find out what of a model is in the middle and what belongs to a side.
-
-    Parameters
-    ----------
-    axis : of ground, or (3,) the vector in it, across the plane of symmetry
-    point : (3,) of the plane, in ground with all coordinates at zero [m]
-    middle : bodies that are their own other side; by default those whose name tells no side, on the plane and on no
-        body of a side (where no name tells a side, their mass center must lie on the plane too)
-    suffix : put behind names that tell no side, to tell the copy from the original
-
-    Raises
-    ------
-    BadModel : where right and left bodies do not face each other across the plane
+    """Find out what of a model is in the middle and what belongs to a side. `axis`: of ground, or (3,) the vector in
+    it, across the plane of symmetry; `point`: (3,) of the plane, in ground with all coordinates at zero [m];
+    `middle`: bodies that are their own other side; by default those whose name tells no side, on the plane and on no
+    body of a side (where no name tells a side, their mass center must lie on the plane too); `suffix`: put behind
+    names that tell no side, to tell the copy from the original.
     """
     known = {name: np.eye(3)[index] for name, index in AXES.items()}
     normal = known.get(axis, np.zeros(3)) if isinstance(axis, str) else np.asarray(axis, dtype=np.float64)

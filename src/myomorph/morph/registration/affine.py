@@ -69,16 +69,10 @@ EXACT = 2e-4
 
 @dataclass(frozen=True, eq=False)
 class Way:
-    """A way in which a bone may lie on another.
+    """A way in which a bone may lie on another."""
 
-    Attributes
-    ----------
-    affine : from the source to the target, in shares of each one's length
-    distance : root mean square between points that face each other, both ways
-    """
-
-    affine: AffineMap
-    distance: float
+    affine: AffineMap  # from the source to the target, in shares of each one's length
+    distance: float  # root mean square between points that face each other, both ways
 
     @property
     def strain(self) -> float:
@@ -104,12 +98,7 @@ def hull_moments(points: Array) -> tuple[Array, Array]:
 
 
 def affine_ways(ours: Shape, goal: Shape, mirrored: bool = False) -> list[Way]:
-    """Different ways to lie, the likeliest first.
-
-    Parameters
-    ----------
-    mirrored : only maps that turn right into left
-    """
+    """Different ways to lie, the likeliest first. `mirrored`: only maps that turn right into left."""
     sign = np.diag([1.0, 1.0, -1.0 if mirrored else 1.0])
     (middle, root), (goal_middle, goal_root) = (_root_moments(shape) for shape in (ours, goal))
     mine, theirs = _normal(ours.samples(MANY), middle, root), _normal(goal.samples(TARGET), goal_middle, goal_root)
@@ -186,12 +175,8 @@ def rotation_grid(count: int) -> Array:
 
 
 def lay_affinely(ours: Shape, goal: Shape, start: AffineMap, landmarks: FeaturePoints | None = None) -> Way:
-    """The affine map near a start with which both surfaces are nearest to each other.
-
-    Parameters
-    ----------
-    ours, goal : surfaces of about unit length
-    landmarks : pull beside the surfaces
+    """The affine map near a start with which both surfaces are nearest to each other. `ours`, `goal`: surfaces of about
+    unit length; `landmarks`: pull beside the surfaces.
     """
     samples, theirs = ours.samples(POINTS), goal.samples(POINTS)
     matrix, offset = np.array(start.matrix), np.array(start.offset)

@@ -68,22 +68,13 @@ RIGID = SurfaceOptions(mirror=False)
 
 @dataclass(frozen=True, eq=False)
 class Alignment:
-    """A whole bone laid on another.
+    """A whole bone laid on another."""
 
-    Attributes
-    ----------
-    affine : from the source's frame to the target's
-    similarity : nearest to it over the source's bone
-    distance : that remains after a quick deformation, more where that is unlikely [m]
-    left : that remains, however unlikely the deformation is [m]
-    others : other ways to lie, with their distances, the nearest first
-    """
-
-    affine: AffineMap
-    similarity: Similarity
-    distance: float = float("nan")
-    left: float = float("nan")
-    others: tuple[tuple[Similarity, float], ...] = ()
+    affine: AffineMap  # from the source's frame to the target's
+    similarity: Similarity  # nearest to it over the source's bone
+    distance: float = float("nan")  # that remains after a quick deformation, more where that is unlikely [m]
+    left: float = float("nan")  # that remains, however unlikely the deformation is [m]
+    others: tuple[tuple[Similarity, float], ...] = ()  # other ways to lie, with their distances, the nearest first
 
     def warnings(self) -> tuple[str, ...]:
         """Another way to lie that may be the right one."""
@@ -108,15 +99,8 @@ def align_bones(
 
     Every way that fits, and lies near the landmarks or the start where there are some, is tried with a deformation. Of
     those that fit about equally well one that keeps the frame's axes is taken, if nothing else says how the bones lie.
-
-    Parameters
-    ----------
-    landmarks : say how the bones lie where there are three that are not on a line
-    start : where the bone roughly lies, for want of such landmarks
-
-    Raises
-    ------
-    BadData : a surface without area
+    `landmarks`: say how the bones lie where there are three that are not on a line; `start`: where the bone roughly
+    lies, for want of such landmarks.
     """
     ours, goal = Shape(source), Shape(target)
     if landmarks is not None and spans_a_plane(landmarks.source) and spans_a_plane(landmarks.target):
@@ -265,23 +249,11 @@ SHIFT, STEADY = 0.2, 0.1
 def automatic_landmarks(
     source: Surface, target: Surface, start: Similarity | None = None, rounds: bool = True
 ) -> FeaturePoints:
-    """Landmarks of two bones of one kind, found without a hand.
-
-    Parameters
-    ----------
-    source : in its body's frame, facing outward
-    target : facing outward
-    start : from source to target, roughly; found from the surfaces where it is not given, if they tell it
-    rounds : look for heads and sockets too
-
-    Returns
-    -------
-    in the bones' frames: ends along the source's principal axes ("axis 1 +") and its body's ("+x"), centers of heads
-    ("head 1") and sockets ("socket 1"); none twice. May be few
-
-    Raises
-    ------
-    BadData : a surface without area, or without a start, one that could lie in two ways
+    """Landmarks of two bones of one kind, found without a hand. `source`: in its body's frame, facing outward;
+    `target`: facing outward; `start`: from source to target, roughly; found from the surfaces where it is not given,
+    if they tell it; `rounds`: look for heads and sockets too; returns in the bones' frames: ends along the source's
+    principal axes ("axis 1 +") and its body's ("+x"), centers of heads ("head 1") and sockets ("socket 1"); none
+    twice. May be few.
     """
     if start is None:
         aligned = align_bones(source, target)

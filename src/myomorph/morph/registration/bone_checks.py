@@ -58,20 +58,10 @@ def check_bone(
     landmarks: FeaturePoints | None = None,
     start: Similarity | None = None,
 ) -> list[str]:
-    """What looks odd in a target's bone, one line each; a bone that cannot be what it is said to be is refused.
-
-    Parameters
-    ----------
-    body : of the source's model, for messages
-    target : as `repaired_bone` gives it, in its file's frame, said to be in meters
-    source : the same bone of the source, in its body's frame
-    landmarks : on both
-    start : from source to target, roughly, where landmarks do not tell it
-
-    Raises
-    ------
-    BadData : the bone is not in meters; landmarks are in another unit, lie off the bone, are interchanged, belong to
-        the other side or to another bone
+    """What looks odd in a target's bone, one line each; a bone that cannot be what it is said to be is refused. `body`:
+    of the source's model, for messages; `target`: as `repaired_bone` gives it, in its file's frame, said to be in
+    meters; `source`: the same bone of the source, in its body's frame; `landmarks`: on both; `start`: from source to
+    target, roughly, where landmarks do not tell it.
     """
     _check_size(body, target, source)
     notes: list[str] = []
@@ -107,15 +97,7 @@ def bone_length(surface: Surface) -> float:
 
 def repaired_bone(surface: Surface, what: str, notes: list[str]) -> Surface:
     """Equal vertices as one, faces without area left out, specks and inner surfaces dropped, faces turned outward.
-
-    Parameters
-    ----------
-    what : how messages call it
-    notes : filled with what was done
-
-    Raises
-    ------
-    BadData : nothing with an area is left
+    `what`: how messages call it; `notes`: filled with what was done.
     """
     before = len(notes)
     vertices, faces = _welded(surface, what, notes)

@@ -47,20 +47,12 @@ OTHER = 2e-3
 @read_only
 @dataclass(frozen=True, eq=False)
 class Ball:
-    """A sphere fitted to part of a surface.
+    """A sphere fitted to part of a surface."""
 
-    Attributes
-    ----------
-    center : (3,) [m]
-    radius : as fitted [m]
-    residual : median of the absolute distances from the sphere [m]
-    covered : share of the sphere's area that the surface shows
-    """
-
-    center: Array
-    radius: float
-    residual: float
-    covered: float
+    center: Array  # (3,) [m]
+    radius: float  # as fitted [m]
+    residual: float  # median of the absolute distances from the sphere [m]
+    covered: float  # share of the sphere's area that the surface shows
 
 
 def surface_parts(surface: Surface) -> list[Surface]:
@@ -80,15 +72,8 @@ def surface_parts(surface: Surface) -> list[Surface]:
 
 
 def fit_ball(points: Array, radius: float | None = None) -> Ball:
-    """Sphere through points (n, 3) with least squares that outliers do not pull (Huber 1964).
-
-    Parameters
-    ----------
-    radius : where to start [m]; None starts from the linear fit
-
-    Raises
-    ------
-    BadData : fewer than four points
+    """Sphere through points (n, 3) with least squares that outliers do not pull (Huber 1964). `radius`: where to start
+    [m]; None starts from the linear fit.
     """
     if len(points) < 4:
         raise BadData(f"a sphere needs four points, but got {len(points)}")
@@ -130,17 +115,9 @@ def _covered(away: Array, left: Array, radius: float) -> float:
 def find_balls(surface: Surface, diameter: float = 0.009, tolerance: float = 0.15) -> tuple[Ball, ...]:
     """The balls of a diameter in a surface, whether apart or grown together with what holds them.
 
-    A part that is one ball is taken whole. Elsewhere every point votes for the center that its normal leads to at
-    one radius; where votes meet a ball is fitted to the points around.
-
-    Parameters
-    ----------
-    diameter : of the markers [m]
-    tolerance : share by which a fitted radius may differ
-
-    Returns
-    -------
-    the best seen first
+    A part that is one ball is taken whole. Elsewhere every point votes for the center that its normal leads to at one
+    radius; where votes meet a ball is fitted to the points around. `diameter`: of the markers [m]; `tolerance`: share
+    by which a fitted radius may differ; returns the best seen first.
     """
     radius = 0.5 * diameter
     balls: list[Ball] = []
@@ -217,18 +194,12 @@ def _voted(part: Surface, radius: float, tolerance: float) -> list[Ball]:
 @read_only
 @dataclass(frozen=True, eq=False)
 class NamedCluster:
-    """The balls of a cluster with the names of its markers.
+    """The balls of a cluster with the names of its markers."""
 
-    Attributes
-    ----------
-    centers : (3,) by marker [m]
-    misfit : root mean square difference of the distances between markers [m]; NaN without distances to compare with
-    notes : what looks wrong, one line each
-    """
-
-    centers: Mapping[str, Array]
+    centers: Mapping[str, Array]  # (3,) by marker [m]
+    # root mean square difference of the distances between markers [m]; NaN without distances to compare with
     misfit: float
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # what looks wrong, one line each
 
 
 def name_cluster(
@@ -238,16 +209,8 @@ def name_cluster(
     picked: Mapping[str, Array] | None = None,
 ) -> NamedCluster:
     """Which ball is which marker: by points picked near them, or by the distances between the recorded markers.
-
-    Parameters
-    ----------
-    names : of the markers, as recorded
-    distances : (markers, markers) between the markers as motion capture sees them [m]; NaN where unknown
-    picked : (3,) near some or all of the markers, by name [m]
-
-    Raises
-    ------
-    BadData : fewer balls than markers, or nothing that tells them apart
+    `names`: of the markers, as recorded; `distances`: (markers, markers) between the markers as motion capture sees
+    them [m]; NaN where unknown; `picked`: (3,) near some or all of the markers, by name [m].
     """
     if len(balls) < len(names):
         raise BadData(

@@ -40,25 +40,15 @@ ALIKE = 0.5
 
 @dataclass(frozen=True)
 class MatchQuality:
-    """Lengths are shares of the target's length, so that bones of all sizes compare.
+    """Lengths are shares of the target's length, so that bones of all sizes compare."""
 
-    Attributes
-    ----------
-    residual : root mean square distance between the smooth deformation and the surface
-    residual95 : 95 % of the source's area is nearer than that
-    symmetric : root mean square distance from the target's points to the matched source
-    coverage : share of the target's area that the matched source comes near
-    agreement : share of the source's area whose normals agree with the target's within 60 degrees
-    inverted : share of the source's area turned over
-    shrunk, grown : 1 % of the area changes by less than `shrunk` or more than `grown`, over the change of the whole
-    """
-
-    residual: float
-    residual95: float
-    symmetric: float
-    coverage: float
-    agreement: float
-    inverted: float
+    residual: float  # root mean square distance between the smooth deformation and the surface
+    residual95: float  # 95 % of the source's area is nearer than that
+    symmetric: float  # root mean square distance from the target's points to the matched source
+    coverage: float  # share of the target's area that the matched source comes near
+    agreement: float  # share of the source's area whose normals agree with the target's within 60 degrees
+    inverted: float  # share of the source's area turned over
+    # shrunk, grown: 1 % of the area changes by less than `shrunk` or more than `grown`, over the change of the whole
     shrunk: float
     grown: float
 
@@ -146,43 +136,27 @@ def _quantiles(values: Array, weights: Array, shares: tuple[float, ...]) -> tupl
 
 @dataclass(frozen=True, eq=False)
 class PlacedBone:
-    """A bone laid on another before it deforms.
+    """A bone laid on another before it deforms."""
 
-    Attributes
-    ----------
-    similarity : from the source's frame to the target's [m]
-    affine : the same with its stretches [m]; None where only the similarity is known
-    mirrored : share of the distance that the mirrored source leaves; NaN where landmarks said how the bones lie
-    notes : what looks wrong, one line each
-    """
-
-    similarity: Similarity
-    affine: AffineMap | None = None
+    similarity: Similarity  # from the source's frame to the target's [m]
+    affine: AffineMap | None = None  # the same with its stretches [m]; None where only the similarity is known
+    # share of the distance that the mirrored source leaves; NaN where landmarks said how the bones lie
     mirrored: float = float("nan")
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # what looks wrong, one line each
 
 
 @read_only
 @dataclass(frozen=True, eq=False)
 class SurfaceMatch:
-    """Points of a surface and where they are on another.
+    """Points of a surface and where they are on another."""
 
-    Attributes
-    ----------
-    points : (vertices, 3) on the target, one for every vertex of the source [m]
-    pairs : points spread evenly over the source, and where they are on the target, the matched ones alone [m]
-    placed : how the source lay before it was deformed
-    length : of the target along its longest axis [m]
-    quality : residuals, coverage, folds
-    notes : what looks wrong, one line each
-    """
-
-    points: Array
+    points: Array  # (vertices, 3) on the target, one for every vertex of the source [m]
+    # points spread evenly over the source, and where they are on the target, the matched ones alone [m]
     pairs: FeaturePoints
-    placed: PlacedBone
-    length: float
-    quality: MatchQuality
-    notes: tuple[str, ...] = ()
+    placed: PlacedBone  # how the source lay before it was deformed
+    length: float  # of the target along its longest axis [m]
+    quality: MatchQuality  # residuals, coverage, folds
+    notes: tuple[str, ...] = ()  # what looks wrong, one line each
 
 
 def place_bone(
@@ -192,18 +166,10 @@ def place_bone(
     start: Similarity | None = None,
     options: MatchOptions | None = None,
 ) -> PlacedBone:
-    """Lay a bone on another: by landmarks, or as its shape and its mirrored shape fit best.
-
-    Parameters
-    ----------
-    source : in the source body's frame; a whole bone
-    target : in the target body's frame; it may be cut off
-    landmarks : three or more that are not on a line say how the bones lie
-    start : where the source roughly lies on the target, for want of such landmarks
-
-    Raises
-    ------
-    BadData : a surface without area
+    """Lay a bone on another: by landmarks, or as its shape and its mirrored shape fit best. `source`: in the source
+    body's frame; a whole bone; `target`: in the target body's frame; it may be cut off; `landmarks`: three or more
+    that are not on a line say how the bones lie; `start`: where the source roughly lies on the target, for want of
+    such landmarks.
     """
     ours, goal = _Unit(source), _Unit(target)
     pulls = None if landmarks is None else _in_units(landmarks, ours, goal)
@@ -227,18 +193,9 @@ def match_surfaces(
     options: MatchOptions | None = None,
     placed: PlacedBone | None = None,
 ) -> SurfaceMatch:
-    """For every point of a bone the same point of another's.
-
-    Parameters
-    ----------
-    source : in the source body's frame; a whole bone
-    target : in the target body's frame; it may be cut off
-    landmarks : three or more that are not on a line say how the bones lie; fewer only pull
-    placed : what `place_bone` finds, where it is known already
-
-    Raises
-    ------
-    BadData : a surface without area
+    """For every point of a bone the same point of another's. `source`: in the source body's frame; a whole bone;
+    `target`: in the target body's frame; it may be cut off; `landmarks`: three or more that are not on a line say
+    how the bones lie; fewer only pull; `placed`: what `place_bone` finds, where it is known already.
     """
     options = options or MatchOptions()
     placed = placed or place_bone(source, target, landmarks, None, options)

@@ -26,15 +26,10 @@ FAR = 0.25
 @read_only
 @dataclass(frozen=True, eq=False)
 class Picks:
-    """Points picked on a CT and the same points on the model's bone.
+    """Points picked on a CT and the same points on the model's bone."""
 
-    Attributes
-    ----------
-    names : of the points
-    scanned, modelled : (points, 3) in the CT's frame and in the body's frame [m]
-    """
-
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # of the points
+    # scanned, modelled: (points, 3) in the CT's frame and in the body's frame [m]
     scanned: Array
     modelled: Array
 
@@ -42,22 +37,13 @@ class Picks:
 @read_only
 @dataclass(frozen=True, eq=False)
 class ScannedBone:
-    """A CT bone laid on a model's bone, and where its markers come to lie.
+    """A CT bone laid on a model's bone, and where its markers come to lie."""
 
-    Attributes
-    ----------
-    body : of the model
-    fit : of the surfaces, from the CT's frame to the body's
-    picks : of the points that it started from, or None
-    markers : (3,) by name in the CT's frame [m]
-    notes : what looks wrong, one line each
-    """
-
-    body: str
-    fit: SurfaceFit
-    picks: PointFit | None
-    markers: Mapping[str, Array]
-    notes: tuple[str, ...] = ()
+    body: str  # of the model
+    fit: SurfaceFit  # of the surfaces, from the CT's frame to the body's
+    picks: PointFit | None  # of the points that it started from, or None
+    markers: Mapping[str, Array]  # (3,) by name in the CT's frame [m]
+    notes: tuple[str, ...] = ()  # what looks wrong, one line each
 
     @property
     def scale(self) -> float:
@@ -66,16 +52,7 @@ class ScannedBone:
 
 
 def bone_surface(body: Body, surfaces: Mapping[str, Surface]) -> Surface:
-    """The meshes of a body as one surface in the body's frame.
-
-    Parameters
-    ----------
-    surfaces : by `Mesh.file`
-
-    Raises
-    ------
-    BadData : none of the body's meshes is there
-    """
+    """The meshes of a body as one surface in the body's frame. `surfaces`: by `Mesh.file`."""
     vertices, faces, first = [], [], 0
     for mesh in body.meshes:
         surface = surfaces.get(mesh.file)
@@ -99,17 +76,9 @@ def place_scanned_bone(
     picks: Picks | None = None,
     options: SurfaceOptions | None = None,
 ) -> ScannedBone:
-    """Lay the surface of a bone in a CT on the bone of a model, picked points first.
-
-    Parameters
-    ----------
-    scanned : in the CT's frame [m]; a part of the bone is enough
-    modelled : in the body's frame [m], see `bone_surface`
-    markers : (3,) by name in the CT's frame [m]
-
-    Raises
-    ------
-    BadData : too few picked points, or a surface without area
+    """Lay the surface of a bone in a CT on the bone of a model, picked points first. `scanned`: in the CT's frame [m];
+    a part of the bone is enough; `modelled`: in the body's frame [m], see `bone_surface`; `markers`: (3,) by name in
+    the CT's frame [m].
     """
     options = options or SurfaceOptions()
     start, fitted, notes = None, None, []
@@ -153,18 +122,9 @@ def place_cluster_markers(
     resize: bool = True,
     path_lengths: Callable[[Model], Array] | None = None,
 ) -> Model:
-    """The model with the markers of CT clusters fixed to its bones.
-
-    Parameters
-    ----------
-    resize : give every body the size of its scanned bone (see `scale`), so that the markers keep their place on it
-        exactly; otherwise the bones stay, and each cluster keeps its own size with its middle where the fit puts it
-    path_lengths : see `scale`
-
-    Raises
-    ------
-    UnknownName : a body that the model does not have
-    BadData : two bones on one body, or two markers of one name
+    """The model with the markers of CT clusters fixed to its bones. `resize`: give every body the size of its scanned
+    bone (see `scale`), so that the markers keep their place on it exactly; otherwise the bones stay, and each
+    cluster keeps its own size with its middle where the fit puts it; `path_lengths`: see `scale`.
     """
     names = [bone.body for bone in bones]
     if len(set(names)) != len(names):

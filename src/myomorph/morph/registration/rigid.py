@@ -47,27 +47,17 @@ MIRROR = np.array([-1.0, 1.0, 1.0])
 
 @dataclass(frozen=True)
 class SurfaceOptions:
-    """How surfaces are laid on each other.
+    """How surfaces are laid on each other."""
 
-    Attributes
-    ----------
-    scale : find a size too
-    kept : share of the points that counts, the nearest; the rest may have no counterpart
-    points : of the source, spread evenly over its surface
-    iterations : at most
-    starts : turns about each of the long axis's two directions, where no start is given
-    partial : the source is a part of the bone; None says so where it has open edges. Of a whole bone the target's
-        points count too, without which a free size shrinks into the target
-    mirror : try the mirrored source too, to name a bone of the other side
-    """
-
-    scale: bool = True
-    kept: float = 0.9
-    points: int = 2000
-    iterations: int = 100
-    starts: int = 12
+    scale: bool = True  # find a size too
+    kept: float = 0.9  # share of the points that counts, the nearest; the rest may have no counterpart
+    points: int = 2000  # of the source, spread evenly over its surface
+    iterations: int = 100  # at most
+    starts: int = 12  # turns about each of the long axis's two directions, where no start is given
+    # the source is a part of the bone; None says so where it has open edges. Of a whole bone the target's points count
+    # too, without which a free size shrinks into the target
     partial: bool | None = None
-    mirror: bool = True
+    mirror: bool = True  # try the mirrored source too, to name a bone of the other side
 
     def __post_init__(self) -> None:
         if not 0.2 <= self.kept <= 1.0:
@@ -79,25 +69,16 @@ class SurfaceOptions:
 @read_only
 @dataclass(frozen=True, eq=False)
 class SurfaceFit:
-    """A surface laid on another.
+    """A surface laid on another."""
 
-    Attributes
-    ----------
-    similarity : from the source's frame to the target's
-    distances : (vertices,) of the source's vertices to the target, positive outside: the residual map [m]
-    kept : (vertices,) which are among the share that counts
-    covariance : (7, 7) of rotation vector [rad], translation of the source's middle [m] and logarithm of scale, in
-        the target's frame, as if errors were independent from square centimetre to square centimetre
-    converged : whether the last step was small
-    notes : what looks wrong, one line each
-    """
-
-    similarity: Similarity
-    distances: Array
-    kept: np.ndarray
+    similarity: Similarity  # from the source's frame to the target's
+    distances: Array  # (vertices,) of the source's vertices to the target, positive outside: the residual map [m]
+    kept: np.ndarray  # (vertices,) which are among the share that counts
+    # (7, 7) of rotation vector [rad], translation of the source's middle [m] and logarithm of scale, in the target's
+    # frame, as if errors were independent from square centimetre to square centimetre
     covariance: Array
-    converged: bool
-    notes: tuple[str, ...] = ()
+    converged: bool  # whether the last step was small
+    notes: tuple[str, ...] = ()  # what looks wrong, one line each
 
     @property
     def rms(self) -> float:
@@ -112,15 +93,8 @@ class SurfaceFit:
 def register_surface(
     source: Surface, target: Surface, start: Similarity | None = None, options: SurfaceOptions | None = None
 ) -> SurfaceFit:
-    """The similarity that lays a surface (a CT, perhaps cut off) on another (a model's whole bone).
-
-    Parameters
-    ----------
-    start : from picked points; None tries the axes of both shapes in all their turns
-
-    Raises
-    ------
-    BadData : a surface without area
+    """The similarity that lays a surface (a CT, perhaps cut off) on another (a model's whole bone). `start`: from
+    picked points; None tries the axes of both shapes in all their turns.
     """
     options = options or SurfaceOptions()
     goal, ours = Shape(target), Shape(source)
@@ -155,19 +129,12 @@ def register_surface(
 @read_only
 @dataclass(frozen=True, eq=False)
 class RoughFit:
-    """One of the ways in which a surface may lie on another.
+    """One of the ways in which a surface may lie on another."""
 
-    Attributes
-    ----------
-    similarity : from the source's frame to the target's
-    rms : root mean square distance that it leaves [m]
-    converged : whether the last step was small
-    slopes : (pairs, unknowns) of the distances, by the last step
-    """
-
-    similarity: Similarity
-    rms: float
-    converged: bool = False
+    similarity: Similarity  # from the source's frame to the target's
+    rms: float  # root mean square distance that it leaves [m]
+    converged: bool = False  # whether the last step was small
+    # (pairs, unknowns) of the distances, by the last step
     slopes: Array = field(default_factory=lambda: np.zeros((1, 6)))
 
 
@@ -247,12 +214,7 @@ class _Fitting:
 
 
 def rough_fits(source: Surface, target: Surface, options: SurfaceOptions | None = None) -> list[RoughFit]:
-    """The few different ways in which a surface may lie on another, the best first; `register_surface` refines one.
-
-    Raises
-    ------
-    BadData : a surface without area
-    """
+    """The few different ways in which a surface may lie on another, the best first; `register_surface` refines one."""
     return _few_fits(Shape(source), Shape(target), options or SurfaceOptions())
 
 
@@ -316,15 +278,9 @@ def start_by_neighbors(
     model: Model, body: str, mapped: Mapping[str, BoneMap], poses: Mapping[str, Transform]
 ) -> Similarity | None:
     """Where a body lies in the frame that all bones share, if it hangs on its nearest mapped bone as in the source.
-
-    Parameters
-    ----------
-    mapped : maps of bones so far; their target surfaces share one frame
-    poses : of the source's bodies in ground, in the posture that the scan is most like
-
-    Returns
-    -------
-    from the source body's frame to the shared one, None where no bone is mapped yet
+    `mapped`: maps of bones so far; their target surfaces share one frame; `poses`: of the source's bodies in ground,
+    in the posture that the scan is most like; returns from the source body's frame to the shared one, None where no
+    bone is mapped yet.
     """
     near = _nearest(model, body, mapped)
     if near is None:

@@ -146,22 +146,13 @@ TILT = 1e-4
 @read_only
 @dataclass(frozen=True, eq=False)
 class SmoothFit:
-    """A displacement after an affine map, lengths in shares of the bone's.
+    """A displacement after an affine map, lengths in shares of the bone's."""
 
-    Attributes
-    ----------
-    before : what it starts from
-    basis : phi_j of points (n, 3): (n, k)
-    coefficients : (k, 3) of them
-    information : (3 k, 3 k) how well the coefficients are known, axis by axis
-    rms : root mean square distance from the source's points to the target, of those that count
-    """
-
-    before: AffineMap
-    basis: Callable[[Array], Array]
-    coefficients: Array
-    information: Array
-    rms: float
+    before: AffineMap  # what it starts from
+    basis: Callable[[Array], Array]  # phi_j of points (n, 3): (n, k)
+    coefficients: Array  # (k, 3) of them
+    information: Array  # (3 k, 3 k) how well the coefficients are known, axis by axis
+    rms: float  # root mean square distance from the source's points to the target, of those that count
 
     def apply(self, points: Array) -> Array:
         """Points (n, 3) of the source on the target, or as near as is smooth."""
@@ -340,12 +331,8 @@ and from a template cut into 80 to 700 triangles, as OpenSim's bones are; tried 
 def match_radii(
     ours: Shape, goal: Shape, fit: SmoothFit, points: Array, landmarks: FeaturePoints | None, options: MatchOptions
 ) -> Array:
-    """Distances (n,) within which points (n, 3) of the source belong with 90 %, in shares of the bone's length.
-
-    Parameters
-    ----------
-    ours, goal : surfaces of about unit length
-    fit : of the source onto the target
+    """Distances (n,) within which points (n, 3) of the source belong with 90 %, in shares of the bone's length. `ours`,
+    `goal`: surfaces of about unit length; `fit`: of the source onto the target.
     """
     few = replace(options, match_points=min(POINTS, options.match_points))
     narrow = max(0.5, NARROWER * options.match_kernel_width)

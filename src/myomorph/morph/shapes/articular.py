@@ -29,20 +29,12 @@ FACING = 0.82
 @read_only
 @dataclass(frozen=True, eq=False)
 class Corners:
-    """Vertices of a surface, equal ones as one.
+    """Vertices of a surface, equal ones as one."""
 
-    Attributes
-    ----------
-    points : (n, 3) [m]
-    normals : (n, 3) outward, of the faces around, by their areas
-    areas : (n,) a third of the faces around [m^2]
-    edges : (m, 2) pairs of vertices that a face has
-    """
-
-    points: Array
-    normals: Array
-    areas: Array
-    edges: np.ndarray
+    points: Array  # (n, 3) [m]
+    normals: Array  # (n, 3) outward, of the faces around, by their areas
+    areas: Array  # (n,) a third of the faces around [m^2]
+    edges: np.ndarray  # (m, 2) pairs of vertices that a face has
 
     @staticmethod
     def of(surface: Surface) -> Corners:
@@ -152,18 +144,9 @@ _Fit = TypeVar("_Fit", SphereFit, CylinderFit)
 
 
 def articular_sphere(surface: Surface, near: ArrayLike, radius: float, hollow: bool = False) -> SphereFit:
-    """The sphere of a joint's head or socket.
-
-    Parameters
-    ----------
-    surface : of the bone, facing outward
-    near : (3,) where its center is about, within a third of the radius [m]
-    radius : about [m]
-    hollow : whether it is a socket, which looks towards its center
-
-    Raises
-    ------
-    BadData : there is no round surface there, or it has another size or another place than was said
+    """The sphere of a joint's head or socket. `surface`: of the bone, facing outward; `near`: (3,) where its center is
+    about, within a third of the radius [m]; `radius`: about [m]; `hollow`: whether it is a socket, which looks
+    towards its center.
     """
     start = np.asarray(near, dtype=np.float64)
     return _sphere(_near(surface, start, 2.5 * radius), start, radius, hollow)
@@ -172,20 +155,10 @@ def articular_sphere(surface: Surface, near: ArrayLike, radius: float, hollow: b
 def articular_cylinder(
     surface: Surface, near: ArrayLike, axis: ArrayLike, radius: float, width: float | None = None, hollow: bool = False
 ) -> CylinderFit:
-    """The cylinder of a hinge's rollers: both condyles of a femur, the trochlea of a talus or a humerus.
-
-    Parameters
-    ----------
-    surface : of the bone, facing outward
-    near : (3,) point amid the joint, near the axis [m]
-    axis : (3,) about where it points
-    radius : about [m]
-    width : of the joint along the axis, 4 radii by default [m]
-    hollow : whether it is the notch that holds the roller
-
-    Raises
-    ------
-    BadData : there is no round surface there, or it has another size or another place than was said
+    """The cylinder of a hinge's rollers: both condyles of a femur, the trochlea of a talus or a humerus. `surface`: of
+    the bone, facing outward; `near`: (3,) point amid the joint, near the axis [m]; `axis`: (3,) about where it
+    points; `radius`: about [m]; `width`: of the joint along the axis, 4 radii by default [m]; `hollow`: whether it
+    is the notch that holds the roller.
     """
     start, line = np.asarray(near, dtype=np.float64), np.asarray(axis, dtype=np.float64)
     line = line / np.linalg.norm(line)
@@ -238,17 +211,9 @@ def spherical_patches(surface: Surface, hollow: bool = False, most: int = 8) -> 
     """Where a bone is round: spheres that fit parts of its surface, those of which most is there first.
 
     Each of many vertices proposes centers along its normal, for a ladder of radii from 1/100 to 1/4 of the bone's
-    length; the proposals with most surface on their sphere are fitted as in `articular_sphere`.
-
-    Parameters
-    ----------
-    surface : of the bone, facing outward
-    hollow : look for sockets instead of heads
-    most : of them
-
-    Returns
-    -------
-    fits without `warning_of`, those that cover most of their sphere first; none of them meets another's center
+    length; the proposals with most surface on their sphere are fitted as in `articular_sphere`. `surface`: of the bone,
+    facing outward; `hollow`: look for sockets instead of heads; `most`: of them; returns fits without `warning_of`,
+    those that cover most of their sphere first; none of them meets another's center.
     """
     corners = Corners.of(surface)
     length = float(np.ptp(corners.points, axis=0).max())

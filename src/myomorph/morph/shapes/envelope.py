@@ -41,23 +41,14 @@ ROUNDS = 60
 @read_only
 @dataclass(frozen=True, eq=False)
 class Envelope:
-    """The space in and around a skeleton, as points on a regular grid.
+    """The space in and around a skeleton, as points on a regular grid."""
 
-    Attributes
-    ----------
-    points : (points, 3) in ground, each the middle of a cube [m]
-    bodies : names
-    owner : (points,) body of each
-    spacing : edge of the cubes [m]
-    soft_tissue : thickness over each body's bones, as a share of its length
-    surface : of the whole, closed, in ground
-    """
-
-    points: Array
-    bodies: tuple[str, ...]
-    owner: np.ndarray
-    spacing: float
-    surface: Surface
+    points: Array  # (points, 3) in ground, each the middle of a cube [m]
+    bodies: tuple[str, ...]  # names
+    owner: np.ndarray  # (points,) body of each
+    spacing: float  # edge of the cubes [m]
+    surface: Surface  # of the whole, closed, in ground
+    # thickness over each body's bones, as a share of its length
     soft_tissue: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
 
     @property
@@ -99,13 +90,8 @@ class Grid:
 
 
 class Skeleton:
-    """Convex hulls of a model's bones in one pose.
-
-    Attributes
-    ----------
-    hulls : corners in ground, by body [m]
-    lengths : greatest extent of each body's bones along an axis of the ground [m]
-    groups : of bodies with a common hull
+    """Convex hulls of a model's bones in one pose. `hulls`: corners in ground, by body [m]; `lengths`: greatest extent
+    of each body's bones along an axis of the ground [m]; `groups`: of bodies with a common hull.
     """
 
     def __init__(
@@ -153,21 +139,11 @@ def grow_envelope(
     together: Sequence[Sequence[str]] = (),
     cells: int = CELLS,
 ) -> Envelope:
-    """Soft tissue around the bones of a model, in one pose.
-
-    Parameters
-    ----------
-    bones : by body, in the bodies' frames [m]
-    pose : its first frame; the model's default pose where it is not given
-    volume : that the whole shall have [m^3]; the soft tissue grows or shrinks everywhere in proportion
-    soft_tissue : thickness as a share of bone length, for all or by body (`SOFT_TISSUE` for those not named)
-    together : groups of bodies with a common hull, as those around a belly
-    cells : of the grid along the longest side
-
-    Raises
-    ------
-    BadData : no bone, or a volume that the skeleton cannot have
-    UnknownName : a bone of a body that the model does not have
+    """Soft tissue around the bones of a model, in one pose. `bones`: by body, in the bodies' frames [m]; `pose`: its
+    first frame; the model's default pose where it is not given; `volume`: that the whole shall have [m^3]; the soft
+    tissue grows or shrinks everywhere in proportion; `soft_tissue`: thickness as a share of bone length, for all or
+    by body (`SOFT_TISSUE` for those not named); `together`: groups of bodies with a common hull, as those around a
+    belly; `cells`: of the grid along the longest side.
     """
     skeleton = Skeleton(model, bones, pose, together)
     share = {
@@ -197,11 +173,7 @@ def soft_tissue_of(
     """Thickness of soft tissue over each body's bones, as a share of its length, that gives it the mass it has.
 
     Bodies that cannot have theirs (a mass that stands for parts without bones) come as near as `THICKEST` and their
-    neighbors let them.
-
-    Parameters
-    ----------
-    density : of all [kg/m^3]
+    neighbors let them. `density`: of all [kg/m^3].
     """
     skeleton = Skeleton(model, bones, None, together)
     names = list(skeleton.hulls)

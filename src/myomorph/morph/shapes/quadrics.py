@@ -36,28 +36,17 @@ CELLS = 8
 @read_only
 @dataclass(frozen=True, eq=False)
 class SphereFit:
-    """A sphere through points of a surface.
+    """A sphere through points of a surface."""
 
-    Attributes
-    ----------
-    center : (3,) [m]
-    radius : [m]
-    rms : of the distances of the points that count [m]
-    coverage : share of the sphere in whose directions there are points, 0 to 1
-    covariance : (3, 3) of the center, a patch `TOGETHER` of the radius wide taken as one observation [m^2]
-    count : of points that count
-    hollow : the surface looks towards the center, as a socket's does
-    bent : how much the normals turn where they turn least, over what they do on the sphere: 1 on a sphere, 0 along a
-        shaft; NaN without normals
-    """
-
-    center: Array
-    radius: float
-    rms: float
-    coverage: float
-    covariance: Array
-    count: int
-    hollow: bool = False
+    center: Array  # (3,) [m]
+    radius: float  # [m]
+    rms: float  # of the distances of the points that count [m]
+    coverage: float  # share of the sphere in whose directions there are points, 0 to 1
+    covariance: Array  # (3, 3) of the center, a patch `TOGETHER` of the radius wide taken as one observation [m^2]
+    count: int  # of points that count
+    hollow: bool = False  # the surface looks towards the center, as a socket's does
+    # how much the normals turn where they turn least, over what they do on the sphere: 1 on a sphere, 0 along a shaft;
+    # NaN without normals
     bent: float = float("nan")
 
     @property
@@ -69,47 +58,24 @@ class SphereFit:
 @read_only
 @dataclass(frozen=True, eq=False)
 class CylinderFit:
-    """A cylinder through points of a surface.
+    """A cylinder through points of a surface."""
 
-    Attributes
-    ----------
-    point : (3,) of its axis, amid the points [m]
-    axis : (3,) unit vector, to the side of the axis given
-    radius : [m]
-    length : along the axis, between the first and the last of the points that count [m]
-    rms : of the distances of the points that count [m]
-    coverage : share of the turn about the axis in which there are points, 0 to 1
-    deviation : standard deviation of the axis's place in the worst direction [m]
-    tilt : standard deviation of its direction in the worst direction [rad]
-    count : of points that count
-    hollow : the surface looks towards the axis
-    """
-
-    point: Array
-    axis: Array
-    radius: float
-    length: float
-    rms: float
-    coverage: float
-    deviation: float
-    tilt: float
-    count: int
-    hollow: bool = False
+    point: Array  # (3,) of its axis, amid the points [m]
+    axis: Array  # (3,) unit vector, to the side of the axis given
+    radius: float  # [m]
+    length: float  # along the axis, between the first and the last of the points that count [m]
+    rms: float  # of the distances of the points that count [m]
+    coverage: float  # share of the turn about the axis in which there are points, 0 to 1
+    deviation: float  # standard deviation of the axis's place in the worst direction [m]
+    tilt: float  # standard deviation of its direction in the worst direction [rad]
+    count: int  # of points that count
+    hollow: bool = False  # the surface looks towards the axis
 
 
 def fit_sphere(points: ArrayLike, normals: ArrayLike | None = None, weights: ArrayLike | None = None) -> SphereFit:
-    """The sphere nearest to points.
-
-    Parameters
-    ----------
-    points : (n, 3) [m]
-    normals : (n, 3) outward; start the center, which little of a sphere needs, and tell a head from a socket
-    weights : (n,) area that each point stands for [m^2], from which the coverage follows; without them points count
-        alike, and the coverage is that of cells of directions
-
-    Raises
-    ------
-    BadData : fewer than four points, points that are not finite, or in one plane
+    """The sphere nearest to points. `points`: (n, 3) [m]; `normals`: (n, 3) outward; start the center, which little of
+    a sphere needs, and tell a head from a socket; `weights`: (n,) area that each point stands for [m^2], from which
+    the coverage follows; without them points count alike, and the coverage is that of cells of directions.
     """
     x, share, middle, size = _scaled(points, weights, 4, "sphere")
     center, radius = _sphere_start(x, normals, share)
@@ -147,18 +113,9 @@ def fit_sphere(points: ArrayLike, normals: ArrayLike | None = None, weights: Arr
 def fit_cylinder(
     points: ArrayLike, normals: ArrayLike | None = None, weights: ArrayLike | None = None, axis: ArrayLike | None = None
 ) -> CylinderFit:
-    """The cylinder nearest to points.
-
-    Parameters
-    ----------
-    points : (n, 3) [m]
-    normals : (n, 3) outward; start the axis where none is given, and tell a shaft from a hole
-    weights : (n,) area that each point stands for, equal by default
-    axis : (3,) to start from; without one and without normals the principal axes are tried, and the best is taken
-
-    Raises
-    ------
-    BadData : fewer than six points, points that are not finite, or on which no cylinder is determined
+    """The cylinder nearest to points. `points`: (n, 3) [m]; `normals`: (n, 3) outward; start the axis where none is
+    given, and tell a shaft from a hole; `weights`: (n,) area that each point stands for, equal by default; `axis`:
+    (3,) to start from; without one and without normals the principal axes are tried, and the best is taken.
     """
     x, share, middle, size = _scaled(points, weights, 6, "cylinder")
     if axis is not None:

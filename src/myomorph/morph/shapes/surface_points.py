@@ -37,11 +37,8 @@ class Samples:
 
 
 class Boxes:
-    """Triangles that tell what of them is nearest to points, and what lies inside of them.
-
-    Parameters
-    ----------
-    vertices, faces : (n, 3) [m] and (m, 3)
+    """Triangles that tell what of them is nearest to points, and what lies inside of them. `vertices`, `faces`: (n, 3)
+    [m] and (m, 3).
     """
 
     def __init__(self, vertices: Array, faces: np.ndarray):
@@ -71,12 +68,7 @@ class Boxes:
 
 
 class Shape:
-    """A surface with what nearest points need.
-
-    Raises
-    ------
-    BadData : a surface without area
-    """
+    """A surface with what nearest points need."""
 
     def __init__(self, surface: Surface):
         self.vertices = np.array(surface.vertices)

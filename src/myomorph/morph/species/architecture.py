@@ -38,23 +38,15 @@ QUANTILE = 1.645
 
 @dataclass(frozen=True)
 class MuscleRow:
-    """One muscle of a table.
+    """One muscle of a table."""
 
-    Attributes
-    ----------
-    name : the anatomist's
-    sources : muscles of the source that it corresponds to; several share its strength, as a relative's table has them
-        or else as they do in the source
-    fiber : optimal fiber length [m]
-    strength : maximum isometric force times that [N m]
-    pennation : at optimal fiber length [rad]; None keeps the source's
-    """
-
-    name: str
+    name: str  # the anatomist's
+    # muscles of the source that it corresponds to; several share its strength, as a relative's table has them or else
+    # as they do in the source
     sources: tuple[str, ...]
-    fiber: float
-    strength: float
-    pennation: float | None = None
+    fiber: float  # optimal fiber length [m]
+    strength: float  # maximum isometric force times that [N m]
+    pennation: float | None = None  # at optimal fiber length [rad]; None keeps the source's
 
     def __post_init__(self) -> None:
         if not (np.isfinite([self.fiber, self.strength]).all() and self.fiber > 0.0 and self.strength > 0.0):
@@ -65,22 +57,17 @@ class MuscleRow:
 
 @dataclass(frozen=True, eq=False)
 class ArchitectureTable:
-    """Muscles of one species as an anatomist measured them.
+    """Muscles of one species as an anatomist measured them."""
 
-    Attributes
-    ----------
-    species, citation : whose, and where it was published
-    lengths : of the animals' bones by body of the source [m]
-    measured : "joints" where these are distances of joint centers, "bones" where they are whole bones
-    body_mass : of these animals [kg], None where it is not known
-    """
-
+    # species, citation: whose, and where it was published
     species: str
     citation: str
     rows: tuple[MuscleRow, ...]
+    # of the animals' bones by body of the source [m]
     lengths: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
+    # "joints" where these are distances of joint centers, "bones" where they are whole bones
     measured: Literal["joints", "bones"] = "joints"
-    body_mass: float | None = None
+    body_mass: float | None = None  # of these animals [kg], None where it is not known
 
     def __post_init__(self) -> None:
         if not self.rows:
@@ -96,21 +83,13 @@ class ArchitectureTable:
 
 @dataclass(frozen=True)
 class ScalingLaw:
-    """How the target's fibers and forces compare with the source's in its size, from muscles known in both.
+    """How the target's fibers and forces compare with the source's in its size, from muscles known in both."""
 
-    Attributes
-    ----------
-    citation : which muscles, and where they were published
-    bones : bodies of the source whose joint centers tell the target's length over the source's
-    fiber : optimal fiber length, times what that length gives
-    force : maximum isometric force, times what that length squared gives
-    fiber_interval, force_interval : within what the truth lies (90 %), as factors of what the law gives
-    """
-
-    citation: str
-    bones: tuple[str, ...]
-    fiber: float
-    force: float
+    citation: str  # which muscles, and where they were published
+    bones: tuple[str, ...]  # bodies of the source whose joint centers tell the target's length over the source's
+    fiber: float  # optimal fiber length, times what that length gives
+    force: float  # maximum isometric force, times what that length squared gives
+    # fiber_interval, force_interval: within what the truth lies (90 %), as factors of what the law gives
     fiber_interval: tuple[float, float]
     force_interval: tuple[float, float]
 
@@ -123,16 +102,10 @@ class ScalingLaw:
 
 @dataclass(frozen=True)
 class Size:
-    """The target animal over a table's.
+    """The target animal over a table's."""
 
-    Attributes
-    ----------
-    length : of their bones
-    mass : of their bodies, None where one is not known
-    """
-
-    length: float = 1.0
-    mass: float | None = None
+    length: float = 1.0  # of their bones
+    mass: float | None = None  # of their bodies, None where one is not known
 
     @property
     def strength(self) -> float:
@@ -154,18 +127,10 @@ Values = dict[str, _Value]
 def architectures(
     source: Model, tables: Sequence[ArchitectureTable], sizes: Sequence[Size], muscles: Sequence[str]
 ) -> Mapping[str, Architecture]:
-    """Fiber length, force and pennation of muscles in the target, by the source's names.
-
-    Parameters
-    ----------
-    source : whose muscles they are
-    tables : the target species' first, then relatives', the nearest first
-    sizes : of the target animal over each table's
-    muscles : wanted; those that no table has follow the source at the level of the others
-
-    Returns
-    -------
-    of all muscles, or of none where there is no table
+    """Fiber length, force and pennation of muscles in the target, by the source's names. `source`: whose muscles they
+    are; `tables`: the target species' first, then relatives', the nearest first; `sizes`: of the target animal over
+    each table's; `muscles`: wanted; those that no table has follow the source at the level of the others; returns of
+    all muscles, or of none where there is no table.
     """
     if not tables:
         return FrozenMap({})
@@ -202,12 +167,8 @@ def architectures(
 def scaled_architectures(
     source: Model, law: ScalingLaw, length: float, muscles: Sequence[str]
 ) -> Mapping[str, Architecture]:
-    """Fiber length and force of muscles in the target by a law of scaling, by the source's names.
-
-    Parameters
-    ----------
-    length : of the target's bones over the source's
-    muscles : wanted
+    """Fiber length and force of muscles in the target by a law of scaling, by the source's names. `length`: of the
+    target's bones over the source's; `muscles`: wanted.
     """
     basis = f"{source.name}, scaled as {law.citation}"
     return FrozenMap(

@@ -32,10 +32,6 @@ def with_attachments(
     """The source with a body for each point that is moved, the maps of all, and what was moved, in lines.
 
     A point whose path would then go back and forth along that bone stays where the map puts it.
-
-    Raises
-    ------
-    BadData : a relative's bone with fewer than four landmarks in common with the target's
     """
     muscles = {muscle.name: muscle for muscle in source.muscles}
     result = dict(bones)

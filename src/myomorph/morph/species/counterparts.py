@@ -42,14 +42,9 @@ def _none() -> Mapping[str, Any]:
 @read_only
 @dataclass(frozen=True, eq=False)
 class AnatomicalFrame:
-    """Directions of the anatomy in the frames of bodies.
+    """Directions of the anatomy in the frames of bodies."""
 
-    Attributes
-    ----------
-    axes : (3, 3) rows proximal, anterior, right: unit vectors in a body's frame
-    """
-
-    axes: Array
+    axes: Array  # (3, 3) rows proximal, anterior, right: unit vectors in a body's frame
 
     def __post_init__(self) -> None:
         axes = frozen_array(self.axes, (3, 3))
@@ -62,35 +57,28 @@ class AnatomicalFrame:
 
 @dataclass(frozen=True, eq=False)
 class LandmarkRule:
-    """How a landmark is found on a bone of either species.
-
-    Attributes
-    ----------
-    rule : "joint" is the center of the joint by which a body hangs on its parent; "farthest" is the vertex farthest in
-        a direction; "section" is the points of a cross-section farthest in directions evenly around, named after
-        these; "box" is the eight corners of the bone's extent along the anatomy, for bones that are only scaled
-    toward : of "farthest", how much each direction of the anatomy counts
-    within : the region looked at, by direction, in shares of the part's extent from 0 to 1
-    source_within, target_within : the same of one species only
-    at : of "section", where along a direction, in shares of the part's extent
-    along : that direction
-    around : of "section", how many directions, the first anterior, in sections along anterior proximal
-    source_joint, target_joint : of "joint", the body
-    part : which connected parts count: "joint" the one nearest to the bone's first joint landmark, "middle" the
-        others that straddle the midline, "first" and "second" by area, "" all
-    """
+    """How a landmark is found on a bone of either species."""
 
     name: str
+    # "joint" is the center of the joint by which a body hangs on its parent; "farthest" is the vertex farthest in a
+    # direction; "section" is the points of a cross-section farthest in directions evenly around, named after these;
+    # "box" is the eight corners of the bone's extent along the anatomy, for bones that are only scaled
     rule: RuleKind
+    # of "farthest", how much each direction of the anatomy counts
     toward: Mapping[str, float] = field(default_factory=_none)
+    # the region looked at, by direction, in shares of the part's extent from 0 to 1
     within: Box = field(default_factory=_none)
+    # source_within, target_within: the same of one species only
     source_within: Box = field(default_factory=_none)
     target_within: Box = field(default_factory=_none)
-    at: tuple[float, ...] = ()
-    along: Literal["proximal", "anterior"] = "proximal"
-    around: int = 4
+    at: tuple[float, ...] = ()  # of "section", where along a direction, in shares of the part's extent
+    along: Literal["proximal", "anterior"] = "proximal"  # that direction
+    around: int = 4  # of "section", how many directions, the first anterior, in sections along anterior proximal
+    # source_joint, target_joint: of "joint", the body
     source_joint: str = ""
     target_joint: str = ""
+    # which connected parts count: "joint" the one nearest to the bone's first joint landmark, "middle" the others that
+    # straddle the midline, "first" and "second" by area, "" all
     part: Part = ""
 
     def __post_init__(self) -> None:
@@ -112,34 +100,28 @@ class LandmarkRule:
 
 @dataclass(frozen=True, eq=False)
 class BoneHomology:
-    """Bones that correspond.
+    """Bones that correspond."""
 
-    Attributes
-    ----------
-    sources : bodies of the source; several are fused in the target, and lie in the frame of the first as in the
-        source's posture
-    targets : bodies of the target; several are fused in the source, and lie in the frame of the first as in the
-        target's posture
-    source_frame, target_frame : where they differ from the species'
-    transferred : bodies of the source that have no bone of their own in the target and ride on this one
-    spread : muscle points go to the nearest of the targets, with `rays` all of a muscle's to the same; otherwise all to
-        the first
-    rays : digits of the target and their muscles, which go there whatever is nearest
-    half : only what lies to the right of the body's origin counts
-    match : "dense" finds corresponding points all over the surfaces, beside the landmarks; "landmarks" maps by them
-        alone; "similarity" lays the bones on each other by them and no more, where too little is alike
-    """
-
+    # bodies of the source; several are fused in the target, and lie in the frame of the first as in the source's
+    # posture
     sources: tuple[str, ...]
+    # bodies of the target; several are fused in the source, and lie in the frame of the first as in the target's
+    # posture
     targets: tuple[str, ...]
     landmarks: tuple[LandmarkRule, ...]
+    # source_frame, target_frame: where they differ from the species'
     source_frame: AnatomicalFrame | None = None
     target_frame: AnatomicalFrame | None = None
+    # bodies of the source that have no bone of their own in the target and ride on this one
     transferred: tuple[str, ...] = ()
+    # muscle points go to the nearest of the targets, with `rays` all of a muscle's to the same; otherwise all to the
+    # first
     spread: bool = False
-    half: bool = False
+    half: bool = False  # only what lies to the right of the body's origin counts
+    # "dense" finds corresponding points all over the surfaces, beside the landmarks; "landmarks" maps by them alone;
+    # "similarity" lays the bones on each other by them and no more, where too little is alike
     match: Literal["dense", "landmarks", "similarity"] = "dense"
-    rays: tuple[Ray, ...] = ()
+    rays: tuple[Ray, ...] = ()  # digits of the target and their muscles, which go there whatever is nearest
 
     def __post_init__(self) -> None:
         if not self.sources or not self.targets:
@@ -158,55 +140,41 @@ class CoordinateHomology:
 
 @dataclass(frozen=True)
 class MuscleHomology:
-    """Muscles that correspond, by the names of the models that were compared.
+    """Muscles that correspond, by the names of the models that were compared."""
 
-    Attributes
-    ----------
-    sources, targets : parts of one muscle in one species may be several in the other
-    why : where it is not evident
-    """
-
+    # sources, targets: parts of one muscle in one species may be several in the other
     sources: tuple[str, ...]
     targets: tuple[str, ...]
-    why: str = ""
+    why: str = ""  # where it is not evident
 
 
 @dataclass(frozen=True, eq=False)
 class SpeciesTable:
-    """Everything that corresponds between two species.
-
-    Attributes
-    ----------
-    source_frame, target_frame : directions of the anatomy in the bodies' frames, unless a bone says otherwise
-    posture : coordinates of the source that bring its bones together as the target's are at `target_posture`
-    missing : bodies of the source without a counterpart, and why
-    extra : bodies of the target without a counterpart, and why
-    architecture : fiber lengths and strengths of muscles, of the target species first, then of its relatives
-    scaling : how fibers and forces follow the source's where there is no table of them
-    masses : shares of segments of the target in its mass
-    relatives : where muscles begin or end on bones of relatives of the target, see `RelativeBone`
-    straight : muscles of the source whose paths run from end to end in the target, without points or wraps between
-    markers : tables of labels of recordings of the target, see `MarkerTable`
-    unlike : where muscles of other orders attach, 90 % lie within this share of the bone's length; 0 where nothing is
-        known of that
-    """
+    """Everything that corresponds between two species."""
 
     name: str
+    # source_frame, target_frame: directions of the anatomy in the bodies' frames, unless a bone says otherwise
     source_frame: AnatomicalFrame
     target_frame: AnatomicalFrame
     bones: tuple[BoneHomology, ...]
     coordinates: tuple[CoordinateHomology, ...] = ()
     muscles: tuple[MuscleHomology, ...] = ()
+    # coordinates of the source that bring its bones together as the target's are at `target_posture`
     posture: Mapping[str, float] = field(default_factory=_none)
     target_posture: Mapping[str, float] = field(default_factory=_none)
-    missing: Mapping[str, str] = field(default_factory=_none)
-    extra: Mapping[str, str] = field(default_factory=_none)
+    missing: Mapping[str, str] = field(default_factory=_none)  # bodies of the source without a counterpart, and why
+    extra: Mapping[str, str] = field(default_factory=_none)  # bodies of the target without a counterpart, and why
+    # fiber lengths and strengths of muscles, of the target species first, then of its relatives
     architecture: tuple[ArchitectureTable, ...] = ()
-    scaling: ScalingLaw | None = None
-    masses: tuple[SegmentShare, ...] = ()
-    markers: tuple[MarkerTable, ...] = ()
+    scaling: ScalingLaw | None = None  # how fibers and forces follow the source's where there is no table of them
+    masses: tuple[SegmentShare, ...] = ()  # shares of segments of the target in its mass
+    markers: tuple[MarkerTable, ...] = ()  # tables of labels of recordings of the target, see `MarkerTable`
+    # where muscles begin or end on bones of relatives of the target, see `RelativeBone`
     relatives: tuple[RelativeBone, ...] = ()
+    # muscles of the source whose paths run from end to end in the target, without points or wraps between
     straight: tuple[str, ...] = ()
+    # where muscles of other orders attach, 90 % lie within this share of the bone's length; 0 where nothing is known of
+    # that
     unlike: float = 0.0
 
     def __post_init__(self) -> None:
@@ -233,12 +201,7 @@ Surfaces = Mapping[str, Surface]
 
 
 class Posed:
-    """A model in one posture: where bodies and joints are.
-
-    Raises
-    ------
-    UnknownName : a coordinate of the posture that the model lacks
-    """
+    """A model in one posture: where bodies and joints are."""
 
     def __init__(self, model: Model, posture: Mapping[str, float]):
         self.model, self._pose = model, standing_poses(model, posture)
@@ -258,12 +221,7 @@ class Posed:
         }
 
     def surface(self, bodies: tuple[str, ...], surfaces: Surfaces) -> Surface:
-        """Surfaces of several bodies as one, in the frame of the first.
-
-        Raises
-        ------
-        BadData : none of them has a surface
-        """
+        """Surfaces of several bodies as one, in the frame of the first."""
         vertices, faces, count = [], [], 0
         for body in bodies:
             if body in surfaces:
@@ -324,11 +282,8 @@ def spread_over_targets(
     surfaces: Surfaces,
     digits: frozenset[str] = frozenset(),
 ) -> Model:
-    """The source with a body for every target that a body's muscle points go to.
-
-    Parameters
-    ----------
-    digits : bodies whose targets lie side by side: all of a muscle's points there go to the same
+    """The source with a body for every target that a body's muscle points go to. `digits`: bodies whose targets lie
+    side by side: all of a muscle's points there go to the same.
     """
     shapes = {
         (targets[0], name): Shape(there.surface((targets[0], name), {name: surfaces[name]}))

@@ -23,14 +23,9 @@ Ints = NDArray[np.int64]
 
 
 class Parts:
-    """The connected parts of a bone's surface in the directions of the anatomy.
-
-    Parameters
-    ----------
-    surface : in the body's frame [m]
-    frame : of the body
-    joint : (3,) where the bone's first joint landmark is, None without one [m]
-    half : only what lies to the right of the body's origin counts
+    """The connected parts of a bone's surface in the directions of the anatomy. `surface`: in the body's frame [m];
+    `frame`: of the body; `joint`: (3,) where the bone's first joint landmark is, None without one [m]; `half`: only
+    what lies to the right of the body's origin counts.
     """
 
     def __init__(self, surface: Surface, frame: AnatomicalFrame, joint: Array | None, half: bool):
@@ -60,12 +55,7 @@ class Parts:
         return named
 
     def of(self, rule: LandmarkRule) -> tuple[Array, Ints]:
-        """Points (n, 3) in the directions of the anatomy, and faces, of the parts a rule looks at.
-
-        Raises
-        ------
-        BadData : the bone has no such part
-        """
+        """Points (n, 3) in the directions of the anatomy, and faces, of the parts a rule looks at."""
         wanted = self._names.get(rule.part, [])
         faces = self._faces[np.isin(self._label, wanted)]
         if not len(faces):
@@ -97,17 +87,9 @@ def landmarks_by_rules(
     of_source: bool,
     half: bool = False,
 ) -> tuple[Landmarks, tuple[str, ...]]:
-    """Landmarks of one bone by name, in its body's frame [m], and which rules found none and why.
-
-    Parameters
-    ----------
-    joints : centers (3,) of joints by the body that hangs on them, in the bone's frame [m]
-    of_source : whether the bone is of the source species
-    half : only what lies to the right of the body's origin counts
-
-    Raises
-    ------
-    BadData : a rule names a joint that is not given
+    """Landmarks of one bone by name, in its body's frame [m], and which rules found none and why. `joints`: centers
+    (3,) of joints by the body that hangs on them, in the bone's frame [m]; `of_source`: whether the bone is of the
+    source species; `half`: only what lies to the right of the body's origin counts.
     """
     landmarks: Landmarks = {}
     for rule in rules:

@@ -46,18 +46,11 @@ STEEPEST = 3.0
 
 @dataclass(frozen=True, eq=False)
 class SpeciesBones:
-    """Bones of the source with their maps to the target's.
+    """Bones of the source with their maps to the target's."""
 
-    Attributes
-    ----------
-    source : the model; a body whose muscle points go to several bones has parts of it as bodies of their own
-    bones : by body of `source`
-    notes : what was assumed or looks wrong, one line each
-    """
-
-    source: Model
-    bones: Mapping[str, BoneMap]
-    notes: tuple[str, ...] = ()
+    source: Model  # the model; a body whose muscle points go to several bones has parts of it as bodies of their own
+    bones: Mapping[str, BoneMap]  # by body of `source`
+    notes: tuple[str, ...] = ()  # what was assumed or looks wrong, one line each
 
 
 def species_bones(
@@ -72,20 +65,11 @@ def species_bones(
 ) -> SpeciesBones:
     """A map for every bone of a species table whose bodies both models have.
 
-    The target's bone is first given the source's proportions, by the affine map nearest to the landmarks, compared,
-    and the map then brought to its own: so surfaces meet although one is slender and the other stout, and lengths of
-    options and of checks mean the same for a mouse as for a man.
-
-    Parameters
-    ----------
-    source_surfaces, target_surfaces : by body, in the bodies' frames [m]
-    match : how dense correspondence is found, for bones of which the table wants it; "landmarks" maps all by landmarks
-    progress : called with a bone's name before it is mapped
-
-    Raises
-    ------
-    BadData : a bone without a surface, or with fewer than four landmarks in common
-    UnknownName : a coordinate or joint that a model lacks
+    The target's bone is first given the source's proportions, by the affine map nearest to the landmarks, compared, and
+    the map then brought to its own: so surfaces meet although one is slender and the other stout, and lengths of
+    options and of checks mean the same for a mouse as for a man. `source_surfaces`, `target_surfaces`: by body, in the
+    bodies' frames [m]; `match`: how dense correspondence is found, for bones of which the table wants it; "landmarks"
+    maps all by landmarks; `progress`: called with a bone's name before it is mapped.
     """
     here, there = Posed(source, table.posture), Posed(target, table.target_posture)
     bones: dict[str, BoneMap] = {}
@@ -225,25 +209,13 @@ def species_morph(
     name: str = "",
     progress: Callable[[str], None] | None = None,
 ) -> Morph:
-    """The target's skeleton, with its own joints and masses, and the source's muscles on it.
-
-    Parameters
-    ----------
-    source_surfaces, target_surfaces : of bones by body, in the bodies' frames [m]
-    options : what becomes of points on surfaces and of the muscles' parameters
-    map_options, match : how bones are mapped, and matched where the table wants dense correspondence
-    beside : keep the target's own muscles too
-    name : of the new model; by default the target's
-    progress : called with a bone's name before it is mapped, and with "muscles" before they are transferred
-
-    Returns
-    -------
-    its `source` is that model with parts of bodies as bodies of their own where the table spreads one over several
-
-    Raises
-    ------
-    BadData : no bone of the table is in both models, a bone lacks its surface or has too few landmarks in common
-    UnknownName : a coordinate or joint that a model lacks
+    """The target's skeleton, with its own joints and masses, and the source's muscles on it. `source_surfaces`,
+    `target_surfaces`: of bones by body, in the bodies' frames [m]; `options`: what becomes of points on surfaces and
+    of the muscles' parameters; `map_options`, `match`: how bones are mapped, and matched where the table wants dense
+    correspondence; `beside`: keep the target's own muscles too; `name`: of the new model; by default the target's;
+    `progress`: called with a bone's name before it is mapped, and with "muscles" before they are transferred;
+    returns its `source` is that model with parts of bodies as bodies of their own where the table spreads one over
+    several.
     """
     bones = species_bones(source, source_surfaces, target, target_surfaces, table, map_options, match, progress)
     if not bones.bones:
@@ -290,12 +262,7 @@ def _less_sure(points: tuple[TransferredPoint, ...], unlike: float, surfaces: Su
 
 
 def size_over(of: ArchitectureTable, table: SpeciesTable, target: Model, surfaces: Surfaces) -> Size:
-    """How the target animal compares with those of a table of architecture.
-
-    Raises
-    ------
-    BadData : the table names a bone that the species table lacks, or one without two joints among its landmarks
-    """
+    """How the target animal compares with those of a table of architecture."""
     if of.measured == "joints":
         ours = joint_distances(of.lengths, table, target, "target")
     else:
@@ -314,16 +281,8 @@ def size_over(of: ArchitectureTable, table: SpeciesTable, target: Model, surface
 def joint_distances(
     bodies: Iterable[str], table: SpeciesTable, model: Model, whose: Literal["source", "target"]
 ) -> float:
-    """Sum over bones of the distance between the two joints that a species table has of each [m].
-
-    Parameters
-    ----------
-    bodies : of the source, one of each bone
-    model : the source or the target, as `whose` says
-
-    Raises
-    ------
-    BadData : a bone that the species table lacks, or one without two joints among its landmarks
+    """Sum over bones of the distance between the two joints that a species table has of each [m]. `bodies`: of the
+    source, one of each bone; `model`: the source or the target, as `whose` says.
     """
     posed = Posed(model, table.posture if whose == "source" else table.target_posture)
     total = 0.0

@@ -14,20 +14,12 @@ from myomorph.model.surface import Surface
 
 @dataclass(frozen=True)
 class SegmentShare:
-    """A segment's share in the body's mass.
+    """A segment's share in the body's mass."""
 
-    Attributes
-    ----------
-    name : of the segment
-    bodies : of the target that make it up; they share its mass as they do in the skeleton
-    share : of the body's mass
-    interval : in which it lies, by what else was published
-    """
-
-    name: str
-    bodies: tuple[str, ...]
-    share: float
-    interval: tuple[float, float]
+    name: str  # of the segment
+    bodies: tuple[str, ...]  # of the target that make it up; they share its mass as they do in the skeleton
+    share: float  # of the body's mass
+    interval: tuple[float, float]  # in which it lies, by what else was published
 
     def __post_init__(self) -> None:
         low, high = self.interval
@@ -40,20 +32,8 @@ def with_segment_shares(
 ) -> tuple[Model, tuple[str, ...]]:
     """The model with the segments' masses in these shares, and all other bodies in proportion.
 
-    Mass centers and radii of gyration stay.
-
-    Parameters
-    ----------
-    mass : of the whole [kg]; by default the model's
-
-    Returns
-    -------
-    the model, and what the shares are, one line each
-
-    Raises
-    ------
-    UnknownName : a body that the model does not have
-    BadData : a segment without mass, or shares that leave nothing to the others
+    Mass centers and radii of gyration stay. `mass`: of the whole [kg]; by default the model's; returns the model, and
+    what the shares are, one line each.
     """
     total = model.mass if mass is None else mass
     if not (np.isfinite(total) and total > 0.0):
@@ -86,14 +66,7 @@ def with_possible_inertias(model: Model, surfaces: Mapping[str, Surface]) -> tup
 
     A body whose radius of gyration is longer than its bone gets the inertia of a box around the bone, evenly filled
     with its mass; one without a bone, where it is longer than any bone, that of a cube as long as the longest.
-
-    Parameters
-    ----------
-    surfaces : of bones by body, in the bodies' frames [m]
-
-    Returns
-    -------
-    the model, and how many were replaced, in one line
+    `surfaces`: of bones by body, in the bodies' frames [m]; returns the model, and how many were replaced, in one line.
     """
     extents = {name: np.ptp(surface.vertices, axis=0) for name, surface in surfaces.items() if len(surface.vertices)}
     if not extents:

@@ -45,35 +45,23 @@ OBLIQUE = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Rays:
-    """What the rays of one bone make of a source.
+    """What the rays of one bone make of a source."""
 
-    Attributes
-    ----------
-    source : with a body for each part of a ray, and the muscles' points on them
-    bones : maps of these bodies
-    """
-
-    source: Model
-    bones: Mapping[str, BoneMap]
+    source: Model  # with a body for each part of a ray, and the muscles' points on them
+    bones: Mapping[str, BoneMap]  # maps of these bodies
 
 
 @read_only
 @dataclass(frozen=True, eq=False)
 class SidedMap:
-    """A similarity whose points stay on one side of a joint: along a ray at least `ahead`, dorsal at least `above`.
+    """A similarity whose points stay on one side of a joint: along a ray at least `ahead`, dorsal at least `above`."""
 
-    Attributes
-    ----------
-    whole : the similarity
-    center : (3,) of the joint, in the target body [m]
-    along, dorsal : (3,) unit vectors away from the joint on this body, and to the side of the tendon
-    ahead, above : distances [m]
-    """
-
-    whole: Similarity
-    center: Array
+    whole: Similarity  # the similarity
+    center: Array  # (3,) of the joint, in the target body [m]
+    # along, dorsal: (3,) unit vectors away from the joint on this body, and to the side of the tendon
     along: Array
     dorsal: Array
+    # ahead, above: distances [m]
     ahead: float
     above: float
 
@@ -102,17 +90,8 @@ def put_on_rays(
     posed: tuple[Posed, Posed],
     surfaces: tuple[Surfaces, Surfaces],
 ) -> Rays:
-    """The muscles of a bone's rays on them; what else lies on that bone is left as it is.
-
-    Parameters
-    ----------
-    bone : with rays; its first source is the toes, whose parent in the source is the foot
-    posed, surfaces : of source and target
-
-    Raises
-    ------
-    UnknownName : a body or joint of a ray that a model does not have
-    BadData : a ray whose toe has no surface
+    """The muscles of a bone's rays on them; what else lies on that bone is left as it is. `bone`: with rays; its first
+    source is the toes, whose parent in the source is the foot; `posed`, `surfaces`: of source and target.
     """
     toes = bone.sources[0]
     joint = next((candidate for candidate in source.joints if candidate.child == toes), None)
@@ -173,13 +152,8 @@ def _on_parts(muscle: Muscle, parts: Mapping[str, str], near: set[tuple[str, str
 
 
 class _Laid:
-    """A ray of the target beside the source's toe.
-
-    Attributes
-    ----------
-    knuckle : (3,) where the source's joint is on that toe, in the toes' frame [m]
-    forward : (3,) along the source's toes
-    length : of the source's toe from the joint [m]
+    """A ray of the target beside the source's toe. `knuckle`: (3,) where the source's joint is on that toe, in the
+    toes' frame [m]; `forward`: (3,) along the source's toes; `length`: of the source's toe from the joint [m].
     """
 
     def __init__(

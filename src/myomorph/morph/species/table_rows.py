@@ -17,16 +17,12 @@ Point: TypeAlias = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Ray:
-    """A digit of the target, and the muscles whose tendons go to it.
+    """A digit of the target, and the muscles whose tendons go to it."""
 
-    Attributes
-    ----------
-    toe, metatarsal : bodies of the target
-    extensors, flexors : muscles of the source, dorsal and plantar of the joint between the two
-    """
-
+    # toe, metatarsal: bodies of the target
     toe: str
     metatarsal: str
+    # extensors, flexors: muscles of the source, dorsal and plantar of the joint between the two
     extensors: tuple[str, ...] = ()
     flexors: tuple[str, ...] = ()
 
@@ -40,18 +36,11 @@ class Ray:
 
 @dataclass(frozen=True)
 class Attachment:
-    """Where muscles begin or end on a bone of a relative.
+    """Where muscles begin or end on a bone of a relative."""
 
-    Attributes
-    ----------
-    muscles : of the source; all go to the same place
-    end : "first" or "last" point of their paths
-    at : in the frame of the relative's bone [m]
-    """
-
-    muscles: tuple[str, ...]
-    end: Literal["first", "last"]
-    at: Point
+    muscles: tuple[str, ...]  # of the source; all go to the same place
+    end: Literal["first", "last"]  # "first" or "last" point of their paths
+    at: Point  # in the frame of the relative's bone [m]
 
     def __post_init__(self) -> None:
         if self.end not in ("first", "last"):
@@ -62,20 +51,12 @@ class Attachment:
 
 @dataclass(frozen=True, eq=False)
 class RelativeBone:
-    """Landmarks and attachments on a bone of a relative of the target.
+    """Landmarks and attachments on a bone of a relative of the target."""
 
-    Attributes
-    ----------
-    body : of the source, whose bone corresponds
-    landmarks : by the names of that bone's rules, in a frame of the relative's bone [m]
-    attachments : in the same frame
-    citation : whose
-    """
-
-    body: str
-    landmarks: Mapping[str, Point]
-    attachments: tuple[Attachment, ...]
-    citation: str = ""
+    body: str  # of the source, whose bone corresponds
+    landmarks: Mapping[str, Point]  # by the names of that bone's rules, in a frame of the relative's bone [m]
+    attachments: tuple[Attachment, ...]  # in the same frame
+    citation: str = ""  # whose
 
     def __post_init__(self) -> None:
         wrong = [name for name, at in self.landmarks.items() if len(at) != 3]
@@ -85,35 +66,22 @@ class RelativeBone:
 
 @dataclass(frozen=True, eq=False)
 class MarkerTable:
-    """Markers of one protocol.
+    """Markers of one protocol."""
 
-    Attributes
-    ----------
-    name, citation : of the protocol, and whose recordings these are
-    places : by label the body of the target and the place in its frame [m]
-    moving : coordinates that the protocol shows, as patterns with *; all others are locked where the recording is
-        followed (the joint to ground always moves)
-    start : values of coordinates with which a search for the first pose begins
-    """
-
+    # name, citation: of the protocol, and whose recordings these are
     name: str
     citation: str
+    # by label the body of the target and the place in its frame [m]
     places: Mapping[str, tuple[str, tuple[float, float, float]]]
+    # coordinates that the protocol shows, as patterns with *; all others are locked where the recording is followed
+    # (the joint to ground always moves)
     moving: tuple[str, ...] = ("*",)
-    start: Mapping[str, float] | None = None
+    start: Mapping[str, float] | None = None  # values of coordinates with which a search for the first pose begins
 
 
 def with_markers_of(model: Model, tables: tuple[MarkerTable, ...], name: str) -> tuple[Model, tuple[str, ...]]:
-    """The model with the markers of one protocol instead of its own, and locked what they do not show.
-
-    Returns
-    -------
-    the model, and what was locked, one line each
-
-    Raises
-    ------
-    UnknownName : a protocol, a body or a coordinate that there is not
-    BadData : a pattern of coordinates that fits none
+    """The model with the markers of one protocol instead of its own, and locked what they do not show. Returns the
+    model, and what was locked, one line each.
     """
     table = next((candidate for candidate in tables if candidate.name == name), None)
     if table is None:

@@ -41,12 +41,7 @@ def transferred_body(body: Body, transfer: Transfer) -> Body:
 
 
 def of_mass(bodies: tuple[Body, ...], mass: float | None) -> tuple[Body, ...]:
-    """The bodies with their masses in proportion, of a total mass [kg].
-
-    Raises
-    ------
-    BadData : a mass that is not positive, or bodies without mass
-    """
+    """The bodies with their masses in proportion, of a total mass [kg]."""
     if mass is None:
         return bodies
     total = sum(body.mass for body in bodies)
@@ -108,11 +103,7 @@ def with_neighbors(model: Model, bones: Mapping[str, BoneMap]) -> dict[str, Bone
     """Maps of all bodies and of the ground, in which a body without one takes the size of its nearest neighbors.
 
     Such a body keeps its frame; its size is the geometric mean over the bodies nearest in the tree that have a bone.
-    The ground neither turns nor moves, whatever hangs on it.
-
-    Parameters
-    ----------
-    bones : at least one, by body of the model
+    The ground neither turns nor moves, whatever hangs on it. `bones`: at least one, by body of the model.
     """
     ties = neighbors_of(model)
     result = dict(bones)

@@ -36,20 +36,10 @@ _SPHERE = np.vstack([np.eye(3), -np.eye(3), np.array(np.meshgrid(*[[-1, 1]] * 3)
 
 @dataclass(frozen=True, eq=False)
 class Transfer:
-    """What is fixed to a body of the source, transferred to the target.
+    """What is fixed to a body of the source, transferred to the target."""
 
-    Attributes
-    ----------
-    bone : the body's map
-    body : of the target, to which things are fixed afterwards
-
-    Raises
-    ------
-    BadData : the map turns right into left, or the bone inside out
-    """
-
-    bone: BoneMap
-    body: str
+    bone: BoneMap  # the body's map
+    body: str  # of the target, to which things are fixed afterwards
 
     def __post_init__(self) -> None:
         if np.linalg.det(self.bone.whole.rotation) < 0.0 or np.linalg.det(self.linear) <= 0.0:
@@ -147,12 +137,7 @@ def nearest_rotation(matrix: Array) -> Array:
 
 
 def scaled_map(body: str, size: float) -> AffineMap:
-    """The map of a body that keeps its frame and changes its size.
-
-    Raises
-    ------
-    BadData : a size that is not a positive number
-    """
+    """The map of a body that keeps its frame and changes its size."""
     if not (np.isfinite(size) and size > 0.0):
         raise BadData(f"the size of '{body}' would be {size}: its neighbors' maps are no good")
     return AffineMap(size * np.eye(3), np.zeros(3))

@@ -47,37 +47,22 @@ FLAT = 1e-4
 
 @dataclass(frozen=True)
 class Riders:
-    """What rides on a branching point.
+    """What rides on a branching point."""
 
-    Attributes
-    ----------
-    points : by muscle, the numbers of its path points
-    wraps : names of wrap objects
-    sides : by muscle, the numbers of its wraps whose side site rides
-    """
-
-    points: Mapping[str, tuple[int, ...]]
-    wraps: frozenset[str]
-    sides: Mapping[str, tuple[int, ...]]
+    points: Mapping[str, tuple[int, ...]]  # by muscle, the numbers of its path points
+    wraps: frozenset[str]  # names of wrap objects
+    sides: Mapping[str, tuple[int, ...]]  # by muscle, the numbers of its wraps whose side site rides
 
 
 @read_only
 @dataclass(frozen=True, eq=False)
 class BranchLoad:
-    """What holds a branching point.
+    """What holds a branching point."""
 
-    Attributes
-    ----------
-    link : the body
-    muscles : its lines of action
-    tensions : (lines of action,) [N]
-    rest : (3,) force that no line of action holds, in the link's frame [N]
-    """
-
-    link: str
-    muscles: tuple[str, ...]
-    tensions: Array
-    rest: Array
+    link: str  # the body
+    muscles: tuple[str, ...]  # its lines of action
+    tensions: Array  # (lines of action,) [N]
+    rest: Array  # (3,) force that no line of action holds, in the link's frame [N]
 
     @property
     def share(self) -> float:
@@ -86,12 +71,7 @@ class BranchLoad:
 
 
 def riders_of(model: Model, link: str) -> Riders:
-    """All that is fixed to a body and that muscle paths meet.
-
-    Raises
-    ------
-    UnknownName : a body that the model does not have
-    """
+    """All that is fixed to a body and that muscle paths meet."""
     check_name("body", link, model.body_names)
 
     def of_muscles(parts: Callable[[Muscle], Iterable[str]]) -> Mapping[str, tuple[int, ...]]:
@@ -109,16 +89,8 @@ def riders_of(model: Model, link: str) -> Riders:
 
 
 def branch_load(model: Model, link: str) -> BranchLoad:
-    """The tensions that hold a model's branching point where it is, nearest to those of equal activation.
-
-    Parameters
-    ----------
-    link : a body on which muscles branch
-
-    Raises
-    ------
-    UnknownName : a body that the model does not have
-    BadData : no muscle with a force has a point on it
+    """The tensions that hold a model's branching point where it is, nearest to those of equal activation. `link`: a
+    body on which muscles branch.
     """
     freed = _FreeLink(model, link, riders_of(model, link))
     force = np.array([model.muscle(name).max_isometric_force for name in freed.muscles])
@@ -137,22 +109,11 @@ def branch_places(
 ) -> tuple[Array, Array]:
     """How far a branching point moves until its lines of action balance, in each frame of a motion.
 
-    Source: [D] chapter 2, virtual links; the balance is that of a massless body (see docs/bone-maps.md).
-
-    Parameters
-    ----------
-    load : tensions of the lines of action, by name those of the model, and the force beside them
-    motion : the other coordinates; the default pose without it
-    riders : what rides on it, where that is not all that the body has
-
-    Returns
-    -------
-    (frames, 3) from where the model has it, in the link's frame [m], NaN where there is no balance; and (frames,)
-    whether there is one
-
-    Raises
-    ------
-    UnknownName : the model lacks the body, or a line of action
+    Source: [D] chapter 2, virtual links; the balance is that of a massless body (see docs/bone-maps.md). `load`:
+    tensions of the lines of action, by name those of the model, and the force beside them; `motion`: the other
+    coordinates; the default pose without it; `riders`: what rides on it, where that is not all that the body has;
+    returns (frames, 3) from where the model has it, in the link's frame [m], NaN where there is no balance; and
+    (frames,) whether there is one.
     """
     for name in load.muscles:
         check_name("muscle", name, model.muscle_names)
@@ -228,11 +189,8 @@ class _FreeLink:
         self.frames = len(self._values)
 
     def slopes(self, moved: Array, each: int = 1) -> tuple[Array, Array]:
-        """Lengths (frames, lines) and their derivatives (frames, 3, lines) by the point's place in the link.
-
-        Parameters
-        ----------
-        moved : (frames x each, 3) places, `each` of them a frame [m]
+        """Lengths (frames, lines) and their derivatives (frames, 3, lines) by the point's place in the link. `moved`:
+        (frames x each, 3) places, `each` of them a frame [m].
         """
         values = np.repeat(self._values, each, axis=0)
         values[:, self._columns] = moved

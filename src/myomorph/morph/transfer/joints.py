@@ -49,18 +49,11 @@ class _Fitted:
 
 @dataclass(frozen=True, eq=False)
 class CenterFinder:
-    """Finds the centers of joints.
+    """Finds the centers of joints."""
 
-    Attributes
-    ----------
-    transfers : of all bodies and of the ground
-    fitted : take them from round surfaces of the target where such fit as in the source
-    together : the target's bones share a frame, so parent and child must agree
-    """
-
-    transfers: Transfers
-    fitted: bool
-    together: bool
+    transfers: Transfers  # of all bodies and of the ground
+    fitted: bool  # take them from round surfaces of the target where such fit as in the source
+    together: bool  # the target's bones share a frame, so parent and child must agree
 
     def center(self, joint: Joint, in_parent: Array, in_child: Array) -> RebuiltJoint:
         """Where a center (3,) known in the source's parent and child lies in the target's.
@@ -162,16 +155,10 @@ def _strays(transfer: Transfer, fitted: Array, mapped: Array, radius: float) -> 
 
 @dataclass(frozen=True, eq=False)
 class TransferredJoints:
-    """A skeleton in other bones.
+    """A skeleton in other bones."""
 
-    Attributes
-    ----------
-    skeleton : the model with its joints transferred and nothing else
-    travel : how much further a sliding coordinate goes, for the coordinates that slide
-    """
-
-    skeleton: Model
-    travel: Mapping[str, float]
+    skeleton: Model  # the model with its joints transferred and nothing else
+    travel: Mapping[str, float]  # how much further a sliding coordinate goes, for the coordinates that slide
     rebuilt: tuple[RebuiltJoint, ...]
     notes: tuple[str, ...] = ()
 
@@ -182,11 +169,7 @@ def transferred_joints(model: Model, transfers: Transfers, centers: CenterFinder
     A joint's center is where the child's joint frame is in the default pose. Parent and child carry it each by its own
     map. Their frames turn as the whole bones do, so that at equal coordinates shafts lie to each other as they did; the
     axis of a hinge turns as the bone around it does, as condyles and malleoli may be twisted against their shaft.
-
-    Parameters
-    ----------
-    transfers : of all bodies and of the ground
-    centers : where the center comes to lie
+    `transfers`: of all bodies and of the ground; `centers`: where the center comes to lie.
     """
     defaults = _defaults(model)
     anchored = [_anchored(joint) for joint in model.joints]

@@ -180,25 +180,14 @@ def graft_muscles(
     """The target's skeleton with the source's muscles on it, and their wrap objects and markers ([D] chapter 6).
 
     Several bodies of the source may lead to one of the target, where bones are fused. A muscle one of whose bodies has
-    no counterpart is left out, and so is a wrap object. Joints, masses and meshes are the target's own.
-
-    Parameters
-    ----------
-    bones : maps by body of the source; each tells the target's body
-    coordinates : by coordinate of the source the target's, factor and offset: target = factor source + offset; by
-        default those of the same name. Conditional and moving points follow them, and fibers keep the range of
-        normalized lengths over the ranges of these
-    postures : coordinates of source and target in which their bones lie alike, the others at their defaults; virtual
-        links are mapped in them, paths compared
-    surrounding : bodies of the source that are virtual links, with the bones around each
-    beside : keep the target's own muscles too
-    name : of the new model; by default the target's
-    architecture : fiber lengths and forces that are known of the target's muscles, by the source's names
-
-    Raises
-    ------
-    UnknownName : a map, virtual link or coordinate of something that the models do not have
-    BadData : no map, one that turns right into left, or muscles of one name in both
+    no counterpart is left out, and so is a wrap object. Joints, masses and meshes are the target's own. `bones`: maps
+    by body of the source; each tells the target's body; `coordinates`: by coordinate of the source the target's, factor
+    and offset: target = factor source + offset; by default those of the same name. Conditional and moving points follow
+    them, and fibers keep the range of normalized lengths over the ranges of these; `postures`: coordinates of source
+    and target in which their bones lie alike, the others at their defaults; virtual links are mapped in them, paths
+    compared; `surrounding`: bodies of the source that are virtual links, with the bones around each; `beside`: keep the
+    target's own muscles too; `name`: of the new model; by default the target's; `architecture`: fiber lengths and
+    forces that are known of the target's muscles, by the source's names.
     """
     options = options or MorphOptions()
     _check(source, bones)

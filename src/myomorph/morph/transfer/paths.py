@@ -37,11 +37,7 @@ def points_left_outside(
     muscles: Iterable[Muscle], points: Iterable[TransferredPoint], wraps: Pairs
 ) -> tuple[dict[str, tuple[WrapObject, WrapObject]], list[str]]:
     """Wrap objects small enough to leave outside what was outside, and a line on those that are smaller for it.
-
-    Parameters
-    ----------
-    muscles : of the source
-    points : all points of their paths, in order
+    `muscles`: of the source; `points`: all points of their paths, in order.
     """
     shrunk: dict[str, float] = {}
     queue = iter(points)
@@ -120,11 +116,8 @@ def transferred_wrap(wrap: WrapObject, transfer: Transfer) -> WrapObject:
 
 
 def surface_points(wrap: WrapObject, longest: float) -> Array:
-    """Points (n, 3) spread evenly over a wrap object's surface, in its frame, the middle their mean [m].
-
-    Parameters
-    ----------
-    longest : how far a cylinder counts to either side of its middle [m]
+    """Points (n, 3) spread evenly over a wrap object's surface, in its frame, the middle their mean [m]. `longest`: how
+    far a cylinder counts to either side of its middle [m].
     """
     if wrap.kind == "cylinder":
         radius, length = wrap.size
@@ -164,17 +157,12 @@ def _growth(points: Array, moved: Array) -> float:
 
 @dataclass(frozen=True, eq=False)
 class LinesOfAction:
-    """Paths of muscles and ligaments in the target's bones; forces and fibers are still the source's.
-
-    Attributes
-    ----------
-    points : of all of them, in order, muscles first
-    """
+    """Paths of muscles and ligaments in the target's bones; forces and fibers are still the source's."""
 
     muscles: tuple[Muscle, ...]
     ligaments: tuple[Ligament, ...]
     wrap_objects: tuple[WrapObject, ...]
-    points: tuple[TransferredPoint, ...]
+    points: tuple[TransferredPoint, ...]  # of all of them, in order, muscles first
     notes: tuple[str, ...]
 
 
@@ -188,13 +176,9 @@ def transferred_lines(
     within: float,
 ) -> LinesOfAction:
     """Paths by the maps of the bodies that their points are fixed to, and the source's wrap objects on those bodies.
-
-    Parameters
-    ----------
-    muscles, ligaments : all of whose bodies have a transfer
-    coordinates : that their points may depend on
-    travel : how much further a coordinate that slides goes in the target
-    within : distance from the surface up to which a point belongs to it, as a share of the bone's length
+    `muscles`, `ligaments`: all of whose bodies have a transfer; `coordinates`: that their points may depend on;
+    `travel`: how much further a coordinate that slides goes in the target; `within`: distance from the surface up to
+    which a point belongs to it, as a share of the bone's length.
     """
     muscles, ligaments = tuple(muscles), tuple(ligaments)
     wraps = {

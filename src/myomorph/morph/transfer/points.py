@@ -33,21 +33,14 @@ FACES = 32
 @read_only
 @dataclass(frozen=True, eq=False)
 class SurfacePoints:
-    """Points and how they lie to the bones.
+    """Points and how they lie to the bones."""
 
-    Attributes
-    ----------
-    points : (n, 3) in the target body [m]
-    lifted : (n,) how far each was moved [m]
-    depth_source, depth_target : (n,) signed distances from the surfaces, positive outside [m]; NaN without surfaces
-    beyond : (n,) which belong on a part of the surface that the target does not have
-    """
-
-    points: Array
-    lifted: Array
+    points: Array  # (n, 3) in the target body [m]
+    lifted: Array  # (n,) how far each was moved [m]
+    # depth_source, depth_target: (n,) signed distances from the surfaces, positive outside [m]; NaN without surfaces
     depth_source: Array
     depth_target: Array
-    beyond: np.ndarray
+    beyond: np.ndarray  # (n,) which belong on a part of the surface that the target does not have
 
 
 def put_on_surface(transfer: Transfer, points: Array, within: float) -> SurfacePoints:
@@ -55,12 +48,9 @@ def put_on_surface(transfer: Transfer, points: Array, within: float) -> SurfaceP
 
     The point of the surface nearest to such a point goes where the map sends it, and from there to the nearest point of
     the target's surface that faces the same way: what the map missed the surface by is added to the point itself. So
-    nothing moves where the map brings surface onto surface, and a point stays on its side of a thin bone.
-
-    Parameters
-    ----------
-    points : (n, 3) in the source body [m]
-    within : distance from the surface up to which a point belongs to it, as a share of the bone's length
+    nothing moves where the map brings surface onto surface, and a point stays on its side of a thin bone. `points`: (n,
+    3) in the source body [m]; `within`: distance from the surface up to which a point belongs to it, as a share of the
+    bone's length.
     """
     mapped = transfer.points(points)
     shapes, none = transfer.shapes, np.zeros(len(points))
@@ -134,18 +124,11 @@ MIDDLE_SAMPLES = 21
 
 @dataclass(frozen=True, eq=False)
 class Setting:
-    """What paths refer to beside bodies.
+    """What paths refer to beside bodies."""
 
-    Attributes
-    ----------
-    coordinates : of the source, by name
-    travel : how much further a coordinate that slides goes in the target
-    wraps : of the source and of the target, by name
-    """
-
-    coordinates: Mapping[str, Coordinate]
-    travel: Mapping[str, float]
-    wraps: Mapping[str, tuple[WrapObject, WrapObject]]
+    coordinates: Mapping[str, Coordinate]  # of the source, by name
+    travel: Mapping[str, float]  # how much further a coordinate that slides goes in the target
+    wraps: Mapping[str, tuple[WrapObject, WrapObject]]  # of the source and of the target, by name
 
 
 def transferred_paths(
@@ -154,16 +137,8 @@ def transferred_paths(
     """Paths of muscles or ligaments, every point by the map of the body that it is fixed to.
 
     A moving point follows the affine map nearest around the middle of its way, which is exact where the bone's map is
-    affine.
-
-    Parameters
-    ----------
-    owned : names and paths
-    within : distance from the surface up to which a point belongs to it, as a share of the bone's length
-
-    Returns
-    -------
-    paths in the order given, all of their points in order, and notes
+    affine. `owned`: names and paths; `within`: distance from the surface up to which a point belongs to it, as a share
+    of the bone's length; returns paths in the order given, all of their points in order, and notes.
     """
     owned = list(owned)
     places = [place_of(point, setting.coordinates) for _, path in owned for point in path.points]
@@ -264,12 +239,7 @@ def _names(point: MovingPathPoint, matrix: Array) -> tuple[str, str, str]:
 
 
 def combined(functions: list[Function], factors: Array, offset: float) -> Function:
-    """sum_i factors[i] functions[i](x) + offset, of functions of one coordinate.
-
-    Raises
-    ------
-    TypeError : two functions have factors and one is a product of sines
-    """
+    """sum_i factors[i] functions[i](x) + offset, of functions of one coordinate."""
     used = [(f, float(a)) for f, a in zip(functions, factors, strict=True) if a != 0.0 and f.arity]
     offset += sum(float(a) * float(f(0.0)) for f, a in zip(functions, factors, strict=True) if not f.arity)
     if not used:

@@ -33,11 +33,6 @@ def bones_around(
 
     A body is taken for a virtual link where it has muscle points, but neither a mesh nor a bone of the target, and lies
     between at least two bones.
-
-    Raises
-    ------
-    UnknownName : a body that the model does not have
-    BadData : a bone that has no map, or fewer than two of them
     """
     result: dict[str, tuple[str, ...]] = {}
     for link, around in (stated or {}).items():
@@ -81,13 +76,9 @@ def surrounded_map(
     source: Mapping[str, Transform],
     target: Mapping[str, Transform],
 ) -> BoneMap:
-    """The map of a virtual link from the features of several bones, each where it lies in one posture.
-
-    Parameters
-    ----------
-    there : the target body that the link's points are fixed to
-    transfers : of the bones around it
-    source, target : poses of bodies in ground, of both models
+    """The map of a virtual link from the features of several bones, each where it lies in one posture. `there`: the
+    target body that the link's points are fixed to; `transfers`: of the bones around it; `source`, `target`: poses
+    of bodies in ground, of both models.
     """
     names: list[str] = []
     before, after = [], []
@@ -135,13 +126,9 @@ def link_carriers(
     target: Mapping[str, Transform],
     targets: Mapping[str, str],
 ) -> dict[str, Transfer]:
-    """Transfers of virtual links, by the bones around them as they lie in two poses.
-
-    Parameters
-    ----------
-    links : with the bones around each
-    source, target : poses of bodies in ground, of both models
-    targets : bodies of the target that the links' points are fixed to
+    """Transfers of virtual links, by the bones around them as they lie in two poses. `links`: with the bones around
+    each; `source`, `target`: poses of bodies in ground, of both models; `targets`: bodies of the target that the
+    links' points are fixed to.
     """
     return {
         link: Transfer(surrounded_map(link, targets[link], around, transfers, source, target), targets[link])
@@ -153,11 +140,8 @@ def balanced_links(
     source: Model, links: Mapping[str, Sequence[str]], transfers: Transfers, transferred: Callable[[Transfers], Model]
 ) -> dict[str, Transfer]:
     """The transfers, those of links moved to where their line tensions balance in the target as in the source.
-
-    Parameters
-    ----------
-    source : in the posture in which bones are compared
-    transferred : the target with the source's muscles, by transfers, in that posture
+    `source`: in the posture in which bones are compared; `transferred`: the target with the source's muscles, by
+    transfers, in that posture.
     """
     result = dict(transfers)
     loads = {link: branch_load(source, link) for link in links if _has_branches(source, link)}

@@ -22,20 +22,15 @@ class Tick:
 
 @dataclass(frozen=True)
 class Axis:
-    """Values along one direction of a chart.
+    """Values along one direction of a chart."""
 
-    Attributes
-    ----------
-    low, high : limits
-    start, stop : where the limits are drawn, in the drawing's own units; an upright axis starts at the bottom
-    unit : printed behind the last tick
-    """
-
+    # low, high: limits
     low: float
     high: float
+    # start, stop: where the limits are drawn, in the drawing's own units; an upright axis starts at the bottom
     start: float
     stop: float
-    unit: str = ""
+    unit: str = ""  # printed behind the last tick
 
     def at(self, values: ArrayLike) -> Array:
         """Position of each value, NaN where a value is."""
@@ -59,12 +54,9 @@ class Axis:
 def limits(
     values: Sequence[Array], low: float | None = None, high: float | None = None, zero: bool = False
 ) -> tuple[float, float]:
-    """Lowest and highest of several arrays with a little air, (0, 1) where no value is finite.
-
-    Parameters
-    ----------
-    low, high : values that must be inside; a limit that is one of them gets no air
-    zero : whether zero must be inside, also without air
+    """Lowest and highest of several arrays with a little air, (0, 1) where no value is finite. `low`, `high`: values
+    that must be inside; a limit that is one of them gets no air; `zero`: whether zero must be inside, also without
+    air.
     """
     finite = [array[np.isfinite(array)] for array in map(np.asarray, values)]
     lows = [float(array.min()) for array in finite if array.size] + ([] if low is None else [low])

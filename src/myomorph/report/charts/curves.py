@@ -32,22 +32,15 @@ from myomorph.report.charts.marks import (
 @read_only
 @dataclass(frozen=True, eq=False)
 class Line:
-    """Values over time and how they are drawn.
+    """Values over time and how they are drawn."""
 
-    Attributes
-    ----------
-    time, values : (samples,)
-    style : class of the style sheet: "right", "left", "middle", "truth", "emg", "first", "second", "third"
-    label : what the reading under the pointer says
-    filled : as an area down to zero
-    low, high : (samples,) between which the values are believed to lie, drawn as a band; None for none
-    """
-
+    # time, values: (samples,)
     time: Array
     values: Array
-    style: str
-    label: str
-    filled: bool = False
+    style: str  # class of the style sheet: "right", "left", "middle", "truth", "emg", "first", "second", "third"
+    label: str  # what the reading under the pointer says
+    filled: bool = False  # as an area down to zero
+    # low, high: (samples,) between which the values are believed to lie, drawn as a band; None for none
     low: Array | None = None
     high: Array | None = None
 
@@ -102,19 +95,11 @@ def time_plot(
     second: tuple[float, str] | None = None,
     margin: int = 8,
 ) -> str:
-    """Lines over time as an `<svg>` element.
-
-    Parameters
-    ----------
-    title, unit : printed above it
-    span : (first, last) time shown [s]
-    events : drawn as vertical lines
-    levels : values to compare with
-    low, high : values that must be inside, or None
-    width, height : in the drawing's own units
-    name_events : print the events' labels above the chart
-    second : factor and unit of a second scale on the right, e.g. moments per kilogram
-    margin : free space on the right, so that charts above each other line up
+    """Lines over time as an `<svg>` element. `title`, `unit`: printed above it; `span`: (first, last) time shown [s];
+    `events`: drawn as vertical lines; `levels`: values to compare with; `low`, `high`: values that must be inside,
+    or None; `width`, `height`: in the drawing's own units; `name_events`: print the events' labels above the chart;
+    `second`: factor and unit of a second scale on the right, e.g. moments per kilogram; `margin`: free space on the
+    right, so that charts above each other line up.
     """
     first, last = span
     top, right = 40.0 if name_events and events else 26.0, width - (36.0 if second else margin)
@@ -172,22 +157,14 @@ def _events(area: Frame, events: Sequence[Event], named: bool) -> str:
 @read_only
 @dataclass(frozen=True, eq=False)
 class CycleCurve:
-    """A mean over the cycle, from 0 to 100 % in even steps.
+    """A mean over the cycle, from 0 to 100 % in even steps."""
 
-    Attributes
-    ----------
-    mean : (samples,), NaN where unknown
-    interval : low and high (samples,) of the mean, or None
-    spread : low and high (samples,) of a wider, fainter band, or None
-    each : (samples,) curves that the mean is of, drawn thin
-    """
-
-    mean: Array
+    mean: Array  # (samples,), NaN where unknown
     style: str
     label: str
-    interval: tuple[Array, Array] | None = None
-    spread: tuple[Array, Array] | None = None
-    each: Iterable[Array] = ()
+    interval: tuple[Array, Array] | None = None  # low and high (samples,) of the mean, or None
+    spread: tuple[Array, Array] | None = None  # low and high (samples,) of a wider, fainter band, or None
+    each: Iterable[Array] = ()  # (samples,) curves that the mean is of, drawn thin
 
 
 def cycle_chart(
@@ -198,12 +175,9 @@ def cycle_chart(
     differs: Sequence[tuple[float, float, str]] = (),
     height: int = 220,
 ) -> str:
-    """Mean curves over the cycle with their intervals, and bars below where they differ.
-
-    Parameters
-    ----------
-    shown : arrays of values that must be inside; intervals beyond them are cut
-    differs : first and last percent of a difference, and what is shown under the pointer
+    """Mean curves over the cycle with their intervals, and bars below where they differ. `shown`: arrays of values that
+    must be inside; intervals beyond them are cut; `differs`: first and last percent of a difference, and what is
+    shown under the pointer.
     """
     width = 330.0
     area = frame(46.0, 26.0, width - 8, height - 32.0, (0.0, 100.0), limits(shown), "%")

@@ -41,18 +41,12 @@ class Frame:
 
 @dataclass(frozen=True)
 class Level:
-    """A value to compare with, drawn through the whole chart.
-
-    Attributes
-    ----------
-    style : "limit" for one that should not be crossed, else a class of the style sheet
-    spread : half width of a band around it
-    """
+    """A value to compare with, drawn through the whole chart."""
 
     value: float
     label: str = ""
-    style: str = "limit"
-    spread: float = 0.0
+    style: str = "limit"  # "limit" for one that should not be crossed, else a class of the style sheet
+    spread: float = 0.0  # half width of a band around it
 
 
 def frame(
@@ -71,15 +65,9 @@ def frame(
 def drawing(
     kind: str, title: str, size: tuple[float, float], *parts: str, unit: str | None = "", attributes: str = ""
 ) -> str:
-    """A chart as an `<svg>` element.
-
-    Parameters
-    ----------
-    kind : class of the style sheet; "time" charts are read under the pointer by the page's script
-    size : width and height
-    parts : marks, those in front last
-    unit : printed behind the title; None prints no title
-    attributes : further ones of the element
+    """A chart as an `<svg>` element. `kind`: class of the style sheet; "time" charts are read under the pointer by the
+    page's script; `size`: width and height; `parts`: marks, those in front last; `unit`: printed behind the title;
+    None prints no title; `attributes`: further ones of the element.
     """
     heading = "" if unit is None else titled(title, unit, 2.0, 12.0)
     return (

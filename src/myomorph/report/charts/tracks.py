@@ -97,16 +97,10 @@ def draw_track(
     high: float | None = None,
     small: bool = False,
 ) -> str:
-    """One row as an `<svg>` element.
-
-    Parameters
-    ----------
-    title, unit : printed on the left
-    height : in the drawing's own units
-    bands, bars : what lies between two lines, known all the time or at some instants
-    levels : values to compare with, drawn as dashed lines
-    low, high : values that must be inside, or None
-    small : one line of text, and grid lines at the ends only
+    """One row as an `<svg>` element. `title`, `unit`: printed on the left; `height`: in the drawing's own units;
+    `bands`, `bars`: what lies between two lines, known all the time or at some instants; `levels`: values to compare
+    with, drawn as dashed lines; `low`, `high`: values that must be inside, or None; `small`: one line of text, and
+    grid lines at the ends only.
     """
     ends = [Line(limits.time, end, "", "") for limits in (*bands, *bars) for end in (limits.low, limits.high)]
     first, last = line_limits([*lines, *ends], behind.span, low, high)

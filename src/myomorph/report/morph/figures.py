@@ -151,11 +151,8 @@ def _bone_figure(bone: BoneMap, source: Surface | None, target: Surface | None, 
 
 def arm_figure(moment_arms: MomentArms, sizes: Mapping[str, float], flagged: Collection[str]) -> str:
     """Moment arms of all muscles about a coordinate over its range, a small panel each, source grown to the target.
-
-    Parameters
-    ----------
-    sizes : of the target, times the source, by muscle
-    flagged : muscles with a warning, whose names are printed in its color
+    `sizes`: of the target, times the source, by muscle; `flagged`: muscles with a warning, whose names are printed
+    in its color.
     """
     shown = _shown(moment_arms, sizes, flagged)
     rows = -(-len(shown) // COLUMNS)

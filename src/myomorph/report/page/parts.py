@@ -78,24 +78,16 @@ def _written(number: float, digits: int | None) -> str:
 
 @dataclass(frozen=True)
 class Section:
-    """A part of the page.
+    """A part of the page."""
 
-    Attributes
-    ----------
-    key : anchor
-    lead : a sentence or two before the figures
-    legend : styles and what they stand for
-    figures, grids : shown in this order
-    listed : whether the contents name it
-    """
-
-    key: str
+    key: str  # anchor
     title: str
-    lead: str = ""
-    legend: tuple[tuple[str, str], ...] = ()
+    lead: str = ""  # a sentence or two before the figures
+    legend: tuple[tuple[str, str], ...] = ()  # styles and what they stand for
+    # figures, grids: shown in this order
     figures: tuple[Figure, ...] = ()
     grids: tuple[Grid, ...] = ()
-    listed: bool = True
+    listed: bool = True  # whether the contents name it
 
 
 SIDES_LEGEND: tuple[tuple[str, str], ...] = (("right", "right"), ("left", "left"))
@@ -136,27 +128,17 @@ class Quantity(StrEnum):
 
 @dataclass(frozen=True)
 class Verdict:
-    """One quantity against its limit.
+    """One quantity against its limit."""
 
-    Attributes
-    ----------
-    quantity : what was looked at
-    value, unit : what was found
-    limit : what it should stay under, None where there is no agreed limit
-    worst : name of what was worst
-    time : when it was worst [s], None where it has no time
-    source : key of the reference the limit comes from
-    detail : a clause that explains the value
-    """
-
-    quantity: Quantity
+    quantity: Quantity  # what was looked at
+    # value, unit: what was found
     value: float
     unit: str
-    limit: float | None
-    worst: str = ""
-    time: float | None = None
-    source: str = ""
-    detail: str = ""
+    limit: float | None  # what it should stay under, None where there is no agreed limit
+    worst: str = ""  # name of what was worst
+    time: float | None = None  # when it was worst [s], None where it has no time
+    source: str = ""  # key of the reference the limit comes from
+    detail: str = ""  # a clause that explains the value
 
     @property
     def state(self) -> State:
@@ -179,60 +161,34 @@ class Note:
 
 @dataclass(frozen=True)
 class SourceFile:
-    """A file the results were made from.
+    """A file the results were made from."""
 
-    Attributes
-    ----------
-    role : "model", "markers", "forces", "EMG", ...
-    name : without folders
-    sha256 : of its content, in hexadecimal
-    """
-
-    role: str
-    name: str
-    sha256: str = ""
+    role: str  # "model", "markers", "forces", "EMG", ...
+    name: str  # without folders
+    sha256: str = ""  # of its content, in hexadecimal
 
 
 @dataclass(frozen=True)
 class Step:
-    """A step of the chain as it was run.
+    """A step of the chain as it was run."""
 
-    Attributes
-    ----------
-    name : as users know it, e.g. "inverse kinematics"
-    options : name to value as text
-    seconds : it took, None if unknown [s]
-    frames : it worked on
-    """
-
-    name: str
-    options: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
-    seconds: float | None = None
-    frames: int | None = None
+    name: str  # as users know it, e.g. "inverse kinematics"
+    options: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))  # name to value as text
+    seconds: float | None = None  # it took, None if unknown [s]
+    frames: int | None = None  # it worked on
 
 
 @dataclass(frozen=True)
 class PageHead:
-    """What every page says of itself.
+    """What every page says of itself."""
 
-    Attributes
-    ----------
-    title : of the page, e.g. "s01: walk2"
-    date : when it was made, as the caller wants it printed
-    version : of the software
-    notes : what is real, assumed or simulated, shown first
-    sources : input files with their hashes
-    steps : how it was made
-    warnings : what the readers and steps reported, one line each
-    """
-
-    title: str
-    date: str = ""
-    version: str = ""
-    notes: tuple[Note, ...] = ()
-    sources: tuple[SourceFile, ...] = ()
-    steps: tuple[Step, ...] = ()
-    warnings: tuple[str, ...] = ()
+    title: str  # of the page, e.g. "s01: walk2"
+    date: str = ""  # when it was made, as the caller wants it printed
+    version: str = ""  # of the software
+    notes: tuple[Note, ...] = ()  # what is real, assumed or simulated, shown first
+    sources: tuple[SourceFile, ...] = ()  # input files with their hashes
+    steps: tuple[Step, ...] = ()  # how it was made
+    warnings: tuple[str, ...] = ()  # what the readers and steps reported, one line each
 
     @staticmethod
     def of(title: str, made: Provenance, notes: Iterable[Note] = (), warnings: Iterable[str] = ()) -> PageHead:

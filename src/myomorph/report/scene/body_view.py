@@ -30,17 +30,9 @@ THICK, MIN_RADIUS, MAX_RADIUS = 0.16, 0.014, 0.055
 
 
 class BodyView:
-    """Pictures of one model, its surfaces prepared once: limbs as rounds.
-
-    Parameters
-    ----------
-    surfaces : meshes by `Mesh.file`; bodies without become sticks
-    turn : of the camera from the front towards the right side [degrees]
-
-    Attributes
-    ----------
-    scene : the body in its default pose
-    meshed : whether bodies have surfaces of their own
+    """Pictures of one model, its surfaces prepared once: limbs as rounds. `scene`: the body in its default pose;
+    `meshed`: whether bodies have surfaces of their own; `surfaces`: meshes by `Mesh.file`; bodies without become
+    sticks; `turn`: of the camera from the front towards the right side [degrees].
     """
 
     def __init__(self, model: Model, surfaces: Mapping[str, Surface] | None = None, turn: float = 35.0):

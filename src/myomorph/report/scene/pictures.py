@@ -30,19 +30,12 @@ VIEWS: Mapping[str, float] = FrozenMap({"side": 0.0, "oblique": 40.0, "front": 9
 
 @dataclass(frozen=True)
 class Picture:
-    """One rendered view.
+    """One rendered view."""
 
-    Attributes
-    ----------
-    frame : index in the scene
-    view : of `VIEWS`
-    image : a PNG file
-    width, height : of it [pixels]
-    """
-
-    frame: int
-    view: str
-    image: bytes
+    frame: int  # index in the scene
+    view: str  # of `VIEWS`
+    image: bytes  # a PNG file
+    # width, height: of it [pixels]
     width: int
     height: int
 
@@ -57,13 +50,9 @@ def pictures(
 ) -> list[Picture]:
     """Every frame of the scene from its right side, and from the front.
 
-    All share one scale and one floor, so that they can be compared; what is transparent is background.
-
-    Parameters
-    ----------
-    views : of `VIEWS`
-    colors : (bodies, 3) of each body, the ground first, in 0..1; the color of bone where not given
-    scale : pixels for a metre, None for as many as fit
+    All share one scale and one floor, so that they can be compared; what is transparent is background. `views`: of
+    `VIEWS`; `colors`: (bodies, 3) of each body, the ground first, in 0..1; the color of bone where not given; `scale`:
+    pixels for a metre, None for as many as fit.
     """
     shading = [normals(solid.surface) for solid in scene.solids]
     corners = _corners(scene)

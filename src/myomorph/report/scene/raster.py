@@ -17,19 +17,12 @@ FAR = -1e30
 @read_only
 @dataclass(frozen=True, eq=False)
 class View:
-    """An orthographic camera.
+    """An orthographic camera."""
 
-    Attributes
-    ----------
-    axes : (3, 3) rows: to the right of the picture, up in it, towards the viewer
-    center : (3,) point in the middle of the picture [m]
-    scale : pixels per meter
-    width, height : of the picture [pixels]
-    """
-
-    axes: Array
-    center: Array
-    scale: float
+    axes: Array  # (3, 3) rows: to the right of the picture, up in it, towards the viewer
+    center: Array  # (3,) point in the middle of the picture [m]
+    scale: float  # pixels per meter
+    # width, height: of the picture [pixels]
     width: int
     height: int
 

@@ -31,55 +31,38 @@ class Solid:
 @read_only
 @dataclass(frozen=True, eq=False)
 class MusclePath:
-    """A muscle as a line.
-
-    Attributes
-    ----------
-    points : (frames, points, 3) in ground [m], NaN beyond the last that a frame uses
-    radius : to draw it with [m]
-    activation : (frames,), NaN where unknown
-    """
+    """A muscle as a line."""
 
     name: str
-    points: Array
-    radius: float
-    activation: Array
+    points: Array  # (frames, points, 3) in ground [m], NaN beyond the last that a frame uses
+    radius: float  # to draw it with [m]
+    activation: Array  # (frames,), NaN where unknown
 
 
 @read_only
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """What is to be seen at some instants.
+    """What is to be seen at some instants."""
 
-    Attributes
-    ----------
-    time : (frames,) [s]
-    rotations, origins : (frames, bodies, 3, 3), (frames, bodies, 3) poses in ground, body 0 the ground
-    solids : bones, or sticks where a body has no mesh
-    muscles : their paths
-    force_starts, force_vectors : (frames, wrenches, 3) point [m] and force [N], NaN where unloaded
-    weight : of the body [N], the size that force arrows are drawn by
-    up, forward, right : unit vectors of the subject in ground, (3,)
-    size : of the body [m]
-    low, high : lowest and highest height that the body reaches along `up` [m]
-    floor : height of the ground along `up` [m]
-    """
-
-    time: Array
+    time: Array  # (frames,) [s]
+    # rotations, origins: (frames, bodies, 3, 3), (frames, bodies, 3) poses in ground, body 0 the ground
     rotations: Array
     origins: Array
-    solids: tuple[Solid, ...]
-    muscles: tuple[MusclePath, ...]
+    solids: tuple[Solid, ...]  # bones, or sticks where a body has no mesh
+    muscles: tuple[MusclePath, ...]  # their paths
+    # force_starts, force_vectors: (frames, wrenches, 3) point [m] and force [N], NaN where unloaded
     force_starts: Array
     force_vectors: Array
-    weight: float
+    weight: float  # of the body [N], the size that force arrows are drawn by
+    # up, forward, right: unit vectors of the subject in ground, (3,)
     up: Array
     forward: Array
     right: Array
-    size: float
+    size: float  # of the body [m]
+    # low, high: lowest and highest height that the body reaches along `up` [m]
     low: float
     high: float
-    floor: float
+    floor: float  # height of the ground along `up` [m]
 
 
 def make_scene(
@@ -90,14 +73,9 @@ def make_scene(
     activations: Series | None = None,
     wrenches: Wrenches | None = None,
 ) -> Scene:
-    """The body at some frames of a motion.
-
-    Parameters
-    ----------
-    frames : indices of the motion's frames
-    surfaces : by `Mesh.file`; bodies whose meshes are absent become sticks
-    activations : colors the muscles, at its nearest sample
-    wrenches : become arrows, at their nearest sample
+    """The body at some frames of a motion. `frames`: indices of the motion's frames; `surfaces`: by `Mesh.file`; bodies
+    whose meshes are absent become sticks; `activations`: colors the muscles, at its nearest sample; `wrenches`:
+    become arrows, at their nearest sample.
     """
     tree = compile_tree(model)
     chosen = np.asarray(frames, dtype=np.int64)

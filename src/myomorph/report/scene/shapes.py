@@ -173,11 +173,8 @@ def sticks(model: Model) -> dict[str, list[Surface]]:
 
 
 def coarser(surface: Surface, cell: float) -> Surface:
-    """A copy with fewer triangles: vertices in one cell of a grid become their mean.
-
-    Parameters
-    ----------
-    cell : edge of the grid's cells [m]
+    """A copy with fewer triangles: vertices in one cell of a grid become their mean. `cell`: edge of the grid's cells
+    [m].
     """
     if not len(surface.faces):
         return surface

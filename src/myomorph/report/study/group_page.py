@@ -35,12 +35,7 @@ MAX_OPEN = 24
 
 
 def group_page(comparison: Comparison, page_head: PageHead) -> str:
-    """One self-contained HTML page, as text.
-
-    Parameters
-    ----------
-    page_head : title, notes, sources, date and version
-    """
+    """One self-contained HTML page, as text. `page_head`: title, notes, sources, date and version."""
     notes = tuple(Note("warning", note) for note in comparison.notes)
     page = replace(page_head, notes=(*page_head.notes, *notes))
     parts = [*_scalar_sections(comparison), *(_family_section(comparison, family) for family in comparison.families)]

@@ -25,27 +25,19 @@ class Judged:
 
 @dataclass(frozen=True)
 class TrialLine:
-    """One trial, or a subject's own steps (`trial` "").
-
-    Attributes
-    ----------
-    report : place of its report relative to the page, "" where there is none
-    steps : that ended well
-    reason : why it failed or was left out
-    judged : by quantity, as in the trial's own table of quality
-    warnings : what files and steps had to say
-    """
+    """One trial, or a subject's own steps (`trial` "")."""
 
     subject: str
     trial: str
     condition: str
     state: TrialState
-    report: str = ""
-    steps: tuple[str, ...] = ()
+    report: str = ""  # place of its report relative to the page, "" where there is none
+    steps: tuple[str, ...] = ()  # that ended well
     frames: int = 0
-    reason: str = ""
+    reason: str = ""  # why it failed or was left out
+    # by quantity, as in the trial's own table of quality
     judged: Mapping[str, Judged] = field(default_factory=lambda: FrozenMap({}))
-    warnings: int = 0
+    warnings: int = 0  # what files and steps had to say
 
     @property
     def over(self) -> int:
@@ -55,13 +47,7 @@ class TrialLine:
 
 @dataclass(frozen=True)
 class Outlier:
-    """A value far from those of the other trials of its condition.
-
-    Attributes
-    ----------
-    middle : median of the condition
-    score : modified z-score
-    """
+    """A value far from those of the other trials of its condition."""
 
     subject: str
     trial: str
@@ -69,8 +55,8 @@ class Outlier:
     quantity: str
     value: float
     unit: str
-    middle: float
-    score: float
+    middle: float  # median of the condition
+    score: float  # modified z-score
 
 
 @dataclass(frozen=True)
@@ -84,30 +70,22 @@ class Described:
 
 @dataclass(frozen=True)
 class ValueDifference:
-    """A quantity in two conditions, the second less the first.
-
-    Attributes
-    ----------
-    paired : whether it is of subjects (or trials of one subject) with both
-    unit_of : "subjects", or "trials" of one subject
-    count : of these in each condition
-    low, high : interval by the spread of subjects or trials alone, NaN with fewer than two
-    measured_sd : standard deviation that the draws leave of the difference, NaN where nothing was drawn
-    low_all, high_all : interval with both
-    """
+    """A quantity in two conditions, the second less the first."""
 
     first: str
     second: str
     step: str
     quantity: str
     unit: str
-    paired: bool
-    unit_of: str
-    count: tuple[int, int]
+    paired: bool  # whether it is of subjects (or trials of one subject) with both
+    unit_of: str  # "subjects", or "trials" of one subject
+    count: tuple[int, int]  # of these in each condition
     means: tuple[float, float]
+    # low, high: interval by the spread of subjects or trials alone, NaN with fewer than two
     low: float
     high: float
-    measured_sd: float
+    measured_sd: float  # standard deviation that the draws leave of the difference, NaN where nothing was drawn
+    # low_all, high_all: interval with both
     low_all: float
     high_all: float
 
@@ -119,15 +97,7 @@ class ValueDifference:
 
 @dataclass(frozen=True, eq=False)
 class StudyInput:
-    """A study as its page shows it.
-
-    Attributes
-    ----------
-    described : quantities in the order of the tables
-    differences : of values between conditions, where errors were drawn
-    changes : what made steps be computed again, each with the trials it concerns
-    files : tables beside the page, place and what they hold
-    """
+    """A study as its page shows it."""
 
     name: str
     date: str
@@ -136,11 +106,12 @@ class StudyInput:
     conditions: tuple[Condition, ...] = ()
     comparisons: tuple[Comparison, ...] = ()
     outliers: tuple[Outlier, ...] = ()
-    described: tuple[Described, ...] = ()
-    differences: tuple[ValueDifference, ...] = ()
+    described: tuple[Described, ...] = ()  # quantities in the order of the tables
+    differences: tuple[ValueDifference, ...] = ()  # of values between conditions, where errors were drawn
+    # what made steps be computed again, each with the trials it concerns
     changes: tuple[tuple[str, tuple[str, ...]], ...] = ()
     notes: tuple[str, ...] = ()
-    files: tuple[tuple[str, str], ...] = ()
+    files: tuple[tuple[str, str], ...] = ()  # tables beside the page, place and what they hold
 
     def in_state(self, state: TrialState) -> tuple[TrialLine, ...]:
         """Trials that are done, failed or left out."""

@@ -107,25 +107,16 @@ def _at(time: Array, clock: Array, values: Array) -> Array:
 @read_only
 @dataclass(frozen=True, eq=False)
 class Group:
-    """Contact forces of one group of sites.
-
-    Attributes
-    ----------
-    block : whose groups it stands with: a subject's name, "" for the only one, `BETWEEN` where two bodies touch
-    style : of the style sheet, its own in its block
-    against : what is touched
-    forces : (frames, 3) as estimated [N]
-    estimated : (frames,) whether it might carry force
-    measured : (frames, 3) on the same bodies, NaN where a plate carries none of it, None where nothing was measured
-    """
+    """Contact forces of one group of sites."""
 
     name: str
     label: str
-    block: str
-    style: str
-    against: str
-    forces: Array
-    estimated: np.ndarray
+    block: str  # whose groups it stands with: a subject's name, "" for the only one, `BETWEEN` where two bodies touch
+    style: str  # of the style sheet, its own in its block
+    against: str  # what is touched
+    forces: Array  # (frames, 3) as estimated [N]
+    estimated: np.ndarray  # (frames,) whether it might carry force
+    # (frames, 3) on the same bodies, NaN where a plate carries none of it, None where nothing was measured
     measured: Array | None
 
 
@@ -162,11 +153,8 @@ def groups_of(
 
 
 def contact_verdicts(results: ReportInput, height: float) -> list[Verdict]:
-    """What still holds the root once contacts carry, against the limits on residuals (Hicks et al. 2015).
-
-    Parameters
-    ----------
-    height : mean height of the center of mass over the ground [m]
+    """What still holds the root once contacts carry, against the limits on residuals (Hicks et al. 2015). `height`:
+    mean height of the center of mass over the ground [m].
     """
     if results.contacts.forces is None or not len(results.contacts.forces):
         return []

@@ -123,16 +123,10 @@ def force_figures(
 @read_only
 @dataclass(frozen=True)
 class Ground:
-    """The ground seen from above: its two axes, the second turned over where they and the vertical are left-handed.
+    """The ground seen from above: its two axes, the second turned over where they and the vertical are left-handed."""
 
-    Attributes
-    ----------
-    columns : of points in ground that are to the right and upwards in the drawing
-    signs : (2,) of these
-    """
-
-    columns: tuple[int, int]
-    signs: Array
+    columns: tuple[int, int]  # of points in ground that are to the right and upwards in the drawing
+    signs: Array  # (2,) of these
 
     @staticmethod
     def under(up: Array) -> Ground:

@@ -44,12 +44,7 @@ LIGHT = 0.002
 
 
 def identification_sections(body: IdentificationInput, surfaces: Mapping[str, Surface]) -> list[Section]:
-    """The sections of what was identified and calibrated.
-
-    Parameters
-    ----------
-    surfaces : meshes for the picture, by `Mesh.file`
-    """
+    """The sections of what was identified and calibrated. `surfaces`: meshes for the picture, by `Mesh.file`."""
     identification, checks = body.identification, body.validation
     made = [body_section(body.model, identification, surfaces)]
     if identification is not None:

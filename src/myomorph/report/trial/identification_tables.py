@@ -120,11 +120,8 @@ def spine_groups(bodies: Sequence[str]) -> dict[str, list[int]]:
 
 
 def spine_sheet(bodies: Sequence[str], masses: Mapping[str, Array]) -> Sheet:
-    """Population standard deviation (ddof = 0) of the vertebrae's masses by group [kg] ([D] table 3.3).
-
-    Parameters
-    ----------
-    masses : (bodies,) of each method [kg]
+    """Population standard deviation (ddof = 0) of the vertebrae's masses by group [kg] ([D] table 3.3). `masses`:
+    (bodies,) of each method [kg].
     """
     rows: list[tuple[Cell, ...]] = [
         (group, len(members), *(float(np.std(mass[members])) for mass in masses.values()))
@@ -134,12 +131,8 @@ def spine_sheet(bodies: Sequence[str], masses: Mapping[str, Array]) -> Sheet:
 
 
 def segment_share(model: Model, masses: Array, row: str, side: str) -> float | None:
-    """Percent of the body's mass in a row of [D] table 3.4; None where the model has no such link.
-
-    Parameters
-    ----------
-    masses : (bodies,) [kg]
-    side : "right" or "left", for segments that come in pairs
+    """Percent of the body's mass in a row of [D] table 3.4; None where the model has no such link. `masses`: (bodies,)
+    [kg]; `side`: "right" or "left", for segments that come in pairs.
     """
     segments = named_segments(model)
     members = [

@@ -27,56 +27,38 @@ NEARLY = 0.8
 
 @dataclass(frozen=True, eq=False)
 class Person:
-    """One subject in the analysis.
-
-    Attributes
-    ----------
-    center : center of gravity along `axis_names(up)`, vertical first, (frames, 3) [m]
-    standing : height of the center of gravity over the lowest joint in the model's default posture, and its mean
-        height over the lowest joint of the motion [m]
-    still : mean height while the recording begins at rest [m], nan where it does not
-    periods : of the three columns of `center`
-    muscles : of the preset, as far as the model has them
-    lacking : the others
-    """
+    """One subject in the analysis."""
 
     who: Subject
-    center: Series
+    center: Series  # center of gravity along `axis_names(up)`, vertical first, (frames, 3) [m]
+    # height of the center of gravity over the lowest joint in the model's default posture, and its mean height over the
+    # lowest joint of the motion [m]
     standing: tuple[float, float]
-    still: float
-    periods: tuple[Periodicity, ...]
-    muscles: tuple[Pair, ...]
-    lacking: tuple[str, ...]
+    still: float  # mean height while the recording begins at rest [m], nan where it does not
+    periods: tuple[Periodicity, ...]  # of the three columns of `center`
+    muscles: tuple[Pair, ...]  # of the preset, as far as the model has them
+    lacking: tuple[str, ...]  # the others
 
 
 @read_only
 @dataclass(frozen=True, eq=False)
 class MotionAnalysis:
-    """What the panels show.
-
-    Attributes
-    ----------
-    chosen : whether the user named the preset
-    axes : names of the columns of centers of gravity
-    limbs, touching : what can touch, and (frames, limbs) whether it does, at `time`
-    activations : (frames, n) "muscle, side" of all persons, parts of a muscle weighted by strength
-    measures : of every stage, of the first person
-    correlations : rows contacts and muscles, columns `axes`, of the first person
-    """
+    """What the panels show."""
 
     preset: Preset
-    chosen: bool
+    chosen: bool  # whether the user named the preset
     span: tuple[float, float]
-    axes: tuple[str, ...]
+    axes: tuple[str, ...]  # names of the columns of centers of gravity
     persons: tuple[Person, ...]
     contacts: Contacts | None
+    # limbs, touching: what can touch, and (frames, limbs) whether it does, at `time`
     limbs: tuple[Limb, ...]
     time: Array
     touching: np.ndarray | None
     cutting: Cutting
-    activations: Series | None
-    measures: tuple[StageMeasures, ...]
-    correlations: Correlations | None
+    activations: Series | None  # (frames, n) "muscle, side" of all persons, parts of a muscle weighted by strength
+    measures: tuple[StageMeasures, ...]  # of every stage, of the first person
+    correlations: Correlations | None  # rows contacts and muscles, columns `axes`, of the first person
 
     @property
     def who(self) -> tuple[Subject, ...]:

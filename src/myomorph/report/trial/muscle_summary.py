@@ -28,12 +28,8 @@ def muscles_line(model: Model, time: Array, lengths: Array, velocities: Array) -
 
     Fibers are those on a tendon at its slack length.
 
-    Source: Zajac 1989 (active force between 0.5 and 1.5 optimal fiber lengths).
-
-    Parameters
-    ----------
-    time : (frames,) [s]
-    lengths, velocities : (frames, muscles) of the paths [m], [m/s]
+    Source: Zajac 1989 (active force between 0.5 and 1.5 optimal fiber lengths). `time`: (frames,) [s]; `lengths`,
+    `velocities`: (frames, muscles) of the paths [m], [m/s].
     """
     text = f"{len(time)} frames, {len(model.muscles)} muscles"
     known = np.isfinite(lengths).all(axis=1)

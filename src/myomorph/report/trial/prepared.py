@@ -39,29 +39,17 @@ GAITS = ("", "gait")
 @read_only
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """The given parts with what follows from them.
-
-    Attributes
-    ----------
-    up : against gravity, (3,)
-    span : first and last time of the report [s]
-    movement : kind, events and measures
-    centroid : center of mass over time, or None
-    floor : height of the ground along `up` [m]
-    weight : of the body [N], None if unknown
-    scale : of the body against an adult, for limits
-    verdicts : everything held against a limit
-    """
+    """The given parts with what follows from them."""
 
     results: ReportInput
-    up: Array
-    span: tuple[float, float]
-    movement: Movement
-    centroid: Series | None
-    floor: float
-    weight: float | None
-    scale: float
-    verdicts: tuple[Verdict, ...]
+    up: Array  # against gravity, (3,)
+    span: tuple[float, float]  # first and last time of the report [s]
+    movement: Movement  # kind, events and measures
+    centroid: Series | None  # center of mass over time, or None
+    floor: float  # height of the ground along `up` [m]
+    weight: float | None  # of the body [N], None if unknown
+    scale: float  # of the body against an adult, for limits
+    verdicts: tuple[Verdict, ...]  # everything held against a limit
 
     @property
     def events(self) -> tuple[Event, ...]:

@@ -48,17 +48,11 @@ class InfeasibleContact:
 @read_only
 @dataclass(frozen=True, eq=False)
 class ForceIntervals:
-    """What the data leave open of contact forces at some instants.
+    """What the data leave open of contact forces at some instants."""
 
-    Attributes
-    ----------
-    time : (samples,) [s]
-    names : groups of sites, or sites
-    lower, upper : (samples, names, 3) least and greatest force in ground [N], NaN where unknown
-    """
-
-    time: Array
-    names: tuple[str, ...]
+    time: Array  # (samples,) [s]
+    names: tuple[str, ...]  # groups of sites, or sites
+    # lower, upper: (samples, names, 3) least and greatest force in ground [N], NaN where unknown
     lower: Array
     upper: Array
 
@@ -66,71 +60,45 @@ class ForceIntervals:
 @read_only
 @dataclass(frozen=True, eq=False)
 class ShownTension:
-    """A solved tension as reports read it.
+    """A solved tension as reports read it."""
 
-    Attributes
-    ----------
-    time : (frames,) [s]
-    activations, forces : (frames, muscles) and along the tendon [N]
-    reserves : (frames, reserves) torques of the reserve actuators [N m or N]
-    reserve_coordinates : coordinate of each reserve
-    solved : (frames,) whether the frame is optimal
-    overstretched : muscles whose passive force passes their maximum isometric force somewhere
-    passive : muscles with much passive force, its largest share of the maximum isometric force and when [s]; None where
-        passive force takes no part
-    fibers : fibers and tendons, where tendons were elastic
-    """
-
-    time: Array
+    time: Array  # (frames,) [s]
     muscles: tuple[str, ...]
+    # activations, forces: (frames, muscles) and along the tendon [N]
     activations: Array
     forces: Array
-    reserves: Array
-    reserve_coordinates: tuple[str, ...]
-    solved: np.ndarray
-    overstretched: tuple[str, ...] = ()
+    reserves: Array  # (frames, reserves) torques of the reserve actuators [N m or N]
+    reserve_coordinates: tuple[str, ...]  # coordinate of each reserve
+    solved: np.ndarray  # (frames,) whether the frame is optimal
+    overstretched: tuple[str, ...] = ()  # muscles whose passive force passes their maximum isometric force somewhere
+    # muscles with much passive force, its largest share of the maximum isometric force and when [s]; None where passive
+    # force takes no part
     passive: tuple[tuple[str, float, float], ...] | None = None
-    fibers: Fibers | None = None
+    fibers: Fibers | None = None  # fibers and tendons, where tendons were elastic
 
 
 @dataclass(frozen=True, eq=False)
 class Recorded:
-    """What was recorded, and of whom.
+    """What was recorded, and of whom."""
 
-    Attributes
-    ----------
-    subject : name, as printed
-    facts : further lines of the heading, name to text
-    emg : measured excitations
-    emg_muscles : EMG channel to the muscles it was measured on; channels not named are shown apart
-    plates : outlines of the force plates
-    events : known events; None lets the report find them in the forces
-    truth : of a simulated capture
-    """
-
-    subject: str = ""
+    subject: str = ""  # name, as printed
+    # further lines of the heading, name to text
     facts: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
-    emg: Emg | None = None
+    emg: Emg | None = None  # measured excitations
+    # EMG channel to the muscles it was measured on; channels not named are shown apart
     emg_muscles: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: FrozenMap({}))
-    plates: tuple[ForcePlate, ...] = ()
-    events: tuple[Event, ...] | None = None
-    truth: Truth | None = None
+    plates: tuple[ForcePlate, ...] = ()  # outlines of the force plates
+    events: tuple[Event, ...] | None = None  # known events; None lets the report find them in the forces
+    truth: Truth | None = None  # of a simulated capture
 
 
 @dataclass(frozen=True, eq=False)
 class Kinematics:
-    """How the body moved.
+    """How the body moved."""
 
-    Attributes
-    ----------
-    markers : as inverse kinematics used them
-    fit : of inverse kinematics
-    coordinates : where there is no fit
-    """
-
-    markers: Markers | None = None
-    fit: KinematicsFit | None = None
-    coordinates: Motion | None = None
+    markers: Markers | None = None  # as inverse kinematics used them
+    fit: KinematicsFit | None = None  # of inverse kinematics
+    coordinates: Motion | None = None  # where there is no fit
 
     @property
     def motion(self) -> Motion | None:
@@ -142,115 +110,70 @@ class Kinematics:
 
 @dataclass(frozen=True, eq=False)
 class Dynamics:
-    """Forces of the whole body.
+    """Forces of the whole body."""
 
-    Attributes
-    ----------
-    torques : generalized forces of inverse dynamics (frames, coordinates) [N m or N]
-    wrenches : external forces, at any clock
-    root_note : what the forces at the root joint are where they are not residuals (a model of the legs
-        alone carries the trunk there); with it, no residual is judged
-    """
-
-    torques: Series | None = None
-    wrenches: Wrenches | None = None
+    torques: Series | None = None  # generalized forces of inverse dynamics (frames, coordinates) [N m or N]
+    wrenches: Wrenches | None = None  # external forces, at any clock
+    # what the forces at the root joint are where they are not residuals (a model of the legs alone carries the trunk
+    # there); with it, no residual is judged
     root_note: str = ""
 
 
 @dataclass(frozen=True, eq=False)
 class MusclePaths:
-    """Muscle-tendon paths.
+    """Muscle-tendon paths."""
 
-    Attributes
-    ----------
-    lengths, velocities : (frames, muscles) lengths [m] and their velocities [m/s]
-    driven : coordinates that at least one muscle moves; () if unknown
-    """
-
+    # lengths, velocities: (frames, muscles) lengths [m] and their velocities [m/s]
     lengths: Series | None = None
     velocities: Series | None = None
-    driven: tuple[str, ...] = ()
+    driven: tuple[str, ...] = ()  # coordinates that at least one muscle moves; () if unknown
 
 
 @dataclass(frozen=True, eq=False)
 class EstimatedContacts:
-    """Contacts, and their forces as far as nobody measured them.
+    """Contacts, and their forces as far as nobody measured them."""
 
-    Attributes
-    ----------
-    touches : which site touches what; None takes what the forces tell
-    forces : as estimated, beside the external forces as measured
-    intervals : of the contact forces, as far as they are known
-    residuals : (frames, residuals) forces ("residual_FX", ...) and moments ("residual_MX", ...) that still hold what
-        floats once contacts carry [N], [N m]
-    infeasible : frames whose contacts cannot carry the motion
-    situation : how contact forces are known: "measured" by plates, "shared" among sites on a plate, from
-        "sound", or "unknown" and solved for; "" where what is given tells it
-    """
-
-    touches: Contacts | None = None
-    forces: ContactForces | None = None
-    intervals: ForceIntervals | None = None
+    touches: Contacts | None = None  # which site touches what; None takes what the forces tell
+    forces: ContactForces | None = None  # as estimated, beside the external forces as measured
+    intervals: ForceIntervals | None = None  # of the contact forces, as far as they are known
+    # (frames, residuals) forces ("residual_FX", ...) and moments ("residual_MX", ...) that still hold what floats once
+    # contacts carry [N], [N m]
     residuals: Series | None = None
-    infeasible: tuple[InfeasibleContact, ...] = ()
+    infeasible: tuple[InfeasibleContact, ...] = ()  # frames whose contacts cannot carry the motion
+    # how contact forces are known: "measured" by plates, "shared" among sites on a plate, from "sound", or "unknown"
+    # and solved for; "" where what is given tells it
     situation: Situation = ""
 
 
 @dataclass(frozen=True)
 class AnalysisChoice:
-    """How to look at the motion.
+    """How to look at the motion."""
 
-    Attributes
-    ----------
-    preset : name of the analysis of the motion (see `presets`); "" chooses by what the recording shows
-    phases : parts of the motion, as the user cuts them; () for those that events or contacts tell
-    times : instants to picture, () for those of events [s]
-    """
-
-    preset: str = ""
+    preset: str = ""  # name of the analysis of the motion (see `presets`); "" chooses by what the recording shows
+    # parts of the motion, as the user cuts them; () for those that events or contacts tell
     phases: tuple[Phase, ...] = ()
-    times: tuple[float, ...] = ()
+    times: tuple[float, ...] = ()  # instants to picture, () for those of events [s]
 
 
 @dataclass(frozen=True, eq=False)
 class IdentificationInput:
-    """A body whose masses were identified, or whose lengths were calibrated; a part appears where it is given.
+    """A body whose masses were identified, or whose lengths were calibrated; a part appears where it is given."""
 
-    Attributes
-    ----------
-    model : with the identified parameters
-    identification : of its masses
-    validation : on motions that were not used, by their names
-    calibration : of its lengths and markers
-    recordings : names of those that the calibration used, in their order, the static one last
-    """
-
-    model: Model
-    identification: Identification | None = None
+    model: Model  # with the identified parameters
+    identification: Identification | None = None  # of its masses
+    # on motions that were not used, by their names
     validation: Mapping[str, CrossValidation] = field(default_factory=lambda: FrozenMap({}))
-    calibration: Calibration | None = None
-    recordings: tuple[str, ...] = ()
+    calibration: Calibration | None = None  # of its lengths and markers
+    recordings: tuple[str, ...] = ()  # names of those that the calibration used, in their order, the static one last
 
 
 @dataclass(frozen=True, eq=False)
 class ReportInput:
-    """What one report may show: the results of the steps, each a part of its own; a section appears where it is given.
+    """What one report may show: the results of the steps, each a part of its own; a section appears where it is given"""
 
-    Attributes
-    ----------
-    head : title, notes, sources, steps and warnings
-    model : of the subject
-    surfaces : meshes for the pictures, by `Mesh.file`
-    joint_contacts : forces at contact points of joints
-    emg_conflicts : where EMG and joint torques contradict each other, None where EMG took no part
-    analysis : how to look at the motion
-    uncertainty : between what limits results lie, and what contributes to that
-    identification : how the body's masses and lengths were found
-    more : sections of steps that this page does not know
-    """
-
-    head: PageHead
-    model: Model | None = None
+    head: PageHead  # title, notes, sources, steps and warnings
+    model: Model | None = None  # of the subject
+    # meshes for the pictures, by `Mesh.file`
     surfaces: Mapping[str, Surface] = field(default_factory=lambda: FrozenMap({}))
     recorded: Recorded = field(default_factory=Recorded)
     kinematics: Kinematics = field(default_factory=Kinematics)
@@ -258,12 +181,14 @@ class ReportInput:
     muscles: MusclePaths = field(default_factory=MusclePaths)
     tension: ShownTension | None = None
     contacts: EstimatedContacts = field(default_factory=EstimatedContacts)
-    joint_contacts: JointContactForces | None = None
+    joint_contacts: JointContactForces | None = None  # forces at contact points of joints
+    # where EMG and joint torques contradict each other, None where EMG took no part
     emg_conflicts: tuple[EmgConflict, ...] | None = None
-    analysis: AnalysisChoice = field(default_factory=AnalysisChoice)
+    analysis: AnalysisChoice = field(default_factory=AnalysisChoice)  # how to look at the motion
+    # between what limits results lie, and what contributes to that
     uncertainty: Uncertainty = field(default_factory=Uncertainty)
-    identification: IdentificationInput | None = None
-    more: tuple[Section, ...] = ()
+    identification: IdentificationInput | None = None  # how the body's masses and lengths were found
+    more: tuple[Section, ...] = ()  # sections of steps that this page does not know
 
     def with_warnings(self, texts: Iterable[str]) -> ReportInput:
         """The same with more lines among the warnings of its head."""

@@ -30,11 +30,8 @@ ALONE = 1e-3
 def kinematics_line(fit: KinematicsFit, model: Model, markers: Markers | None) -> str:
     """Frames, markers that matched, errors with marker and time, and whether they are within the usual limits.
 
-    Source: Hicks et al. 2015 (root mean square under 2 cm, largest under 2 to 4 cm).
-
-    Parameters
-    ----------
-    markers : as recorded, which show the size of the body
+    Source: Hicks et al. 2015 (root mean square under 2 cm, largest under 2 to 4 cm). `markers`: as recorded, which show
+    the size of the body.
     """
     matched = f"{len(fit.marker_names)} of the model's {len(model.markers)} markers"
     if len(fit.marker_names) == len(model.markers):

@@ -39,11 +39,8 @@ def body_scale(markers: Markers | None) -> float:
 
 
 def marker_verdicts(fit: KinematicsFit, scale: float = 1.0) -> list[Verdict]:
-    """Marker errors: RMS of the worst frame under 2 cm, the largest under 4 cm (Hicks et al. 2015).
-
-    Parameters
-    ----------
-    scale : factor on the limits, see `body_scale`
+    """Marker errors: RMS of the worst frame under 2 cm, the largest under 4 cm (Hicks et al. 2015). `scale`: factor on
+    the limits, see `body_scale`.
     """
     if not np.isfinite(fit.errors).any():
         return []
@@ -101,11 +98,8 @@ def residuals(model: Model, torques: Series) -> tuple[Array, Array] | None:
 def residual_verdicts(model: Model, torques: Series, wrenches: Wrenches, height: float) -> list[Verdict]:
     """Residuals against the peak net external force F (Hicks et al. 2015).
 
-    Forces under 5 % of F, moments under 1 % of F times the height of the center of mass; peak and RMS.
-
-    Parameters
-    ----------
-    height : mean height of the center of mass over the ground [m]
+    Forces under 5 % of F, moments under 1 % of F times the height of the center of mass; peak and RMS. `height`: mean
+    height of the center of mass over the ground [m].
     """
     weight = model.weight
     root = residuals(model, torques)
@@ -127,14 +121,9 @@ def residual_verdicts(model: Model, torques: Series, wrenches: Wrenches, height:
 def judged_residual(
     what: str, values: Array, time: Array, scale: float, contacts: bool = False
 ) -> list[tuple[Verdict, int | None]]:
-    """Peak and root mean square of a residual against its limit, each with the frame that it is of.
-
-    Parameters
-    ----------
-    what : "force" or "moment"
-    values, time : (frames,) [N] or [N m], [s]
-    scale : the peak external force, of moments times the height of the center of mass
-    contacts : whether contacts carry what they can
+    """Peak and root mean square of a residual against its limit, each with the frame that it is of. `what`: "force" or
+    "moment"; `values`, `time`: (frames,) [N] or [N m], [s]; `scale`: the peak external force, of moments times the
+    height of the center of mass; `contacts`: whether contacts carry what they can.
     """
     force = what == "force"
     unit = f"% of {'' if force else 'COM height × '}peak external force"
@@ -163,23 +152,15 @@ def _support(wrenches: Wrenches, time: float, weight: float, residual: float) ->
 
 @dataclass(frozen=True)
 class WorstReserve:
-    """The reserve that is the largest share of what it is held against.
+    """The reserve that is the largest share of what it is held against."""
 
-    Attributes
-    ----------
-    frame, column : where it is largest
-    coordinate : that it drives
-    share : of `scale`
-    peak : largest torque of the coordinate [N m or N]
-    scale : what it is held against: that peak, or a share of the largest one where that is negligible
-    """
-
+    # frame, column: where it is largest
     frame: int
     column: int
-    coordinate: str
-    share: float
-    peak: float
-    scale: float
+    coordinate: str  # that it drives
+    share: float  # of `scale`
+    peak: float  # largest torque of the coordinate [N m or N]
+    scale: float  # what it is held against: that peak, or a share of the largest one where that is negligible
 
     @property
     def own(self) -> bool:
@@ -192,11 +173,8 @@ def worst_reserve(
 ) -> WorstReserve | None:
     """The worst reserve of the joints, as a share of its coordinate's peak torque; None where there is none.
 
-    A torque that is negligible beside the largest of its unit is no measure: twice nothing is nothing.
-
-    Parameters
-    ----------
-    names, reserves, driven : as for `reserve_verdicts`
+    A torque that is negligible beside the largest of its unit is no measure: twice nothing is nothing. `names`,
+    `reserves`, `driven`: as for `reserve_verdicts`.
     """
     root = {name for group in root_coordinates(model) for name in group}
     peaks = {
@@ -224,13 +202,9 @@ def worst_reserve(
 def reserve_verdicts(
     model: Model, torques: Series, names: Sequence[str], reserves: Array, time: Array, driven: Sequence[str] = ()
 ) -> list[Verdict]:
-    """Reserve actuators: peak under 10 % of the peak torque of their coordinate (OpenSim's checklist).
-
-    Parameters
-    ----------
-    names : coordinate of each reserve
-    reserves : (frames, reserves) [N m or N]
-    driven : coordinates that some muscle moves; () for all. What no muscle moves has a row of its own
+    """Reserve actuators: peak under 10 % of the peak torque of their coordinate (OpenSim's checklist). `names`:
+    coordinate of each reserve; `reserves`: (frames, reserves) [N m or N]; `driven`: coordinates that some muscle
+    moves; () for all. What no muscle moves has a row of its own.
     """
     worst = worst_reserve(model, torques, names, reserves, driven)
     rows = []
@@ -257,12 +231,8 @@ def reserve_verdicts(
 
 
 def saturation_verdicts(names: Sequence[str], activations: Array, most: Array, time: Array) -> list[Verdict]:
-    """Muscles at their largest activation: they are too weak for the torque, or asked too much.
-
-    Parameters
-    ----------
-    activations : (frames, muscles)
-    most : (muscles,) upper bound of each
+    """Muscles at their largest activation: they are too weak for the torque, or asked too much. `activations`: (frames,
+    muscles); `most`: (muscles,) upper bound of each.
     """
     full: np.ndarray = np.asarray(activations >= SATURATED * most)
     ever = np.any(full, axis=0)
@@ -276,13 +246,9 @@ def saturation_verdicts(names: Sequence[str], activations: Array, most: Array, t
 
 
 def stretch_verdict(names: Sequence[str], count: int, passive: Sequence[tuple[str, float, float]] = ()) -> Verdict:
-    """Muscles stretched beyond sense: fiber and tendon lengths that do not fit the body's size or pose.
-
-    Parameters
-    ----------
-    names : muscles whose passive force passes their maximum isometric force
-    count : of all muscles
-    passive : muscles with much passive force, its share of the maximum isometric force and when [s]
+    """Muscles stretched beyond sense: fiber and tendon lengths that do not fit the body's size or pose. `names`:
+    muscles whose passive force passes their maximum isometric force; `count`: of all muscles; `passive`: muscles
+    with much passive force, its share of the maximum isometric force and when [s].
     """
     detail = f"passive force over the maximum isometric force: {few(names, 8)}" if names else ""
     if passive:

@@ -27,13 +27,8 @@ MAX_TIME = 10.0
 
 
 def validation_section(trial: str, check: CrossValidation, styles: Mapping[str, str], order: int = 0) -> Section | None:
-    """Six components of the base wrench, measured and by every method, and their errors.
-
-    Parameters
-    ----------
-    trial : its name
-    styles : of each method's line
-    order : of the motion among those that were not used, 0 for the first
+    """Six components of the base wrench, measured and by every method, and their errors. `trial`: its name; `styles`:
+    of each method's line; `order`: of the motion among those that were not used, 0 for the first.
     """
     if not len(check.time) or not check.predicted:
         return None
@@ -104,11 +99,8 @@ MAX_OPEN_ROWS = 30
 
 
 def calibration_section(calibration: Calibration, recordings: Sequence[str]) -> Section:
-    """Lengths, markers and marker errors before and after kinematic identification.
-
-    Parameters
-    ----------
-    recordings : names of those that were used, in their order, the static one last
+    """Lengths, markers and marker errors before and after kinematic identification. `recordings`: names of those that
+    were used, in their order, the static one last.
     """
     lengths = [
         (length.length.name, length.generic, length.value, length.generic * length.sd) for length in calibration.lengths
