@@ -98,7 +98,7 @@ class IdentificationFrame:
 
 class LiveIdentification:
     """Steps of the loop that fold every frame into an estimate, and keep what came. `estimate`: with everything that
-    was folded in; `max_age, newest_force`: infinite: no frame is dropped, and none waits, since the estimate itself
+    was folded in; `max_age`, `newest_force`: infinite: no frame is dropped, and none waits, since the estimate itself
     waits for forces; `source`: which says what will come; `mass`: of the subject [kg]; None where it is not known.
     """
 

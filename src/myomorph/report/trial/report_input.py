@@ -169,7 +169,7 @@ class IdentificationInput:
 
 @dataclass(frozen=True, eq=False)
 class ReportInput:
-    """What one report may show: the results of the steps, each a part of its own; a section appears where it is given"""
+    """What one report may show: the results of the steps; a section appears where its result is given."""
 
     head: PageHead  # title, notes, sources, steps and warnings
     model: Model | None = None  # of the subject
