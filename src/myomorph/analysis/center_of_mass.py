@@ -16,9 +16,7 @@ _CHUNK = 1024
 
 def centroid(model: Model, motion: Motion) -> Series:
     """Center of mass of all bodies in ground.
-
     x = sum_b m_b x_b / sum_b m_b, from the poses of the bodies.
-
     `model`: with masses; `motion`: coordinates over time. Returns Series of (frames, 3) `center_of_mass_x`, `_y`, `_z`
     [m], NaN where the motion is NaN or the model weighs nothing.
     """

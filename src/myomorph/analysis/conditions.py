@@ -56,7 +56,6 @@ def mean_curves(
 
 def compare_conditions(conditions: Sequence[Condition], options: GroupOptions | None = None) -> list[Comparison]:
     """Every pair of conditions; alpha is divided by the number of pairs (Bonferroni).
-
     Where subjects have both conditions these are compared within subjects; where none has, as groups (also where fewer
     than three have, and three or more of each are without them). Conditions whose curves go over different cycles are
     compared in numbers only.
@@ -100,7 +99,6 @@ TO_DEVIATION = 0.6745  # Median absolute deviation of a normal distribution, in 
 
 def modified_z(values: ArrayLike) -> Array:
     """0.6745 (x - median) / median absolute deviation of values (n,), NaN stays out.
-
     All NaN with fewer than five known values, or where more than half of them are equal but for rounding.
     """
     samples = np.asarray(values, dtype=np.float64)

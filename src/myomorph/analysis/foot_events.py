@@ -227,7 +227,6 @@ def on_events(track: FootTrack, limb: Limb, events: Sequence[Event], source: str
 
 def _replaced(events: Array, better: Sequence[float], near: float) -> Array:
     """Better events in place of the nearest ones; the others are shifted by as much as those were off in the middle.
-
     A stride from an event of one kind to one of the other would be too long or too short by that.
     """
     kept = [event for event in events if all(abs(event - other) > near for other in better)]

@@ -161,7 +161,6 @@ class Comparison:
 
 def compare_groups(first: Group, second: Group, options: GroupOptions | None = None) -> Comparison:
     """Parameters and curves of two groups, with intervals, effect sizes and tests.
-
     Parameters are tested one by one by relabelling and corrected for their number (Holm; Benjamini and Hochberg beside
     it); the curves of a family together by the largest statistic over all of them and the whole cycle. With fewer than
     three animals in a group nothing is tested.
@@ -183,7 +182,6 @@ def compare_groups(first: Group, second: Group, options: GroupOptions | None = N
 
 def compare_paired(first: Group, second: Group, options: GroupOptions | None = None) -> Comparison:
     """Parameters and curves of subjects in two conditions, with intervals, effect sizes and tests.
-
     As `compare_groups`, but of the differences within subjects, so that what differs between subjects drops out: the
     interval is that of their mean (Student's t), the effect size their mean over their standard deviation with Hedges'
     correction, and the test turns differences round instead of exchanging subjects. Subjects that only one of the

@@ -102,10 +102,8 @@ class LengthAnalysis:
 
 def length_analysis(model: Model, lengths: Series, strides: Strides, rates: Series | None = None) -> LengthAnalysis:
     """Muscle-tendon lengths over every stride of the limb that each muscle moves.
-
     A muscle belongs to the limb that any of its points or surfaces is on; one that is on none (of the trunk)
     goes with the first limb's strides.
-
     `lengths` (frames, muscles) [m], NaN where not known; `rates` (frames, muscles) their velocities [m/s].
     """
     owners = _owners(model, tuple(lengths.names))

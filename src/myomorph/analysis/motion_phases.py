@@ -106,7 +106,6 @@ def _between_events(what: Cuttable) -> tuple[Stage, ...]:
 
 def _by_contacts(what: Cuttable) -> tuple[Stage, ...]:
     """Where what touches changes; all phases with the same contacts are one stage, in order of appearance.
-
     What touches from the first frame to the last tells no phase from another, and is not named.
     """
     if what.touching is None or not len(what.contact_names) or not what.touching.any():

@@ -70,9 +70,7 @@ def permutation_test(
     first: ArrayLike, second: ArrayLike | None = None, *, most: int = 10000, seed: int = 0
 ) -> PermutationTest:
     """Largest-statistic test of two groups, or of differences within pairs.
-
     Groups are relabelled; differences within pairs are turned round: under no difference each is as likely to be.
-
     `first`, `second` (members,) numbers, (members, samples) a curve or (members, curves, samples) several; without
     `second`, differences within pairs; a number that is NaN for any member is left out; `most`: relabellings above
     which random ones are drawn; `seed`: of these.
@@ -148,10 +146,8 @@ def _over_error(difference: Array, error: Array, whole: Array, curve: NDArray[np
 
 def hedges_g(first: ArrayLike, second: ArrayLike | None = None) -> Array:
     """Effect size without its bias in small groups (Hedges 1981).
-
     Of two groups the difference of means over the pooled standard deviation; of differences within pairs, given alone,
     their mean over their standard deviation.
-
     `first`, `second` (members, ...); NaN where unknown. Returns (...), NaN with fewer than two members in a group,
     fewer than three pairs, or without any spread.
     """
@@ -173,9 +169,7 @@ def _unbiased(freedom: int) -> float:
 
 def g_interval(g: float, *sizes: int, confidence: float = 0.95) -> tuple[float, float]:
     """Interval of Hedges' g by the noncentral t distribution of the statistic, two-sided.
-
     It is exact for the effect itself, so that the ends are not corrected for the bias of the estimate.
-
     `g`: estimate without bias; `sizes`: of the two groups, or the number of pairs.
     """
     if not np.isfinite(g) or min(sizes) < 2:
@@ -199,7 +193,6 @@ def g_interval(g: float, *sizes: int, confidence: float = 0.95) -> tuple[float, 
 
 def g_curve_interval(g: Array, *sizes: int, confidence: float = 0.95) -> tuple[Array, Array]:
     """Interval of Hedges' g along a curve, by its variance in large groups (Hedges and Olkin 1985).
-
     Parameters as those of `g_interval`.
     """
     if min(sizes) < 2:

@@ -65,11 +65,9 @@ def side_of(name: str, body: str = "") -> str:
 
 def find_movement(wrenches: Wrenches, up: Array, weight: float | None = None, height: Series | None = None) -> Movement:
     """Events of a walk, a run or a jump from the ground forces.
-
     A jump is a flight of the whole body that follows standing still; it gets the phases of McMahon et
     al. 2018: onset, start of braking, lowest point, take-off, landing. Otherwise every side that touches
     and leaves the ground gets foot strikes and foot offs.
-
     `up` (3,) unit vector against gravity; `weight`: of the body [N]; without it, the largest quiet force or a third of
     the peak stands in; `height`: center of mass over time; its largest column along `up` gives the lowest point.
     """
@@ -90,11 +88,9 @@ def find_movement(wrenches: Wrenches, up: Array, weight: float | None = None, he
 
 def contacts(time: Array, force: Array, threshold: float, shortest: float) -> tuple[tuple[int, int], ...]:
     """Intervals [first, last] of samples with contact, in order.
-
     Contact is a force over the threshold, averaged over a hundredth of a second so that the noise of an
     unloaded plate does not touch it; it must reach three times the threshold and last `shortest`, and a
     gap shorter than that does not end it.
-
     `time`, `force` (samples,) [s], [N]; `threshold` [N]; `shortest` [s].
     """
     width = max(1, round(0.01 / max(float(np.median(np.diff(time))), 1e-9)))
@@ -151,7 +147,6 @@ def _jump(time: Array, total: Array, weight: float, com: Array | None, weighed: 
 
 def _quiet(time: Array, total: Array, start: int, off: int, weight: float, weighed: bool) -> tuple[int, float] | None:
     """Sample of the movement's onset and the weight that stood there [N], before a take-off.
-
     Where the body's weight is known, who stands carries it: feet of one who sits do not.
     """
     step = float(np.median(np.diff(time)))

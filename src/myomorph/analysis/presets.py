@@ -32,9 +32,7 @@ def named_muscles(
     names: Sequence[str], wanted: Sequence[str], prefix: str = ""
 ) -> tuple[tuple[Pair, ...], tuple[str, ...]]:
     """The wanted muscles that a model has, right and left together, and those that it lacks.
-
     Parts of one muscle are members of one pair.
-
     `names`: of the model's muscles; `wanted`: of `MUSCLES`; `prefix`: what the names of one subject begin with.
     """
     bare = {name: split_side(name.removeprefix(prefix).rsplit("__", 1)[-1]) for name in names}

@@ -76,7 +76,6 @@ class Pair:
 
 def pairs(names: Iterable[str]) -> tuple[Pair, ...]:
     """Names paired over the sides, in order of first appearance.
-
     A name without a side is the right one where only a left one answers it (`DELT1`, `DELT1_l`).
     """
     by_base: dict[str, dict[str, tuple[str, ...]]] = {}
@@ -111,7 +110,6 @@ def printed(name: str) -> str:
 
 def root_coordinates(model: Model) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Coordinates between the ground and the body that carries the rest: translations, rotations.
-
     They carry no muscle: what inverse dynamics finds there is what the recording leaves unexplained.
     Both are empty where no joint to the ground translates, as in an arm fixed at the shoulder.
     """
@@ -135,10 +133,8 @@ def root_coordinates(model: Model) -> tuple[tuple[str, ...], tuple[str, ...]]:
 
 def coordinate_pairs(model: Model, ranges: Mapping[str, float], most: int = 12) -> tuple[Pair, ...]:
     """Coordinates worth a figure, paired over the sides.
-
     Left out are the root's, locked ones, those that follow others and those that do not move. The
     usual ones come first, then the others by how far they move.
-
     `ranges`: how far each coordinate moved [rad or m]; `most`: figures at most.
     """
     root = {name for group in root_coordinates(model) for name in group}
@@ -163,10 +159,8 @@ def coordinate_pairs(model: Model, ranges: Mapping[str, float], most: int = 12) 
 
 def major_muscles(names: Sequence[str], mean_force: Array | None = None, most: int = 16) -> tuple[Pair, ...]:
     """The muscles to show one by one, right and left together.
-
     Known leg muscles where at least six are found or most are known (the parts of one muscle together);
     otherwise, or to fill up, the muscles that pull hardest on average.
-
     `names`: of the muscles; `mean_force` (muscles,) mean tension [N], or None.
     """
     bare = {name: split_side(name) for name in names}

@@ -45,11 +45,9 @@ def running_contacts(
     model: Model, motion: Motion, feet: Sequence[str]
 ) -> Mapping[str, tuple[tuple[float, float], ...]]:
     """Contact intervals of each foot in a run [s]; none for a walk, in which a foot is always on the ground.
-
     The events that show a walk's contacts, a foot farthest ahead of and behind the trunk, are far from a runner's:
     a foot goes on backward after it has left the ground. Between two flights one foot carries the body, the lower one.
     The force's slope where it passes half the weight leads to where it begins and ends.
-
     `motion`: coordinates (frames, coordinates) [rad or m]; `feet`: bodies.
     """
     known = np.isfinite(motion.values).all(axis=1)
@@ -127,7 +125,6 @@ def chains(model: Model, limbs: tuple[Limb, ...]) -> dict[str, frozenset[str]]:
 
 def walking_points(model: Model, motion: Motion, fit: KinematicsFit | None = None) -> Series:
     """Mass centers of the feet and the origin of the root (frames, points, 3) [m].
-
     With a fit, a foot is unseen (NaN) in frames that show no marker of it nor of the body it hangs on: there its
     pose is a guess.
     """

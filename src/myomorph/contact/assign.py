@@ -49,11 +49,9 @@ class Assignment:
 
 def assign_bodies(wrenches: Wrenches, positions: Mapping[str, Array]) -> Assignment:
     """Give each plate's force to the candidate body nearest to its center of pressure.
-
     Every stretch of time in which a plate is loaded goes to one body, or is cut where another body takes
     over. A plate that carried two bodies becomes two wrenches, named `plate_body`. Two feet on one
     plate at once cannot be separated by one plate: the force goes to the nearer one, with a warning.
-
     `wrenches`: of plates, bodies unknown; zero force where unloaded; `positions`: candidate body to points fixed to it,
     (frames, 3) or (frames, points, 3), on the clock of `wrenches`, NaN where unseen [m].
     """
@@ -188,10 +186,8 @@ NEAR = 0.35  # Distance of the center of pressure to a foot's heel or ball beyon
 
 class OnlineFeet:
     """Gives the forces of plates to bodies: to the one named, else to the foot that is nearest when the load begins.
-
     While the load is small, the center of pressure shows little: the foot is asked for again until the load passes
     `SURE`, and then kept until it ends. A plate that is loaded near no foot acts on no body.
-
     `plates`: names; `bodies`: that the plates act on, "" where the nearest foot is to be found. `bodies`: on which
     forces may act, in the order of the wrenches; `nobody` (plates,) samples so far of load near no foot; `up` (3,)
     against gravity.

@@ -86,9 +86,7 @@ class CameraClock:
 
 def camera_clock(seen: Sequence[float], known: Sequence[float], drift: float = 1e-3) -> CameraClock:
     """The clock of a camera from events that both saw, as a flash, a clap or a heel drop.
-
     One event gives the start; two or more give the pace too, by least squares, so they should lie far apart.
-
     `seen`, `known`: times of the events on the camera's and on the motion's clock, in the same order [s]; `drift`:
     greatest difference of the pace from 1 that is believed.
     """

@@ -46,9 +46,7 @@ def feet_on_steps(
     model: Model, motion: Motion, sites: Sequence[Site], loads: StepLoads, options: StairOptions | None = None
 ) -> FeetOnSteps:
     """Give the load of each step to the sites that stand on it.
-
     A site is on the step that it is nearest to, within reach, and stands there while it is slow.
-
     `sites`: of feet that may stand on steps; `loads`: of the steps, on their own clock.
     """
     options = options or StairOptions()
@@ -152,10 +150,8 @@ def _bodies(sites: Sequence[Site]) -> list[str]:
 
 def stair_wrenches(feet: FeetOnSteps, unmeasured: Unmeasured = "unknown") -> tuple[Wrenches, tuple[str, ...]]:
     """External forces on bodies, for inverse dynamics, and what they leave open.
-
     A force acts at the center of pressure where the cell measures moments, else where the foot is. Two bodies on a step
     share its force so that the center of pressure is kept, or evenly where it is not known.
-
     `unmeasured`: "zero" takes components that a cell does not measure for zero; with "unknown" such a step has no force
     here: `shared_stairs` passes what is measured on to muscle tensions. Returns wrenches named `step_body`, and notes.
     """
@@ -249,10 +245,8 @@ def _shares(
 
 def shared_stairs(feet: FeetOnSteps, leave_out: Collection[str] = ()) -> tuple[SharedWrench, ...]:
     """What the cells measured, for the sites on each step together; unmeasured components stay open.
-
     Frames in which other sites stand on a step make a wrench of their own, NaN in all others. Muscle tensions find the
     rest within the friction cones of the sites (`ContactTask.measured`).
-
     `leave_out`: steps whose force is known otherwise.
     """
     results = []

@@ -120,7 +120,6 @@ def _changed(forces: Array, points: Array) -> Change:
 
 def _turn_errors(inspection: Inspection, choices: list[Turn]) -> Array | None:
     """What horizontal forces leave of what the center of mass needs, turned each way [N^2]; None where too little acts.
-
     The last entry is that of no force at all.
     """
     result = balance(inspection)

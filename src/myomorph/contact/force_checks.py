@@ -43,12 +43,10 @@ def check_forces(wrenches: Wrenches, model: Model, motion: Motion) -> tuple[Find
 
 def checked_forces(wrenches: Wrenches, model: Model, motion: Motion, mend: bool = True) -> CheckedForces:
     """Hold external forces against the motion, put right what is safe and name the rest.
-
     Looked for are forces that pull instead of push, turned axes or a mirrored one, a plate mirrored about
     its own middle, other units, moments about another
     point than the center of pressure, a wrong foot, two feet on one plate, forces under no foot, a mass that is not the
     model's, and a clock that is not the motion's. Models without feet are not looked at.
-
     `wrenches`: in ground, at their own times; a body that is not known is ""; `motion` (frames, coordinates) [rad or
     m]; `mend`: put right what is safe to put right. Returns the wrenches, as they were where nothing was mended, and
     the findings.

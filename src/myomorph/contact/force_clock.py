@@ -69,7 +69,6 @@ def _late(inspection: Inspection, lag: float, sure: str, how: str) -> Finding:
 
 def lag_of_mass(inspection: Inspection) -> Lag | None:
     """The lag at which the plates' forces accelerate the center of mass as it moves; None where they hardly do.
-
     The least of the squares of F(t + lag) - m (a - g), offsets taken off, over frames in which the plates carry all
     that the body stands on. Its standard deviation is that of a time by least squares, with as many independent
     samples as the low-pass filter leaves.
@@ -135,7 +134,6 @@ def _between_steps(inspection: Inspection, measured: Array) -> NDArray[np.bool_]
 
 def _gliding(inspection: Inspection, lags: Array) -> Array | None:
     """Mean square speed of the feet at the centers of pressure at each lag, weighted by force (lags,) [m^2/s^2].
-
     A foot that stands does not glide: the material point at the center of pressure is at rest.
     """
     feet, samples = inspection.feet, inspection.samples

@@ -186,7 +186,6 @@ def _belt(inspection: Inspection, velocities: Array) -> Array:
 
 def supported(inspection: Inspection) -> NDArray[np.bool_]:
     """Frames (frames,) in which every foot that stands does so on a plate, and one does.
-
     A stance counts as a whole, so that the frames hardly depend on the clock of the forces; where one begins or ends
     that no plate carries, frames around are left out.
     """

@@ -159,7 +159,6 @@ def _doubtful(name: str, mirror: Mirror, exchanged: float) -> Finding:
 
 def check_progress(inspection: Inspection) -> Iterator[Finding]:
     """Plates whose center of pressure moves along the foot against the body.
-
     An axis across the foot does not show it: the center of pressure hardly moves along it.
     """
     feet, unit = inspection.feet, inspection.feet.unit

@@ -51,10 +51,8 @@ class HoldOptions:
 
 def find_holds(model: Model, motion: Motion, sites: Sequence[Site], options: HoldOptions | None = None) -> Contacts:
     """When sites hold the objects that they are against.
-
     An object that nothing else drives moves only while it is held, so the site's place on it then (the median) is
     where it is held; it is held before and after for as long as the site stays there.
-
     `model`: of body and objects together (`join_models`); `sites`: on the hands, each against the body of an object.
     """
     options = options or HoldOptions()
@@ -88,10 +86,8 @@ def find_holds(model: Model, motion: Motion, sites: Sequence[Site], options: Hol
 
 def needed_wrench(model: Model, motion: Motion, body: str, known: Wrenches | None = None) -> Wrenches:
     """Force and moment that reach a body, and all that it carries, from its parent.
-
     By Newton's and Euler's equations of these bodies: for a free object, what hands and floor give it together;
     for the trunk, what passes through its joint with the pelvis, muscles included.
-
     `motion`: with velocities and accelerations; `known`: other external forces, at the motion's times; those on bodies
     that it does not carry have no effect. Returns Wrenches with one force on `body`, at the center of its joint, with
     the moment about it as the torque.

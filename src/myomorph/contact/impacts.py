@@ -97,10 +97,8 @@ def calibration_pairs(heard: HeardImpacts, known: Mapping[str, Sequence[tuple[fl
 
 def effective_mass(model: Model, motion: Motion, body: str, point: ArrayLike, direction: ArrayLike) -> Array:
     """Mass (frames,) with which a point of a body meets an impact along a direction [kg].
-
     1 / (d^T J M^-1 J^T d) over the coordinates that are free, couplers and loops kept, joints taken as loose:
     over a few milliseconds an impact outruns what muscles hold. It is inf where the point cannot move that way.
-
     `point` (3,) in the body's frame [m]; `direction` (3,) or (frames, 3) in ground.
     """
     tree = compile_tree(model)
@@ -142,7 +140,6 @@ class Impact:
 
 def striking_sites(heard: HeardImpacts, model: Model, motion: Motion, sites: Sequence[Site]) -> dict[int, str]:
     """Site that made each impact, by its place in `heard.impacts`: the one whose velocity changed most then.
-
     Impacts outside the motion, or on an instrument without a site, are left out.
     """
     by_name = {site.name: site for site in sites}
@@ -164,7 +161,6 @@ def striking_sites(heard: HeardImpacts, model: Model, motion: Motion, sites: Seq
 
 def velocity_change(model: Model, motion: Motion, site: Site, time: float) -> Array:
     """Change of a site's velocity (3,) in an impact at `time`, in ground [m/s].
-
     Between straight lines through its places in the 30 ms before and after it touches. Motion capture smooths an impact
     over its frames and its filter, so this is too small where either is slow.
     """
@@ -228,12 +224,10 @@ def impact_wrenches(
 
 def pulse(time: Array, start: float, impulse: float, duration: float) -> Array:
     """A half-sine of force (frames,) that keeps its impulse and its middle on any clock [N].
-
     Frame k gets the mean of the pulse under its hat function, the straight lines up from the frame before
     and down to the frame after. The hats add up to 1 and reproduce t, so that sums by the trapezoidal rule
     of F and t F are the integrals exactly, whatever the frame rate; a pulse between two frames becomes the
     two forces that balance at its middle. What lies beyond the clock's ends is lost.
-
     `time` (frames,) ascending [s]; `start`, `impulse`, `duration` [s], [N s], [s].
     """
     if not duration > 0.0:

@@ -114,7 +114,6 @@ def onsets(heard: Heard, options: SoundOptions | None = None) -> tuple[Onset, ..
 
 def energy_after(heard: Heard, time: float, options: SoundOptions) -> tuple[float, float]:
     """Energy of what begins at a time, what was heard before taken off, and how much that was.
-
     In the slowest level, what still rings is foreseen by linear prediction and taken off wave by wave; of what lies
     above it, the mean power of the time `QUIET` before.
     """
@@ -162,7 +161,6 @@ def _prediction(past: Array) -> Array:
 
 def _excess(signal: Array, rate: float, hops: int, options: SoundOptions) -> Array:
     """By how much the rise of unforeseen energy passes its threshold (hops,).
-
     The rise is log(energy ahead / energy behind), both with the quiet of the whole recording added.
     """
     ahead, behind, apart, here = round(AHEAD / HOP), round(BEHIND / HOP), round(APART / HOP), np.arange(hops)
@@ -183,7 +181,6 @@ def _excess(signal: Array, rate: float, hops: int, options: SoundOptions) -> Arr
 
 def _innovation(signal: Array, rate: float) -> Array:
     """What linear prediction does not foresee (samples,): each block by a model of the `LEARNT` before it.
-
     Ringing drums and hum are foreseen, a new impact is not (Glover, Lazzarini and Timoney 2011).
     """
     block, learnt = max(int(BLOCK * rate), 1), max(int(LEARNT * rate), 8 * ORDER)
@@ -207,7 +204,6 @@ def _innovation(signal: Array, rate: float) -> Array:
 
 def _first_arrival(signal: Array, near: int, rate: float) -> int:
     """Sample at which something new begins, around the sample `near`.
-
     An autoregressive model of what was heard before takes off whatever still rings (Sleeman and van Eck 1999);
     the arrival is where the variance of the rest changes: the least k log(var before) + (n - k) log(var after).
     """

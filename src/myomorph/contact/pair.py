@@ -84,7 +84,6 @@ def grip_between(
 @dataclass(frozen=True, eq=False)
 class ActionReaction:
     """What each of several parts needs beyond what was measured on it, and what is left when all are added.
-
     Rows of wrenches are moment about the ground's origin [N m], then force [N], in ground.
     """
 

@@ -98,9 +98,7 @@ def find_placements(
     intervals: Sequence[tuple[float, float]] | None = None,
 ) -> tuple[Placement, ...]:
     """Placements in one recording: each rest of a weight while the plate is loaded, each piece of a rod's push.
-
     A weight that never rests while the plate carries it becomes a placement that says how far it moved.
-
     `plate_time` (samples,) on the markers' clock [s]; `intervals` (start, end) of the placements [s]; None looks for
     them.
     """

@@ -83,7 +83,6 @@ def _sensor_wrench(plate: PlateRecording, channels: Array) -> tuple[Array, Array
 
 def force_plate(plate: PlateRecording, flip: bool = False, samples: Array | None = None) -> ForcePlate:
     """Force on the subject, center of pressure and free torque of one plate, in the laboratory.
-
     `flip` reverses force and moment, for files that hold the force of the subject on the plate. The
     center of pressure is NaN only where the normal force is zero: see `force_plates` for loading.
     """
@@ -120,7 +119,6 @@ def _corrected(center: Array, polynomial: Array) -> Array:
 
 def force_plates(trial: Trial, options: PlateOptions | None = None) -> Trial:
     """The trial with `plates` made of its `plate_recordings`, and warnings about what looks wrong.
-
     Each plate's center of pressure and free torque are NaN where it is unloaded. A plate of a type that
     is not built is left out with a warning that names it. Which way is up is known from the markers: the
     force of a loaded plate must point from the plate to the subject, else force and moment are
@@ -211,7 +209,6 @@ def loaded_samples(
     plates: Sequence[ForcePlate], rate: float, options: PlateOptions | None = None
 ) -> list[NDArray[np.bool_]]:
     """For each plate, which samples (samples,) carry a load.
-
     The threshold is a share of the largest normal force of all plates, so that a mouse and a jumper are
     judged alike, and counts from what the plate reads when idle (which may be tens of newtons). A plate
     whose largest force does not stand out of its own noise, or that never changes, is never loaded.
@@ -288,7 +285,6 @@ def _doubts(recording: PlateRecording, plate: ForcePlate, state: NDArray[np.bool
 
 def wrenches_from_plates(plates: Sequence[ForcePlate], plate_time: Array, time: Array | None = None) -> Wrenches:
     """Wrenches of the plates on the clock `time` (frames,) [s], bodies unknown ("").
-
     Force and moment about each plate's center are interpolated and the center of pressure is made of
     them anew, so an edge of loading carries no stray point. Where a plate is unloaded, or `time` lies
     outside the recording, force and torque are zero and the point is the plate's center.

@@ -45,12 +45,10 @@ def shared_wrenches(
     options: SharedOptions | None = None,
 ) -> tuple[SharedWrench, ...]:
     """The wrench of every loaded plate, for the sites that touch while they are over it.
-
     Frames in which other sites stand on a plate make a wrench of their own, which is NaN in all other frames. Of
     plates with an outline a site belongs to the one it is over; one within the margin of two loaded plates
     joins these: their sum is known for the sites of both. Of wrenches without an outline a site belongs to that which
     acts on a body of its group, or, where bodies are not known, to those whose center of pressure its group is near.
-
     `plates`: with outlines, or wrenches at the motion's times; `plate_time`: clock of plates with outlines (samples,)
     [s].
     """
@@ -136,10 +134,8 @@ def without_measured(
     model: Model, ready: Series, sites: Sequence[Site], measured: Wrenches, options: SharedOptions | None = None
 ) -> Series:
     """The activations of sites, zero while a force that was measured carries their group: it is known already.
-
     A force counts as carrying between the shares of the weight in `SharedOptions`, so that what a filter makes of
     an unloaded plate does not silence a foot that steps beside it.
-
     `ready`: activations (frames, sites) at the times of `measured`; `measured`: forces on bodies that act as they were
     measured.
     """
@@ -200,10 +196,8 @@ def _wrenches(
 
 def assign_feet(model: Model, motion: Motion, sites: Sequence[Site], wrenches: Wrenches) -> Assignment:
     """Give each plate's force to the foot whose sole its center of pressure is under.
-
     The bodies are those of the first site of each group: the heels. See `assign_bodies`, whose warnings name
     plates that carried two feet at once; `shared_wrenches` is for these.
-
     `wrenches`: at the motion's times; the bodies they name are not regarded.
     """
     places = site_motion(model, motion, sites).places
@@ -216,10 +210,8 @@ def assign_feet(model: Model, motion: Motion, sites: Sequence[Site], wrenches: W
 
 def misplaced_forces(model: Model, motion: Motion, sites: Sequence[Site], wrenches: Wrenches) -> tuple[str, ...]:
     """Forces that a file puts on one foot while their center of pressure is under another, one line each.
-
     A force counts as misplaced where the mean distance of its center of pressure to the soles of its own foot,
     weighted by the force, is more than twice that to another foot.
-
     `wrenches`: at the motion's times, with the bodies that the file names.
     """
     places, bodies = site_motion(model, motion, sites).places, group_bodies(model, sites)

@@ -61,7 +61,6 @@ class Floor:
 
 def site_motion(model: Model, motion: Motion, sites: Sequence[Site]) -> SiteMotion:
     """Places and speeds of sites; frames in which the motion is NaN are NaN.
-
     In a model of several subjects and objects only those count whose the sites are.
     """
     if not np.isfinite(motion.values).all(axis=1).any():
@@ -97,11 +96,9 @@ def _slope(time: Array, values: Array) -> Array:
 
 def floor_under(sites: SiteMotion, height: float | None = None) -> Floor:
     """The floor that sites rest on: where the lowest of them stays while it is slow, and a belt's speed.
-
     The height is the middle of the narrowest interval that holds a quarter of the lowest sites' heights, so
     that neither a swing, nor a toe that a stiff model foot pushes through the floor, moves it. A belt's velocity is the
     median horizontal one of the lowest sites; below `BELT` sqrt(g height) the floor is at rest.
-
     `height`: of the floor where it is known, as from plates [m].
     """
     known = np.isfinite(sites.lowest).all(axis=1)
@@ -122,7 +119,6 @@ def floor_under(sites: SiteMotion, height: float | None = None) -> Floor:
 
 def plate_height(model: Model, plates: Wrenches | None) -> float | None:
     """Height of loaded plates' centers of pressure, the median along up; None where there is none [m].
-
     Points that a force table writes at exactly zero while it is unloaded do not count.
     """
     if plates is None:

@@ -135,7 +135,6 @@ def body_poses(model: Model) -> dict[str, Transform]:
 
 def feet_of(model: Model) -> tuple[Foot, ...]:
     """The feet by the bodies' names, right before left; raises `BadData` where there is none.
-
     A foot's down is the floor's in the default posture; where that is within 20 degrees of an axis of the heel's
     body, it is that axis, as models draw feet flat on the ground of their own frame. In a joined model the feet of each
     part are named with what stands before its heel's name: `tori_foot_r`.

@@ -215,7 +215,6 @@ def _energies(
 
 def _bleed(instruments: Sequence[Instrument], energies: Array) -> Array:
     """Energy (instruments, instruments) in microphone i of a impact on j that gives 1 in its own.
-
     The median of what the louder half of the impacts that were loudest on j left in i; with fewer than four of
     these it falls with the square of the distances, where they are known.
     """

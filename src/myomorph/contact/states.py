@@ -186,7 +186,6 @@ def by_plates(
     options: ContactStateOptions | None = None,
 ) -> Contacts:
     """Touches from loaded plates: of the group whose sites are nearest to the center of pressure.
-
     A plate is loaded from `loaded` of the model's weight on, until less than `unloaded` is left. Of the group, the
     sites touch that are less than `high` above the lowest of them.
     """
@@ -226,7 +225,6 @@ def _beside(moving: SiteMotion, points: Array) -> Array:
 
 def merge_contacts(sources: Sequence[Contacts]) -> Contacts:
     """Touches of several sources, the most trusted first.
-
     A touch is left out where one of the same site from a source before it covers half of it or more, and cut
     where it covers less.
     """

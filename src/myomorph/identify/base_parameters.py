@@ -30,7 +30,6 @@ from myomorph.rigid.regressor import base_regressor
 @dataclass(frozen=True, eq=False)
 class BaseParameters:
     """The combinations phi_B = Z phi that the base wrench is made of, [D] eq. 3.2.
-
     Y phi = Y[:, columns] Z phi for every motion of the model.
     """
 
@@ -82,10 +81,8 @@ class BaseParameters:
 
 def base_parameters(model: Model, fixed: bool = False, held: Mapping[str, float] | None = None) -> BaseParameters:
     """The base parameters of a model, from its tree and checked on random states.
-
     The null space of the tree (`tree_null_space`) goes first; what is then still dependent on random
     states, which happens where the base cannot move freely, is found by QR with column pivoting.
-
     `fixed`: the base does not move, as on a force plate that it is bolted to: its joint to the ground stands at its
     default or held value; `held`: coordinates that do not move, with their values [rad or m]; by default the locked
     ones.
@@ -174,7 +171,6 @@ def link_levels(model: Model, base: BaseParameters, levels: Array) -> dict[str, 
 
 def parameter_sizes(model: Model) -> Array:
     """(bodies, 10) how large a body's parameters are, to tell what is known well [kg, kg m, kg m^2].
-
     m, m l, m l^2 with the model's own mass and radius of gyration about the body's origin, at least
     0.5 % of the whole mass and a tenth of the largest radius, because some bodies only join two others.
     """

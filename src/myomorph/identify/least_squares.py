@@ -35,7 +35,6 @@ UNWANTED, UNSEEN, UNMEASURED = "left out by the user", "motion missing", "force 
 @kernel
 def fold(R, rows):
     """Turn six rows (6, n + 1) into a triangular factor (n, n + 1) by Householder reflections, in place.
-
     `rows` is used up.
     """
     for j in range(R.shape[0]):
@@ -107,7 +106,6 @@ def absorb(factor: Array, rows: Array) -> Array:
 
 def with_prior(factor: Array, mean: Array, sd: Array) -> tuple[Array, Array]:
     """Triangular system (R, z) of data [R, z] (n, n + 1) and independent priors of n parameters.
-
     A factor (unknowns, unknowns + 1) with more unknowns than the prior knows has those last; they stay without one.
     """
     unknowns, n = len(factor), len(mean)
@@ -122,7 +120,6 @@ def with_prior(factor: Array, mean: Array, sd: Array) -> tuple[Array, Array]:
 
 def rank_and_condition(R: Array, tolerance: float = 1e-6) -> tuple[int, float]:
     """Rank, and the largest over the smallest singular value, of R with columns scaled to length 1.
-
     The condition number is infinite where rounding cannot tell it from that.
     """
     length = np.linalg.norm(R, axis=0)
@@ -173,7 +170,6 @@ def row_lengths_of_inverse(R: Array) -> Array:
 
 def levels(R: Array, mean: Array, sizes: Array) -> Array:
     """(n,) share of what is known that comes from data R (n, n): 1 - var / size^2, 0 to 1.
-
     var is the variance with data, had the mean been right to within the sizes before.
     """
     whole, _ = with_prior(np.column_stack([R, np.zeros(len(R))]), mean, sizes)
@@ -184,7 +180,6 @@ def levels(R: Array, mean: Array, sizes: Array) -> Array:
 @dataclass(frozen=True, eq=False)
 class Finer:
     """A motion and its forces with little filter: what they make is filtered after it is made.
-
     A filter of angles and one of forces do not agree: what turns pulls by the square of its rate, which is faster than
     the angle. Rows and forces that pass the same filter afterwards do (Gautier 1997).
     """
@@ -369,7 +364,6 @@ def residuals(
 
 def correlation_times(left: Sequence[Array]) -> Array:
     """(6,) frames that make one independent sample: 1 + 2 sum of autocorrelations, by Geyer's rule.
-
     Pairs of successive lags are summed as long as they are positive (Geyer 1992, Statistical Science
     7(4):473). Frames that are left out count as zeros, which takes nothing from the lags' mean.
     """

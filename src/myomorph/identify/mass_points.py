@@ -100,7 +100,6 @@ class MassPointFit:
 
 def prior_variances(points: MassPoints, options: MassPointOptions | None = None) -> Array:
     """(points,) variance v_j of each point's mass before anything is measured [kg^2].
-
     With "relative", v_j = sd^2 rho_ref_j sum_i w_ij a_i. Points are independent, so the variance of link i's
     mass is sum_j w_ij^2 v_j; where every point has one link and a_i is the link's mass m_i that is
     (sd m_i)^2 for any grid, because sum_j rho_ref_j = m_i, and its mass center has the SD sd times the radius
@@ -141,7 +140,6 @@ def solve_mass_points(
 @dataclass(eq=False)
 class _Problem:
     """The problem in the moments of the links: B = C G with G of `PointSums`; the mass is a row of its own.
-
     `soft` is 1 for a row that may miss its target, and 0 for the mass, that may not. Masses are counted from the
     reference, so that little is lost by rounding: `target` is what the reference leaves to do.
     """
@@ -189,7 +187,6 @@ class _Problem:
 
     def solve(self) -> tuple[Array, int]:
         """Multipliers, and how many Newton steps they took.
-
         Where the plain iteration does not settle, rows are made soft in proportion to their stiffness
         and then harder from one solution to the next.
         """

@@ -44,13 +44,11 @@ class Cluster(NamedTuple):
 
 def tree_null_space(model: Model, held: Mapping[str, float] | None = None) -> NullSpace:
     """Null space of the base rows from the tree alone: a direct sum over the joints.
-
     Parameters v of a body may go to its parent where the parent cannot tell them from its own: L(X) v is the same in
     every configuration X of the joint, and the joint's own velocity S gives v no momentum, M(v) S = 0. For a hinge
     these are 3 (a rod on the axis), for a slide 6, for a ball joint 1, for a weld 10. Joints that share coordinates
     through couplers are one cluster, whose bodies are taken together. The sum is the whole null space where the base is
     free to move; where it is not, more is hidden (`base_parameters` finds that from random states).
-
     `held`: coordinates that do not move, with their values; by default those that are locked, at theirs.
     """
     tree = compile_tree(model)
@@ -122,7 +120,6 @@ def held_values(model: Model, held: Mapping[str, float] | None) -> dict[str, flo
 
 def random_states(model: Model, held: Mapping[str, float], frames: int, seed: int = 0) -> Motion:
     """Positions, velocities and accelerations drawn independently, each coordinate in its range.
-
     Held coordinates rest, dependent ones follow their couplers.
     """
     tree = compile_tree(model)
@@ -258,7 +255,6 @@ def parameters_in_parent(rotation: Array, origin: Array) -> Array:
 
 def momentum_rows(twist: Array) -> Array:
     """(..., 6, 10) angular momentum about the origin and linear momentum of unit parameters.
-
     l = I w + h x v,  p = m v + w x h, for a twist (..., 6) of angular velocity w and velocity v of the origin.
     """
     w, v = twist[..., :3], twist[..., 3:]

@@ -196,7 +196,6 @@ class OnlineIdentification:
 
 def total_wrench(forces: Array, points: Array, torques: Array) -> Array:
     """(..., 6) moment about the ground's origin [N m] and force [N] of wrenches (..., wrenches, 3).
-
     A plate with less than `UNLOADED` may have no point of application; a loaded one without makes the total NaN.
     """
     forces, points, torques = (np.asarray(values, dtype=np.float64) for values in (forces, points, torques))

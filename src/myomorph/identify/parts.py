@@ -157,7 +157,6 @@ class Parts:
 
     def factor(self, noise: Array, parts: Sequence[int] | np.ndarray | None = None) -> tuple[Array, Array]:
         """(R (n, n), z (n,)) of chosen parts: |R phi_B - z|^2 is their misfit in units of noise (2,).
-
         Soft tissue is what fits phi_B best. Where noise of the motion is known (`added`), R and z are those of the
         motion without it, on the mean.
         """
@@ -193,10 +192,8 @@ def parts_of(
     tissue: TissueColumns | None = None,
 ) -> Parts:
     """Recordings cut in time into `least` parts each, with gaps between them.
-
     Whole recordings are held out where there are several: halves of one motion are too much alike to tell how masses
     do on another.
-
     `tissue`: beside the base parameters, of the same recordings.
     """
     g = 0 if tissue is None else len(tissue.mean)
@@ -239,10 +236,8 @@ def parts_of(
 
 def without_noise(R: Array, z: Array, added: Array, center: Array) -> tuple[Array, Array]:
     """(R, z) whose squares lack what noise added to them, where |R x - z|^2 is the misfit of x.
-
     The pull of the data at x is corrected in full. Their hold on x is only where noise made up to `MAX_NOISE` of it:
     beyond, it keeps the rest, since a hold that is not positive has no least misfit.
-
     `R` (n, n); `z` (n,); `added` (n + 1, n + 1) to the squares of [R, z]; `center` (n,) where x is expected, from which
     the pull is counted.
     """

@@ -96,7 +96,6 @@ def solve_ridge(
 def possible_reference(reference: Array, gyration: float = 0.01) -> Array:
     """(links, 10) parameters whose links with mass are bodies: a principal second moment of mass about the mass
     center that is below m gyration^2 is lifted to it, everything else stays.
-
     A few mass points in a plane, and inertias that somebody rounded, are references of no body.
     """
     repaired = np.array(reference, dtype=np.float64)
@@ -186,7 +185,6 @@ class _Changes:
 
 def _solve(problem: _Changes, mass: float | None, residuals: bool) -> clarabel.DefaultSolution:
     """The conic program by Clarabel: right - rows x in the cones, those of the total mass and the pseudo-inertias.
-
     With `residuals` the rows' misses are variables of their own, which squares no condition number but
     takes ten times longer: for measurements that no body near the reference can meet.
     """

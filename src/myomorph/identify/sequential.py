@@ -88,10 +88,8 @@ class _Swings(NamedTuple):
 
 class SequentialFit:
     """Recursive least squares in square-root form: R phi_B = z, row by row of the base wrench.
-
     A frame's six rows are turned into the triangular factor by Householder reflections, which is the
     batch's QR decomposition continued: both end in the same numbers. `update` changes this object.
-
     `base`: by default the model's, its locked coordinates at rest; `sigma` (6,) or one number, noise of the rows of the
     base wrench [N m], [N]. Where successive frames are not independent (filtered, sampled fast), times the root of the
     frames that make one sample; `forgetting`: below 1, frames T ago weigh forgetting^T: for bodies or plates that
@@ -126,10 +124,8 @@ class SequentialFit:
 
     def update(self, rows: Array, wrench: Array) -> Array:
         """Fold in one frame; returns the error of the wrench predicted before, (6,) [N m], [N].
-
         The prediction uses an estimate that lags by at most a tenth of the frames, and 100 of them. A frame with
         anything missing is left out and its error is NaN.
-
         `rows` (6, 10 bodies) of `base_regressor`; `wrench` (6,) of `base_wrench`.
         """
         columns = rows[:, self.base.columns]
@@ -189,7 +185,6 @@ class SequentialFit:
 
     def propose(self, most: int = 3) -> tuple[Proposal, ...]:
         """The coordinates whose movement would show most of what is not known yet, the best first.
-
         The information of a slow swing of each coordinate alone, log det(I + Y_B P Y_B^T / sigma^2) with the
         covariance P so far, had the model's parameters been right to within their sizes. The swings are about the
         model's default pose. The joints of the base to the ground are not proposed.

@@ -56,10 +56,8 @@ class Fitted:
 
 def with_soft_tissue(model: Model, markers: Fitted, strength: Strength, use: Use = "auto") -> Fitted:
     """The recordings with the motion of the body's mass, where that predicts unseen parts better.
-
     Alphas of groups of coordinates are unknowns beside the base parameters, and the wrench is linearized in them until
     they settle.
-
     `model`: whose masses the prior is about; `markers`: fitted to the motion of the markers; `use`: "auto" takes it
     where it makes the misfit on unseen parts smaller by `GAIN`, and no force or moment of a whole recording larger by
     `LOSS`.

@@ -178,7 +178,6 @@ class Strength:
 
 def _walk(scores: Callable[[float], Array], several: bool) -> float:
     """The strength whose held-out score (parts,) is the least; of several recordings the tightest that is near it.
-
     The rule of one standard error (Breiman et al. 1984): what predicts as well and moves masses less is taken, because
     faults of the motion that few recordings share pass for masses in all of them. Parts of one recording are too much
     alike for their differences to tell how sure a score is.

@@ -52,7 +52,6 @@ class CrossValidation:
 
     def table(self) -> Mapping[str, Mapping[str, Array]]:
         """By name: mean error of the six components, its mean absolute value, RMS, peak, and RMS over body weight [%].
-
         The percentage of a moment is of body weight times 1 m. A model without a frame to compare is left out.
         """
         result = {}

@@ -80,7 +80,6 @@ def runs(flags: np.ndarray) -> list[tuple[int, int]]:
 
 def read_only(cls: _Class) -> _Class:
     """Class decorator, above `@dataclass(frozen=True)`: the arrays of its fields are read-only, too.
-
     Each array, also in tuples and mappings, becomes a read-only view of itself, without a copy: when an object is made,
     by `dataclasses.replace`, and when it is unpickled or copied. A class derived from such a one needs the decorator
     itself. Kernels are compiled anew for read-only arrays: what they take as it is stays without.

@@ -105,7 +105,6 @@ def quoted(names: Iterable[str], most: int = MAX_NAMES) -> str:
 
 def nearest(name: str, existing: Iterable[str], most: int = MAX_NAMES) -> tuple[str, ...]:
     """Names that are spelt like `name`, nearest first; capitals and what joins words (`-`, `_`, a blank) do not count.
-
     Two names are alike by the share of characters that they have in common in the same order
     (`difflib.SequenceMatcher`), or where one is a part of the other.
     """

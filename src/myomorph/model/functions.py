@@ -19,7 +19,6 @@ from myomorph.model.arrays import Array, freeze, read_only
 @dataclass(frozen=True, eq=False)
 class PiecewisePolynomial:
     """f(x) = sum_j coefficients[i, j] (x - breaks[i])^j on piece i, the last break <= x.
-
     Left of the first break the first piece holds. A single piece at break 0 is a polynomial; a
     first break given twice makes its first piece the continuation to the left.
     """
@@ -108,10 +107,8 @@ def piecewise_linear(x: ArrayLike, y: ArrayLike) -> PiecewisePolynomial:
 
 def simm_spline(x: ArrayLike, y: ArrayLike) -> PiecewisePolynomial:
     """Cubic spline with OpenSim's `SimmSpline` end conditions, continued by straight lines.
-
     The third derivative at each end equals that of the cubic through the four end points (Forsythe, Malcolm and Moler
     1977); with two points it is a line, with three a parabola-like cubic with equal second derivatives.
-
     `x` (points,) strictly ascending abscissae; `y` (points,) ordinates.
     """
     x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)

@@ -48,7 +48,6 @@ def inertia_matrices(parameters: ArrayLike) -> Array:
 
 def pseudo_inertias(parameters: ArrayLike) -> Array:
     """(..., 4, 4) pseudo-inertia [[S, h], [h^T, m]], S = tr(I) / 2 - I the second moments of mass.
-
     A body of some distribution of positive mass has a positive definite one (Wensing, Kim, Slotine
     2018, IEEE Robotics and Automation Letters 3(1):60).
     """

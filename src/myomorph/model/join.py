@@ -44,11 +44,9 @@ Timed = TypeVar("Timed", Series, Wrenches)
 
 def join_models(parts: Mapping[str, Model], name: str = "") -> Model:
     """Models side by side on one ground, as one tree: what they share is the ground and nothing else.
-
     Every name gains its part's name and a line: `femur_r` of the part `tori` becomes `tori_femur_r`. Coordinates keep
     their meaning, so motions and torques of the parts are columns of those of the whole. Names of mesh files stay, to
     be looked up beside every part's own file.
-
     `parts`: models by the names of their parts, each a word of letters, digits and lines; `name`: of the whole; the
     parts' names with lines between by default.
     """
@@ -118,7 +116,6 @@ def joined_names(parts: Mapping[str, Series] | Mapping[str, Wrenches]) -> tuple[
 
 def part_of(whole: Timed, part: str) -> Timed:
     """Columns of one part by their own names: of a motion, torques, markers, forces or activations of a joined model.
-
     Reserves and residuals (`reserve_tori_knee_angle_r`) belong to the part that they name.
     """
     columns_of_part = [

@@ -59,7 +59,6 @@ class Labelled:
 
     def to_pandas(self) -> pandas.DataFrame:
         """All arrays over time as one `pandas.DataFrame`, a row a frame.
-
         Columns are the names of a single variable, else pairs of variable and name; vectors have one column an axis.
         """
         pandas = from_extra("xarray", "pandas")

@@ -42,12 +42,10 @@ def scale(
     path_lengths: Callable[[Model], ArrayLike] | None = None,
 ) -> Model:
     """The model with bodies stretched by factors along their axes.
-
     What is fixed to a body moves with it: mass center, joint frames, markers, frames, path points,
     wrap objects (radii by the mean stretch across, lengths along their axis) and meshes. Translations
     of joints that follow an angle, by a function or a coupler, grow with the parent's factors weighted
     by the axis; a translation that is a degree of freedom of its own does not.
-
     `factors` (3,) for each body, along its x, y and z; bodies without one keep their size; `mass`: of the whole model
     afterwards [kg]; by default what the scaling gives; `preserve_mass_distribution`: masses keep their ratios;
     otherwise they grow with the volume; `inertia`: "cylinder" takes a body whose factors differ for a cylinder, as

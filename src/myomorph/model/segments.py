@@ -48,10 +48,8 @@ class Segment:
 
 def segments_of(model: Model, stated: Mapping[str, Segment] | None = None) -> Mapping[str, Segment]:
     """The segment of every body of a human model, by the bodies' names.
-
     A body whose name says nothing (a massless one between two joints) belongs with its parent; one on
     the ground, with its child.
-
     `stated`: segments that go before the names.
     """
     segments: dict[str, Segment] = {}
@@ -95,7 +93,6 @@ def _by_name(body: str) -> Segment | None:
 
 def joint_labels(model: Model) -> Mapping[str, str]:
     """A plain name for every joint: `knee_r` for `walker_knee_r` and for `tibia_r` that turns by `knee_angle_r`.
-
     The word for the joint in its name, else in that of a coordinate of its own, with its side; else its child body.
     Joints that would share a name keep the model's.
     """

@@ -31,7 +31,6 @@ def split_side(name: str) -> tuple[str, str]:
 
 def mirror_names(names: Iterable[str]) -> Mapping[str, str]:
     """Each name that has a counterpart on the other side, and that counterpart.
-
     Names are those of bodies, joints, coordinates or markers: `femur_r` and `femur_l`, `RASI` and
     `LASI`, `Abd_R_L1` and `Abd_L_L1`.
     """
@@ -68,7 +67,6 @@ def other_side(name: str, *, capitals: bool = False) -> str:
 
 def _stands_apart(name: str, i: int, *, whole: bool = False) -> bool:
     """Whether a letter may be the side: it begins the name, or stands between underscores or dots.
-
     With `whole` the letter that begins the name must be followed by one of these too.
     """
     after = i + 1 == len(name) or name[i + 1] in "_. -"

@@ -99,7 +99,6 @@ def _smoothed(values: Array, stiffness: float) -> Array:
 
 def coordinate_groups(model: Model) -> tuple[str, ...]:
     """(coordinates,) group of each: how the base moves, how it turns, and all that hangs on it by one joint.
-
     Both sides are one group: legs, and trunk with arms.
     """
     parents = {joint.child: joint.parent for joint in model.joints}

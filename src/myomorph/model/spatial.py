@@ -63,7 +63,6 @@ def vector_from_rotation(rotation: ArrayLike) -> Array:
 
 def quaternion_from_rotation(rotation: ArrayLike) -> Array:
     """Quaternions (..., 4) in the order w, x, y, z, w not negative, of rotation matrices (..., 3, 3).
-
     Of the four ways to compute one, that with the largest divisor.
     """
     r = np.asarray(rotation, dtype=np.float64)

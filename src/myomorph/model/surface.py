@@ -85,7 +85,6 @@ def pieces_of(count: int, faces: np.ndarray) -> list[np.ndarray]:
 
 def turned_outward(vertices: Array, faces: np.ndarray) -> np.ndarray:
     """Faces of one piece turned to one side and outward, in their order.
-
     Where no turning makes neighbors look to the same side, as where a surface touches itself, they stay as they are.
     """
     result = faces

@@ -20,7 +20,6 @@ MAX_STEPS = 64
 @inner
 def nearest_in_plane(a, p, plane):
     """Nearest point, of the ellipse with the half axes a of the ellipsoid other than `plane`, to p.
-
     The component `plane` stays p's own: OpenSim does not look for the section through p.
     """
     if plane == 0:

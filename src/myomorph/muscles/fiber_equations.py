@@ -47,10 +47,8 @@ class Fibers:
 
 class FiberMuscle(MuscleModel):
     """A class whose fibers and tendon have states, as in tables of OpenSim's MuscleAnalysis.
-
     `fibers` and `equilibrium` are those of fibers that have a least length, at which they are stuck
     (Thelen2003Muscle, Millard2012EquilibriumMuscle); a class without one replaces both.
-
     `state`: the state beside activation, `FIBER_LENGTH`, `TENDON_FORCE` or none; `activated`: whether activation is a
     state; `first_activation`: its value where no file gives it; `rests_when_stuck`: whether fibers at their least
     length have no passive force.

@@ -59,7 +59,6 @@ def rigid_forces(H, m, length, speed, wanted):
 @inner(counted=False, forceinline=True)
 def _cosine_of_normalized(H, m, x):
     """The pennation cosine that OpenSim 4.6 takes in static optimization of some classes.
-
     For Millard2012EquilibriumMuscle it divides the fibers' height [m] by the normalized instead of the actual fiber
     length.
     """
@@ -90,7 +89,6 @@ def _residual(H, m, length, fiber):
 @inner(counted=False)
 def isometric_force(H, m, length):
     """Force of a fully active resting muscle on an elastic tendon, passive force included [N].
-
     The fiber length is found by regula falsi (Illinois).
     """
     h, slack = H.height[m], H.tendon[m]

@@ -124,9 +124,7 @@ def tendon_arms(paths: Paths, group: Extensors, coordinates: Array, pulls: Array
 
 def with_lever(paths: Paths, coordinates: Array, pulls: Array, work: Array) -> Array:
     """Pulls of unit tensions of quadriceps, with the patellar tendon's own tension below the patella.
-
     What the tendon pulls less at the shank it pulls less at the patella; all other muscles stay as they are.
-
     `coordinates`, `pulls`, `work`: as of `tendon_arms`. Returns (frames, pairs, 6) as `Paths.pulls` has them.
     """
     result = pulls

@@ -125,10 +125,8 @@ class Paths:
 
     def pulls(self, coordinates: Array, progress: Callable[[int], None] | None = None) -> tuple[Array, Array]:
         """What unit tension of each muscle does to the bodies its path touches.
-
         Forces act at the path's points and where it leaves surfaces, along its straight parts. What they do through
         points that move in their bodies acts on no body, but on the coordinates that move the points.
-
         `coordinates`, `progress`: as of `evaluate`. Returns `pulls` (frames, pairs, 6) force and its moment about the
         ground's origin, in ground, in the order of `pull_muscle` and `pull_body` [1, m]; `work` (frames, moment arms)
         the part of the moment arms that moving points have [m/rad or m/m].
@@ -205,10 +203,8 @@ class DrawnPaths:
 
 def drawn_paths(paths: Paths, coordinates: Array) -> DrawnPaths:
     """Every path as points to draw lines between, as many at any frame.
-
     An arc becomes `ARC_PARTS` chords of the cubic that leaves both ends along the straight parts beside them, as a
     taut string does, with the arc's length as the size of its tangents.
-
     `coordinates` (frames, coordinates) in the model's order [rad or m].
     """
     nodes = paths.nodes(coordinates)

@@ -82,7 +82,6 @@ def tendon_nodes(
     wrap, wrap_side, surface, size, start, stop, points, R, p, x, node, seen, pose, rotation, rows, out, count
 ):
     """Wrap the chain in the way of MuJoCo: each surface between the two points around it.
-
     `rotation` (3, 3), `rows` (4 of (3,)) and `out` (2, 3) are room for the arguments of `wrap_tendon`.
     """
     before, after, center, side = rows
@@ -166,7 +165,6 @@ def _between_points(node, count, low, high):
 @inner
 def _best_wrap(surface, size, pose, g, method, x, node, seen, first, last, wraps):
     """The segment on which a surface lengthens the path least, or the first that runs through it.
-
     Returns the last code, the node before the segment (-1 for none), arc, and both ends in ground.
     """
     none = (0.0, 0.0, 0.0)

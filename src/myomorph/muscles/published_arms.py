@@ -93,7 +93,6 @@ class KneeArms:
 
 def knee_arms(model: Model) -> tuple[KneeArms, ...]:
     """Moment arms about the knees of a human model that have a published band, over the flexion that it allows.
-
     Without any for a model without muscles or knees, with closed loops, or not as large as a person.
     """
     if not model.muscles or model.loops:

@@ -113,9 +113,7 @@ class ReportedPaths:
         self, motion: Motion, part: slice, advance: Callable[[int], None] | None = None
     ) -> tuple[Array, Array, Array]:
         """Lengths [m] and velocities [m/s] (frames, muscles), moment arms (frames, pairs) of some frames of a motion.
-
         Frames without coordinates (NaN) stay NaN.
-
         `motion`: with velocities; `advance`: called with the number of frames just done.
         """
         if motion.velocities is None:

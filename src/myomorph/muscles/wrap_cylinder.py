@@ -167,7 +167,6 @@ def _helix(a, b, r, s, radius, long, single):
 @inner
 def _flat_view(p, q, r, turn):
     """What sliding leaves as it is, of p, a tangent point q, and the point w that r turned by `turn` makes.
-
     Seen along the axis: squares of the distances p q, q w and p w, and how far along p w the point nearest to q lies.
     """
     c, s = math.cos(turn), math.sin(turn)
@@ -181,7 +180,6 @@ def _flat_view(p, q, r, turn):
 @inner
 def _slide_to_tangency(p, q, w, view):
     """Slide a tangent point where the line to it and the helix away from it do not meet at one angle.
-
     Takes and gives heights along the axis: of the outer point, the tangent point and a point on the helix.
     """
     pq, qw, pw, share = view

@@ -111,7 +111,6 @@ def _most_square(x, y, r, s):
 @inner
 def _plane_point(r, s, a, method, best, square, place):
     """The surface point that sets the plane, the cosine after fading, and the share of the fan.
-
     The share is -inf where OpenSim leaves it unset.
     """
     chord = minus(s, r)

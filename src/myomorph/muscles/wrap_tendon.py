@@ -172,7 +172,6 @@ def _cross(ax, ay, tx, ty, bx, by, ux, uy):
 @inner
 def _touch_inside(ax, ay, bx, by, r):
     """Where the path from a to b touches a ring from within: it leaves at the angle it came in.
-
     With theta the angle between path and radius at the point of touch, the law of sines in both
     triangles gives asin(r sin(theta) / |a|) + asin(r sin(theta) / |b|) + (angle between a and b)
     = 2 theta.

@@ -40,10 +40,8 @@ def refuse_open(tree: Tree, coordinates: Array) -> float:
 
 def closed_motion(model: Model, motion: Motion) -> tuple[Motion, tuple[str, ...]]:
     """The motion nearest to the one given that keeps every loop closed, and what it took.
-
     Coordinates, velocities and accelerations move as little as possible in the plain norm over [rad] and [m];
     locked and prescribed ones stay. A model without loops gets its motion back.
-
     `motion`: with or without velocities and accelerations; what it lacks rests at the model's default. Returns
     `motion`: of all the model's coordinates where there are loops; `notes`: one line where loops stood open by more
     than `TOLD`.

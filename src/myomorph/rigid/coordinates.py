@@ -53,7 +53,6 @@ def compile_functions(functions: Sequence[Function]) -> FunctionArrays:
 @kernel
 def evaluate(F, i, x1, x2):
     """Value and derivatives of function i at (x1, x2): f, f_1, f_2, f_11, f_12, f_22.
-
     A function of one coordinate takes x1 and leaves the derivatives in x2 zero.
     """
     if F.table[i, PIECES] == 1 and F.table[i, WIDTH] == 2:
@@ -132,7 +131,6 @@ def couple_rates(T, c, cdot, cddot):
 @kernel
 def gather_dependents(T, c, rows):
     """Turn derivatives in all coordinates into derivatives in the independent ones, in place.
-
     Each row of `rows` (n, coordinates) holds df/dc; afterwards the entry of an independent coordinate includes what
     reaches f through the coordinates that follow it, and the entries of dependent coordinates are left as they were.
     """

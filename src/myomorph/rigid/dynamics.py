@@ -130,7 +130,6 @@ def inverse_dynamics_frames(T, c, cdot, cddot, bodies, forces, points, torques, 
 @in_place
 def body_wrenches(T, R, p, omega, alpha, a, f, m):
     """Force and moment about the ground's origin that each body needs, gravity taken off.
-
     f, m (bodies, 3) are filled [N], [N m], in ground.
     """
     gravity = (T.gravity[0], T.gravity[1], T.gravity[2])
@@ -149,7 +148,6 @@ def body_wrenches(T, R, p, omega, alpha, a, f, m):
 @bare
 def project(T, w, o, dphi, f, m, tau):
     """Generalized forces tau (coordinates,) of wrenches on the bodies, summed from the leaves.
-
     f, m (bodies, 3): force and moment about the ground's origin in ground, added up on the way.
     """
     for j in range(tau.shape[0]):

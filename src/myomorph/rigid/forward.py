@@ -99,7 +99,6 @@ def _pseudo_inverse(matrices: Array) -> Array:
 
 def loop_wrenches(tree: Tree, c: Array, multipliers: Array) -> Array:
     """What closed loops do to the bodies they tie, (frames, bodies, 6) as of `joint_wrenches`.
-
     A multiplier is a force [N] or moment [N m] on the second body along the axes of the first tied frame.
     """
     poses, L = forward_kinematics(tree, c), tree.loops

@@ -34,9 +34,7 @@ PACKAGE = Path(__file__).resolve().parents[1]
 
 def kernel(function: Callable[..., Any] | None = None, /, counted: bool = True, **options: Any) -> Any:
     """Compile a function with Numba at its first call, and keep the code on disk.
-
     Used as `@kernel` or `@kernel(fastmath=True)`. It runs without the interpreter's lock.
-
     `counted`: whether it counts the users of the arrays it touches. Where a tuple of many arrays goes from function to
     function that costs more than the arithmetic; a kernel that makes no array needs no count, and Numba refuses to
     compile one that makes some; `options`: further ones of `numba.njit`.
@@ -57,7 +55,6 @@ def inner(function: Callable[..., Any] | None = None, /, **options: Any) -> Any:
 
 def bare(function: Callable[..., Any], /) -> Any:
     """`inner` for what makes no arrays: those that it reads are not counted by reference, which small kernels feel.
-
     Views are allowed. What it calls must be bare, too.
     """
     return inner(function, _nrt=False)
@@ -83,7 +80,6 @@ def signatures_on_disk(dispatcher: Any) -> list[tuple[Any, ...]]:
 @cache
 def _fingerprint(module: str) -> str:
     """Of the sources of a module and of all modules whose kernels it calls.
-
     Those of a class with `kernels`, in a module or a tuple of one, are found by type when a kernel is compiled.
     """
     sources: dict[str, bytes] = {}

@@ -77,7 +77,6 @@ def axis_rates(T, axis, c, cdot, cddot):
 @bare
 def body_rates(T, c, cdot, cddot, p, w, o, omega, v, alpha, a):
     """Angular and linear velocity and acceleration of all body frames in ground, for one frame.
-
     Gravity is not included. `p`, `w`, `o` come from `body_poses`; omega, v, alpha, a (bodies, 3)
     are filled: [rad/s], [m/s] of the body's origin, [rad/s^2], [m/s^2].
     """
@@ -137,7 +136,6 @@ class Poses:
 
     def jacobian(self, frame: int, body: int, point: Array) -> Array:
         """d(twist)/d(coordinates) of a body, (6, coordinates): angular, then linear at `point`.
-
         Both rows are in ground; `point` (3,) is given in ground [m]. Dependent coordinates keep columns of their own.
         """
         arrays = self.tree.arrays

@@ -50,7 +50,6 @@ def half_rotation(Q):
 @bare
 def loop_errors(L, R, p, errors):
     """Errors (rows,) of all loops at the poses R, p: of a weld first the turning 2 u [rad], then the gap e [m].
-
     Both are those of the second tied frame seen from the first, so what moves both together changes nothing.
     """
     for i in range(L.body_1.shape[0]):

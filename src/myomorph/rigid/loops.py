@@ -25,11 +25,9 @@ FRAMES_AT_ONCE = 256
 
 def closure(tree: Tree, coordinates: Array) -> Array:
     """How far the loops stand open, (frames, rows).
-
     Of every loop the second tied frame is seen from the first. A point constraint has three rows, the second point
     [m]; a weld has before them three of turning, 2 sin(angle / 2) axis [rad]. What moves both bodies together
     changes nothing.
-
     `coordinates` (frames, coordinates) in the model's order, dependent ones consistent [rad or m].
     """
     return _closures(tree, coordinates)[0]
@@ -37,7 +35,6 @@ def closure(tree: Tree, coordinates: Array) -> Array:
 
 def closure_jacobian(tree: Tree, coordinates: Array) -> Array:
     """Derivatives of `closure` in the coordinates, (frames, rows, coordinates).
-
     Columns of independent coordinates include what reaches the loop through the coordinates that follow them;
     columns of those stand as they are by themselves (`gather_dependents`).
     """
@@ -61,10 +58,8 @@ def closure_rates(tree: Tree, coordinates: Array, velocities: Array, acceleratio
 
 def close_loops(tree: Tree, coordinates: Array, weights: Array | None = None, held: Sequence[int] | Ints = ()) -> Array:
     """The coordinates nearest to those given that close every loop.
-
     min sum_j w_j (c_j - given_j)^2 so that closure(c) = 0, by gradient projection.
     Locked, prescribed and `held` coordinates stay, coupled ones follow; ranges are not looked at.
-
     `coordinates` (frames, coordinates) [rad or m]; frames that hold NaN stay as they are; `weights` (coordinates,)
     above 0, 1 each by default; `held`: indices of coordinates that stay.
     """
@@ -100,10 +95,8 @@ def project_rates(
     held: Sequence[int] | Ints = (),
 ) -> tuple[Array, Array]:
     """Velocities and accelerations nearest to those given with which closed loops stay closed.
-
     G qdot = 0 and G qddot + Gdot qdot = 0, changed as little as possible in the weighted norm. Locked,
     prescribed and `held` coordinates keep their rates, coupled ones follow.
-
     `coordinates`, `velocities`, `accelerations` (frames, coordinates), the coordinates closed (`close_loops`);
     `weights` (coordinates,) above 0, 1 each by default; `held`: indices of coordinates whose rates stay. Returns
     `velocities`, `accelerations` (frames, coordinates).
@@ -145,11 +138,9 @@ class LoopBasis:
 
 def loop_basis(tree: Tree, coordinates: Array, free: Sequence[int] | Ints | None = None) -> LoopBasis:
     """Dependent and independent coordinates of closed loops, the same in all frames, and the slopes between them.
-
     One dependent coordinate after the other is taken, each the one whose column of the Jacobian stays largest in
     the frame where it is smallest, after the columns taken before are projected off (QR with column pivoting
     over all frames at once); a clamped coordinate counts half, so that it rather stays independent.
-
     `coordinates` (frames, coordinates), closed; frames that hold NaN get slopes of NaN; `free`: indices of the
     coordinates that may move, by default all that are neither coupled, locked nor prescribed.
     """

@@ -35,10 +35,8 @@ class RegressorBlock(NamedTuple):
 
 def base_regressor(model: Model, motion: Motion, reference: ArrayLike | None = None) -> Array:
     """(frames, 6, 10 bodies) the six base rows Y of the equation of motion, [D] eq. 3.1.
-
     Y @ inertial_parameters(model).ravel() is the total external wrench that the motion needs, gravity
     taken off: moment about the reference point [N m], then force [N], in ground axes.
-
     `motion`: with velocities and accelerations; coordinates it lacks rest at their default; `reference` (3,) a point
     fixed in ground, e.g. of a force plate [m]; None for the origin of the first body, the base, in each frame.
     """
@@ -52,7 +50,6 @@ def regressor_blocks(
     model: Model, motion: Motion, reference: ArrayLike | None = None, frames: int = BLOCK
 ) -> Iterator[RegressorBlock]:
     """`base_regressor` block by block, so that memory does not grow with the frames.
-
     Every block reuses the arrays of the one before.
     """
     tree = compile_tree(model)
@@ -69,9 +66,7 @@ def regressor_blocks(
 
 def base_wrench(model: Model, motion: Motion, wrenches: Wrenches | None, reference: ArrayLike | None = None) -> Array:
     """(frames, 6) the external wrench that was measured, in the rows of `base_regressor`.
-
     NaN in frames where a force is missing. A wrench on the ground does not count.
-
     `motion`, `reference`: as in `base_regressor`; the reference point moves with the motion's base; `wrenches`: at the
     motion's times; None for no external force.
     """
@@ -160,7 +155,6 @@ def _base_regressor(T, c, cdot, cddot, moving, points, rows):
 @in_place
 def body_columns(r, arm, lift, W, E, rows, first):
     """Ten columns of one body: rows (6, columns) of moment about a point and force, in ground.
-
     In the body's frame, with h = m c, acceleration of the origin less gravity `lift`, angular rates W, E:
     force = m lift + E x h + W x (W x h),  moment about the origin = h x lift + I E + W x (I W).
     `arm` leads from the point to the origin, in ground; r turns the body's frame into ground.

@@ -22,7 +22,6 @@ ROTATION, TRANSLATION = 0, 1
 
 class TreeArrays(NamedTuple):
     """What the kernels read. Body 0 is the ground; a parent comes before its children.
-
     The pose of body b is its parent's, then for each of its axes k the constant `pre` of k and the
     motion of k, then the constant `post` of b. Axes that do not move are folded into those.
     """
@@ -128,7 +127,6 @@ class Tree:
 
     def coordinates_of(self, motion: Motion) -> Array:
         """(frames, coordinates) a motion's values in the model's order.
-
         What the motion does not have stands at its default; dependent coordinates follow couplers.
         """
         columns = {name: i for i, name in enumerate(motion.names)}

@@ -148,7 +148,6 @@ def _reach(tree: Tree, basis: LoopBasis | None) -> list[list[tuple[int, int]]]:
 @inner
 def _coupling(T, L, c, slopes, C):
     """C (dependents, coordinates): derivatives of each of `L.driven` in those it ends in.
-
     c (coordinates,); slopes (dependents of loops, coordinates).
     """
     couplers = T.coupler_coordinate.shape[0]

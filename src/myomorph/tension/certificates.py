@@ -278,7 +278,6 @@ def _part(
 
 def _least_determined(solved: SolvedFrames, good: np.ndarray, functions: Array, near: float) -> tuple[Array, Array]:
     """The direction in which forces give way most as the cost grows, and how far they go.
-
     With D the inverse curvature of the variables that are off their bounds, forces S x give way by
     C = S (D - D A^T (A D A^T)^-1 A D) S^T: the cost grows by a^2 / (2 v^T C v) along its first eigenvector v.
     """

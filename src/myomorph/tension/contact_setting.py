@@ -99,7 +99,6 @@ def _on_stairs(
     stairs: Stairs, plan: ContactPlan, model: Model, motion: Motion, measured: Wrenches | None, options: ContactOptions
 ) -> ContactSetting:
     """Paws on steps: the cells tell touches, and forces for the sites on each step together.
-
     Loads that are given beside act as they are; then only steps that these leave out are shared.
     """
     paws = stairs.paws_in(model, motion)

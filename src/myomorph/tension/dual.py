@@ -115,9 +115,7 @@ def _free_stiffness(S, values, slope, diagonal):
 @in_place
 def _newton(S, A, b, targets, penalty, relative, most, cold, x, y, by_variable, by_row, M):
     """Maximise the dual of one frame with a slack; y is where it begins and ends.
-
     by_variable, by_row, M are room to work in: (3, variables), (5, rows), (rows, rows).
-
     Returns `worst`, `left`, `iterations`: max |b - A x|, max |b - A x - slack y|, and how many steps it took; infinite
     and NaN where the multipliers have overflowed.
     """
@@ -185,7 +183,6 @@ def _newton(S, A, b, targets, penalty, relative, most, cold, x, y, by_variable, 
 @in_place
 def _solve_frame(S, A, b, targets, penalty, accepted, x, y, by_variable, by_row, M):
     """One frame from the multipliers y: equilibrium residual, iterations and status; x and y are filled.
-
     A frame that the plain iteration does not settle is solved again with a large slack that then
     shrinks; where no slack can be small, the frame is infeasible and x misses the balance least.
     """
@@ -263,10 +260,8 @@ def _drawn(S, links, frame, status, penalties, penalty):
 @kernel
 def solve_separable(S, values, balance, targets, penalties, links, warm, x, y, residual, iterations, status):
     """Solve frame after frame, each starting from the multipliers of the one before.
-
     Where frames are linked, the solution of each alone is where passes over all of them begin, each frame given
     those beside it: projected successive over-relaxation by blocks (Young 1954, Cryer 1971) towards the joint optimum.
-
     `S`, `links`: `Separable`, `Links`; `values` (frames, entries) of A; `balance` (frames, rows) b, rows in the order
     of elimination; `targets` (1 or frames, variables) t; `penalties` (1 or frames, 3, variables) l, h and k; a k of 0
     leaves l and h unread; `warm` (rows,) multipliers to begin with, zero for none; afterwards those of the last frame;

@@ -36,7 +36,6 @@ class EmgConflict:
 
 def emg_conflicts(model: Model, tension: Tension, target: EmgTarget) -> tuple[EmgConflict, ...]:
     """Stretches in which EMG and torques contradict each other, by muscle and then by reserve.
-
     Muscles count where they are more than `APART` from their EMG (driven ones: beyond the slack), reserves of
     coordinates that muscles with EMG cross where they bear more than `BORNE` of the largest torque.
     """

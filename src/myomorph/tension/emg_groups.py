@@ -77,9 +77,7 @@ def calibration_of(
 
 def _twins(group: Group, near: Array, gains: Array, names: tuple[str, ...], muscles: tuple[str, ...]) -> SynergyWeights:
     """Activations of muscles that act as measured ones do: the mean of these.
-
     Their own course says more of them than synergies that they share with muscles which act otherwise.
-
     `near` (muscles, channels) cosine between what muscles do at the joints.
     """
     coupled = near[np.ix_(group.muscles, group.channels)] >= SAME
@@ -100,10 +98,8 @@ HELD = 1e6  # Precision of the logarithm of a gain that is held
 
 def kept_level(tracking: TorqueTracking, level: Prior, delays: Array, shapes: Array) -> Prior:
     """The prior of gains: that in which all share a usual level, unless torques are more likely otherwise.
-
     Muscles without EMG are expected to work as those beside them. Where hardly anything else says how large gains
     are (contact forces that nobody measured), that alone would make them small.
-
     `level`: the prior whose common level is known; `tracking` has the one whose level is not.
     """
     wide = tracking.prior

@@ -41,10 +41,8 @@ class Swap(NamedTuple):
 
 def swapped_channels(envelopes: Array, activations: Array) -> tuple[Swap, ...]:
     """Pairs of channels that look exchanged, the clearest first; no channel is in two pairs.
-
     Both channels must follow the other's muscles better than their own. Muscles that work at the same time
     (gastrocnemius and soleus, vasti and gluteus medius in walking) cannot be told apart so.
-
     `envelopes` (frames, channels) at the delay of EMG, NaN where unknown; `activations` (frames, channels) means of
     each channel's muscles, found without EMG from joint torques.
     """
@@ -93,7 +91,6 @@ HELD_FRAMES = 150  # About how many frames of all trials together channels are l
 @dataclass(frozen=True, eq=False)
 class EmgTrial:
     """What calibration takes of one trial: a motion with velocities, its torques, and envelopes on their clock.
-
     Where forces of contacts are unknown, `torques` are those without them, and `contacts` tells where they act.
     """
 
@@ -105,7 +102,6 @@ class EmgTrial:
 
 class HeldOut:
     """Channels left out in turn: what the EMG of the others does to the activation of the muscles under them.
-
     Delay, shape and errors of torques are those of all channels; gains and synergies are found anew.
     """
 

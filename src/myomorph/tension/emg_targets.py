@@ -74,10 +74,8 @@ def emg_targets(
     calibration: EmgCalibration | None = None,
 ) -> EmgTarget:
     """Activations that EMG tells, at the motion's times, with delay and gain applied.
-
     Each muscle takes the mean of the channels that tell of it and are known at that time. Dead stretches
     are unknown, negative values 0 (see `emg_checks.envelope_faults` for what to tell the user).
-
     `channels`: channel of `emg` to muscles of the model; channels that are not named are not used; `time` (frames,) of
     the motion [s]; `calibration`: delays and gains of at least these channels, by `calibrate_emg`; None takes envelopes
     as activations, `options.delay` late.

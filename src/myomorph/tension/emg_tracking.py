@@ -248,7 +248,6 @@ class TorqueTracking:
 
     def _ridge(self, size: int) -> Array:
         """Precision of the prior of offsets and weights (parameters, parameters), gains aside.
-
         The weights of a muscle that nobody measured are near those of the measured muscles that act as it does.
         """
         count = self.tells.shape[1]
@@ -269,7 +268,6 @@ class TorqueTracking:
 
     def _corrected(self, matrix: Array, ridge: Array) -> Array:
         """Normal matrix (parameters, parameters) without what noise of the envelopes adds to it, as far as that goes.
-
         Where channels say little more than their noise, all of it cannot be taken off.
         """
         if not self._excess.any():

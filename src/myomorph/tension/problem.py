@@ -62,7 +62,6 @@ class TensionInputs:
 
 def tension_problem(inputs: TensionInputs, only: Collection[str] | None = None) -> TensionProblem:
     """What `solve_tension` solves with rigid tendons, set up but not solved; errors are those of it.
-
     With contacts it is the problem that finds their forces, with passive forces by `ContactOptions.contact_passive`.
     Further terms may speak of contacts and muscles alike: with any, one problem finds both by the options as they are.
     `only`: coordinates whose equations are kept, where not all are.

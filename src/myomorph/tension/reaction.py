@@ -311,7 +311,6 @@ def _seen(
 
 def frame_in_ground(tree: Tree, poses: Poses, name: str) -> tuple[str, Array, Array]:
     """Name, rotations (frames, 3, 3) and origins (frames, 3) in ground of a body, the ground, or a frame on one.
-
     A joint's own frames go by their name, or as "<joint>/<frame>" where several joints have one of that name.
     """
     plain = name.rsplit("/", 1)[-1]

@@ -64,10 +64,8 @@ def relaxations(
     problem: TensionProblem, tension: Tension, options: RelaxationOptions | None = None
 ) -> tuple[Relaxation, ...]:
     """Frames whose contacts cannot carry the motion, and the smallest relaxation of each.
-
     Frames that lack input are left out, and those in which residuals are large though contacts could do without them;
     a model that does not float has none.
-
     `problem`, `tension`: as `tension_problem` sets it up with contacts, solved, and what it found.
     """
     options = options or RelaxationOptions()

@@ -75,7 +75,6 @@ def _bent(w, p, low, high, pull, target, s):
 @inner
 def response(w, p, least, greatest, low, high, pull, target, s):
     """Value x at the reduced multiplier s, and dx/ds there (0 on a bound).
-
     Scalars, and little of its own, so that the compiler makes it a part of the loops that call it.
     """
     if p == 2.0 and pull == 0.0:

@@ -106,7 +106,6 @@ def solve_contacts(
     inputs: TensionInputs, progress: Callable[[int], None] | None = None
 ) -> tuple[Tension, ContactSolution]:
     """`solve_tension` with simultaneous contacts and rigid tendons, and the problem that found their forces.
-
     That problem has passive muscle forces by `ContactOptions.contact_passive`. Where the tensions are to have others,
     they are found once more, under the contact forces.
     """
@@ -144,7 +143,6 @@ def with_contacts(tension: Tension, found: Tension) -> Tension:
 
 def _sequential(inputs: TensionInputs, progress: Callable[[int], None] | None) -> Tension:
     """Contact forces from the six equations of motion of every floating body, then muscles given these forces.
-
     It is what [D] ch. 4 argues against and most programs do. The first problem has the costs of contacts and
     residuals, and joints as ideal torques that cost nothing, which is to leave their equations out; the second has
     the contact forces as known ones.

@@ -30,7 +30,6 @@ from myomorph.tension.terms.cones import GRAVITY
 @dataclass(frozen=True, eq=False)
 class SolvedFrames:
     """Some frames: minimise cost(x) subject to A x = b, lower <= x <= upper, and the x that was found.
-
     Unknowns are activations, controls, amplitudes of contacts, and others that terms bring in.
     """
 

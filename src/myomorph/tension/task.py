@@ -109,7 +109,6 @@ class TensionTask:
 
     def solved(self, advance: Callable[[int], None]) -> tuple[Tension, ContactSolution | None]:
         """The tensions; where it can be asked what it leaves open of contact forces, the problem that found these.
-
         With contacts, joint loads and co-contraction are costs of the tensions under the contact forces.
         """
         tension, solution = self._solved(advance)

@@ -225,7 +225,6 @@ class Tension(Labelled):
 
 def tension_of(whole: Tension, part: str) -> Tension:
     """Activations, tensions, reserves and torques of one part of a joined model, by the part's own names.
-
     Status, iterations and equilibrium residual stay those of the whole problem. Contact forces are not taken along, as
     those between parts have a site on one of them only: `part_of(whole.contacts.wrenches(), part)` gives all on it.
     """

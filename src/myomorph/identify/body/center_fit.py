@@ -136,7 +136,6 @@ def hinge_cues(
 
 def _started(coordinate: Coordinate, joint: Joint | None, regions: Mapping[str, Region]) -> Coordinate:
     """A coordinate as the search for the pose starts with it: limbs a little bent, where no joint is singular.
-
     The ranges of limbs do not hold in the search: straight knees of two models differ by a degree.
     """
     if joint is None or coordinate.locked:
@@ -234,7 +233,6 @@ class CenterFit:
 
     def _pose(self, model: Model) -> Motion:
         """The pose in which the joint centers lie nearest to the lower model's.
-
         The angles of a shoulder or hip have poles and two branches, so a limb that stays off is tried from
         other angles; the next rounds start from those that were found.
         """

@@ -63,12 +63,10 @@ def envelope_points(
     model: Model, pose: Motion, spacing: float = SPACING, surfaces: Mapping[str, Surface] | None = None
 ) -> EnvelopePoints:
     """Points on a regular grid inside a solid around every body that has mass, in the first frame of a motion.
-
     A body of mass m, mass center c and central second moments S fills the ellipsoid of half axes
     sqrt(5 s_k / m) along the eigenvectors of S, which has exactly these. Where that would be no soft tissue (its
     density is not `PLAUSIBLE`: inertias that were only guessed), it fills the convex hull of its meshes, and
     where it has none, an ellipsoid along its bones, each of density `TISSUE`.
-
     `surfaces`: meshes by the name the model gives them, as `read_surfaces` finds them.
     """
     if not spacing > 0.0:
@@ -162,7 +160,6 @@ def _of_hull(mass: float, corners: Array) -> Solid | None:
 
 def _thickness(hull: ConvexHull, wanted: float) -> float:
     """Thickness t of soft tissue over a convex body whose volume becomes V + A t + M t^2 + 4/3 pi t^3 (Steiner) [m].
-
     M is pi times the mean width; the width is averaged over the three axes.
     """
     width = float(np.ptp(hull.points, axis=0).mean())

@@ -77,11 +77,9 @@ class PoseFit:
 
 def pose_model_to_skin(model: Model, body: Shape | Skin, landmarks: Mapping[str, Array] | None = None) -> PoseFit:
     """The coordinates in which a model's joint centers and markers are where a body has them.
-
     The skin is first moved to the model's default pose (Kabsch 1976, over the points of the trunk), whatever its
     axes are, then inverse kinematics runs over virtual markers. A skin without landmarks is taken to be
     in the model's default pose and ground already, which is checked.
-
     `model`: scaled to the body; `landmarks`: of a user's skin, (3,) by the name of a model marker or a joint center
     ("right knee", "neck") [m]; in the place of a shape's own.
     """
@@ -133,7 +131,6 @@ def pose_model_to_skin(model: Model, body: Shape | Skin, landmarks: Mapping[str,
 
 def _centers(model: Model) -> dict[str, Center]:
     """Joint centers of a human model by name, none of others.
-
     Where nothing moves in the spine, the frame of the joint may be anywhere.
     """
     try:

@@ -83,7 +83,6 @@ def push(x, first, links, weights, masses, start, stop, out):
 @kernel(fastmath={"reassoc", "contract"})
 def push_pairs(x, first, links, weights, factors, start, stop, out):
     """out[i (i + 1) / 2 + k] += sum_j factor_j w_ij w_kj (35 products at x_j), k <= i: all blocks of G F G^T.
-
     Points are taken eight at a time: neighbors on a grid share their links, and a sum of eight is written
     as fast as one. The last of the 36 columns is there for the processor.
     """
@@ -149,7 +148,6 @@ def push_pairs(x, first, links, weights, factors, start, stop, out):
 @kernel
 def respond(reference, freedom, floor, s, ds, t, start, stop, out):
     """The masses rho_j = max(floor_j, reference_j + freedom_j (s_j + t ds_j)) as sums over points.
-
     out[0] += sum (rho_j - reference_j) ds_j, and out[1] += its derivative by t.
     """
     slope, curvature = 0.0, 0.0
@@ -168,7 +166,6 @@ def respond(reference, freedom, floor, s, ds, t, start, stop, out):
 @dataclass(frozen=True, eq=False)
 class PointSums:
     """Products with G (10 links, points): column j holds w_ij m(x_j) for every link i, m the ten monomials.
-
     Points are counted from their mean, so that powers of four keep their digits wherever the ground's origin is.
     """
 

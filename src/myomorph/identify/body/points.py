@@ -120,7 +120,6 @@ def _from_moments(rotation: Array, origin: Array) -> Array:
 
 def links_of(model: Model, pose: Motion) -> Links:
     """The model's bodies in the first frame of a motion, with bones from joint center to joint center.
-
     A link's bones go from its own joint to the joints of its children, and from its joint through its mass
     center as far again beyond it, which is where a trunk holds a head that is no link of its own.
     """
@@ -149,7 +148,6 @@ def links_of(model: Model, pose: Motion) -> Links:
 
 def fill(skin: Skin, spacing: float = SPACING) -> Array:
     """Points (points, 3) of the grid `spacing` (i + 1/2, j + 1/2, k + 1/2) that are inside the skin [m].
-
     The grid hangs on the origin of the skin's frame, so that a skin moved by a whole number of spacings
     has the same points, moved. Blocks of 4 x 4 x 4 points that no face passes are inside or outside as a whole.
     """
@@ -194,9 +192,7 @@ def _passed(corners: Array, faces: np.ndarray, blocks: np.ndarray) -> np.ndarray
 
 def reference_masses(points: Array, mass: float, regions: Sequence[str] | np.ndarray | None = None) -> Array:
     """Masses (points,) that points on a regular grid have before anything is measured, rho_ref [kg].
-
     M / N of [D], or in proportion to the density of each point's region, scaled to the whole mass.
-
     `mass`: of the whole body [kg]; `regions` (points,) name of the region of each point, one of `DENSITIES`.
     """
     if not mass > 0.0:

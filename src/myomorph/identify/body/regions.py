@@ -71,10 +71,8 @@ class Center:
 
 def regions_of(model: Model, stated: Mapping[str, Segment] | None = None) -> dict[str, Region]:
     """The region of every body, from the segments that the bodies' names tell.
-
     The pelvis is what cannot move against the body that carries the thighs; the rest of the trunk, spine,
     ribs and shoulder girdle together, is the torso.
-
     `stated`: segments that go before the names.
     """
     segments = segments_of(model, stated)
@@ -129,7 +127,6 @@ def _part_of_foot(body: str) -> str:
 
 def centers_of(model: Model, regions: Mapping[str, Region]) -> dict[str, Center]:
     """The joint centers between regions, by key; of several joints, that which carries the most bodies.
-
     A center is the origin of the joint's frame in the outer body, or the mean anchor of its hinges.
     """
     below = dict.fromkeys(model.body_names, 1)
@@ -180,13 +177,11 @@ def ground_pseudo_inertias(model: Model, pose: Motion) -> Array:
 
 def spread(inertia: Array, target: Array) -> Array:
     """(bodies, 4, 4) pseudo-inertias whose sum is `target`, by a change of those given that is as even as possible.
-
     All masses grow by the same factor and all mass centers move by the same vector, which gives the sum its mass and
     its mass center. With second moments P of the sum and Q of the target about the mass center, both in the basis V
     that makes P = V V^T and Q = V L V^T with L diagonal: where L < 1 the bodies are drawn together by the linear map
     that turns P into V min(L, 1) V^T and moves mass the least (Olkin and Pukelsheim 1982); where L > 1 each body gets
     its share by mass of V max(L - 1, 0) V^T, without moving. Every body stays physically possible.
-
     `inertia` (bodies, 4, 4) in ground, their sum of positive mass; `target` (4, 4) in ground.
     """
     total = inertia.sum(axis=0)

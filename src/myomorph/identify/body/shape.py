@@ -73,12 +73,10 @@ def body_shape(
     pose: Literal["open", "rest"] = "open",
 ) -> Shape:
     """The most ordinary body that has these measurements, with arms and legs apart.
-
     Traits of the statistical body are those that minimise the misfit of height (in 0.1 mm), chest (in 0.5 mm)
     and mass (in 0.05 kg), plus the squares of the traits' distances from the average in `SPREAD`. The chest
     circumference is that of a tape, the convex hull of the trunk's section at the height of the nipples; the
     mass is the skin's volume times `DENSITY`.
-
     `height`, `chest` [m]; `mass`: of the body, if known [kg]; `sex`: half female and half male where it is not given;
     `age` [years]; 25 where it is not given; `pose`: "open" as in [D], legs apart; "rest" as the statistical body
     stands.
@@ -251,11 +249,9 @@ def _centers(body: StatisticalBody, vertices: Array, heads: Array) -> dict[str, 
 
 def landmark_vertices(vertices: Array, faces: np.ndarray, places: Mapping[str, Array]) -> dict[str, int]:
     """Vertex of each landmark of a standing body, x forward, y up, z right.
-
     Landmarks are where a ray from a joint center, along an axis of the body or of a joint, leaves the skin; the
     pelvis's stand to the hip joint centers as Bell, Pedersen and Brand 1990 found: 14, 19 and 30 % of the
     distance of the ASIS medial, behind and below them.
-
     `places` (3,) where each bone of the rig begins [m].
     """
     used = np.unique(faces)

@@ -43,12 +43,10 @@ class Skin:
 
 def check_skin(surface: Surface, height: float | None = None) -> Skin:
     """A skin that can be filled with points, with notes on what had to be done to it.
-
     Faces without area go; open pieces beside the body (clothes, helper geometry) and pieces inside it (eyes,
     teeth) go; faces are turned to one side and outward; every hole is closed by a fan around the middle of
     its border. A surface that passes through itself is kept: it shows by winding numbers of 2 and more on
     a coarse grid, and `inside` counts such places once.
-
     `height`: of the body, if known [m]; tells the unit of the skin without doubt.
     """
     vertices, faces = np.array(surface.vertices), np.array(surface.faces)
@@ -81,7 +79,6 @@ def check_skin(surface: Surface, height: float | None = None) -> Skin:
 
 def inside(skin: Skin, points: Array) -> np.ndarray:
     """(points,) whether each of the points (points, 3) [m] is inside the skin.
-
     By generalized winding numbers above one half (Barill et al. 2018, libigl), which open and self-crossing
     surfaces have too.
     """

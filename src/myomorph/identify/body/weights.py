@@ -46,7 +46,6 @@ def bone_weights(
     points: Array, links: Links, *, exponent: float = 4.0, taking: ArrayLike | None = None, smallest: float = SMALLEST
 ) -> sparse.csr_array:
     """w_b: shares as d_ij^-exponent of the distance to the links' bones, the straight pieces `links.bones`.
-
     A long segment keeps the points along it, which the distance to its mass center gives to the ends'
     neighbors. Parameters as of `cog_weights`; an exponent of infinity gives each point to the nearest bone.
     """
@@ -77,7 +76,6 @@ def checked_weights(weights: sparse.spmatrix | ArrayLike, points: Array, links: 
 
 def links_with_mass(model: Model, density: float = 10.0) -> np.ndarray:
     """(links,) whether each body is more than a phantom, a frame that models give a little mass of no meaning.
-
     A body is one where its mass is at least `density` [kg/m^3] times the cube of its radius of gyration (tissue has
     about 1000), and a millionth of the model's: a metre for ten grams, as phantoms have, is not a body.
     """

@@ -242,7 +242,6 @@ class Problem:
         self, tree: TreeArrays, locations: Array, trial: TrialData, rates: tuple[Array, Array, Array]
     ) -> tuple[Array, Array]:
         """Markers less observed (frames, markers, 3), 0 where unseen, and residuals (frames, 6), 0 where not used.
-
         Dependent coordinates of `rates` are set.
         """
         places, residual = np.empty(trial.observed.shape), np.empty((len(trial.time), 6))

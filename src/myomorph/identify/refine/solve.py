@@ -100,7 +100,6 @@ def reduced_information(equations: Equations) -> Array:
 
 def covariance(problem: Problem, at: Unknowns) -> Array:
     """(shared, shared) of the shared unknowns, all motions unknown too.
-
     Masses that are identified first come from the same recordings, so that they are no prior knowledge: links are
     taken to differ from the given model by `LINK_SD`, as in `identify`.
     """

@@ -103,7 +103,6 @@ def _only(usable: Usable, within: np.ndarray | None) -> Usable:
 
 def gain_of(usable: Usable, mass: float) -> float:
     """By which forces are multiplied where plates weigh the body otherwise than stated by more than `MASS_TOLERANCE`.
-
     A motion that had to explain what is missing would fall or rise all the time, far from the markers.
     """
     off = np.isfinite(usable.weighs) and abs(usable.weighs / mass - 1.0) > MASS_TOLERANCE

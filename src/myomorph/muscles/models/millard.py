@@ -202,9 +202,7 @@ def bezier_corner(
     start: tuple[float, float, float], end: tuple[float, float, float], curviness: float
 ) -> list[tuple[float, ...]]:
     """A C-shaped quintic from one point and slope to another: power coefficients of x and of y.
-
     The two middle pairs of control points lie on the tangents, the fraction `curviness` of the way to where these meet.
-
     `start`, `end` (x, y, dy/dx); `curviness`: 0 straight ... 1 sharp; Millard's parameter after scaling to 0.1 ... 0.9.
     """
     (x0, y0, s0), (x1, y1, s1) = start, end

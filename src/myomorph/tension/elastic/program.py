@@ -60,7 +60,6 @@ class Costs:
 @dataclass(eq=False)
 class Rates:
     """Bounds of the rate of activation [1/s], and how the class of each muscle makes them.
-
     Excitation from 0 to 1 lets activation change by -low(a) to high(a): (1 - a) / (tau_a (0.5 + 1.5 a)) and
     a (0.5 + 1.5 a) / tau_d (Thelen 2003 after Winters 1995); smoothly switched by De Groote's class between the two.
     """

@@ -63,9 +63,7 @@ def fibers_at(
     term: ElasticMuscleTerm, time: Array, lengths: Array, speeds: Array, f: Array, forces: Array
 ) -> tuple[Array, Array, Array, Array, Array]:
     """Lengths and velocities of fibers, strains of tendons, powers of fibers and of tendons: fields of `Fibers`.
-
     A tendon's speed at a frame is the mean of those before and after it.
-
     `lengths`, `speeds` (frames, muscles) of the paths [m], [m/s]; `f` (frames, muscles) normalized tendon forces, not
     read of rigid tendons; `forces` (frames, muscles) [N].
     """

@@ -203,7 +203,6 @@ def program_of(part: Part, frames: Frames, shared: Separable, term: ElasticMuscl
 
 def start_of(part: Part, frames: Frames, program: Program) -> tuple[Point, Array]:
     """A start near the solution with rigid tendons, and its multipliers.
-
     Its activations, as far as their rates are possible, and the forces that muscles on elastic tendons have with these:
     forces on rigid tendons may jump, and elastic tendons could then not be in equilibrium.
     """
@@ -252,9 +251,7 @@ def along(time: Array, known: NDArray[np.int64], values: Array) -> Array:
 
 def balanced(shared: Separable, values: Array, right: Array, held: Array, muscles: NDArray[np.bool_]) -> Array:
     """Unknowns near `held` that balance the torques.
-
     The change is the least relative to what a muscle pulls with and to what the cost lets other unknowns have.
-
     `values`, `right` (frames, entries) and (frames, rows) of the balance; `held` (frames, unknowns) with normalized
     forces in the columns of muscles on elastic tendons; `muscles` (unknowns,) which columns those are.
     """

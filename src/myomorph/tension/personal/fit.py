@@ -58,7 +58,6 @@ def noise_of(parts: Sequence[Part], noise: Noise, floors: Array, covariance: Arr
 
 def hastened(old: Noise, new: Noise, floors: Array, floors_at_rest: Array) -> Noise:
     """A longer step of expectation and maximization, whose own steps are short where much of a misfit is errors'.
-
     Upwards it is a short one: a misfit that the parameters have yet to follow is no error.
     """
     torque, rest, emg = (
@@ -238,7 +237,6 @@ def check(prior: Prior, shapes: MuscleShapes, windows: Sequence[Windows], p: Arr
 
 def _left_to_errors(parts: Sequence[Part], effective: float) -> float:
     """Share of the independent misfits that the parameters do not follow, twice: so much less is known than it looks.
-
     Once because the misfits are smaller for it, and once because what is followed is slow: left misfits are alike over
     a shorter time than errors are.
     """

@@ -95,7 +95,6 @@ class Part:
 
     def _known_activations(self, gains: Array, noise: Noise, measured: np.ndarray) -> tuple[Array, Array]:
         """Mean and variance of activations (frames, muscles) before the torques are looked at.
-
         EMG has errors, so that its peaks are higher and its lows lower than those of activations: what is expected lies
         towards its mean (regression calibration, Carroll et al. 2006, ch. 4).
         """
@@ -113,7 +112,6 @@ class Part:
 
     def _bounded(self, now: Array, expected: Array, variance: Array) -> Array:
         """Covariance S of the misfit of activations within 0 and 1: those at a bound have no part in it.
-
         The least of |a - m|^2 / var(a) + |e_tau|^2 / var(e_tau), by Newton steps in the multipliers y of the balance:
         a = clip(m + var(a) G^T y), e_tau = var(e_tau) y.
         """
@@ -140,7 +138,6 @@ class Part:
 
     def _widening(self, at: Followed, more: Followed, fiber: Array, strain: Array, p: Array) -> Array:
         """(parameters,) slopes of half the logarithm of det S.
-
         Activations that follow the torque make its slopes in the parameters follow its errors: without this term,
         whatever widens S would seem the more probable.
         """

@@ -57,9 +57,7 @@ class GenericMap:
 
 def map_generic(generic: Model, scaled: Model, poses: int = POSES) -> GenericMap:
     """Map the operating ranges of a generic model's muscles onto a scaled model.
-
     Source: Modenese et al. 2016, J Biomech 49:141-148.
-
     `generic`: the model that was scaled; `scaled`: with muscles of the same names.
     """
     names = tuple(name for name in scaled.muscle_names if name in generic.muscle_names)

@@ -192,11 +192,9 @@ ROTATORS = ("quadfem", "quadratus", "obturator", "obtur", "gem")
 
 def default_reserves(model: Model, reserve: float | None = None, residual: float | None = None) -> tuple[Actuator, ...]:
     """A weak actuator for every free coordinate, and force and torque on a body that floats.
-
     What is weak on a human is not on a mouse: where nothing is told, forces go with the cube and torques with the
     fourth power of the body's `length_unit`, as weights and their moments do. `ROTATOR_FORCE` stands in for muscles
     that many models of the leg leave out.
-
     `reserve`: optimal force of the coordinates' actuators, named "reserve_<coordinate>" [N m or N]; `residual`: optimal
     force of what holds a body that is joined to the ground by six free coordinates: "residual_FX" ... "residual_FZ" at
     its mass center and "residual_MX" ... "residual_MZ", along the ground's axes [N], [N m].

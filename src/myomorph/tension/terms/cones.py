@@ -165,7 +165,6 @@ def _ends(counts: list[int]) -> NDArray[np.int64]:
 
 def _reached(tree: Tree, site: Site) -> tuple[list[int], list[float], list[int], list[list[int]]]:
     """Axes between the two bodies of a contact with their signs, the coordinates, and which of them each axis has.
-
     What both bodies hang on feels a force and its reaction at one place not at all.
     """
     supports = tree.supports[tree.body_index[site.body]]

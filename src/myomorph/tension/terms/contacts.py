@@ -177,7 +177,6 @@ class ContactTerm(Term):
 
     def smoothing(self, unknowns: Unknowns) -> Smoothing | None:
         """Links between frames, None where nothing is smoothed.
-
         The factor of over-relaxation is Young's for the slowest direction of an unconstrained force.
         """
         options, time = self.task.options, unknowns.time
@@ -213,7 +212,6 @@ def _refuse_unfit(time: Array, task: ContactTask) -> None:
 
 def _preference(task: ContactTask, generators: ConeGenerators) -> Array:
     """By how much each generator (frames, generators) is favoured, so that a force along what is preferred costs least.
-
     Of a pyramid of generators d + mu t_k with costs 1 / w_k the cheapest force is sum_k w_k (d + mu t_k), which is
     d + p for w_k = 1 + 2 p . t_k / mu, p what is preferred, as sum_k t_k t_k^T = n / 2 of n generators; where
     generators of torsion, which have no part in it, share the force, the others take more. The cone stays as it is.
