@@ -28,9 +28,7 @@ MIN_FRAMES = 24  # Frames that a second derivative takes
 
 
 def vertical_force(model: Model, motion: Motion) -> Array:
-    """Vertical force on the whole body over its weight (frames,): 1 + a / g, with a of the center of mass [m/s^2].
-    `motion`: coordinates (frames, coordinates) [rad or m], none missing.
-    """
+    """Vertical force on the whole body over its weight (frames,): 1 + a / g, with a of the center of mass [m/s^2]."""
     g = float(np.linalg.norm(model.gravity))
     height = centroid(model, motion).values @ np.asarray(model.up)
     rate = 1.0 / float(np.median(np.diff(motion.time)))

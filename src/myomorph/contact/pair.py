@@ -105,10 +105,7 @@ class ActionReaction:
 
 
 def action_reaction(model: Model, motion: Motion, parts: Sequence[str], measured: Wrenches) -> ActionReaction:
-    """Check the parts of a joined model against the forces measured on them, by the root equations of each.
-    `motion`: with velocities and accelerations; `parts`: names of the parts that `model` was joined of; `measured`:
-    external forces on bodies of the joined model, as plates measure them, at the motion's times.
-    """
+    """Check the parts of a joined model against the forces measured on them, by the root equations of each."""
     origin = np.zeros((len(motion), 3))
     owners = np.array([[own_name(body.name, part) is not None for body in model.bodies] for part in parts])
     for part, owned in zip(parts, owners, strict=True):

@@ -111,10 +111,7 @@ class PlateCheck:
 
 
 def calibrate_plate(placements: Sequence[Placement], nominal: PlateRecording | None = None) -> PlateCalibration:
-    """Pose of a plate from placements of marked weights and pushes of marked rods.
-    `placements`: of one plate, at least three; `nominal`: where the plate was thought to be, kept in what the
-    placements do not show.
-    """
+    """Pose of a plate from placements of marked weights and pushes of marked rods."""
     kept, notes = believed(placements)
     start = None if nominal is None else (plate_axes(nominal.corners), nominal.corners.mean(axis=0))
     pose = best_pose(kept, start)

@@ -202,9 +202,7 @@ def _walk(scores: Callable[[float], Array], several: bool) -> float:
 
 
 def unseen_parts(parts: Parts, strength: Strength, names: tuple[str, ...], markers: Parts) -> Unseen:
-    """Every fold predicted by what was fitted, and chosen, without it.
-    `names`: of the recordings; `markers`: the same parts with the motion of the markers, for the generic model.
-    """
+    """Every fold predicted by what was fitted, and chosen, without it."""
     identified, generic, frames = [], [], []
     for fold in parts.names:
         rest, left_out = parts.only(parts.without(fold)), parts.fold(fold)

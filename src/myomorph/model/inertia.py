@@ -62,9 +62,7 @@ def pseudo_inertias(parameters: ArrayLike) -> Array:
 
 
 def with_inertial_parameters(model: Model, parameters: ArrayLike) -> Model:
-    """The model with other masses, mass centers and inertias.
-    `parameters` (bodies, 10) as `inertial_parameters` gives them.
-    """
+    """The model with other masses, mass centers and inertias."""
     values = np.asarray(parameters, dtype=np.float64)
     if values.shape != (len(model.bodies), 10) or not np.isfinite(values).all():
         raise BadData(f"expected finite parameters ({len(model.bodies)}, 10), but got shape {values.shape}")

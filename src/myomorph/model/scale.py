@@ -84,9 +84,7 @@ def scale(
 
 
 def taut_ligaments(before: Model, after: Model, path_lengths: Callable[[Model], ArrayLike]) -> tuple[Ligament, ...]:
-    """The ligaments of a model that has become another, with slack lengths that keep their ratio to the path.
-    `path_lengths`: as of `scale`.
-    """
+    """The ligaments of a model that has become another, with slack lengths that keep their ratio to the path."""
     if not after.ligaments:
         return ()
     strings = [replace(model, muscles=tuple(each.as_muscle() for each in model.ligaments)) for model in (before, after)]

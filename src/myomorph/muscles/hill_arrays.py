@@ -111,9 +111,7 @@ def has_elastic_tendon(muscle: Muscle) -> bool:
 
 @lru_cache(maxsize=8)
 def compile_elastic(model: Model, passive: bool) -> ElasticArrays:
-    """The model's muscles and tendons as flat arrays, in the model's order.
-    `passive`: whether the passive force of the fibers takes part.
-    """
+    """The model's muscles and tendons as flat arrays, in the model's order."""
     count = len(model.muscles)
     table = _Numbered()
     curve, damping, slowed = np.full((count, 4), -1, np.int64), np.zeros(count), np.zeros(count)

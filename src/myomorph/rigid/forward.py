@@ -78,9 +78,7 @@ def _mass_matrix(tree: Tree, c: Array, free: Ints) -> Array:
 
 
 def balancing_multipliers(tree: Tree, c: Array, cdot: Array, cddot: Array, applied: Array, generalized: Array) -> Array:
-    """Forces (frames, rows of loops) that loops carry in a motion that is given: the least that explain its balance.
-    `c`, `cdot`, `cddot`, `applied`, `generalized`: as of `forward_accelerations`.
-    """
+    """Forces (frames, rows of loops) that loops carry in a motion that is given: the least that explain its balance."""
     if not tree.model.loops:
         return np.zeros((len(c), 0))
     free = free_coordinates(tree)

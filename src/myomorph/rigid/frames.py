@@ -35,10 +35,7 @@ def thread_count() -> int:
 def over_frames(
     task: Callable[[int, int], None], frames: int, progress: Callable[[int], None] | None = None, chunk: int = CHUNK
 ) -> None:
-    """Call `task(start, stop)` for all frames, chunk by chunk, in `thread_count()` threads.
-    `task`: fills its part of arrays that exist already; an exception ends the whole; `frames`: how many there are;
-    `progress`: called with the number of frames just done, from the calling thread; `chunk`: frames a call.
-    """
+    """Call `task(start, stop)` for all frames, chunk by chunk, in `thread_count()` threads."""
     parts = [(start, min(start + chunk, frames)) for start in range(0, frames, chunk)]
     # A single chunk, as of a live frame, does not ask the system for its cores.
     threads = min(thread_count(), len(parts)) if len(parts) > 1 else 1

@@ -257,9 +257,7 @@ class BodyMotion:
 
 
 def body_motion(tree: Tree, c: Array, cdot: Array, cddot: Array) -> BodyMotion:
-    """Poses, velocities and accelerations of all bodies.
-    `c`, `cdot`, `cddot` (frames, coordinates) consistent, as of `rigid.dynamics.motion_arrays`.
-    """
+    """Poses, velocities and accelerations of all bodies."""
     frames, bodies = len(c), len(tree.arrays.parent)
     arrays = [np.array(values, dtype=np.float64, order="C") for values in (c, cdot, cddot)]
     R = np.empty((frames, bodies, 3, 3))

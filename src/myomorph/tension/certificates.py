@@ -170,10 +170,7 @@ def contact_intervals(
     frames: Sequence[int] | None = None,
     options: CertificateOptions | None = None,
 ) -> ContactIntervals:
-    """What the data leave open of the contact forces of solved frames.
-    `problem`, `tension`: as `tension_problem` sets it up, solved, and what it found; `frames`: numbers of the frames
-    asked for, all by default.
-    """
+    """What the data leave open of the contact forces of solved frames."""
     options = options or CertificateOptions()
     if problem.contacts is None:
         raise BadData("there are no contacts whose forces could be left open: give contacts to the tension problem")

@@ -77,9 +77,7 @@ class SolvedFrames:
 
 
 def solved_frames(problem: TensionProblem, tension: Tension, frames: NDArray[np.int64]) -> SolvedFrames:
-    """Frames of a problem that was solved.
-    `tension`: what the problem found, of all its frames; `frames` (frames,) which ones.
-    """
+    """Frames of a problem that was solved."""
     shared = problem.separable
     n = len(shared.weight)
     # A run of frames at once, others one by one.

@@ -206,9 +206,7 @@ def tension_task(
 
 
 def emg_targets_of(recorded: EmgRecording, inputs: TensionInputs) -> EmgTargets:
-    """Targets of activations, with delay and gains of this recording (see `calibrate_emg`).
-    `inputs`: of the tensions that EMG is to take part in.
-    """
+    """Targets of activations, with delay and gains of this recording (see `calibrate_emg`)."""
     emg, muscles, chosen = recorded.emg, recorded.muscles, recorded.options
     if not muscles:
         names = ", ".join(emg.names)
@@ -228,9 +226,7 @@ def emg_targets_of(recorded: EmgRecording, inputs: TensionInputs) -> EmgTargets:
 
 
 def added_reserves(model: Model, options: TensionOptions, objects: Collection[str] = ()) -> tuple[Actuator, ...]:
-    """A weak reserve for every free coordinate; what holds an object is weaker still: nothing but its contacts does.
-    `objects`: their bodies.
-    """
+    """A weak reserve for every free coordinate; what holds an object is weaker still: nothing but its contacts does."""
     return tuple(
         replace(reserve, optimal_force=OBJECT_RESIDUAL * reserve.optimal_force) if reserve.body in objects else reserve
         for reserve in default_reserves(model, options.reserve, options.residual)
@@ -240,10 +236,7 @@ def added_reserves(model: Model, options: TensionOptions, objects: Collection[st
 def contact_warnings(
     solution: ContactSolution, frames: Sequence[int], advance: Callable[[int], None]
 ) -> ContactWarnings:
-    """Ask at some instants what the data leave open, and of all frames whether contacts carry them.
-    `solution`: the problem that found contact forces, solved; `frames`: numbers of the instants; `advance`: called with
-    the number of instants just done.
-    """
+    """Ask at some instants what the data leave open, and of all frames whether contacts carry them."""
     problem, tension = solution
     marked = relaxations(problem, tension)
     near = CertificateOptions.near if len(tension.muscles) <= LARGE else 0.0

@@ -25,10 +25,7 @@ MAX_MASS_CHANGE, MIN_MASS_SHARE = 0.5, 0.003
 
 
 def kept_note(tried: Sequence[tuple[str, Sequence[Prediction]]], options: RefineOptions) -> Iterator[str]:
-    """That parts of the given model were kept, and by how much refined ones predict worse.
-    `tried`: what was refined but not taken, with its predictions; nothing where the first was taken; `options`: of what
-    was refined in the end.
-    """
+    """That parts of the given model were kept, and by how much refined ones predict worse."""
     if not tried:
         return
     kept = "lengths and marker positions" if options.masses else "body and masses"

@@ -110,9 +110,7 @@ def covariance(problem: Problem, at: Unknowns) -> Array:
 
 
 def mass_sd(problem: Problem, at: Unknowns, spread: Array) -> Array:
-    """(bodies,) standard deviation of the masses [kg], 0 of those that do not change.
-    `spread` (shared, shared) as by `covariance`.
-    """
+    """(bodies,) standard deviation of the masses [kg], 0 of those that do not change."""
     result = np.zeros(len(problem.prior.reference))
     if problem.masses:
         masses = problem.columns()[2]

@@ -35,9 +35,7 @@ def _fill(d, e, g, C, band):
 
 
 class BandSystem:
-    """A matrix of the form above, factorized.
-    `frames`, `muscles`: size of the blocks; `second`: whether the second blocks beside the diagonal take part.
-    """
+    """A matrix of the form above, factorized."""
 
     def __init__(self, frames: int, muscles: int, second: bool):
         self.shape = (frames, muscles)

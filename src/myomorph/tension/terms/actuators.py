@@ -96,9 +96,7 @@ def _place(P, a, R, p, point, body, out):
 
 @kernel
 def body_directions(T, P, coordinates, out):
-    """Generalized force per unit of force or torque of every body actuator.
-    `coordinates` (frames, coordinates) consistent values; `out` (frames, entries) filled: the entries of `P`.
-    """
+    """Generalized force per unit of force or torque of every body actuator."""
     bodies, axes = T.parent.shape[0], T.axis_kind.shape[0]
     R, p = np.empty((bodies, 3, 3)), np.empty((bodies, 3))
     w, o, dphi = np.empty((axes, 3)), np.empty((axes, 3)), np.empty((axes, 2))

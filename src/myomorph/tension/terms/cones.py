@@ -190,9 +190,7 @@ def _weight(tree: Tree, site: Site) -> float:
 
 @kernel
 def contact_columns(T, P, coordinates, entries, places, pushes, turns):
-    """Fill what `ConeGenerators.evaluate` returns, frame by frame.
-    `T`, `P`: arrays of the tree, `ConeArrays`; `coordinates` (frames, coordinates) consistent values.
-    """
+    """Fill what `ConeGenerators.evaluate` returns, frame by frame."""
     bodies, axes = T.parent.shape[0], T.axis_kind.shape[0]
     R, p = np.empty((bodies, 3, 3)), np.empty((bodies, 3))
     w, o, dphi = np.empty((axes, 3)), np.empty((axes, 3)), np.empty((axes, 2))
