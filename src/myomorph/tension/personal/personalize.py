@@ -257,68 +257,41 @@ def _of_map(model: Model, mapped: GenericMap) -> tuple[Estimate, ...]:
 
 def _estimates(prior: Prior, fitted: Fitted, p: Array, kept: Sequence[str]) -> tuple[Estimate, ...]:
     """All parameters with their intervals."""
-    sizes, result = prior.sizes(p), []
+    sizes, result = prior.sizes(p), list[Estimate]()
     before = np.asarray(np.linalg.inv(prior.precision), dtype=np.float64)
+
+    def add(row: Array, of: str, parameter: str, values: tuple[float, float], at: Sequence[int], kept: bool) -> None:
+        """One parameter whose logarithm has the slopes `row` in p; `values` generic and now."""
+        variance, first = float(row @ fitted.covariance @ row), float(row @ before @ row)
+        free = bool(np.any(prior.deviation[list(at)] > 0.0)) and values[1] > 0.0
+        ratio = min(variance / first, 1.0) if free else 1.0
+        # Generic values that were kept are no surer than before the recordings.
+        spread = NINETY * np.sqrt(first if kept else variance) if free else np.nan
+        well = ratio <= WELL and spread <= CLOSE.get(parameter, np.inf)
+        level: Literal["yes", "partly", "no"] = "yes" if well else "partly" if ratio <= PARTLY else "no"
+        at_bound = [number for number in at if abs(p[number]) >= prior.bound[number] - 1e-9]
+        bound = "" if not at_bound else "high" if p[at_bound[0]] > 0.0 else "low"
+        low, high = values[1] * np.exp(-spread), values[1] * np.exp(spread)
+        if parameter == SLACK and free:
+            low, high = _slack_interval(prior, p, before if kept else fitted.covariance, at)
+        numbers = (float(values[0]), float(values[1]), float(low), float(high), 1.0 if kept else ratio)
+        result.append(Estimate(of, parameter, *numbers, "no" if kept else level, bound, kept))
+
     _, point, force, strain, gain = prior.parts
     for m, name in enumerate(prior.names):
         group_kept = prior.groups[prior.group[m]] in kept
-        lo = sizes.fiber[m]
+        lo, slack, shift = sizes.fiber[m], sizes.slack[m], point.start + m
         rows = np.zeros((2, len(p)))
         rows[0, m] = 1.0
-        rows[1, m] = -(prior.point[m] + p[point.start + m]) * lo / sizes.slack[m]
-        rows[1, point.start + m] = -lo / sizes.slack[m]
-        for row, parameter, first, now in (
-            (rows[0], FIBER, prior.start.fiber[m], lo),
-            (rows[1], SLACK, prior.start.slack[m], sizes.slack[m]),
-        ):
-            at = (m, point.start + m) if parameter == SLACK else (m,)
-            result.append(_estimate(prior, fitted, p, before, row, name, parameter, (first, now), at, group_kept))
-    for part, parameter, names in (
-        (force, FORCE, prior.groups),
-        (strain, STRAIN, prior.groups),
-        (gain, GAIN, prior.gains),
-    ):
-        for index, name in enumerate(names):
-            row = np.zeros(len(p))
-            row[part.start + index] = 1.0
-            values = (1.0, float(np.exp(p[part.start + index])))
-            group_kept = parameter != GAIN and name in kept
-            result.append(
-                _estimate(prior, fitted, p, before, row, name, parameter, values, (part.start + index,), group_kept)
-            )
+        rows[1, [m, shift]] = -(prior.point[m] + p[shift]) * lo / slack, -lo / slack
+        add(rows[0], name, FIBER, (prior.start.fiber[m], lo), (m,), group_kept)
+        add(rows[1], name, SLACK, (prior.start.slack[m], slack), (m, shift), group_kept)
+    shared = ((force, FORCE, prior.groups), (strain, STRAIN, prior.groups), (gain, GAIN, prior.gains))
+    for part, parameter, names in shared:
+        for number, name in enumerate(names, part.start):
+            values = (1.0, float(np.exp(p[number])))
+            add(np.eye(len(p))[number], name, parameter, values, (number,), parameter != GAIN and name in kept)
     return tuple(result)
-
-
-def _estimate(
-    prior: Prior,
-    fitted: Fitted,
-    p: Array,
-    before: Array,
-    row: Array,
-    of: str,
-    parameter: str,
-    values: tuple[float, float],
-    at: Sequence[int],
-    kept: bool,
-) -> Estimate:
-    """One parameter whose logarithm has the slopes `row` in p."""
-    variance, first = float(row @ fitted.covariance @ row), float(row @ before @ row)
-    free = bool(np.any(prior.deviation[list(at)] > 0.0)) and values[1] > 0.0
-    ratio = min(variance / first, 1.0) if free else 1.0
-    # Generic values that were kept are no surer than before the recordings.
-    spread = NINETY * np.sqrt(first if kept else variance) if free else np.nan
-    close = spread <= CLOSE.get(parameter, np.inf)
-    level: Literal["yes", "partly", "no"] = "yes" if ratio <= WELL and close else "partly" if ratio <= PARTLY else "no"
-    bound = next(
-        ("high" if p[number] > 0.0 else "low" for number in at if abs(p[number]) >= prior.bound[number] - 1e-9), ""
-    )
-    low, high = values[1] * np.exp(-spread), values[1] * np.exp(spread)
-    if parameter == SLACK and free:
-        low, high = _slack_interval(prior, p, before if kept else fitted.covariance, at)
-    return Estimate(
-        of, parameter, float(values[0]), float(values[1]), float(low), float(high), 1.0 if kept else ratio,
-        "no" if kept else level, bound, kept,
-    )  # fmt: skip
 
 
 def _slack_interval(prior: Prior, p: Array, covariance: Array, at: Sequence[int]) -> tuple[float, float]:
