@@ -68,55 +68,32 @@ def _remedies(inspection: Inspection, number: int) -> list[Remedy]:
     arm = float(np.median(np.linalg.norm(torque, axis=1) / np.linalg.norm(force, axis=1)))
     large = float(np.percentile(np.linalg.norm(torque, axis=1) / np.linalg.norm(force, axis=1), 90))
     worst = float(np.linalg.norm(torque, axis=1).max())
-    result = []
+    remedies = []
     if away > 5.0:
+        text = f"points of force '{name}' lie {away:.3g} m from the origin, the feet do not"
+        # A free moment is at most a few centimetres of a foot's force; one of metres is in the same unit.
+        also = " and moments" if large > LARGE * inspection.feet.unit else ""
         for factor, word in ((1e-3, "mm"), (1e-2, "cm")):
-            text = f"points of force '{name}' lie {away:.3g} m from the origin, the feet do not"
-            # A free moment is at most a few centimetres of a foot's force; one of metres is in the same unit.
-            scaled, also = (factor, " and moments") if large > LARGE * inspection.feet.unit else (1.0, "")
-            result.append(
-                Remedy(
-                    f"{word} for m",
-                    text,
-                    f"its points{also} were taken as {word}",
-                    f"are its points{also} in {word}?",
-                    _scaled(factor, scaled),
-                )
-            )
+            done, advice = f"its points{also} were taken as {word}", f"are its points{also} in {word}?"
+            remedies.append(Remedy(f"{word} for m", text, done, advice, _scaled(factor, factor if also else 1.0)))
     if arm < 0.05 * inspection.feet.unit:
-        return result
+        return remedies
     text = f"the moment of force '{name}' about its center of pressure is up to {worst:.4g} N m"
-    result.append(
-        Remedy(
-            "moments about another origin",
-            text,
-            "it is that about the ground's origin, and was taken so",
-            "it is that about the ground's origin; give the one about the center of pressure",
-            lambda f, p, t: (f, p, t - np.cross(p, f)),
-        )
-    )
     origin = _origin(force, point, torque)
     where = ", ".join(f"{item:.3f}" for item in origin)
-    result.append(
-        Remedy(
-            "moments about another origin",
-            text,
-            f"it is that about the point ({where}) m, and was taken so",
-            f"it is that about the point ({where}) m; give the one about the center of pressure",
-            lambda f, p, t: (f, p, t - np.cross(p - origin, f)),
-        )
-    )
+    for place, about in ((np.zeros(3), "the ground's origin"), (origin, f"the point ({where}) m")):
+        done = f"it is that about {about}, and was taken so"
+        advice = f"it is that about {about}; give the one about the center of pressure"
+        remedies.append(Remedy("moments about another origin", text, done, advice, partial(_about, place)))
     if arm > MILLI * inspection.feet.unit:
-        result.append(
-            Remedy(
-                "N mm for N m",
-                text,
-                "its moments were taken as N mm",
-                "are they N mm?",
-                lambda f, p, t: (f, p, 1e-3 * t),
-            )
-        )
-    return result
+        done, advice = "its moments were taken as N mm", "are they N mm?"
+        remedies.append(Remedy("N mm for N m", text, done, advice, _scaled(1.0, 1e-3)))
+    return remedies
+
+
+def _about(origin: Array, force: Array, point: Array, torque: Array) -> tuple[Array, Array, Array]:
+    """A force whose moment was about an origin (3,), with that about its center of pressure."""
+    return force, point, torque - np.cross(point - origin, force)
 
 
 def _scaled(points: float, moments: float) -> Change:

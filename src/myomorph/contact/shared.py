@@ -65,11 +65,8 @@ def shared_wrenches(
     else:
         near = _beside(model, moving, wrenches, sites, options.reach * moving.height)
     standing = near & loaded[:, :, None] & touching[:, None]
-    forces = np.nan_to_num(wrenches.forces)
-    moments = np.nan_to_num(wrenches.torques) + np.cross(np.nan_to_num(wrenches.points), forces)
-    return _wrenches(
-        _together(standing, loaded), wrenches.names, sites, forces, moments, weight, weight * moving.height, options
-    )
+    deviations = (options.force_sd * weight, options.moment_sd * weight * moving.height)
+    return _wrenches(_together(standing, loaded), wrenches, sites, deviations)
 
 
 def _on_motion(
@@ -172,25 +169,23 @@ def _together(standing: np.ndarray, loaded: np.ndarray) -> dict[tuple[tuple[int,
 
 def _wrenches(
     by_members: dict[tuple[tuple[int, ...], tuple[int, ...]], list[int]],
-    names: Sequence[str],
+    wrenches: Wrenches,
     sites: Sequence[Site],
-    forces: Array,
-    moments: Array,
-    weight: float,
-    lever: float,
-    options: SharedOptions,
+    deviations: tuple[float, float],
 ) -> tuple[SharedWrench, ...]:
+    forces = np.nan_to_num(wrenches.forces)
+    moments = np.nan_to_num(wrenches.torques) + np.cross(np.nan_to_num(wrenches.points), forces)
     shared = []
     counts: dict[str, int] = {}
     for (plates, members), frames in by_members.items():
-        name = " + ".join(names[plate] for plate in plates)
+        name = " + ".join(wrenches.names[plate] for plate in plates)
         counts[name] = counts.get(name, 0) + 1
         force, moment = (np.full((len(forces), 3), np.nan) for _ in range(2))
         force[frames] = forces[frames][:, list(plates)].sum(axis=1)
         moment[frames] = moments[frames][:, list(plates)].sum(axis=1)
         label = name if counts[name] == 1 else f"{name} ({counts[name]})"
         on_it = tuple(sites[member].name for member in members)
-        shared.append(SharedWrench(label, on_it, force, moment, options.force_sd * weight, options.moment_sd * lever))
+        shared.append(SharedWrench(label, on_it, force, moment, *deviations))
     return tuple(shared)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import TypeVar
 
@@ -66,29 +66,20 @@ def predictions_of(
     progress: Callable[[], None],
 ) -> tuple[Prediction, ...]:
     """Every trial by the others, or the halves of a single one by each other."""
+    held_out: Iterator[tuple[str, Problem, tuple[SubjectTrial, Opened, np.ndarray | None]]]
     if len(trials) > 1:
-        return tuple(
-            _prediction(
-                trial.name,
-                model,
-                problem_of(model, _without(trials, index), _without(recorded, index), options),
-                (trial, recorded[index], None),
-                progress,
-            )
-            for index, trial in enumerate(trials)
+        held_out = (
+            (trial.name, problem_of(model, _without(trials, i), _without(recorded, i), options), (trial, on, None))
+            for i, (trial, on) in enumerate(zip(trials, recorded, strict=True))
         )
-    use = recorded[0].usable.use
-    middle = np.cumsum(use) * 2 >= use.sum()
-    return tuple(
-        _prediction(
-            f"{trials[0].name}, {name}",
-            model,
-            problem_of(model, trials, recorded, options, within={0: seen}),
-            (trials[0], recorded[0], ~seen),
-            progress,
+    else:
+        (trial,), (on,) = trials, recorded
+        middle = np.cumsum(on.usable.use) * 2 >= on.usable.use.sum()
+        held_out = (
+            (f"{trial.name}, {half}", problem_of(model, trials, recorded, options, {0: seen}), (trial, on, ~seen))
+            for half, seen in (("second half", ~middle), ("first half", middle))
         )
-        for name, seen in (("second half", ~middle), ("first half", middle))
-    )
+    return tuple(_prediction(name, model, problem, left_out, progress) for name, problem, left_out in held_out)
 
 
 def _without(every: Sequence[Kind], left_out: int) -> list[Kind]:

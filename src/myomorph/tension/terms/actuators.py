@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -204,18 +204,13 @@ def default_reserves(model: Model, reserve: float | None = None, residual: float
     for joint in floating:
         ending = "" if len(floating) == 1 else f"_{joint.child}"
         center = model.body(joint.child).mass_center
-        for kind, letter in (("point", "F"), ("torque", "M")):
-            for i, axis in enumerate("XYZ"):
-                actuators.append(
-                    Actuator(
-                        f"{RESIDUAL}{letter}{axis}{ending}",
-                        "point" if kind == "point" else "torque",
-                        RESIDUAL_FORCE * unit ** (3 if kind == "point" else 4) if residual is None else residual,
-                        body=joint.child,
-                        point=center,
-                        direction=np.eye(3)[i],
-                    )
-                )
+        kinds: tuple[tuple[Literal["point", "torque"], str, int], ...] = (("point", "F", 3), ("torque", "M", 4))
+        for kind, letter, power in kinds:
+            strength = RESIDUAL_FORCE * unit**power if residual is None else residual
+            for axis, direction in zip("XYZ", np.eye(3), strict=True):
+                name = f"{RESIDUAL}{letter}{axis}{ending}"
+                push = Actuator(name, kind, strength, body=joint.child, point=center, direction=direction)
+                actuators.append(push)
     weak = _without_rotators(model)
     for name in free_coordinates(model):
         if name not in held:
