@@ -33,8 +33,7 @@ from myomorph.study.trial.trial_inputs import KnownTruth, TrialInputs, TrialNote
 from myomorph.tension.emg_targets import EmgOptions
 from myomorph.tension.tension import TensionOptions
 
-CUTOFF = 6.0
-"""Low-pass of motion and of the true forces [Hz]."""
+CUTOFF = 6.0  # Low-pass of motion and of the true forces [Hz].
 BOUT = PairOptions("sway", 1)
 ERRORS = "contact_errors.csv"
 

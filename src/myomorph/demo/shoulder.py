@@ -31,11 +31,9 @@ from myomorph.viscosity.trust.moment_arms import OFFSET
 
 STUDY, RECORDINGS = "shoulder.toml", "recordings"
 SECONDS, TRIALS = 10.0, 3
-WHOLE = 1
-"""The specimen that is handed over raw: C3D of a plate whose place is wrong, pushes of a rod on it, and a CT."""
+WHOLE = 1  # The specimen that is handed over raw: C3D of a plate whose place is wrong, pushes of a rod on it, and a CT.
 WORKERS = 2
-ARM_OFFSET = 0.0014
-"""`arm_sensitivity.OFFSET` as small as the muscles, which are scaled by 0.09 to 0.20 [m]."""
+ARM_OFFSET = 0.0014  # `arm_sensitivity.OFFSET` as small as the muscles, which are scaled by 0.09 to 0.20 [m].
 
 
 def run_shoulder_demo(out: Path, said: Callable[[Outcome], None]) -> list[Outcome]:

@@ -16,8 +16,7 @@ from myomorph.model.series import Series, Table
 
 HINT = "expected a line of column names, 'time' among them, then rows of numbers between commas, semicolons or tabs"
 TIMES = ("time", "t", "seconds", "second", "sec", "timestamp")
-HEADING_LINES = 50
-"""Lines in which the one of the names is looked for."""
+HEADING_LINES = 50  # Lines in which the one of the names is looked for.
 
 
 def read_channels(path: str | os.PathLike[str]) -> Series:

@@ -16,17 +16,13 @@ from myomorph.model.contacts import Contacts, Touch
 from myomorph.model.errors import BadFile
 from myomorph.model.model import GROUND
 
-CAMERA = "camera"
-"""Source of touches that were marked on video."""
-
+CAMERA = "camera"  # Source of touches that were marked on video.
 TOUCH = ("touch", "on", "down", "start", "contact")
 LEAVE = ("leave", "off", "up", "stop", "release")
 COLUMNS = (
     "site", "start", "stop", "time", "frame", "event", "surface", "confidence", "source", "first_frame", "last_frame",
 )  # fmt: skip
-MAX_SIGNS = 60
-"""Of a cell in a message."""
-
+MAX_SIGNS = 60  # Of a cell in a message.
 SHAPES = "columns site,start,stop or site,first_frame,last_frame or time,site,event or frame,site,event"
 
 

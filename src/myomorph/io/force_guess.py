@@ -7,18 +7,14 @@ import numpy as np
 from myomorph.model.arrays import Array
 
 XYZ = "xyz"
-PUSH = 50.0
-"""Largest force of a plate that somebody stands on, at least [N]."""
-LOADED = 20.0
-"""Force from which on a point or a moment is looked at [N]."""
-LEVEL = 0.002
-"""A center of pressure stays on its plate: its height changes by less [m]."""
+PUSH = 50.0  # Largest force of a plate that somebody stands on, at least [N].
+LOADED = 20.0  # Force from which on a point or a moment is looked at [N].
+LEVEL = 0.002  # A center of pressure stays on its plate: its height changes by less [m].
 UPRIGHT, ONE_WAY = 0.7, 0.95
 """Share of a plate's force along the vertical, and of its loaded samples in which that has one sign."""
 NEAR, FAR = 10.0, 20.0
 """A center of pressure is nearer to the origin than the first [m]; numbers beyond the second are millimetres."""
-TURNS = 0.05
-"""A moment about the vertical changes by more with the steps of a walk [N m]."""
+TURNS = 0.05  # A moment about the vertical changes by more with the steps of a walk [N m].
 
 
 def guessed_names(values: Array) -> list[str] | None:

@@ -27,12 +27,9 @@ SUB_FRAMES = ("sub frame", "subframe", "sub_frame", "sub-frame")
 UNITS_OF_CELLS = frozenset((*UNITS, "n", "m", "s", "ms", "nm", "n.m", "n*m", "n·m", "v", "hz", "deg", "-", ""))
 PART_OF_PLATE = re.compile(r"[\s_:-]*(forces?|moments?|torques?|cop|center of pressure)$", re.IGNORECASE)
 RATE = re.compile(r"(rate|freq|hz)", re.IGNORECASE)
-MIN_WIDTH = 4
-"""Columns of the smallest table of a force: three of force and a moment."""
-FAR = 20.0
-"""A center of pressure is nearer to the laboratory's origin, and a moment's lever is shorter [m]."""
-LOADED = 20.0
-"""Force from which on a point is one [N]."""
+MIN_WIDTH = 4  # Columns of the smallest table of a force: three of force and a moment.
+FAR = 20.0  # A center of pressure is nearer to the laboratory's origin, and a moment's lever is shorter [m].
+LOADED = 20.0  # Force from which on a point is one [N].
 
 
 @dataclass(frozen=True)

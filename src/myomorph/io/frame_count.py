@@ -13,12 +13,8 @@ from myomorph.io.c3d.raw import BLOCK, KEY, claimed_frames
 from myomorph.io.trc import trc_head
 from myomorph.model.errors import BadFile, MyomorphError
 
-HEAD = 1 << 18
-"""Bytes that hold the header of any recording, long lists of C3D parameters included."""
-
-HALF = 0.49
-"""Part of a frame by which times may be off, since they are rounded."""
-
+HEAD = 1 << 18  # Bytes that hold the header of any recording, long lists of C3D parameters included.
+HALF = 0.49  # Part of a frame by which times may be off, since they are rounded.
 ROWS, SHARE = 50, 0.1
 """Rows whose times tell the rate; how far the length of a file may be from what its header claims."""
 

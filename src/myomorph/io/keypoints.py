@@ -25,17 +25,11 @@ BODY_KEYS = ("bodies", "KEYPOINT_MODEL_PAIRS")
 OFFSET_KEYS = ("offsets", "KEYPOINT_INITIAL_OFFSETS")
 RATE_KEYS = ("rate", "fps", "frame_rate", "FrameRate")
 ENDINGS = (".yaml", ".yml", ".json", ".txt")
-MAX_VALUES = 1 << 28
-"""Numbers that are read at most."""
-
+MAX_VALUES = 1 << 28  # Numbers that are read at most.
 MAX_NAMES = 10_000
 LONGEST_TEXT = 1 << 20
-MAX_BYTES = 1 << 31
-"""Bytes of a data set that are read to see whether they can be."""
-
-MEMORY = 4.0
-"""Of the child at most [GiB]."""
-
+MAX_BYTES = 1 << 31  # Bytes of a data set that are read to see whether they can be.
+MEMORY = 4.0  # Of the child at most [GiB].
 HINT = "expected an HDF5 file with a dataset 'tracks' of (frames, animals, points, 3)"
 
 

@@ -26,9 +26,7 @@ from myomorph.model.errors import BadFile, UnknownName, quoted
 from myomorph.model.landmarks import LandmarkPairs
 
 LARGEST = 64 * 1024 * 1024
-LONGEST = 200
-"""Letters of a column's name in which a unit is looked for."""
-
+LONGEST = 200  # Letters of a column's name in which a unit is looked for.
 UNITS = {"m": 1.0, "meter": 1.0, "meters": 1.0, "metre": 1.0, "metres": 1.0, "cm": 0.01, "mm": 0.001}
 SIDES = ("source", "target")
 PAIR_COLUMNS = ("body", "name", *(f"{side}_{axis}" for side in SIDES for axis in "xyz"))

@@ -19,9 +19,7 @@ from myomorph.model.series import Markers, Trial
 HINT = "export the recording from QTM as MAT, or as C3D"
 HEADER = 128
 COMPRESSED = 15
-LARGEST = 2 << 30
-"""Bytes that a file may hold once it is unpacked."""
-
+LARGEST = 2 << 30  # Bytes that a file may hold once it is unpacked.
 STEP = 1 << 24
 MILLIMETERS = 1e-3
 FRAGMENT = "unidentified_"

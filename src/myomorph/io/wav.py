@@ -13,16 +13,12 @@ from myomorph.io.parsing.text import mapped_bytes
 from myomorph.model.errors import BadFile
 from myomorph.model.series import Sound
 
-LARGEST = 4 << 30
-"""Bytes of samples, in single precision, that are read at most."""
-
+LARGEST = 4 << 30  # Bytes of samples, in single precision, that are read at most.
 MAX_CHANNELS = 256
 RATES = (1_000, 1_000_000)
 HINT = "expected a RIFF/WAVE file: export the recording as WAV, PCM or float"
 
-UNFINISHED = (0, 0xFFFFFFFF)
-"""Sizes of samples that a recorder leaves which is switched off while it writes."""
-
+UNFINISHED = (0, 0xFFFFFFFF)  # Sizes of samples that a recorder leaves which is switched off while it writes.
 _INTEGER, _FLOAT, _EXTENSIBLE = 1, 3, 0xFFFE
 _CODECS = {2: "ADPCM", 6: "A-law", 7: "mu-law", 17: "IMA ADPCM", 85: "MP3"}
 _KINDS = {(_INTEGER, 8), (_INTEGER, 16), (_INTEGER, 24), (_INTEGER, 32), (_FLOAT, 32), (_FLOAT, 64)}

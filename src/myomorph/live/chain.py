@@ -25,8 +25,7 @@ from myomorph.tension.tension import TensionOptions
 from myomorph.tension.terms.actuators import floating_joints
 from myomorph.uncertainty.sources import Sources
 
-KEPT = 2.0
-"""Forces that no frame has asked for are kept so long [s]."""
+KEPT = 2.0  # Forces that no frame has asked for are kept so long [s].
 
 
 @dataclass(frozen=True)

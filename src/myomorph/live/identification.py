@@ -32,11 +32,8 @@ from myomorph.store.settings import with_settings
 from myomorph.study.subject.identifying import SubjectMotion, _surfaces, open_motions
 from myomorph.viewer.identification_page import Clock, Display, TerminalDisplay, WebDisplay
 
-INTERVAL = 0.2
-"""Time between two looks at the estimate [s]."""
-
-SHARE = 0.25
-"""Part of the time that looking may take."""
+INTERVAL = 0.2  # Time between two looks at the estimate [s].
+SHARE = 0.25  # Part of the time that looking may take.
 
 
 @dataclass(frozen=True)

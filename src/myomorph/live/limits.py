@@ -28,12 +28,9 @@ from myomorph.uncertainty.online_errors import AngleErrors, MarkerErrors, Online
 from myomorph.uncertainty.sources import Sources
 from myomorph.uncertainty.spread import FACTORS, LEVEL, NOT_NEGATIVE
 
-TABLES = ("coordinates", "torques", "activations", "forces")
-"""What has limits, in the order of a row."""
-NEAR = 0.1
-"""Third derivatives of poses no further apart than this give the fourth [s]."""
-STALE = 0.25
-"""Limits that were found longer ago are not given [s]."""
+TABLES = ("coordinates", "torques", "activations", "forces")  # What has limits, in the order of a row.
+NEAR = 0.1  # Third derivatives of poses no further apart than this give the fourth [s].
+STALE = 0.25  # Limits that were found longer ago are not given [s].
 
 
 @dataclass(frozen=True)

@@ -22,18 +22,10 @@ from myomorph.live.sources import Source
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 
-WAIT = 0.02
-"""Longest sleep without a look at the source [s]."""
-
-GAP = 0.1
-"""Time without a sample of force after which forces are unknown [s]."""
-
-FORCE_WAIT = 0.01
-"""How long a frame waits for the forces of its time [s]."""
-
-PAUSE = 0.0005
-"""Pause while a frame waits for its forces [s]."""
-
+WAIT = 0.02  # Longest sleep without a look at the source [s].
+GAP = 0.1  # Time without a sample of force after which forces are unknown [s].
+FORCE_WAIT = 0.01  # How long a frame waits for the forces of its time [s].
+PAUSE = 0.0005  # Pause while a frame waits for its forces [s].
 SOLVED, HELD, NO_FORCE, SETTLING, UNSOLVED = range(5)
 STATES = ("solved", "markers lost", "no force", "settling", "no solution")
 """What a frame's torques and activations are: known, or unknown because of what."""

@@ -19,18 +19,13 @@ from myomorph.model.model import Model
 from myomorph.model.surface import Surface
 from myomorph.viewer.live_page import ChainViewer, Shown
 
-DRAWN = 30.0
-"""Frames a second that the page is sent [Hz]."""
-
-START = 120.0
-"""Longest time that the page may take to start, compilation on a new machine included [s]."""
-
-LOOK = 200
-"""Frames that the delay on the page is of."""
+DRAWN = 30.0  # Frames a second that the page is sent [Hz].
+START = 120.0  # Longest time that the page may take to start, compilation on a new machine included [s].
+LOOK = 200  # Frames that the delay on the page is of.
 
 
 class LivePage:
-    """A page that shows the newest frame. `port`: of the page; `surfaces`: meshes by `Mesh.file`; `port`: of the page;
+    """A page that shows the newest frame. `surfaces`: meshes by `Mesh.file`; `port`: of the page;
     `delays`: which it shows.
     """
 

@@ -129,11 +129,9 @@ def open_source(model: Model, live_files: LiveFiles | LiveStreams) -> tuple[Sour
 
 
 STEP = "live"
-MUSCLES = {"activations": "activations", "forces": "muscle_forces"}
-"""Tables of muscles, and their files."""
+MUSCLES = {"activations": "activations", "forces": "muscle_forces"}  # Tables of muscles, and their files.
 UNITS = {"coordinates": "rad or m", "torques": "N m or N", "activations": "1", "forces": "N"}
-BLOCK = 256
-"""Frames that are written at once."""
+BLOCK = 256  # Frames that are written at once.
 
 
 class LiveRecord:

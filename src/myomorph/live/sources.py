@@ -21,8 +21,7 @@ from myomorph.study.inputs import reading
 from myomorph.study.inputs.external_forces import force_table, read_loads
 from myomorph.study.inputs.loads import TABLES
 
-CHUNK = 0.05
-"""Time that a recording played as fast as it goes gives at once [s]."""
+CHUNK = 0.05  # Time that a recording played as fast as it goes gives at once [s].
 
 
 @read_only

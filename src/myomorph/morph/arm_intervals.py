@@ -28,22 +28,14 @@ from myomorph.morph.transfer.joints import CenterFinder, transferred_joints
 from myomorph.morph.transfer.paths import transferred_wrap
 from myomorph.morph.transfer.points import combined, nearest_facing
 
-DRAWS = 40
-"""Models; the width of an interval is known within some 11 %."""
-
+DRAWS = 40  # Models; the width of an interval is known within some 11 %.
 WIDTH = 0.1
 """Distance over which errors go together, as a share of the bone's length. Of 0.1, 0.2 and 0.35 the first held best on
 deformed legs 200 and 201 (`benchmarks/accuracy/morph/deformed_legs.py`)."""
 
-WAVES = 100
-"""Cosines of which a displacement is made (Rahimi and Recht 2007)."""
-
-NEAR = 0.02
-"""Points nearer to the surface than this share of the bone's length slide along it."""
-
-TILT = 1e-4
-"""Distance over which derivatives are taken, as a share of the bone's length."""
-
+WAVES = 100  # Cosines of which a displacement is made (Rahimi and Recht 2007).
+NEAR = 0.02  # Points nearer to the surface than this share of the bone's length slide along it.
+TILT = 1e-4  # Distance over which derivatives are taken, as a share of the bone's length.
 NINETY, ON_SURFACE, IN_SPACE = 1.645, 2.146, 2.500
 """Standard deviations of an axis within which 90 % of values, points of a plane and points in space lie."""
 

@@ -16,9 +16,7 @@ from myomorph.rigid.kinematics import BodyMotion, body_motion
 
 WHOLE = "center_of_mass"
 
-MAX_ENTRIES = 20_000_000
-"""Moment arms (frames x muscles x coordinates) that are in memory at a time."""
-
+MAX_ENTRIES = 20_000_000  # Moment arms (frames x muscles x coordinates) that are in memory at a time.
 FIBERS = {
     "PennationAngle": "pennation",
     "FiberLength": "fiber_length",

@@ -10,8 +10,7 @@ from pathlib import Path
 
 from myomorph.model.errors import BadData, BadFile
 
-Writers = Mapping[Path, Callable[[Path], object]]
-"""What writes each file under the name that it is given."""
+Writers = Mapping[Path, Callable[[Path], object]]  # What writes each file under the name that it is given.
 
 
 @dataclass(frozen=True)

@@ -31,15 +31,9 @@ from myomorph.study.inputs import reading
 from myomorph.study.inputs.external_forces import read_loads
 from myomorph.tension.reaction import caused_motion
 
-TWIN = 1e-6
-"""A frame that follows within this share of the usual step stands at the time of the one before."""
-
-MAX_FRAMES = 100_000
-"""Frames that OpenSim makes of uneven ones at most, those it adds before and after included."""
-
-AS_GIVEN = ForceOptions(force_checks="report")
-"""External forces of a setup act as OpenSim takes them."""
-
+TWIN = 1e-6  # A frame that follows within this share of the usual step stands at the time of the one before.
+MAX_FRAMES = 100_000  # Frames that OpenSim makes of uneven ones at most, those it adds before and after included.
+AS_GIVEN = ForceOptions(force_checks="report")  # External forces of a setup act as OpenSim takes them.
 States = Mapping[tuple[str, str], Array]
 
 Tables = dict[str, Table]

@@ -26,10 +26,8 @@ from myomorph.model.arrays import Array, read_only
 from myomorph.simulate.fighter import PARTS, SLEEVE_DAMPING, SLEEVE_LENGTH, SLEEVE_STIFFNESS, STEP, Build, sole_points
 from myomorph.simulate.plan import Plan, jacobian
 
-HORIZON = 0.012
-"""Time over which a choice of activations is to give the accelerations that are wanted [s]."""
-SMALL = 1e-3
-"""Difference of speeds for a slope [m/s]."""
+HORIZON = 0.012  # Time over which a choice of activations is to give the accelerations that are wanted [s].
+SMALL = 1e-3  # Difference of speeds for a slope [m/s].
 
 
 @dataclass(frozen=True)
@@ -199,10 +197,8 @@ def _solve(H: Array, c: Array, muscles: int, corners: int, friction: float) -> A
 
 FEET = tuple(f"{part}_foot_{side}" for part in PARTS for side in "rl")
 GRIPS = ("lapel", "sleeve")
-CONTROL = 4
-"""Steps of the integrator between choices of activations."""
-LAG = 0.01
-"""Time constant of activations after them [s]."""
+CONTROL = 4  # Steps of the integrator between choices of activations.
+LAG = 0.01  # Time constant of activations after them [s].
 
 
 @read_only

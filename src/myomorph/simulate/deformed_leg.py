@@ -35,11 +35,8 @@ WAVES = (
 )
 """Of the deformation: wave vector [rad/m], direction, phase [rad]."""
 
-AMPLITUDE = 0.006
-"""Of each wave [m]."""
-
-MIRROR = np.array([1.0, 1.0, -1.0])
-"""The left side's frames are the right side's mirrored in z."""
+AMPLITUDE = 0.006  # Of each wave [m].
+MIRROR = np.array([1.0, 1.0, -1.0])  # The left side's frames are the right side's mirrored in z.
 
 
 @read_only

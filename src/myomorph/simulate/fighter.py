@@ -16,9 +16,7 @@ import numpy as np
 from myomorph.model.arrays import Array
 from myomorph.model.frozen_map import FrozenMap
 
-HEIGHT = 1.75
-"""Of the body whose measures stand below [m]."""
-
+HEIGHT = 1.75  # Of the body whose measures stand below [m].
 Point = tuple[str, float, float, float]
 
 
@@ -52,23 +50,16 @@ SIDED = (
     Segment("upperarm", "torso", (0.03, 0.38, 0.18), SHOULDER, 0.027, (0.0, -0.14, 0.0), (0.04, 0.14, 0.04)),
     Segment("forearm", "upperarm", (0.0, -0.28, 0.0), ELBOW, 0.022, (0.0, -0.15, 0.0), (0.03, 0.17, 0.03)),
 )
-GRIP = (0.0, -0.32, 0.0)
-"""Middle of the fist in the forearm [m]."""
+GRIP = (0.0, -0.32, 0.0)  # Middle of the fist in the forearm [m].
 SOLE = {"heel_in": (-0.06, -0.035), "heel_out": (-0.06, 0.035), "toe_in": (0.18, -0.05), "toe_out": (0.18, 0.05)}
 """Corners of the right sole: x and z in the foot's frame [m]."""
-SOLE_HEIGHT = 0.075
-"""Of the ankle above the sole [m]."""
-LEG = 0.42 + 0.42 + SOLE_HEIGHT
-"""From the hip to the mat, straight [m]."""
-BALL = 0.01
-"""Radius of the balls that the soles stand on [m]."""
-
+SOLE_HEIGHT = 0.075  # Of the ankle above the sole [m].
+LEG = 0.42 + 0.42 + SOLE_HEIGHT  # From the hip to the mat, straight [m].
+BALL = 0.01  # Radius of the balls that the soles stand on [m].
 HEAD = ((0.03, 0.62, 0.0), (0.09, 0.12, 0.08))
 """Where the head is seen on the trunk, and its half sizes [m]; its mass is part of the trunk's."""
-FIBER_SHARE = 0.6
-"""Share of a muscle's path in the first pose that is optimal fiber; the rest is tendon."""
-RANGE = (0.75, 1.05)
-"""Lengths of fibers at the ends of MuJoCo's range of lengths, in optimal ones."""
+FIBER_SHARE = 0.6  # Share of a muscle's path in the first pose that is optimal fiber; the rest is tendon.
+RANGE = (0.75, 1.05)  # Lengths of fibers at the ends of MuJoCo's range of lengths, in optimal ones.
 
 # Name, maximum isometric force [N] and points of the right side (body; a * before it takes the left one's).
 SIDE_MUSCLES: tuple[tuple[str, float, tuple[Point, ...]], ...] = (
@@ -260,13 +251,10 @@ def _text(values: Array) -> str:
     return " ".join(repr(float(value)) for value in values)
 
 
-STEP = 1e-3
-"""Of the integrator [s]."""
+STEP = 1e-3  # Of the integrator [s].
 PARTS = ("tori", "uke")
-APART = 0.32
-"""Distance of the two pelves at the start [m]."""
-LAPEL = np.array([0.11, 0.33, -0.14])
-"""Where tori's right hand holds uke, in uke's torso for a body of `HEIGHT` [m]."""
+APART = 0.32  # Distance of the two pelves at the start [m].
+LAPEL = np.array([0.11, 0.33, -0.14])  # Where tori's right hand holds uke, in uke's torso for a body of `HEIGHT` [m].
 CUFF = np.array([0.03, -0.05, 0.0])
 """Where the sleeve that tori's left hand holds is sewn on, in uke's right forearm [m]."""
 SLEEVE_LENGTH, SLEEVE_STIFFNESS, SLEEVE_DAMPING = 0.06, 4000.0, 30.0

@@ -36,16 +36,13 @@ from myomorph.simulate.jump_model import (
 
 WINDOW = (3.0, 5.6)
 """From quiet standing until after landing; at 6.2 s the right foot is lifted and put down elsewhere [s]."""
-CUTOFF = 10.0
-"""Low-pass of motion and forces [Hz]: kept the same so that the landing makes no artefact of its own."""
+CUTOFF = 10.0  # Low-pass of motion and forces [Hz]: kept the same so that the landing makes no artefact of its own.
 LAB_TO_GROUND = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 """The jumper faces the laboratory's +y, which becomes x; z up becomes y; +x, to the right, becomes z."""
 SEGMENTS = {"pelvis": "pelvis", "thigh": "femur_r", "shank": "tibia_r", "foot": "calcn_r", "trunk": "torso"}
 EMG_CHANNELS = ("EMG1.v", "EMG2.v", "EMG3.v", "EMG4.v", "EMG5.v", "EMG6.v")
-MIRRORED_WEIGHT = 0.1
-"""Of the mirrored left markers: enough to place the left leg, too little to pull on the pelvis."""
-SHOULDER_WEIGHT = 0.2
-"""Of the shoulder: it moves on the trunk, which is rigid here."""
+MIRRORED_WEIGHT = 0.1  # Of the mirrored left markers: enough to place the left leg, too little to pull on the pelvis.
+SHOULDER_WEIGHT = 0.2  # Of the shoulder: it moves on the trunk, which is rigid here.
 
 
 @read_only

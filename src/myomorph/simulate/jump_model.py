@@ -24,8 +24,7 @@ from myomorph.rigid.tree import compile_tree
 from myomorph.study.analyze.generic_model import legs_and_trunk
 
 RECORDING = "tests/datasets/vicon_CMJ_kinem_kinet_emg.c3d"
-QUIET = (1.5, 3.0)
-"""When the jumper stands still [s]."""
+QUIET = (1.5, 3.0)  # When the jumper stands still [s].
 PELVIS_MARKERS = ("LASI", "RASI", "LASIMID", "RASIMID", "LPSI", "RPSI")
 LEG_MARKERS = {
     "Right_MusloPS": "femur_r",

@@ -27,8 +27,7 @@ from myomorph.model.spatial import Transform
 from myomorph.model.surface import Surface
 from myomorph.viscosity.specimen.model import Specimen
 
-MARKER_RATE, FORCE_RATE = 200.0, 2000.0
-"""Of [S] section III [Hz]."""
+MARKER_RATE, FORCE_RATE = 200.0, 2000.0  # Of [S] section III [Hz].
 SENSORS = """
   <sensor>
     <framequat name="pose" objtype="xbody" objname="{body}"/>
@@ -179,18 +178,13 @@ def loads_table(wrenches: Wrenches) -> Table:
     return Table(wrenches.time, tuple(names), columns)
 
 
-SIZE = (0.4, 0.6)
-"""Of an AMTI BP400600 [m]."""
-DEPTH = 0.035
-"""Of its sensors' origin under the top surface [m]."""
+SIZE = (0.4, 0.6)  # Of an AMTI BP400600 [m].
+DEPTH = 0.035  # Of its sensors' origin under the top surface [m].
 PLACES = ((0.12, 0.2), (-0.12, 0.2), (-0.12, -0.2), (0.12, -0.2), (0.0, 0.0))
 """Where the rod is pushed onto the plate, in its axes [m]."""
-ROD = {"rod_1": 0.12, "rod_2": 0.62}
-"""Distance of its markers from its tip [m]."""
-PUSH, REST = 4.0, 1.0
-"""Length of a push and of the pause after it [s]."""
-BALL = 0.009
-"""Diameter of a marker [m]."""
+ROD = {"rod_1": 0.12, "rod_2": 0.62}  # Distance of its markers from its tip [m].
+PUSH, REST = 4.0, 1.0  # Length of a push and of the pause after it [s].
+BALL = 0.009  # Diameter of a marker [m].
 BONES = {"scapula_r": "scapula.stl", "humerus_r": "humerus.stl", "ulna_r": "ulna.stl", "radius_r": "radius.stl",
          "thirdmc_r": "3mc.stl"}  # fmt: skip
 

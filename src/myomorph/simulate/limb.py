@@ -25,10 +25,8 @@ from myomorph.viscosity.specimen.model import Specimen
 SHARES = (0.3, 0.35, 0.35)
 """Of humerus, forearm and hand in the mass without muscles, before the mass center is set: [S] leaves skin, fat
 and muscle at the hand alone."""
-FLESH_RADIUS, FLESH_LENGTH = 0.045, 0.22
-"""The muscles as a cylinder about the humerus [m]."""
-TISSUE_RADIUS = 0.03
-"""Of soft tissue that moves against the bones [m]."""
+FLESH_RADIUS, FLESH_LENGTH = 0.045, 0.22  # The muscles as a cylinder about the humerus [m].
+TISSUE_RADIUS = 0.03  # Of soft tissue that moves against the bones [m].
 
 
 @dataclass(frozen=True, eq=False)
@@ -320,8 +318,7 @@ def _joint(joint: Joint) -> tuple[Transform, str]:
 TRIANGLE = np.array([[50.0, 0.0], [10.0, 28.0], [-30.0, -25.0]]) / 50.0
 """Three markers around a pin, in units of the longest arm; no two sides are alike, so that labels can be told."""
 
-PIN = 0.06
-"""Distance of a cluster from its bone's line [m]."""
+PIN = 0.06  # Distance of a cluster from its bone's line [m].
 
 
 def with_clusters(specimen: Specimen, arm: float = 0.05) -> Specimen:

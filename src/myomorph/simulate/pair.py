@@ -40,14 +40,11 @@ from myomorph.simulate.fighter import (
 )
 from myomorph.simulate.plan import Kind, Plan, make_plan, start_pose
 
-SETTLING = 0.3
-"""Time at the start that is not recorded, while the fighters settle [s]."""
-FALLEN = 0.5
-"""Distance of a joint from the plan at which a bout counts as lost [rad]."""
+SETTLING = 0.3  # Time at the start that is not recorded, while the fighters settle [s].
+FALLEN = 0.5  # Distance of a joint from the plan at which a bout counts as lost [rad].
 CHANNELS = ("delt_ant", "delt_post", "bic_long", "tri_lat", "rect_fem", "bifemlh", "tib_ant", "gas_lat")
 """The muscles (a) to (h) of [D] fig. 5.3, of which a laboratory would measure both sides."""
-LOADED = 0.02
-"""Share of a fighter's weight from which on a foot touches."""
+LOADED = 0.02  # Share of a fighter's weight from which on a foot touches.
 
 
 @dataclass(frozen=True)

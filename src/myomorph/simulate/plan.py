@@ -99,8 +99,7 @@ MIDDLE = {"tori": 0.0, "uke": APART}
 BACKWARD = {"tori": -1.0, "uke": 1.0}
 BENT = {"knee_angle": -0.5, "hip_flexion": 0.45, "ankle_angle": 0.12, "elbow_flex": 1.0, "arm_flex": 0.5}
 """Joints of the pose that all poses start from [rad]."""
-HOLD = (-0.065, 0.0, -0.01)
-"""From where the sleeve is sewn on to the fist that holds it, in ground [m]."""
+HOLD = (-0.065, 0.0, -0.01)  # From where the sleeve is sewn on to the fist that holds it, in ground [m].
 
 
 @dataclass(frozen=True)

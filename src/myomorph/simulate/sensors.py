@@ -27,8 +27,7 @@ from myomorph.uncertainty.bodies import Draw, drawn_model
 from myomorph.uncertainty.normals import Normals
 from myomorph.uncertainty.sources import GROUPS, Sources
 
-FIELD = (0.0, 0.4, -0.9)
-"""Magnetic field in the earth: east along x, north along y, z up."""
+FIELD = (0.0, 0.4, -0.9)  # Magnetic field in the earth: east along x, north along y, z up.
 GRAVITY = 9.80665
 
 

@@ -30,14 +30,10 @@ from myomorph.viscosity.specimen.muscles import fig1_muscles
 BASE, FIRST, FURTHER = "scapula_r", "humerus_r", ("ulna_r", "radius_r", "thirdmc_r")
 HELD = {"elbow_flexion_r": np.deg2rad(20.0), "pro_sup_r": np.deg2rad(15.0)}
 """The wires of [S] hold the elbow and the forearm so; the wrist is straight [rad]."""
-STEP, COARSE = 2.5e-3, 5e-3
-"""Of the integrator, and where the muscles' scale is sought [s]."""
-USUAL_ARM = 0.02
-"""A moment arm of a shoulder muscle, where the search begins [m]."""
-PLATE = np.array([0.2, 0.0, -0.8])
-"""Origin of the plate, from the joint's center, in ground [m]."""
-TIGHT = 1e-5
-"""Relative change of the muscles' scale at which its search ends."""
+STEP, COARSE = 2.5e-3, 5e-3  # Of the integrator, and where the muscles' scale is sought [s].
+USUAL_ARM = 0.02  # A moment arm of a shoulder muscle, where the search begins [m].
+PLATE = np.array([0.2, 0.0, -0.8])  # Origin of the plate, from the joint's center, in ground [m].
+TIGHT = 1e-5  # Relative change of the muscles' scale at which its search ends.
 
 
 @read_only

@@ -48,8 +48,7 @@ _BENT = {"hip_flexion": 55.0, "hip_adduction": -5.0, "knee_angle": 65.0, "ankle_
          "shoulder_elv": 40.0, "elbow_flexion": 50.0}  # fmt: skip
 SQUAT = FrozenMap({"root_rx": 14.0} | {f"{name}_{side}": angle for name, angle in _BENT.items() for side in "rl"})
 """The lowest pose, the coordinates' differences from the highest [deg]."""
-SOLE = 0.012
-"""Height of the heel bones' origins above their lowest point [m]."""
+SOLE = 0.012  # Height of the heel bones' origins above their lowest point [m].
 KNOT_RATE = 20.0
 CLUSTER = 0.05 * np.array([[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]])
 """Markers of a body about its mass center [m]."""

@@ -28,8 +28,7 @@ from myomorph.report.scene.body_view import BodyView, half_blocks
 from myomorph.report.scene.image import level_color
 from myomorph.viewer.web_page import DEEPER, MARKER, Page
 
-BAR = 18
-"""Characters of a bar."""
+BAR = 18  # Characters of a bar.
 
 
 @dataclass(frozen=True)
@@ -166,16 +165,13 @@ class WebViewer(Page):
             self._text.content = text
 
 
-ROWS, COLUMNS = 30, 40
-"""Characters of the drawn body."""
+ROWS, COLUMNS = 30, 40  # Characters of the drawn body.
 
 
-BESIDE = 60
-"""Characters that the numbers need beside it."""
+BESIDE = 60  # Characters that the numbers need beside it.
 
 
-DRAWN = 30.0
-"""Poses a second that the page is sent [Hz]."""
+DRAWN = 30.0  # Poses a second that the page is sent [Hz].
 
 
 class Display(Protocol):

@@ -19,17 +19,12 @@ from myomorph.viewer.replay_body import MIN_FORCE, SLACK, TALL, TIGHT, WEIGHT, T
 from myomorph.viewer.replay_scene import COLORS, add_arrows, add_batch, bone_solids, move_batch
 from myomorph.viewer.web_page import DEEPER, Page
 
-STRONGEST, TURNED = 8, 8
-"""Muscles and torques that the table holds."""
-
+STRONGEST, TURNED = 8, 8  # Muscles and torques that the table holds.
 STAY, FADE = 2.0, 0.98
 """How long the rows of the table stay where they are [s], and what is left of a largest value a frame later."""
 
-LIMITED = " 90 % limits |", "--:|"
-"""Head of the column of limits, and the line below it."""
-
-THIN = 0.4
-"""Thickness of limbs without meshes, so that muscles are seen beside them."""
+LIMITED = " 90 % limits |", "--:|"  # Head of the column of limits, and the line below it.
+THIN = 0.4  # Thickness of limbs without meshes, so that muscles are seen beside them.
 
 
 @read_only

@@ -15,17 +15,10 @@ from myomorph.viewer.web_page import Page, view_from
 TOO_NEAR, SIDE_BY_SIDE = 0.1, 0.45
 """Distance of two bodies below which they begin side by side, and how far apart they then are, in sizes of the body."""
 
-GOES_AWAY = 0.4
-"""Way over the floor from which on the view follows, in sizes of the body."""
-
-NEAR = 0.82
-"""Distance of the camera in sizes of the body."""
-
-FIRST_VIEW = (0.75, 0.7, 0.16)
-"""From where the camera looks at first: ahead, to the right and above."""
-
-MAX_LABELS = 6
-"""Muscles that are named in the scene."""
+GOES_AWAY = 0.4  # Way over the floor from which on the view follows, in sizes of the body.
+NEAR = 0.82  # Distance of the camera in sizes of the body.
+FIRST_VIEW = (0.75, 0.7, 0.16)  # From where the camera looks at first: ahead, to the right and above.
+MAX_LABELS = 6  # Muscles that are named in the scene.
 
 
 class Player(Page):

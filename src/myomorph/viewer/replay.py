@@ -22,12 +22,8 @@ from myomorph.viewer.replay_charts import Curves
 from myomorph.viewer.replay_scene import COLORS, LAYERS
 from myomorph.viewer.web_page import quiet
 
-FRAMES = 30.0
-"""Frames a second that the page is sent [Hz]."""
-
-SLOW = 3
-"""Numbers and curves follow with every third frame."""
-
+FRAMES = 30.0  # Frames a second that the page is sent [Hz].
+SLOW = 3  # Numbers and curves follow with every third frame.
 SPEEDS = ("0.1", "0.25", "0.5", "1", "2")
 VIEWS = {"Front": (1.0, 0.0, 0.05), "Right": (0.0, 1.0, 0.05), "Back": (-1.0, 0.0, 0.05), "Left": (0.0, -1.0, 0.05)}
 ALL = "all"

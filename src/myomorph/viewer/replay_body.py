@@ -25,30 +25,16 @@ from myomorph.viewer.web_page import DEEPER
 Bytes = NDArray[np.uint8]
 Single = NDArray[np.float32]
 
-TALL = 1.2
-"""Most size of a body against its height."""
-
-FRAMES_LOOKED_AT = 24
-"""Frames that tell how far the body reaches and where it looks."""
-
+TALL = 1.2  # Most size of a body against its height.
+FRAMES_LOOKED_AT = 24  # Frames that tell how far the body reaches and where it looks.
 SLACK, TIGHT = 0.002, 0.0085
 """Radius of a muscle without tension, and what its maximum isometric force adds, as shares of the body's size."""
 
-FOUND, OTHERS = 1.5, 0.82
-"""How much thicker muscles are that were searched for, and how far the others fade."""
-
-FLESH = (0.72, 0.24, 0.24)
-"""Color of muscles whose activation was not asked for."""
-
-FADED = np.array([0.80, 0.77, 0.72])
-"""Color towards which the others fade."""
-
-WEIGHT = 0.45
-"""Length of an arrow of one body weight, as a share of the body's size."""
-
-MIN_FORCE = 0.005
-"""Smaller forces are not drawn, as a share of body weight."""
-
+FOUND, OTHERS = 1.5, 0.82  # How much thicker muscles are that were searched for, and how far the others fade.
+FLESH = (0.72, 0.24, 0.24)  # Color of muscles whose activation was not asked for.
+FADED = np.array([0.80, 0.77, 0.72])  # Color towards which the others fade.
+WEIGHT = 0.45  # Length of an arrow of one body weight, as a share of the body's size.
+MIN_FORCE = 0.005  # Smaller forces are not drawn, as a share of body weight.
 SHAFT, HEAD = 0.006, 0.045
 """Radius of an arrow's shaft and length of its head, as shares of the body's size; both of a short one are smaller."""
 

@@ -23,8 +23,7 @@ SEVERAL = ("#0b66b0", "#cc5211", "#2a8a63", "#8d6bb0", "#a8843a", "#4c5862", "#b
 """Colors of curves without a side."""
 
 MAX_CURVES = 8
-MAX_BANDS = 4
-"""Bands that lie over each other in more curves than these hide what they should show."""
+MAX_BANDS = 4  # Bands that lie over each other in more curves than these hide what they should show.
 MAX_POINTS = 600
 HEIGHT, WIDTH = 150, 400
 FONT = "10px system-ui, sans-serif"
@@ -43,8 +42,7 @@ LIMIT: Mapping[str, Any] = FrozenMap(
 """A line that is not seen: the lower or upper end of a band."""
 UNLISTED = "<style>.curve-limit { display: none; }</style>"
 """The legend names curves alone, not the ends of their bands."""
-BAND_ALPHA = "33"
-"""Opacity of a band, as the last two digits of its color."""
+BAND_ALPHA = "33"  # Opacity of a band, as the last two digits of its color.
 
 
 @read_only

@@ -44,11 +44,8 @@ BONES = (BONE, (176, 196, 212), (196, 206, 176), (208, 186, 202))
 """Colors of the bones of the first body, the second, ..."""
 
 MARKER_RADIUS, CENTER_RADIUS, TRACE_STEPS = 0.0052, 0.014, 500
-DETAIL = 0.003
-"""Smallest detail of bones that is kept, as a share of the body's size."""
-
-MAX_TRIANGLES, SIMPLE = 60_000, 300
-"""Triangles of all bones at most, and of shapes that keep all their edges."""
+DETAIL = 0.003  # Smallest detail of bones that is kept, as a share of the body's size.
+MAX_TRIANGLES, SIMPLE = 60_000, 300  # Triangles of all bones at most, and of shapes that keep all their edges.
 
 
 class ShownBody:

@@ -20,17 +20,10 @@ from myomorph.report.scene.body_view import BodyView
 from myomorph.report.scene.scene import Scene, Solid
 from myomorph.report.scene.shapes import outward
 
-HOST = "127.0.0.1"
-"""Pages are for this machine only."""
-
-BONE = (214, 207, 193)
-"""Color of links without a value."""
-
-DEEPER = 1.35
-"""Exponent on colors, which the page's lights make paler."""
-
-MARKER = (70, 70, 70)
-"""Color of recorded markers."""
+HOST = "127.0.0.1"  # Pages are for this machine only.
+BONE = (214, 207, 193)  # Color of links without a value.
+DEEPER = 1.35  # Exponent on colors, which the page's lights make paler.
+MARKER = (70, 70, 70)  # Color of recorded markers.
 
 
 class Page:

@@ -23,9 +23,7 @@ from myomorph.model.errors import BadFile
 
 Value = tuple[str, ...] | Array
 
-BLOCK, KEY = 512, 0x50
-"""Bytes of a block; the second byte of every C3D file."""
-
+BLOCK, KEY = 512, 0x50  # Bytes of a block; the second byte of every C3D file.
 PC, DEC, SGI = 84, 85, 86
 EVENT_KEY = 12345
 MAX_DIMENSIONS = 7

@@ -20,9 +20,7 @@ from myomorph.model.errors import BadData, BadFile
 from myomorph.model.series import Markers, PlateRecording, Trial
 
 BLOCK, KEY, PC = 512, 0x50, 84
-MAX_COUNT, LAST = 255, 65535
-"""Entries of a parameter along one dimension, and the largest frame number of the header."""
-
+MAX_COUNT, LAST = 255, 65535  # Entries of a parameter along one dimension, and the largest frame number of the header.
 MILLI = 1000.0
 KINDS: dict[int, tuple[Sequence[str], Sequence[str]]] = {
     1: (("Fx", "Fy", "Fz", "Px", "Py", "Mz"), ("N", "N", "N", "mm", "mm", "Nmm")),

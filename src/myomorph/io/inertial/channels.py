@@ -19,16 +19,13 @@ CHANNEL = re.compile(
 """Name of a channel: sensor, what it measures, axis, and a number."""
 KINDS = {"a": "accelerations", "g": "angular_velocities", "m": "magnetic_fields"} | dict.fromkeys("qo", "orientations")
 """What is measured, by the first letter of its word."""
-JOINTS = " ._:-"
-"""What stands between the words of a name."""
-ENOUGH = ({"accelerations", "angular_velocities"}, {"orientations"})
-"""What a sensor must have, one or the other."""
+JOINTS = " ._:-"  # What stands between the words of a name.
+ENOUGH = ({"accelerations", "angular_velocities"}, {"orientations"})  # What a sensor must have, one or the other.
 GRAVITY = 9.80665
 ACCELERATION_UNITS = {"g": GRAVITY, "gs": GRAVITY, "mg": 1e-3 * GRAVITY}
 ACCELERATION_UNITS |= dict.fromkeys(("m/s^2", "m/s2", "m/s²"), 1.0) | dict.fromkeys(("mm/s^2", "mm/s2", "mm/s²"), 1e-3)
 RATE_UNITS = {"rad/s": 1.0} | dict.fromkeys(("deg/s", "°/s", "dps", "deg/sec"), np.pi / 180.0)
-MIN_RATIO, MAX_RATIO = 0.3, 3.0
-"""Median of accelerations, in units of gravity, between which their unit is believed."""
+MIN_RATIO, MAX_RATIO = 0.3, 3.0  # Median of accelerations, in units of gravity, between which their unit is believed.
 MAX_RADIANS, MIN_DEGREES = 20.0, 40.0
 """Largest speed of rotation up to which numbers without a unit are rad/s, and from which on they are deg/s."""
 

@@ -17,12 +17,10 @@ from myomorph.model.inertial_sensors import InertialSensors
 from myomorph.model.spatial import quaternion_from_rotation
 
 HINT = "expected an export of MT Manager or of Movella DOT: columns such as PacketCounter, Quat_q0 or Mat[1][1], Acc_X"
-COUNTER = 1 << 16
-"""A counter of packets begins again at this number."""
+COUNTER = 1 << 16  # A counter of packets begins again at this number.
 QUATERNIONS = (("Quat_q0", "Quat_q1", "Quat_q2", "Quat_q3"), ("Quat_W", "Quat_X", "Quat_Y", "Quat_Z"))
 MATRIX = tuple(f"Mat[{row}][{column}]" for row in (1, 2, 3) for column in (1, 2, 3))
-COLUMNS = re.compile(r'"?(PacketCounter|SampleTimeFine)\b')
-"""Beginning of the line of column names."""
+COLUMNS = re.compile(r'"?(PacketCounter|SampleTimeFine)\b')  # Beginning of the line of column names.
 HEAD_LINES = 60
 VECTORS = {"accelerations": "Acc", "angular_velocities": "Gyr", "magnetic_fields": "Mag"}
 

@@ -17,11 +17,8 @@ from typing import Literal
 import myomorph
 
 GIGABYTE = 1 << 30
-BYTES_PER_SECOND = 20e6
-"""The slowest at which a sound file is read."""
-
-LONGEST = 300
-"""Characters of a message."""
+BYTES_PER_SECOND = 20e6  # The slowest at which a sound file is read.
+LONGEST = 300  # Characters of a message.
 
 
 @dataclass(frozen=True)

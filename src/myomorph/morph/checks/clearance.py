@@ -23,14 +23,9 @@ WEIGHT = 10.0
 """Of the squared change of a muscle's length and moment arms, beside that of the displacement; 3 to 30 do alike on the
 demo's leg."""
 
-IN_VAIN = 0.5
-"""Via points that left more than this share of what was too deep go back."""
-
-HALVINGS = 4
-"""Of the share of every move that is taken back in the end."""
-
-NAMED = 3
-"""Points that a line names, with how far they went."""
+IN_VAIN = 0.5  # Via points that left more than this share of what was too deep go back.
+HALVINGS = 4  # Of the share of every move that is taken back in the end.
+NAMED = 3  # Points that a line names, with how far they went.
 
 
 @dataclass(frozen=True, eq=False)

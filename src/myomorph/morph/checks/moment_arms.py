@@ -12,18 +12,10 @@ from myomorph.model.errors import check_name
 from myomorph.model.model import Coordinate, Model, index_of
 from myomorph.muscles.path import compile_paths
 
-COUNT = 256
-"""Postures: a muscle over three coordinates meets most of their 125 combinations."""
-
-LEVELS = 5
-"""Values of each coordinate, evenly from one end of its range to the other."""
-
-MAX_TURN = 2.1
-"""A turn is taken up to so far from the default where its range goes on [rad]."""
-
-MAX_SLIDE = 0.05
-"""And a slide [m]."""
-
+COUNT = 256  # Postures: a muscle over three coordinates meets most of their 125 combinations.
+LEVELS = 5  # Values of each coordinate, evenly from one end of its range to the other.
+MAX_TURN = 2.1  # A turn is taken up to so far from the default where its range goes on [rad].
+MAX_SLIDE = 0.05  # And a slide [m].
 CoordinateTable = Mapping[str, tuple[str, float, float]]
 """By coordinate of the source: the target's coordinate, factor and offset, target = factor source + offset."""
 
@@ -92,17 +84,11 @@ def _alike(values: Array, ours: Coordinate, theirs: Coordinate, along: bool) -> 
     return theirs.default + (values - ours.default if along else ours.default - values)
 
 
-SAMPLES = 31
-"""Poses along a coordinate's range."""
-
-WIDEST = 2.0 * np.pi
-"""Rotations whose range is wider are no joint's: they are left out [rad]."""
-
+SAMPLES = 31  # Poses along a coordinate's range.
+WIDEST = 2.0 * np.pi  # Rotations whose range is wider are no joint's: they are left out [rad].
 SHARED = 0.25
 HALVINGS = 10
-ODD = 0.01
-"""A step that differs from its neighbors by this share of the largest moment arm is looked at more closely."""
-
+ODD = 0.01  # A step that differs from its neighbors by this share of the largest moment arm is looked at more closely.
 STAYS = 0.25
 """Share of a step that is left after `HALVINGS` of its interval where it is a jump; a bend leaves a thousandth."""
 

@@ -14,8 +14,7 @@ from myomorph.model.spatial import Transform
 from myomorph.morph.checks.penetration import Poses, body_poses
 from myomorph.muscles.path import Paths, compile_paths
 
-STEP = 1e-3
-"""Of a difference, as a share of the muscle's path in the first pose."""
+STEP = 1e-3  # Of a difference, as a share of the muscle's path in the first pose.
 
 
 @read_only
@@ -125,8 +124,7 @@ def _rows(lengths: Array, arms: Array) -> Array:
     return np.concatenate(flat, axis=1) / np.sqrt(lengths.shape[1])
 
 
-SAME = 1e-7
-"""Points nearer than this are one [m]."""
+SAME = 1e-7  # Points nearer than this are one [m].
 
 
 @read_only

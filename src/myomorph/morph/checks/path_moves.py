@@ -17,20 +17,11 @@ from myomorph.morph.checks.warnings import CheckOptions
 from myomorph.morph.maps.fields import BoneMap
 from myomorph.muscles.path import compile_paths
 
-OVER = 1.2
-"""A path is moved by so many times what it is too deep: the deepest place changes as it moves."""
-
-LEVER = 0.25
-"""What moves the deepest place by less than this share of its own motion is not moved for it."""
-
-FURTHEST = 0.04
-"""A via point is moved by no more than this share of the bone's length."""
-
-LARGEST = 1.5
-"""A wrap object grows to no more than so many times its size."""
-
-SMALLEST = 0.1
-"""Share of a step below which it is not tried any more."""
+OVER = 1.2  # A path is moved by so many times what it is too deep: the deepest place changes as it moves.
+LEVER = 0.25  # What moves the deepest place by less than this share of its own motion is not moved for it.
+FURTHEST = 0.04  # A via point is moved by no more than this share of the bone's length.
+LARGEST = 1.5  # A wrap object grows to no more than so many times its size.
+SMALLEST = 0.1  # Share of a step below which it is not tried any more.
 
 
 @read_only

@@ -19,14 +19,9 @@ from myomorph.muscles.path import compile_paths, drawn_paths
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 
-STEP = 0.01
-"""Distance between samples of a path, as a share of the smallest bone's length, but no finer than `FINEST`."""
-
-FINEST = 0.005
-"""And of the largest bone's."""
-
-OPEN_EDGES = 0.01
-"""Share of a surface's edges without a second face above which it counts as open."""
+STEP = 0.01  # Distance between samples of a path, as a share of the smallest bone's length, but no finer than `FINEST`.
+FINEST = 0.005  # And of the largest bone's.
+OPEN_EDGES = 0.01  # Share of a surface's edges without a second face above which it counts as open.
 
 
 class Solid:
@@ -171,8 +166,7 @@ class Depth:
     outward: Array
 
 
-NOWHERE = Depth(0.0, 0, np.zeros(3), np.zeros(3))
-"""Of a path that runs outside a bone."""
+NOWHERE = Depth(0.0, 0, np.zeros(3), np.zeros(3))  # Of a path that runs outside a bone.
 
 
 def path_depths(

@@ -123,8 +123,7 @@ class MapOptions:
             raise BadData(f"smoothing is {self.smoothing:g}: expected 0 or more meters")
 
 
-SAME_PLACE = 1e-6
-"""Features of the source nearer to each other than this share of the bone are one."""
+SAME_PLACE = 1e-6  # Features of the source nearer to each other than this share of the bone are one.
 
 
 def fit_map(features: FeaturePoints, options: MapOptions | None = None) -> PointMap:
@@ -192,8 +191,7 @@ def _merged(features: FeaturePoints) -> FeaturePoints:
     )
 
 
-AROUND = 3
-"""Features that say how surely a point is known."""
+AROUND = 3  # Features that say how surely a point is known.
 
 
 Basis: TypeAlias = Literal["bone", "landmarks", "neighbors", "surrounding", "given"]

@@ -21,8 +21,7 @@ from myomorph.morph.maps.linear import AffineMap, unknown_directions
 
 Kernel = Literal["r", "r3"]
 
-RADIAL_PAIRS = 500_000
-"""Pairs of points and features at a time."""
+RADIAL_PAIRS = 500_000  # Pairs of points and features at a time.
 
 
 @read_only
@@ -131,14 +130,9 @@ STIFFNESS = 0.5
 This, `GRADIENT_EXPONENT` and the default exponent were chosen with the persons of `benchmarks/accuracy/morph/shapes.py`
 in view; errors of transferred points change by less than a tenth between 0.3 and 1."""
 
-GRADIENT_EXPONENT = 4.0
-"""Of the distance, in the weights with which neighbors tell of a local transform."""
-
-SUBSPACE_PAIRS = 100_000
-"""Pairs of points and features at a time."""
-
-AT_FEATURE = 1e-12
-"""A point this near to a feature, as a share of the bone, is at it."""
+GRADIENT_EXPONENT = 4.0  # Of the distance, in the weights with which neighbors tell of a local transform.
+SUBSPACE_PAIRS = 100_000  # Pairs of points and features at a time.
+AT_FEATURE = 1e-12  # A point this near to a feature, as a share of the bone, is at it.
 
 
 @read_only

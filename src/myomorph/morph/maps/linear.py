@@ -12,14 +12,9 @@ from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.spatial import Transform
 
-WRONG = 4.0
-"""A pick this many times further from where the others put it than they are from each other is named."""
-
-LEAST_WRONG = 0.004
-"""And at least that far [m]."""
-
-MIRRORED = 0.3
-"""Share of the residual that a mirrored fit leaves where one side was taken for the other."""
+WRONG = 4.0  # A pick this many times further from where the others put it than they are from each other is named.
+LEAST_WRONG = 0.004  # And at least that far [m].
+MIRRORED = 0.3  # Share of the residual that a mirrored fit leaves where one side was taken for the other.
 
 
 @read_only
@@ -139,8 +134,7 @@ def _warnings(
 FLAT = 0.02
 """Points whose spread along a direction is below this share of their greatest tell nothing about that direction."""
 
-FOLDS = 24
-"""Parts in which many features are left out in turn."""
+FOLDS = 24  # Parts in which many features are left out in turn.
 
 
 @read_only

@@ -195,8 +195,7 @@ def _in_order_of(model: Model, other: Model) -> Model:
     return replace(other, **ordered)
 
 
-ALIKE = 0.02
-"""The source's own bones must be mirror images of each other within this share of their length."""
+ALIKE = 0.02  # The source's own bones must be mirror images of each other within this share of their length.
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,8 +17,7 @@ from myomorph.morph.checks.penetration import standing_poses
 from myomorph.morph.mirror.parts import mirrored_parts
 from myomorph.morph.mirror.sides import OtherSide, other_side_of
 
-SEATED = 1e-6
-"""Frames that differ by less are the same [m or rad]."""
+SEATED = 1e-6  # Frames that differ by less are the same [m or rad].
 
 
 def with_other_muscles(model: Model, axis: str | ArrayLike = "z") -> tuple[Model, tuple[str, ...]]:

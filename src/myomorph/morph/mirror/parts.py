@@ -24,8 +24,7 @@ NAMED |= {"wrap_object": "wraps"}
 """Fields that name other parts, and of which kind these are."""
 FREE_AXIS = {"cylinder": 2, "torus": 1, "sphere": 2, "ellipsoid": 2}
 """The axis of a wrap object's own frame that is turned round: not one that its rules tell left from right by."""
-HINGE_AXIS = 2
-"""OpenSim's hinges turn about z of their frames, and go on doing so."""
+HINGE_AXIS = 2  # OpenSim's hinges turn about z of their frames, and go on doing so.
 
 
 def _renamed(part: Part, side: OtherSide, kind: str = "", /, **changes: Any) -> Part:

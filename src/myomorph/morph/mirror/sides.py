@@ -17,8 +17,7 @@ from myomorph.model.sides import mirror_names, other_side
 from myomorph.model.spatial import Transform
 from myomorph.morph.checks.penetration import standing_poses
 
-SNAP = 1e-6
-"""A normal this near to an axis is that axis, a plane this near to the origin [m] goes through it."""
+SNAP = 1e-6  # A normal this near to an axis is that axis, a plane this near to the origin [m] goes through it.
 
 
 @read_only
@@ -108,10 +107,8 @@ def _reversed(coefficients: Array, shift: float) -> Array:
 
 
 AXES = {"x": 0, "y": 1, "z": 2}
-ON_PLANE = 0.005
-"""A body whose origin lies nearer to the plane than this share of the model's extent is in the middle."""
-OFF_PLANE = 0.02
-"""A marker whose name begins with R or L is a side's from this share of the model's extent on."""
+ON_PLANE = 0.005  # A body whose origin lies nearer to the plane than this share of the model's extent is in the middle.
+OFF_PLANE = 0.02  # A marker whose name begins with R or L is a side's from this share of the model's extent on.
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,42 +20,24 @@ from myomorph.morph.maps.fields import FeaturePoints
 from myomorph.morph.maps.linear import AffineMap
 from myomorph.morph.shapes.surface_points import Samples, Shape
 
-GRID = 800
-"""Rotations that are tried: no rotation is further than some 25 degrees from one of them."""
-
+GRID = 800  # Rotations that are tried: no rotation is further than some 25 degrees from one of them.
 FEW, MANY, TARGET = 80, 160, 1500
 """Points of the source with which all rotations, and those that are left, are tried; points of the target."""
 
-WAYS = 6
-"""Ways to lie that are refined."""
-
+WAYS = 6  # Ways to lie that are refined.
 APART, SAME = 2.7, 2.9
 """Traces of the rotation between two ways, 32 degrees and 18, above which they are one: before and after refinement."""
 
-NORMAL = 0.25
-"""How much normals count against distances, in unit moments."""
-
-FURTHEST = 1.0
-"""Distance above which all points count alike, in unit moments."""
-
-ROUNDS = 12
-"""Steps of the rotation."""
-
+NORMAL = 0.25  # How much normals count against distances, in unit moments.
+FURTHEST = 1.0  # Distance above which all points count alike, in unit moments.
+ROUNDS = 12  # Steps of the rotation.
 POINTS, STEPS, SETTLED = 400, 25, 1e-7
 """Of each surface, and steps of an affine map at most, until one moves it less than this share of its length."""
 
-FACING = 0.3
-"""Cosine between normals of points that may be pairs."""
-
-TRIMMED = 0.95
-"""Share of the pairs that count, the nearest."""
-
-DAMPED = 1e-4
-"""Of a step, so that directions that the shapes do not show stay as they are."""
-
-LANDMARK = 0.3
-"""Weight of all landmarks together, each as exact as the surfaces, against the surfaces."""
-
+FACING = 0.3  # Cosine between normals of points that may be pairs.
+TRIMMED = 0.95  # Share of the pairs that count, the nearest.
+DAMPED = 1e-4  # Of a step, so that directions that the shapes do not show stay as they are.
+LANDMARK = 0.3  # Weight of all landmarks together, each as exact as the surfaces, against the surfaces.
 INDEPENDENT = 10.0
 """Distances that shapes of other kinds leave go together over the bone: so many of all of them tell something of their
 own."""
@@ -63,8 +45,7 @@ own."""
 STRAIN = 0.2
 """Standard deviation of the logarithms of the stretches between two bones of one kind, over that of their mean."""
 
-EXACT = 2e-4
-"""Distances below this share of the bone's length say nothing of which way to lie is the right one."""
+EXACT = 2e-4  # Distances below this share of the bone's length say nothing of which way to lie is the right one.
 
 
 @dataclass(frozen=True, eq=False)

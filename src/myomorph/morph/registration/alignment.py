@@ -26,12 +26,8 @@ from myomorph.morph.shapes.articular import articular_sphere, spherical_patches,
 from myomorph.morph.shapes.quadrics import SphereFit
 from myomorph.morph.shapes.surface_points import Shape
 
-TURNED = 60.0
-"""Angle from a rough start beyond which another way to lie is not believed [degrees]."""
-
-APART = 20.0
-"""Angle between two ways to lie that are not the same [degrees]."""
-
+TURNED = 60.0  # Angle from a rough start beyond which another way to lie is not believed [degrees].
+APART = 20.0  # Angle between two ways to lie that are not the same [degrees].
 HOPELESS = 3.0
 """Ways to lie that leave more than so many times the best one's distance are not tried with a deformation."""
 
@@ -46,21 +42,11 @@ frame [degrees]."""
 LINE = 0.05
 """Landmarks whose spread across their line is below this share of that along it do not say how a bone is turned."""
 
-QUICK = 500
-"""Points in the deformations that only choose between ways to lie."""
-
-ROUGH = (0.01, 0.004, 0.002, 0.001)
-"""Exactness of the planes in each of their steps."""
-
-MIRRORED_WAYS = 2
-"""Ways of the mirrored source that are tried with a deformation."""
-
-BENT = 1000.0
-"""Squares of a deformation's coefficients that make a way as unlikely as a distance e times as large."""
-
-UNLIKE = 0.01
-"""Share of the bone's length that a deformation leaves where the hulls do not say how the bones lie."""
-
+QUICK = 500  # Points in the deformations that only choose between ways to lie.
+ROUGH = (0.01, 0.004, 0.002, 0.001)  # Exactness of the planes in each of their steps.
+MIRRORED_WAYS = 2  # Ways of the mirrored source that are tried with a deformation.
+BENT = 1000.0  # Squares of a deformation's coefficients that make a way as unlikely as a distance e times as large.
+UNLIKE = 0.01  # Share of the bone's length that a deformation leaves where the hulls do not say how the bones lie.
 MIRROR = np.array([1.0, 1.0, -1.0])
 
 RIGID = SurfaceOptions(mirror=False)
@@ -218,15 +204,9 @@ def _distance(ours: Shape, goal: Shape, fit: SmoothFit) -> float:
     return float(np.sqrt(np.mean(np.concatenate(away))))
 
 
-ASKED = 1500
-"""Points of either surface whose distance to the other is asked."""
-
-POINTS = 20000
-"""Spread over each surface, among which its ends are looked for."""
-
-DEPTH = 0.004
-"""The end of a bone in a direction is what lies within this share of its length of the utmost point."""
-
+ASKED = 1500  # Points of either surface whose distance to the other is asked.
+POINTS = 20000  # Spread over each surface, among which its ends are looked for.
+DEPTH = 0.004  # The end of a bone in a direction is what lies within this share of its length of the utmost point.
 SHARP = 0.02
 """An end spread wider than this share of the length, or that moves so far when the direction turns by `TILT`, is flat:
 no landmark."""
@@ -236,9 +216,7 @@ TILT = np.radians(5.0)
 NEAR = 0.05
 """A landmark further from its counterpart, after the similarity, than this share of the length is another place."""
 
-MIN_SEPARATION = 0.03
-"""Landmarks nearer to each other than this share of the length are one."""
-
+MIN_SEPARATION = 0.03  # Landmarks nearer to each other than this share of the length are one.
 RADII = 1.35
 """A round surface of the target has a radius up to so many times that of the source, apart from the whole's size."""
 

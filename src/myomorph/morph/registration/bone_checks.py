@@ -24,31 +24,18 @@ from myomorph.morph.registration.rigid import SurfaceOptions, register_surface
 from myomorph.morph.shapes.articular import mm
 from myomorph.morph.shapes.surface_points import Shape
 
-LIKE = 3.0
-"""A bone so many times larger or smaller than the source's is not the same bone of the same species."""
-
-LONGEST = 3.0
-"""No bone is longer [m]; what is longer is in other units."""
-
+LIKE = 3.0  # A bone so many times larger or smaller than the source's is not the same bone of the same species.
+LONGEST = 3.0  # No bone is longer [m]; what is longer is in other units.
 UNITS = (("millimeters", 1000.0), ("centimeters", 100.0), ("inches", 1.0 / 0.0254), ("kilometers", 0.001))
 
-SPECK = 0.002
-"""Pieces with less than this share of a bone's area are no part of it: a sesamoid of a foot has more."""
-
-SAME = 1e-7
-"""Vertices nearer than this, as a share of the bone's size, are one."""
-
-POINTS = 600
-"""Of the surfaces, with which they are laid on each other to see what they are."""
-
-TURNED = 30.0
-"""Angle from which a bone is said to lie turned in its frame [degrees]."""
-
+SPECK = 0.002  # Pieces with less than this share of a bone's area are no part of it: a sesamoid of a foot has more.
+SAME = 1e-7  # Vertices nearer than this, as a share of the bone's size, are one.
+POINTS = 600  # Of the surfaces, with which they are laid on each other to see what they are.
+TURNED = 30.0  # Angle from which a bone is said to lie turned in its frame [degrees].
 AWAY = 0.5
 """Distance from its place in the source's frame, as a share of its length, from which it is said to lie elsewhere."""
 
-UNLIKE = 0.06
-"""Residual after a similarity, as a share of the bone's length, above which it is another bone's shape."""
+UNLIKE = 0.06  # Residual after a similarity, as a share of the bone's length, above which it is another bone's shape.
 
 
 def check_bone(

@@ -15,33 +15,18 @@ from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.surface import Surface, face_crosses, used_part
 
-ROBUST = 1.345
-"""Huber's tuning constant: residuals beyond so many standard deviations weigh less."""
-
-AGREE = 0.15
-"""Share of the radius within which normals of a ball meet in its center."""
-
-PATCH = 0.35
-"""Share of the radius over which the direction of a surface is averaged."""
-
+ROBUST = 1.345  # Huber's tuning constant: residuals beyond so many standard deviations weigh less.
+AGREE = 0.15  # Share of the radius within which normals of a ball meet in its center.
+PATCH = 0.35  # Share of the radius over which the direction of a surface is averaged.
 VOTERS = 6000
-SAME_WAY = 0.25
-"""Share of a patch's area that must look the same way for it to vote."""
-
-MIN_COUNT = 12
-"""Points or votes that make a ball."""
-
-ROUND = 0.08
-"""Share of the radius that the median distance from a sphere may be."""
-
-COVERED = 0.25
-"""Share of a ball's surface that must be seen."""
-
+SAME_WAY = 0.25  # Share of a patch's area that must look the same way for it to vote.
+MIN_COUNT = 12  # Points or votes that make a ball.
+ROUND = 0.08  # Share of the radius that the median distance from a sphere may be.
+COVERED = 0.25  # Share of a ball's surface that must be seen.
 LIKE = 3e-4
 """A second order of the markers whose misfit is nearer than that to the best one's makes the order doubtful [m]."""
 
-OTHER = 2e-3
-"""Misfit above which the scan's cluster is not the recording's [m]."""
+OTHER = 2e-3  # Misfit above which the scan's cluster is not the recording's [m].
 
 
 @read_only

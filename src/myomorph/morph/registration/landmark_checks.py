@@ -16,9 +16,7 @@ from myomorph.morph.maps.linear import Similarity, fit_points, procrustes
 from myomorph.morph.shapes.articular import mm
 from myomorph.morph.shapes.surface_points import Shape
 
-LIKE = 3.0
-"""Landmarks spread so many times wider or narrower than expected are in another unit, or of another bone."""
-
+LIKE = 3.0  # Landmarks spread so many times wider or narrower than expected are in another unit, or of another bone.
 UNITS = (("millimeters", 1000.0), ("centimeters", 100.0))
 
 OFF = 0.15
@@ -29,17 +27,10 @@ UNLIKE = 0.25
 """Residual, as a share of the landmarks' spread, above which they are not of the same bone; points thrown at random on
 two bones leave 0.3 and more."""
 
-ODD = 0.12
-"""And from which that is doubted."""
-
-MIRRORED = 0.5
-"""Share of the residual that mirrored landmarks leave, below which they are those of the other side."""
-
-REORDERED = 0.5
-"""Share of the residual that another order leaves, below which landmarks are said to be interchanged."""
-
-MAX_COUNT = 80
-"""Landmarks among which all swaps are tried."""
+ODD = 0.12  # And from which that is doubted.
+MIRRORED = 0.5  # Share of the residual that mirrored landmarks leave, below which they are those of the other side.
+REORDERED = 0.5  # Share of the residual that another order leaves, below which landmarks are said to be interchanged.
+MAX_COUNT = 80  # Landmarks among which all swaps are tried.
 
 
 def check_landmarks(

@@ -27,25 +27,18 @@ from myomorph.morph.registration.bone_checks import check_bone, repaired_bone
 from myomorph.morph.registration.nonrigid import PlacedBone, SurfaceMatch, match_surfaces, place_bone
 from myomorph.morph.registration.smooth import MatchOptions
 
-BESIDE = 0.5
-"""A surface feature nearer to a landmark than this share of the features' spacing gives way to it."""
-
+BESIDE = 0.5  # A surface feature nearer to a landmark than this share of the features' spacing gives way to it.
 STEEP = 3.0
 """So does one nearer than so many times the distance by which landmark and surface features disagree: between them the
 map would fold."""
 
-MIN_COUNT = 20
-"""Matched points below which two surfaces are not the same bone."""
-
+MIN_COUNT = 20  # Matched points below which two surfaces are not the same bone.
 WRONG_SIDE, DOUBTED_SIDE = 0.7, 0.9
 """Share of the distance that the mirrored source leaves, below which the bone is one of the other side, or may be: 0.2
 to 0.65 of femurs, tibias and heels of the other side, 0.8 or more of those of the same, about 1 of a pelvis."""
 
-ROUNDS = 3
-"""Times that features are taken out where the map folds."""
-
-STEPS = 3
-"""Of `map_bone`: checked, matched, mapped."""
+ROUNDS = 3  # Times that features are taken out where the map folds.
+STEPS = 3  # Of `map_bone`: checked, matched, mapped.
 
 
 def map_bone(

@@ -31,11 +31,8 @@ from myomorph.morph.shapes.surface_points import Samples, Shape
 COVERED, AGREES, INVERTED, STRETCHED = 0.95, 0.9, 0.01, 4.0
 """Below this coverage and agreement, above this share inverted and this ratio of areas, a match is doubted."""
 
-ASKED = 4000
-"""Points of the target of which it is asked whether they are reached."""
-
-ALIKE = 0.5
-"""Cosine between normals that agree: 60 degrees."""
+ASKED = 4000  # Points of the target of which it is asked whether they are reached.
+ALIKE = 0.5  # Cosine between normals that agree: 60 degrees.
 
 
 @dataclass(frozen=True)

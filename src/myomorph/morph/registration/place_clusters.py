@@ -19,8 +19,7 @@ GOOD = 5e-4
 """Surfaces that come so near [m] need no other starts beside the picked points: bones turned end over end may differ by
 little more than a millimetre."""
 
-FAR = 0.25
-"""A marker further from its bone than that is named [m]."""
+FAR = 0.25  # A marker further from its bone than that is named [m].
 
 
 @read_only

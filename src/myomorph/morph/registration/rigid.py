@@ -20,28 +20,16 @@ from myomorph.morph.maps.fields import BoneMap, neighbors_of
 from myomorph.morph.maps.linear import Similarity
 from myomorph.morph.shapes.surface_points import Samples, Shape
 
-PATCH = 1e-4
-"""Area over which errors of two surfaces go together, for standard deviations [m^2]."""
-
-OTHER_SIDE = 0.9
-"""Share of the residual that the mirrored source leaves, below which the side is doubted."""
-
-BEYOND = 3.0
-"""Of a part, the target's points count up to so many times the furthest of the source's that count."""
-
+PATCH = 1e-4  # Area over which errors of two surfaces go together, for standard deviations [m^2].
+OTHER_SIDE = 0.9  # Share of the residual that the mirrored source leaves, below which the side is doubted.
+BEYOND = 3.0  # Of a part, the target's points count up to so many times the furthest of the source's that count.
 FACING = 0.7
 """Share of normals that must agree at a good fit for them to be used to tell the two sides of a thin bone apart."""
 
 
-COARSE = 200
-"""Points with which the many starts are tried."""
-
-FEW = 4
-"""Different ways to lie that are looked at more closely."""
-
-SETTLED = 1e-5, 1e-2
-"""A step that moves the surface less, in metres or as a share of the residual, ends the iteration."""
-
+COARSE = 200  # Points with which the many starts are tried.
+FEW = 4  # Different ways to lie that are looked at more closely.
+SETTLED = 1e-5, 1e-2  # A step that moves the surface less, in metres or as a share of the residual, ends the iteration.
 MIRROR = np.array([-1.0, 1.0, 1.0])
 
 

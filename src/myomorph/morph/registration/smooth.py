@@ -31,14 +31,9 @@ from myomorph.morph.maps.linear import AffineMap
 from myomorph.morph.registration.affine import unit
 from myomorph.morph.shapes.surface_points import Samples, Shape
 
-OVERSAMPLED = 6
-"""Random points for every evenly spread one."""
-
-FACING = 0.2
-"""Cosine between normals above which two surfaces face the same way."""
-
-NEIGHBORS = 64
-"""Samples of the target that are asked for one that faces the same way."""
+OVERSAMPLED = 6  # Random points for every evenly spread one.
+FACING = 0.2  # Cosine between normals above which two surfaces face the same way.
+NEIGHBORS = 64  # Samples of the target that are asked for one that faces the same way.
 
 
 @dataclass(frozen=True)
@@ -110,9 +105,7 @@ WIDTHS, SIZES = (1.0, 0.5, 0.2), (0.02, 0.008, 0.003)
 """Of the three processes: widths in shares of the widest, standard deviations along an axis in shares of the bone's
 length. Chosen on persons 1, 7, 13, 19 and 25 of LLP26; on made deformations others do the same."""
 
-AFFINE = 0.05
-"""Standard deviation of what is left of the affine map, lengths in shares of the bone's."""
-
+AFFINE = 0.05  # Standard deviation of what is left of the affine map, lengths in shares of the bone's.
 EXACTNESS = (0.01, 0.004, 0.002, 0.001, 0.001, 0.001, 0.0005, 0.0005, 0.0005, 0.0005)
 """Of the planes in each step, in shares of the bone's length."""
 
@@ -120,9 +113,7 @@ UNLIKE = 1.0
 """Planes are no more exact than so many times the distance that is left: where one surface is cut into coarse triangles
 or has another shape, drawing it closer would slide its points."""
 
-INDEPENDENT = 400.0
-"""Errors of planes go together around each: so many of all of them tell something of their own."""
-
+INDEPENDENT = 400.0  # Errors of planes go together around each: so many of all of them tell something of their own.
 CENTERS, RANK = 200, 1e-5
 """Points of the kernel, and the share of its greatest eigenvalue below which a direction is left out."""
 
@@ -130,17 +121,10 @@ TETHER = 0.001
 """Share of a step's cost that holds points back along the surface. Ten times as much holds them so hard that a shaft
 has not slid to its place when the steps end: 9 mm of a tibia."""
 
-TRIMMED = 0.98
-"""Share of the pairs that count, the nearest."""
-
-PAIR_FACING = 0.3
-"""Cosine between normals of points that may be pairs."""
-
-NORMAL = 0.1
-"""Share of the bone's length that counts as much as a right angle between normals, in looking for pairs."""
-
-TILT = 1e-4
-"""Distance over which the derivatives along the surface are taken."""
+TRIMMED = 0.98  # Share of the pairs that count, the nearest.
+PAIR_FACING = 0.3  # Cosine between normals of points that may be pairs.
+NORMAL = 0.1  # Share of the bone's length that counts as much as a right angle between normals, in looking for pairs.
+TILT = 1e-4  # Distance over which the derivatives along the surface are taken.
 
 
 @read_only
@@ -311,15 +295,9 @@ def _equations(pairs: _Pairs, tether: float, weight: float) -> tuple[Array, Arra
     return matrix, right
 
 
-SOFTER, NARROWER = 0.25, 0.5
-"""Factors on the stiffness and on the width of the other displacement."""
-
-POINTS = 1200
-"""Of each surface in the other displacements, at most."""
-
-FLOOR = 1e-4
-"""What is added to the differences, in shares of the bone's length."""
-
+SOFTER, NARROWER = 0.25, 0.5  # Factors on the stiffness and on the width of the other displacement.
+POINTS = 1200  # Of each surface in the other displacements, at most.
+FLOOR = 1e-4  # What is added to the differences, in shares of the bone's length.
 COEFFICIENTS, MAX_DISTANCE = (2.867, 0.431, 0.258, 0.491), 0.0592
 """Constant, and of the logarithms of the differences from the softer, the way back, and of what is left; the share of
 the bone's length that radii come near, as not even an affine map misses by more. Fitted to attachments: 41 random

@@ -22,8 +22,7 @@ from myomorph.model.errors import BadData
 from myomorph.model.surface import Surface, face_crosses, used_part
 from myomorph.morph.shapes.quadrics import CylinderFit, SphereFit, fit_cylinder, fit_sphere
 
-FACING = 0.82
-"""Cosine of the angle to the radius (35 degrees) up to which a vertex may belong to a round region."""
+FACING = 0.82  # Cosine of the angle to the radius (35 degrees) up to which a vertex may belong to a round region.
 
 
 @read_only
@@ -95,37 +94,19 @@ class Corners:
 REACH = 0.35
 """Shell in which the region is looked for at first, as a share of the radius: as wrong as the start may be."""
 
-NARROW = 0.08
-"""Shell in which it is grown in the end: a fovea is deeper, the coarsest meshes' corners are not."""
-
-CLOSER = 0.7
-"""By which the shell shrinks from one to the other."""
-
+NARROW = 0.08  # Shell in which it is grown in the end: a fovea is deeper, the coarsest meshes' corners are not.
+CLOSER = 0.7  # By which the shell shrinks from one to the other.
 ROUNDS = 40
-MIN_COUNT = 8
-"""Vertices of a region, at least."""
-
-GROWTH = 1.6
-"""A radius that becomes so many times the one given, or one over it, is that of something else."""
-
-ROUGH = 0.06
-"""Root mean square distance, as a share of the radius, above which a surface is not round."""
-
+MIN_COUNT = 8  # Vertices of a region, at least.
+GROWTH = 1.6  # A radius that becomes so many times the one given, or one over it, is that of something else.
+ROUGH = 0.06  # Root mean square distance, as a share of the radius, above which a surface is not round.
 COVERED = 0.12
 """Share of the sphere (a cap of 40 degrees) below which center and radius cannot be told apart on a bone."""
 
-TURNED = 0.15
-"""Share of a cylinder's turn (54 degrees) below which its axis cannot be told."""
-
-BENT = 0.35
-"""Least bend of a surface, over that of the sphere, below which it is no sphere but a shaft or an edge."""
-
-UNSURE = 0.1
-"""Standard deviation of a center, as a share of the radius, above which it is not one to go by."""
-
-LEANING = 0.82
-"""Cosine of the angle (35 degrees) by which a cylinder's axis may lean from the one given."""
-
+TURNED = 0.15  # Share of a cylinder's turn (54 degrees) below which its axis cannot be told.
+BENT = 0.35  # Least bend of a surface, over that of the sphere, below which it is no sphere but a shaft or an edge.
+UNSURE = 0.1  # Standard deviation of a center, as a share of the radius, above which it is not one to go by.
+LEANING = 0.82  # Cosine of the angle (35 degrees) by which a cylinder's axis may lean from the one given.
 STARTS = 0.35, 0.8
 """A cylinder is looked for from starts so many radii beside the one given, and so many times its size: condyles are not
 quite round, and of the cylinders that fit parts of them that is taken on which most of the surface lies."""
@@ -137,9 +118,7 @@ direction [rad]."""
 VOTERS, SEEDS, TRIES = 4000, 300, 10
 """Vertices that count in a vote, those that propose centers, and proposals that are fitted for every sphere wanted."""
 
-LADDER = 1.35
-"""Ratio of neighboring radii that vertices vote for."""
-
+LADDER = 1.35  # Ratio of neighboring radii that vertices vote for.
 _Fit = TypeVar("_Fit", SphereFit, CylinderFit)
 
 

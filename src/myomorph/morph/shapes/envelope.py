@@ -23,18 +23,10 @@ from myomorph.morph.shapes.surface_points import Boxes
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 
-SOFT_TISSUE = 0.1
-"""Thickness of the soft tissue over a bone as a share of its length, where nothing else is known."""
-
-THINNEST, THICKEST = 0.002, 1.0
-"""Shares of bone length between which soft tissue is looked for."""
-
-WIDEST = 4.0
-"""Soft tissue grows to no more than so many times what it is at first, to reach a volume."""
-
-CELLS, COARSE = 128, 48
-"""Cells along the longest side of the skeleton; of a first look."""
-
+SOFT_TISSUE = 0.1  # Thickness of the soft tissue over a bone as a share of its length, where nothing else is known.
+THINNEST, THICKEST = 0.002, 1.0  # Shares of bone length between which soft tissue is looked for.
+WIDEST = 4.0  # Soft tissue grows to no more than so many times what it is at first, to reach a volume.
+CELLS, COARSE = 128, 48  # Cells along the longest side of the skeleton; of a first look.
 ROUNDS = 60
 
 

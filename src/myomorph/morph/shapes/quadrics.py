@@ -16,21 +16,14 @@ from numpy.typing import ArrayLike
 from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData
 
-TUKEY = 4.685
-"""Robust standard deviations at which a point stops to count: 95 % efficient where errors are normal."""
-
+TUKEY = 4.685  # Robust standard deviations at which a point stops to count: 95 % efficient where errors are normal.
 ITERATIONS = 100
-SETTLED = 1e-9
-"""Step, as a share of the size, that ends the iteration."""
-
-FLAT = 1e-11
-"""Ratio of the eigenvalues of the normal equations below which an unknown is not determined."""
-
+SETTLED = 1e-9  # Step, as a share of the size, that ends the iteration.
+FLAT = 1e-11  # Ratio of the eigenvalues of the normal equations below which an unknown is not determined.
 TOGETHER = 0.3
 """Errors of a surface go together over so much of the radius: one observation in covariances is a patch as wide."""
 
-CELLS = 8
-"""Points in each cell of directions, were they spread over all of them, by which what they cover is counted."""
+CELLS = 8  # Points in each cell of directions, were they spread over all of them, by which what they cover is counted.
 
 
 @read_only

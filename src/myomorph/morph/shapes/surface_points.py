@@ -12,12 +12,8 @@ from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData, from_extra
 from myomorph.model.surface import Surface, face_crosses, signed_volume
 
-SPREAD = 4000
-"""Samples among which a rough nearest point is looked for."""
-
-DENSE = 20_000
-"""Samples among which one that faces a given way is looked for."""
-
+SPREAD = 4000  # Samples among which a rough nearest point is looked for.
+DENSE = 20_000  # Samples among which one that faces a given way is looked for.
 ON_EDGE = 1e-9
 """A corner that has no larger share in a place on a triangle has none: the place is on the edge opposite to it."""
 

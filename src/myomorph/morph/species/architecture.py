@@ -23,17 +23,12 @@ from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.morph.morphed import Architecture
 
-DENSITY = 1060.0
-"""Of muscle (Mendez and Keys 1960) [kg/m^3]."""
-
+DENSITY = 1060.0  # Of muscle (Mendez and Keys 1960) [kg/m^3].
 SPECIFIC_TENSION = 3.0e5
 """Of tables that have masses but no forces [Pa]; it matters only where no table of the target gives the level."""
 
-MIN_COUNT = 5
-"""Muscles in common that a level is taken from."""
-
-QUANTILE = 1.645
-"""Standard deviations on either side of a 90 % interval."""
+MIN_COUNT = 5  # Muscles in common that a level is taken from.
+QUANTILE = 1.645  # Standard deviations on either side of a 90 % interval.
 
 
 @dataclass(frozen=True)

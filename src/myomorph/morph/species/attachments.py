@@ -22,8 +22,7 @@ from myomorph.morph.maps.linear import AffineMap
 from myomorph.morph.shapes.surface_points import Shape
 from myomorph.morph.species.table_rows import Attachment, RelativeBone
 
-MIN_COUNT = 4
-"""Landmarks that a relative's bone needs in common with the target's."""
+MIN_COUNT = 4  # Landmarks that a relative's bone needs in common with the target's.
 
 
 def with_attachments(

@@ -15,9 +15,7 @@ from myomorph.model.errors import BadData
 from myomorph.model.surface import Surface, face_crosses
 from myomorph.morph.species.counterparts import DIRECTIONS, AnatomicalFrame, LandmarkRule
 
-MIDDLE = 0.1
-"""A part straddles the midline where its middle lies within this share of its width from it."""
-
+MIDDLE = 0.1  # A part straddles the midline where its middle lies within this share of its width from it.
 Landmarks = dict[str, Array]
 Ints = NDArray[np.int64]
 

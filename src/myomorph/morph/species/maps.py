@@ -37,9 +37,7 @@ from myomorph.morph.transfer.model import graft_muscles
 
 MEASURED_IN_METERS = "[m]"
 
-MIN_COUNT = 4
-"""Landmarks that a bone needs."""
-
+MIN_COUNT = 4  # Landmarks that a bone needs.
 STEEPEST = 3.0
 """Two landmarks may be so many times farther apart in the target, in the source's proportions, than in the source."""
 

@@ -27,20 +27,13 @@ from myomorph.morph.maps.linear import Similarity
 from myomorph.morph.species.counterparts import BoneHomology, Posed, SpeciesTable, Surfaces, part_name
 from myomorph.morph.species.table_rows import Ray
 
-BESIDE = 0.2
-"""A toe of the source is what lies within this share of the bone's width beside the muscles' points."""
-
+BESIDE = 0.2  # A toe of the source is what lies within this share of the bone's width beside the muscles' points.
 REACH = 0.4
 """Points of the foot within this share of the toe's length from the joint go to the ray; others go with the foot."""
 
-AT_JOINT = 0.25
-"""A toe's thickness is taken over this share of its length next to the joint."""
-
-CLEAR = 0.1
-"""Points keep this share of the toe's length from the joint, along the ray."""
-
-OBLIQUE = 0.5
-"""A joint's axis with this much of the direction to the right tells where the joint is on each toe."""
+AT_JOINT = 0.25  # A toe's thickness is taken over this share of its length next to the joint.
+CLEAR = 0.1  # Points keep this share of the toe's length from the joint, along the ray.
+OBLIQUE = 0.5  # A joint's axis with this much of the direction to the right tells where the joint is on each toe.
 
 
 @dataclass(frozen=True, eq=False)

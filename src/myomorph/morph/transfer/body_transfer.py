@@ -25,9 +25,7 @@ BESIDE = 0.13
 90 % of the muscle points of five bones were off by 0.12 to 0.16 of it, in the deformations 100 to 109 of
 `benchmarks/accuracy/morph/correspondence.py`; bones of persons tell nothing of what is beside them."""
 
-SAMPLES = 150
-"""Of a bone's vertices or features tell what becomes of the bone as a whole."""
-
+SAMPLES = 150  # Of a bone's vertices or features tell what becomes of the bone as a whole.
 UNKNOWN_LENGTH = 0.1
 """Of a body of which neither surface nor features tell a length [m]; its map is the same everywhere."""
 

@@ -31,16 +31,10 @@ FREE = "free branch"
 MIN_SHARE, MAX_SHARE = 0.1, 10.0
 """Tensions may become so many times what equal activation gives, to hold the source's link in balance."""
 
-STIFF = 10.0
-"""How much more the balance counts than that tensions stay as they are."""
-
+STIFF = 10.0  # How much more the balance counts than that tensions stay as they are.
 ROUNDS = 60
-SETTLED = 1e-10
-"""Newton's steps end when no point moves by more than this share of the length of its lines of action."""
-
-STEP = 1e-5
-"""Of the derivative of the forces, as a share of the lengths of the lines of action."""
-
+SETTLED = 1e-10  # Newton's steps end when no point moves by more than this share of the length of its lines of action.
+STEP = 1e-5  # Of the derivative of the forces, as a share of the lengths of the lines of action.
 FLAT = 1e-4
 """A direction in which the stiffness of the lines of action is less than this share of the greatest holds nothing."""
 

@@ -30,9 +30,7 @@ STRAYS = 0.1
 """Where surfaces were matched, a round one further from where the map puts its center, as a share of the radius, is not
 believed: a deformed head is no sphere any more, and condyles are round only in part."""
 
-TILTED = np.cos(np.radians(15.0))
-"""A hinge turns about a cylinder whose axis is within this of its own."""
-
+TILTED = np.cos(np.radians(15.0))  # A hinge turns about a cylinder whose axis is within this of its own.
 Round = Literal["sphere", "cylinder"]
 
 

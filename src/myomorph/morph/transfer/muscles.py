@@ -21,19 +21,14 @@ from myomorph.muscles.path import compile_paths
 USUAL = 0.4, 1.6
 """Normalized fiber lengths of the source that count: beyond, a posture is none that the muscle was made for."""
 
-MIN_COUNT = 10
-"""Postures that must be among those."""
-
+MIN_COUNT = 10  # Postures that must be among those.
 LEAST_TRAVEL = 0.02
 """A path that changes by less than this share of its length tells nothing of the fiber's share in it."""
 
-STEEPEST = 3.0
-"""A fiber that would grow or shrink so many times more than the path as a whole is not believed."""
-
+STEEPEST = 3.0  # A fiber that would grow or shrink so many times more than the path as a whole is not believed.
 GREATEST_PENNATION = np.radians(80.0)
 
-OWN_LENGTHS = (*FIBER_LENGTHS, "default_fiber_length")
-"""Parameters of muscle classes that are lengths."""
+OWN_LENGTHS = (*FIBER_LENGTHS, "default_fiber_length")  # Parameters of muscle classes that are lengths.
 
 
 def path_lengths(

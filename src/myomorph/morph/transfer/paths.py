@@ -23,14 +23,9 @@ OUTSIDE = 1.001, 1.05
 """A point that was outside is left where the map puts it from the first of these levels on; one nearer comes back to
 where it was, or to the second level."""
 
-SAME = 1e-9
-"""Levels nearer than this are one."""
-
-SMALLEST = 0.5
-"""A wrap object shrinks no further than to this share of its size for the points of its paths."""
-
-Pairs = Mapping[str, tuple[WrapObject, WrapObject]]
-"""Wrap objects of source and target, by name."""
+SAME = 1e-9  # Levels nearer than this are one.
+SMALLEST = 0.5  # A wrap object shrinks no further than to this share of its size for the points of its paths.
+Pairs = Mapping[str, tuple[WrapObject, WrapObject]]  # Wrap objects of source and target, by name.
 
 
 def points_left_outside(

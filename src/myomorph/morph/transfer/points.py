@@ -26,8 +26,7 @@ FARTHEST = 0.05
 """A point that would be moved further than this share of the bone's length is left where the map puts it, or
 brought out of the bone the nearest way: the target's surface ends there, as where a pelvis comes without its sacrum."""
 
-FACES = 32
-"""Triangles, the nearest by their middles, among which the nearest of one side is looked for."""
+FACES = 32  # Triangles, the nearest by their middles, among which the nearest of one side is looked for.
 
 
 @read_only
@@ -118,8 +117,7 @@ def _nearest_on_triangles(point: Array, corners: Array) -> Array:
     return np.asarray(closest_point(corners, np.broadcast_to(point, (len(corners), 3))), dtype=np.float64)
 
 
-MIDDLE_SAMPLES = 21
-"""Values of its coordinate over which the middle of a moving point's way is taken."""
+MIDDLE_SAMPLES = 21  # Values of its coordinate over which the middle of a moving point's way is taken.
 
 
 @dataclass(frozen=True, eq=False)
@@ -291,14 +289,9 @@ def _side(wrap: TendonWrap, transfers: Transfers, setting: Setting) -> TendonWra
     return replace(wrap, side_body=body, side=after.pose.apply(local * growth))
 
 
-LARGE = 0.03
-"""Share of the bone's length: a point that is known less surely is named."""
-
-APART = 0.2
-"""Share of the bone's length between places that are asked for."""
-
-ASKED = 3
-"""Places that are asked for, at most."""
+LARGE = 0.03  # Share of the bone's length: a point that is known less surely is named.
+APART = 0.2  # Share of the bone's length between places that are asked for.
+ASKED = 3  # Places that are asked for, at most.
 
 
 def uncertain_notes(points: Iterable[TransferredPoint], transfers: Transfers) -> list[str]:

@@ -22,8 +22,7 @@ from myomorph.morph.transfer.body_transfer import Transfer, Transfers
 from myomorph.morph.transfer.branch_points import BranchLoad, Riders, branch_load, branch_places, riders_of
 from myomorph.muscles.kinematics import default_path_lengths
 
-FEATURES = 60
-"""Of each bone around a virtual link count, spread over those it has."""
+FEATURES = 60  # Of each bone around a virtual link count, spread over those it has.
 
 
 def bones_around(
@@ -109,14 +108,9 @@ def _features(transfers: Transfers, bone: str) -> FeaturePoints:
     return FeaturePoints(tuple(features.names[i] for i in chosen), features.source[chosen], features.target[chosen])
 
 
-FURTHEST = 0.25
-"""A branching point is moved no further than by this share of the mean length of its lines of action."""
-
-PASSES = 20
-"""Of moving several links, which may pull at each other."""
-
-SETTLED = 1e-7
-"""Links rest that move by less [m]."""
+FURTHEST = 0.25  # A branching point is moved no further than by this share of the mean length of its lines of action.
+PASSES = 20  # Of moving several links, which may pull at each other.
+SETTLED = 1e-7  # Links rest that move by less [m].
 
 
 def link_carriers(

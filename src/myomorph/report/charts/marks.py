@@ -17,11 +17,8 @@ import numpy as np
 from myomorph.model.arrays import Array, runs
 from myomorph.report.charts.axis import Axis
 
-MAX_POINTS = 420
-"""Bins of a drawn line; each keeps its smallest and largest value."""
-
-LETTER = 6.1
-"""Width of a printed character, in the drawing's own units."""
+MAX_POINTS = 420  # Bins of a drawn line; each keeps its smallest and largest value.
+LETTER = 6.1  # Width of a printed character, in the drawing's own units.
 
 
 @dataclass(frozen=True)

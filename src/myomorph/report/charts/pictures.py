@@ -25,14 +25,11 @@ MIN_PICTURES = 4
 OVERLAP = 1.06
 
 MAP_WIDTH, MAP_HEIGHT = 330, 250
-PICTURE = 180
-"""Height of the pictures of a residual map, in the drawing's own units."""
+PICTURE = 180  # Height of the pictures of a residual map, in the drawing's own units.
 SHRINK = 2
-LEVELS = 15
-"""Colors; each is drawn over the same depth."""
+LEVELS = 15  # Colors; each is drawn over the same depth.
 FILL = 0.92
-ANCHORS = ((0.13, 0.35, 0.62), (0.88, 0.87, 0.84), (0.70, 0.16, 0.14))
-"""Inside, on and outside the other surface."""
+ANCHORS = ((0.13, 0.35, 0.62), (0.88, 0.87, 0.84), (0.70, 0.16, 0.14))  # Inside, on and outside the other surface.
 
 
 def even_times(span: tuple[float, float], count: int) -> tuple[float, ...]:

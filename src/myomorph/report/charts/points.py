@@ -25,8 +25,7 @@ from myomorph.report.charts.marks import (
     text,
 )
 
-MAX_DOTS = 700
-"""Points drawn; more of them would only darken the cloud."""
+MAX_DOTS = 700  # Points drawn; more of them would only darken the cloud.
 
 
 @read_only

@@ -25,19 +25,12 @@ from myomorph.report.scene.scene import Scene, make_scene
 from myomorph.report.scene.shapes import outward, reduced
 
 VIEWS = {"side": "from the right", "front": "from the front", "left": "from the left"}
-MAX_FACES = 60_000
-"""Triangles that pictures are drawn from."""
-
-HEIGHT, WIDEST = 560, 340
-"""Of one picture in the drawing of both bodies at most [pixels]."""
-
-UNLIKE = 4.0
-"""Bodies whose sizes differ by this factor are drawn at scales of their own."""
-
+MAX_FACES = 60_000  # Triangles that pictures are drawn from.
+HEIGHT, WIDEST = 560, 340  # Of one picture in the drawing of both bodies at most [pixels].
+UNLIKE = 4.0  # Bodies whose sizes differ by this factor are drawn at scales of their own.
 COLUMNS, CELL, ROW = 6, 170.0, 106.0
 MARGIN = 30.0
-MAX_PANELS = 30
-"""Muscles drawn about one coordinate."""
+MAX_PANELS = 30  # Muscles drawn about one coordinate.
 
 
 def body_figure(morph: Morph) -> str:

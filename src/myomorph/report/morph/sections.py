@@ -31,14 +31,10 @@ KINDS = {
     "joint": "Joint",
     "order": "Order of moment arms",
 }
-FIRST_ARMS = 6
-"""Coordinates whose curves are open at first."""
-FIRST_WARNINGS = 8
-"""Of each kind, seen at first."""
-
+FIRST_ARMS = 6  # Coordinates whose curves are open at first.
+FIRST_WARNINGS = 8  # Of each kind, seen at first.
 MAX_OPEN_ROWS = 30
-MAX_ROWS = 1000
-"""Of a folded table."""
+MAX_ROWS = 1000  # Of a folded table.
 
 
 def morphing_sections(morph: Morph, checks: MorphChecks) -> list[Section]:

@@ -19,12 +19,8 @@ from myomorph.report.scene.shapes import bones, capsule
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 
-SHRINK = 4
-"""Pixels rendered for one shown, along each axis."""
-
-MIN_LENGTH = 1e-3
-"""Pieces that are shorter are not drawn [m]."""
-
+SHRINK = 4  # Pixels rendered for one shown, along each axis.
+MIN_LENGTH = 1e-3  # Pieces that are shorter are not drawn [m].
 THICK, MIN_RADIUS, MAX_RADIUS = 0.16, 0.014, 0.055
 """Radius of a limb in a small picture: a share of its length, and bounds as shares of the body's height."""
 

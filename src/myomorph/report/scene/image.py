@@ -39,11 +39,8 @@ def _distinct(table: Bytes) -> Bytes:
     return table
 
 
-HEAT = _distinct(_ramp(_HEAT))
-"""(256, 3) colors of a heat map, light to dark."""
-
-ACTIVATION = _ramp(_ACTIVATION)
-"""(256, 3) colors of a muscle from rest (blue) to full activation (red)."""
+HEAT = _distinct(_ramp(_HEAT))  # (256, 3) colors of a heat map, light to dark.
+ACTIVATION = _ramp(_ACTIVATION)  # (256, 3) colors of a muscle from rest (blue) to full activation (red).
 
 
 LEVEL = _ramp(_LEVEL)

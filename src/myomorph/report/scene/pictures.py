@@ -22,8 +22,7 @@ BONE = (0.93, 0.89, 0.80)
 FORCE = (0.10, 0.58, 0.46)
 MUSCLE, UNKNOWN = (0.72, 0.24, 0.24), (0.55, 0.52, 0.52)
 SHRINK = 2
-DRAWERS = 2
-"""Threads that draw."""
+DRAWERS = 2  # Threads that draw.
 VIEWS: Mapping[str, float] = FrozenMap({"side": 0.0, "oblique": 40.0, "front": 90.0, "left": 180.0})
 """From where a picture is taken, as the angle [deg] from the subject's right side towards its front."""
 

@@ -21,17 +21,12 @@ from myomorph.report.page.parts import Figure, Grid, Note, PageHead, Section, ci
 TESTS = ("nichols2002", "tusher2001", "holm1979", "benjamini1995", "hedges1981", "zeni2008")
 """References of the statistics."""
 
-STYLES = ("left", "right")
-"""Of the first group and of the second."""
-
+STYLES = ("left", "right")  # Of the first group and of the second.
 CONDITION_STYLES = ("right", "left", "third", "second", "fourth", "middle")
 """Of the conditions in their order; more of them take these again."""
 
-MAX_EFFECT = 10.0
-"""Effect sizes along the cycle are drawn up to this."""
-
-MAX_OPEN = 24
-"""Curves of a family that are shown at once; the rest is folded away."""
+MAX_EFFECT = 10.0  # Effect sizes along the cycle are drawn up to this.
+MAX_OPEN = 24  # Curves of a family that are shown at once; the rest is folded away.
 
 
 def group_page(comparison: Comparison, page_head: PageHead) -> str:

@@ -28,16 +28,11 @@ from myomorph.report.study.group_page import (
 )
 from myomorph.report.study.study_input import Described, Outlier, StudyInput, TrialLine, TrialState, ValueDifference
 
-MAX_OPEN, MAX_FOLDED = 12, 36
-"""Curves of a family that are shown, and that are folded away; the tables have all."""
-MAX_DIFFERENT = 12
-"""Curves of a comparison that are drawn."""
-MAX_VALUES = 24
-"""Differences of values that are shown of a pair of conditions."""
-LONG = 60
-"""Rows from which on a table is folded away at first."""
-MAX_LISTED = 3
-"""Trials or values that a line names one by one."""
+MAX_OPEN, MAX_FOLDED = 12, 36  # Curves of a family that are shown, and that are folded away; the tables have all.
+MAX_DIFFERENT = 12  # Curves of a comparison that are drawn.
+MAX_VALUES = 24  # Differences of values that are shown of a pair of conditions.
+LONG = 60  # Rows from which on a table is folded away at first.
+MAX_LISTED = 3  # Trials or values that a line names one by one.
 SHOWN_LIMITS = (
     (Quantity.MARKER_RMS, "Markers"),
     (Quantity.RESIDUAL_FORCE_PEAK, "Residual force"),

@@ -17,8 +17,7 @@ from myomorph.tension.fibers import Fibers
 
 STYLES = ("first", "second")
 HEAD = ("Muscle", "From", "Normalized fiber length", "Reason")
-SHOWN = 8
-"""Pairs of muscles that are drawn."""
+SHOWN = 8  # Pairs of muscles that are drawn.
 
 
 def fiber_section(prepared: Prepared) -> Section | None:

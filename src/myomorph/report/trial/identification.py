@@ -35,12 +35,9 @@ from myomorph.report.trial.identification_tables import (
 from myomorph.report.trial.report_input import IdentificationInput
 from myomorph.report.trial.validation import STYLES, UNITS, calibration_section, validation_section
 
-WELL_KNOWN = 0.1
-"""Relative standard deviation under which a base parameter counts as well known."""
-
+WELL_KNOWN = 0.1  # Relative standard deviation under which a base parameter counts as well known.
 MAX_OPEN_ROWS = 30
-LIGHT = 0.002
-"""Share of the body's mass under which a link of a model of many links is left out of a chart."""
+LIGHT = 0.002  # Share of the body's mass under which a link of a model of many links is left out of a chart.
 
 
 def identification_sections(body: IdentificationInput, surfaces: Mapping[str, Surface]) -> list[Section]:

@@ -21,8 +21,7 @@ from myomorph.tension.emg_conflicts import APART, BORNE, EmgConflict
 
 CONFLICT_HEAD = ("Muscle", "From", "To", "Largest difference at", "Activation from EMG", "Activation in the solution")
 RESERVE_HEAD = ("Coordinate", "From", "To", "Maximum at", "Required torque", "Reserve torque")
-SHOWN = 20
-"""Rows above which a table is folded away."""
+SHOWN = 20  # Rows above which a table is folded away.
 
 
 def emg_of(prepared: Prepared, pair: Pair) -> list[tuple[str, Array, Array]]:

@@ -11,15 +11,9 @@ from myomorph.model.errors import few
 from myomorph.model.model import Model
 from myomorph.report.trial.summary_lines import plain
 
-FIBER_RANGE = (0.5, 1.5)
-"""Lengths over the optimal one between which fibers pull actively (Zajac 1989)."""
-
-JUMP = 1e-3
-"""A path whose length changes by so much more between two frames than its velocity explains jumps [m]."""
-
-UNUSUAL = 10.0
-"""And by so many times what is usual for the muscle, so that coarse frames of fast motions are no jumps."""
-
+FIBER_RANGE = (0.5, 1.5)  # Lengths over the optimal one between which fibers pull actively (Zajac 1989).
+JUMP = 1e-3  # A path whose length changes by so much more between two frames than its velocity explains jumps [m].
+UNUSUAL = 10.0  # And by so many times what is usual for the muscle, so that coarse frames of fast motions are no jumps.
 MAX_NAMED = 3
 
 

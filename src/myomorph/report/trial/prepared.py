@@ -32,8 +32,7 @@ from myomorph.report.trial.tables import (
 MAX_CENTER_FRAMES = 40000
 MAX_PLAYED = 7.5
 MAX_WHOLE = 20.0
-GAITS = ("", "gait")
-"""Presets in which strides are looked for."""
+GAITS = ("", "gait")  # Presets in which strides are looked for.
 
 
 @read_only

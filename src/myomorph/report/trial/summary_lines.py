@@ -23,8 +23,7 @@ from myomorph.report.trial.tables import (
 )
 from myomorph.tension.tension import Tension
 
-ALONE = 1e-3
-"""Share of a coordinate's torque that its muscles give at most where it has none that counts."""
+ALONE = 1e-3  # Share of a coordinate's torque that its muscles give at most where it has none that counts.
 
 
 def kinematics_line(fit: KinematicsFit, model: Model, markers: Markers | None) -> str:

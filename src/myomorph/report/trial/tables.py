@@ -18,8 +18,7 @@ from myomorph.report.page.parts import Quantity, Verdict
 MARKER_RMS, MARKER_LARGEST = 0.02, 0.04
 RESIDUAL_FORCE, RESIDUAL_MOMENT = 0.05, 0.01
 RESERVE = 0.10
-NEGLIGIBLE = 0.05
-"""A joint's torque below this share of the largest joint torque is no measure for its reserve."""
+NEGLIGIBLE = 0.05  # A joint's torque below this share of the largest joint torque is no measure for its reserve.
 LOOPS_CLOSED = 1e-9
 SATURATED = 0.99
 HICKS, CHECKLIST = "hicks2015", "opensim"

@@ -27,8 +27,7 @@ UNITS = {"coordinates": ("°", "m"), "torques": ("N·m", "N")}
 """Of tables by coordinate: of rotations, and of translations."""
 PLACES, MOMENTS = re.compile(r"_p[xyz]$"), re.compile(r"_m[xyz]$|torque_?[xyz]$")
 """What columns of loads end in that are points and moments."""
-ROWS = 12
-"""Columns of a table that are shown, those that are least sure first."""
+ROWS = 12  # Columns of a table that are shown, those that are least sure first.
 MAX_SOURCES, MIN_SHARE = 3, 0.01
 """Sources that are named for a column, and the share of the variance from which one is."""
 

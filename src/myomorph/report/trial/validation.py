@@ -15,15 +15,10 @@ from myomorph.report.charts.rows import dot_plot
 from myomorph.report.page.parts import Figure, Grid, Section
 from myomorph.report.trial.prepared import Prepared
 
-UNITS = ("N·m",) * 3 + ("N",) * 3
-"""Of the components of a wrench."""
-
-STYLES = ("first", "second", "third", "fourth", "left", "middle")
-"""Of the methods' lines, in their order."""
-
+UNITS = ("N·m",) * 3 + ("N",) * 3  # Of the components of a wrench.
+STYLES = ("first", "second", "third", "fourth", "left", "middle")  # Of the methods' lines, in their order.
 FORCE_FIRST = (3, 4, 5, 0, 1, 2)
-MAX_TIME = 10.0
-"""Charts show so much of a motion that is twice as long, or longer [s]."""
+MAX_TIME = 10.0  # Charts show so much of a motion that is twice as long, or longer [s].
 
 
 def validation_section(trial: str, check: CrossValidation, styles: Mapping[str, str], order: int = 0) -> Section | None:
@@ -92,9 +87,7 @@ def _busiest(check: CrossValidation) -> tuple[float, float]:
     return float(time[start]), float(time[start] + MAX_TIME)
 
 
-MAX_MARKERS = 40
-"""Markers in the chart, those that moved furthest."""
-
+MAX_MARKERS = 40  # Markers in the chart, those that moved furthest.
 MAX_OPEN_ROWS = 30
 
 
