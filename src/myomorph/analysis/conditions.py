@@ -16,7 +16,6 @@ from myomorph.model.arrays import Array, read_only
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class MeanCurves:
     """Signals over the cycle, as the mean of several subjects or trials."""
 

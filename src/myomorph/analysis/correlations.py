@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.special import stdtr
 
@@ -17,7 +15,6 @@ FALSE_DISCOVERIES = 0.05  # Share of the pairs called significant that may be so
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Correlations:
     """Every signal of one set with every signal of another.
 

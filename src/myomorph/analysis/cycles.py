@@ -182,7 +182,6 @@ MAX_GAP = 0.1  # Of a signal within a cycle, as a share of it, that a line may c
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Cycles:
     """Signals of many cycles, each from 0 to 100 %."""
 
@@ -199,7 +198,6 @@ class Cycles:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Band:
     """A mean curve with its interval."""
 

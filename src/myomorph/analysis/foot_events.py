@@ -61,7 +61,6 @@ class StrideOptions:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class FootTrack:
     """A foot and its events."""
 

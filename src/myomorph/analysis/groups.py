@@ -54,7 +54,6 @@ class GroupOptions:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Animal:
     """One animal or subject."""
 
@@ -106,7 +105,6 @@ class ScalarDifference:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class CurveDifference:
     """One signal of two groups over the cycle, animals' means."""
 

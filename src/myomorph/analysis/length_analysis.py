@@ -51,7 +51,6 @@ class MuscleRange:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class LengthAnalysis:
     """Lengths of all muscle-tendon units over the strides of their limbs."""
 

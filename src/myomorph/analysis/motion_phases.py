@@ -52,7 +52,6 @@ class Cutting:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Cuttable:
     """What phases are made from."""
 
@@ -181,7 +180,6 @@ def _parts(what: Cuttable) -> tuple[Stage, ...]:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class StageMeasures:
     """What a stage is like."""
 

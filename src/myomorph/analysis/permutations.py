@@ -15,7 +15,6 @@ the largest t there, and hide what is different elsewhere. The test is exact wit
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
 from math import comb
 from typing import Any
 
@@ -33,7 +32,6 @@ SAME = 1e-9  # Two |t| are equal within this share
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class PermutationTest:
     """What relabelling tells."""
 

@@ -72,7 +72,6 @@ class Stride:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Strides:
     """All strides of a recording.
 

@@ -22,7 +22,6 @@ LEAST_NOISE = 1e-4  # Standard deviation of a measured component that has no noi
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class FeetOnSteps:
     """Loads of the steps at the times of a motion, and the sites that stand on each."""
 

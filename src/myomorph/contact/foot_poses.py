@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -22,7 +21,6 @@ TIP = 1.35  # Where the sole ends, over that length
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class FootPoses:
     """Feet and center of mass of a model at the times of a motion."""
 

@@ -27,7 +27,6 @@ Change: TypeAlias = Callable[[Array, Array, Array], tuple[Array, Array, Array]]
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class ForceSamples:
     """External forces at the times of a motion."""
 

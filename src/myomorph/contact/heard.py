@@ -29,7 +29,6 @@ Impulse = Literal["known", "motion"]
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class SoundPlan:
     """A recording of impacts.
 

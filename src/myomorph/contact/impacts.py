@@ -123,7 +123,6 @@ def effective_mass(model: Model, motion: Motion, body: str, point: ArrayLike, di
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Impact:
     """A short force on a body at one of its sites."""
 

@@ -63,7 +63,6 @@ class Onset:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Heard:
     """One channel without rumble, at its own rate and thinned by 4 again and again, as long as that holds drums."""
 

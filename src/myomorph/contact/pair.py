@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,7 +22,6 @@ PULL = 1e-3  # Weight of the first guess of a grip's place, against one frame in
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Grip:
     """Where one body holds another."""
 
@@ -81,7 +79,6 @@ def grip_between(
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class ActionReaction:
     """What each of several parts needs beyond what was measured on it, and what is left when all are added.
     Rows of wrenches are moment about the ground's origin [N m], then force [N], in ground.

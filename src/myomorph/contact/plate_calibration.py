@@ -14,7 +14,7 @@ plane; never the height. Pushes of a rod in oblique directions show the height t
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy.special import fdtrc as chance_above
@@ -38,7 +38,6 @@ from myomorph.model.series import PlateRecording
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class PlateCalibration:
     """A plate's pose in the laboratory and how well the placements agree on it."""
 
@@ -80,7 +79,6 @@ class PlateCalibration:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class PlateCheck:
     """An existing calibration against placements."""
 

@@ -50,7 +50,6 @@ LEAST = 0.1  # Share of the largest normal force above which the plate is loaded
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Placement:
     """One rest of a weight, or one piece of a push with a rod."""
 

@@ -6,7 +6,7 @@ Which placements are believed, and what is reported of those that are not, is he
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -36,7 +36,6 @@ SPREAD = 0.05  # Weights must stand at least so far apart [m]
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class PlatePose:
     """A pose and what is known of it."""
 
@@ -58,7 +57,6 @@ def across(directions: Array) -> Array:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class _Lines:
     """Placements as arrays: lines in the plate's axes, points and directions in the laboratory, and what they weigh."""
 

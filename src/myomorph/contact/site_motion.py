@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,6 @@ CLUSTER = 0.25  # Share of samples that the narrowest interval about the floor h
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class SiteMotion:
     """Sites over a motion, in ground."""
 
@@ -45,7 +44,6 @@ class SiteMotion:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Floor:
     """What the sites walk on.
 

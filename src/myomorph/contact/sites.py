@@ -53,7 +53,6 @@ class FootOptions:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Foot:
     """One foot of a model in its default posture."""
 

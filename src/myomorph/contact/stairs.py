@@ -27,7 +27,6 @@ SQUARE = 1e-6  # An axis of ground that a cell's axis leans to by less than this
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Step:
     """A tread or a rung and its load cell."""
 
@@ -94,7 +93,6 @@ class StairOptions:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class StepLoads:
     """What the cells measure, in ground."""
 

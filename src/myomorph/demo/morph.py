@@ -46,7 +46,6 @@ STYLES = ("middle", "second", "third", "fourth", "left", "first")
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class MorphErrors:
     """Errors against the truth."""
 

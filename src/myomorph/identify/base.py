@@ -60,7 +60,6 @@ class BaseOptions:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Tare:
     """A constant wrench that fits the data beside the parameters: a plate's offset or tare."""
 
@@ -78,7 +77,6 @@ class Tare:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class BaseFit:
     """Base parameters of a body with what the data say of each.
 

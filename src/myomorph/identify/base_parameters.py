@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import qr
@@ -27,7 +26,6 @@ from myomorph.rigid.regressor import base_regressor
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class BaseParameters:
     """The combinations phi_B = Z phi that the base wrench is made of, [D] eq. 3.2.
     Y phi = Y[:, columns] Z phi for every motion of the model.

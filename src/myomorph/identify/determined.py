@@ -8,8 +8,6 @@ whose links differ from the model's by `LINK_SD`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from myomorph.identify.body.points import MassPoints, point_moments
@@ -28,7 +26,6 @@ NINETY = 1.645  # Standard deviations of a 90 % interval
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Determined:
     """What the data say of the standard parameters.
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -130,7 +130,6 @@ def rank_and_condition(R: Array, tolerance: float = 1e-6) -> tuple[int, float]:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Solution:
     """A least-squares problem in triangular form, and its solution with a prior."""
 
@@ -177,7 +176,6 @@ def levels(R: Array, mean: Array, sizes: Array) -> Array:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Finer:
     """A motion and its forces with little filter: what they make is filtered after it is made.
     A filter of angles and one of forces do not agree: what turns pulls by the square of its rate, which is faster than
@@ -200,7 +198,6 @@ class Finer:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Recording:
     """One motion and the forces measured with it, on the same clock.
 
@@ -266,7 +263,6 @@ class Recording:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Rows:
     """What all frames say, condensed."""
 

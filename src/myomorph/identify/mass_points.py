@@ -81,7 +81,6 @@ class Optimality:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class MassPointFit:
     """Masses of points, the inertial parameters they make, and the proof that they are the optimum."""
 

@@ -11,7 +11,7 @@ shrink along all that noise hides, and no interval about them holds.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -30,7 +30,6 @@ STILL = 1e-6  # Coordinates that move by less are locked or coupled to nothing: 
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class MotionNoise:
     """What noise of the motion adds to squares of rows [A, b] of base parameters."""
 

@@ -36,7 +36,6 @@ class OnlineOptions:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class OnlineState:
     """What is known by now, for a display."""
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy.linalg import lstsq, solve_triangular
@@ -31,7 +31,6 @@ BORDER = -1
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class TissueColumns:
     """Unknowns beside the base parameters: by how much soft tissue moves more than the body's mass (`SoftTissue`)."""
 
@@ -43,7 +42,6 @@ class TissueColumns:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Parts:
     """What parts of recordings say of the base parameters, moments and forces apart."""
 

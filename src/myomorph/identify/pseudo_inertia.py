@@ -48,7 +48,6 @@ class PseudoInertiaOptions:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class PseudoInertiaFit:
     """Parameters of the links, and how far to trust the solution."""
 

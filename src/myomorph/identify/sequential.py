@@ -43,7 +43,6 @@ class Proposal:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class SequentialState:
     """What is known after some frames."""
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -37,7 +37,6 @@ Use = Literal["auto", "always", "never"]
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Fitted:
     """Parts of recordings, with the noise and strength of the prior that were chosen on them."""
 

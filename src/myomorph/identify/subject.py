@@ -92,7 +92,6 @@ class IdentificationOptions:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Identification:
     """A model of one body, and how far to trust it.
 

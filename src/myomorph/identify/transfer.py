@@ -63,7 +63,6 @@ class MassMatch:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Transfer:
     """A higher model with a lower model's lengths, markers and masses, and how well it took them.
 

@@ -38,7 +38,6 @@ WORSE = 1.02  # Ratio of misfits on unseen parts, identified over generic, from 
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Unseen:
     """Misfit on recordings, or parts of one, that took no part in the fit: identified beside the generic model.
 
@@ -109,7 +108,6 @@ class Paper:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Strength:
     """The problem of choosing how far data may move masses."""
 

@@ -28,7 +28,6 @@ ROUNDING = 1e-9  # How far below 0 rounding may bring an eigenvalue, relative to
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class CrossValidation:
     """The base wrench on a motion that identification did not see, by several models, [D] figure 3.3."""
 
@@ -99,7 +98,6 @@ def cross_validate(
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class LinkConsistency:
     """One link's parameters, as a body."""
 

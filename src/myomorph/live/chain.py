@@ -50,7 +50,6 @@ class ChainOptions:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class ChainFrame:
     """What one frame gives; everything filtered is of `time` less the filter's delay."""
 

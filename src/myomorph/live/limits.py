@@ -55,7 +55,6 @@ class LimitOptions:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class FrameLimits:
     """Lower limits, upper limits and standard deviations of a frame's results."""
 
@@ -68,7 +67,6 @@ class FrameLimits:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Instant:
     """What a frame gave without errors."""
 

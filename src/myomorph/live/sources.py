@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
@@ -25,7 +24,6 @@ CHUNK = 0.05  # Time that a recording played as fast as it goes gives at once [s
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Arrived:
     """What came since the last look."""
 

@@ -35,7 +35,6 @@ class Generators(NamedTuple):
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Cone:
     """Which forces may act on a body at a site: a contact law.
 
@@ -179,7 +178,6 @@ def tangents(direction: Array) -> tuple[Array, Array]:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Site:
     """A place of a body that can touch something.
 
@@ -274,7 +272,6 @@ class Contacts:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class SharedWrench:
     """A force that was measured, but for several sites together: what a plate or a load cell carries.
 
@@ -300,7 +297,6 @@ class SharedWrench:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class ContactForces:
     """Forces at contact sites over time, in ground.
 

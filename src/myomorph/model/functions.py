@@ -7,7 +7,7 @@ sines (OpenSim's `Sine`, the ellipsoid of the scapulothoracic joint).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,7 +16,6 @@ from myomorph.model.arrays import Array, freeze, read_only
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class PiecewisePolynomial:
     """f(x) = sum_j coefficients[i, j] (x - breaks[i])^j on piece i, the last break <= x.
     Left of the first break the first piece holds. A single piece at break 0 is a polynomial; a
@@ -51,7 +50,6 @@ class PiecewisePolynomial:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class SineProduct:
     """f(x_1, ..., x_n) = offset + factor * prod_i sin(frequencies[i] x_i + phases[i]), n = 1 or 2."""
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,6 @@ SIGNALS = {"angular_velocities": "rad/s", "accelerations": "m/s^2", "magnetic_fi
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class InertialSensors(Labelled):
     """Inertial sensors on one clock; what was not recorded is None, what is missing NaN."""
 

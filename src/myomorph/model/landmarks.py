@@ -12,7 +12,6 @@ from myomorph.model.errors import BadData
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class LandmarkPairs:
     """Landmarks of one body as a table gives them; `FeaturePoints(names, source, target)` makes maps of them."""
 

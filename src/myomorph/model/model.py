@@ -22,7 +22,6 @@ STANDARD_GRAVITY = 9.80665  # [m/s^2]
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Mesh:
     """A surface that draws a body (or, in MJCF, a geom).
 
@@ -41,7 +40,6 @@ class Mesh:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Body:
     """A rigid segment.
 
@@ -90,7 +88,6 @@ class Coordinate:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Axis:
     """One elementary motion of a joint: a rotation about, or a translation along, a fixed axis.
 
@@ -176,7 +173,6 @@ class Loop:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Marker:
     """A point fixed to a body: `location` (3,) in its frame [m]."""
 
@@ -199,7 +195,6 @@ class Frame:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Actuator:
     """An ideal actuator: force = optimal_force * control, control in [min_control, max_control].
 
@@ -258,7 +253,6 @@ class Kept:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Model:
     """A musculoskeletal model: frozen, in SI and radians, whatever file it came from.
 

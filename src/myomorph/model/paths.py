@@ -15,7 +15,6 @@ from myomorph.model.spatial import Transform
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class PathPoint:
     """A point fixed to a body: `location` (3,) in its frame [m].
 
@@ -92,7 +91,6 @@ class PathWrap:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class TendonWrap:
     """A tendon's wrap in the way of MuJoCo: between path points `after` and `after + 1`."""
 
@@ -206,7 +204,6 @@ class PassiveTorque:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Bushing:
     """Springs and dampers that hold one frame at another, as OpenSim's BushingForce defines them.
 

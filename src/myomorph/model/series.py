@@ -19,7 +19,6 @@ Z_UP_TO_Y_UP: Array = frozen_array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Series(Labelled):
     """Named columns over time.
 
@@ -79,7 +78,6 @@ class Series(Labelled):
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Table(Series):
     """Columns as a file holds them: values (rows, columns) in the file's own units.
 
@@ -98,7 +96,6 @@ class Table(Series):
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Markers(Series):
     """Marker positions: values (frames, markers, 3) in ground [m], NaN where unseen."""
 
@@ -110,7 +107,6 @@ class Markers(Series):
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Motion(Series):
     """Coordinates over time: values (frames, coordinates) [rad or m].
 
@@ -137,7 +133,6 @@ class Motion(Series):
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Wrenches(Labelled):
     """External forces on bodies, in ground.
 
@@ -179,7 +174,6 @@ class Wrenches(Labelled):
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Analog(Series):
     """Analog channels: values (frames, channels) in `units` (one per channel)."""
 
@@ -187,7 +181,6 @@ class Analog(Series):
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Emg(Series):
     """Muscle excitations: values (frames, channels), envelopes normalised to about 0..1."""
 
@@ -202,7 +195,6 @@ class Event:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class ForcePlate:
     """One force plate and what it measured, in the ground frame.
 
@@ -238,7 +230,6 @@ class ForcePlate:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class PlateRecording:
     """What a file stores of one force plate, before it becomes forces in the ground frame.
 
@@ -272,7 +263,6 @@ class PlateRecording:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Trial:
     """Everything one recording holds.
 
@@ -320,7 +310,6 @@ class Trial:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Sound:
     """Channels of one recording, all on one clock."""
 

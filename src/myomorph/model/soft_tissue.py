@@ -11,7 +11,7 @@ Kuo 2010, for soft tissue that moves apart from bones; Wakeling and Nigg 2001 fo
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy.linalg import solveh_banded
@@ -24,7 +24,6 @@ from myomorph.model.sides import split_side
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class SoftTissue:
     """How much more a model's coordinates move than the body's mass.
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -82,7 +80,6 @@ def quaternion_from_rotation(rotation: ArrayLike) -> Array:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Transform:
     """Pose of a frame B in a frame A: x_A = rotation @ x_B + translation.
 

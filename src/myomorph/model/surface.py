@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
@@ -14,7 +12,6 @@ from myomorph.model.errors import BadData, from_extra
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Surface:
     """Triangles over points.
 

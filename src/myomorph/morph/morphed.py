@@ -53,7 +53,6 @@ class MorphOptions:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class TransferredPoint:
     """One path point on its way.
 
@@ -83,7 +82,6 @@ class TransferredPoint:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class RebuiltJoint:
     """A joint in the new bones.
 

@@ -148,7 +148,6 @@ class LengthEstimate:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class MarkerEstimate:
     """A marker where the recordings show it.
 

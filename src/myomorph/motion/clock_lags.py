@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 from scipy.interpolate import BSpline
@@ -38,7 +36,6 @@ SETTLING = 3.0
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Compared:
     """Rows (frames, signals, parameters) on the reference clock, zero where unusable, beside splines of the other
     recording (signals,) and their slopes over its own time; `start` and `end` of what its filter has settled for [s],
@@ -277,7 +274,6 @@ SMALLEST = 1e-6
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Refined:
     """Where Gauss-Newton ended: `lag` a [s] and b of `Compared.places` and their covariance; the geometric mean over
     the signals of what is left, in units of each one's spread; share of the variance explained of the best; seconds in

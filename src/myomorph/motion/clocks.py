@@ -66,7 +66,6 @@ class ClockOptions:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Clock:
     """How another recording's clock runs against the reference: `offset` [s] is added to its time at `epoch`, `drift`
     [s/s] every second after it.

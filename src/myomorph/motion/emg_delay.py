@@ -85,7 +85,6 @@ def shaped(envelopes: Array, shapes: Array) -> Array:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class SynergyWeights:
     """Activations of muscles that nobody measured, from the synergies of channels: `weights` (muscles, synergies) are
     the activation where the course of a synergy is 1.
@@ -101,7 +100,6 @@ class SynergyWeights:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class EmgCalibration:
     """What turns envelopes into activations: a(t) = gain * shaped(envelope(t - delay)) + offset, see `shaped`; arrays
     (channels,).
@@ -198,7 +196,6 @@ TINY = 1e-12
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Synergies:
     """Envelopes (frames, channels) as H V with 0 or more in both factors: `vectors` V (synergies, channels), each with
     a largest entry of 1. `scale` is the envelope that counts as 1, so that no channel has more say for its gain;

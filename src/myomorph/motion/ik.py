@@ -63,7 +63,6 @@ class InverseKinematicsOptions:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class KinematicsFit(Labelled):
     """Coordinates, and how well they explain the markers.
 

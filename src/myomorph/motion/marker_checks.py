@@ -272,7 +272,6 @@ class Exchange:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Steps:
     """Steps of a marker that stand out: frames from and to, where it would be and what it is off (steps, 3) [m]."""
 

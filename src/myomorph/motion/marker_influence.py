@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -32,7 +32,6 @@ BLIND = 1e-5
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class MarkerFrames:
     """Markers of some frames against a model's pose: recorded less model (frames, markers, 3) [m] in ground, NaN where
     unseen; slopes (..., variables) of model positions; rotations (..., 3, 3) of the markers' bodies; `held` (frames,

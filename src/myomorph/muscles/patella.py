@@ -14,7 +14,6 @@ Source: Buff et al. 1988 and Sheehan 2015, measured ratios; Krevolin et al. 2004
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -32,7 +31,6 @@ MIN_ARM = 0.01  # A tendon nearer to the knee's axis says nothing of a ratio [m]
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Extensors:
     """Muscles of a model that reach the shank over the patella of one knee."""
 

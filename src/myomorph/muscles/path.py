@@ -193,7 +193,6 @@ ARC_PARTS = 4  # Straight parts that an arc on a surface is drawn from
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class DrawnPaths:
     """All paths of a model as one list of points."""
 

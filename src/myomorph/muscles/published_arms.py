@@ -64,7 +64,6 @@ BANDS = (
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class KneeArms:
     """Moment arms of what a band is of, on one knee."""
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -19,7 +19,6 @@ from myomorph.rigid.coordinates import Ints
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Crossings:
     """The pairs of a muscle and a coordinate that can have a moment arm, and how to fill them."""
 

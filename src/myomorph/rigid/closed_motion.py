@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -84,7 +84,6 @@ def _rates(tree: Tree, motion: Motion) -> tuple[Array, Array]:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class LoopTorques:
     """Generalized forces of the coordinates that follow no other, couplers' and loops' share handed on."""
 

@@ -227,7 +227,6 @@ def marker_positions(model: Model, motion: Motion) -> Markers:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class BodyMotion:
     """How bodies move; body 0 is the ground, and every vector is in ground."""
 

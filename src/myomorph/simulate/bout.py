@@ -202,7 +202,6 @@ LAG = 0.01  # Time constant of activations after them [s].
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Run:
     """What happened, step by step."""
 

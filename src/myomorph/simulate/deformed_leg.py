@@ -6,7 +6,7 @@ The bones are the left ones of `myo-sim`, mirrored to the right and deformed; no
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -40,7 +40,6 @@ MIRROR = np.array([1.0, 1.0, -1.0])  # The left side's frames are the right side
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Deformation:
     """A smooth field over the ground: y = diag(stretch) x + the sum of waves amplitude direction sin(k x + phase)."""
 
@@ -66,7 +65,6 @@ class Deformation:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class BodyTruth:
     """The deformation as one body sees it: from its frame in the source to its frame in the target."""
 

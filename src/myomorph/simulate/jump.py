@@ -10,7 +10,6 @@ one plate between both feet.
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -46,7 +45,6 @@ SHOULDER_WEIGHT = 0.2  # Of the shoulder: it moves on the trunk, which is rigid 
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class JumpStudy:
     """All that inverse kinematics, inverse dynamics and tensions of the jump need."""
 

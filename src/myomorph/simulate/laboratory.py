@@ -53,7 +53,6 @@ class Noise:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Sampled:
     """A simulated swing, exact but for the integrator."""
 

@@ -18,7 +18,6 @@ ROUNDS = 60
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Aim:
     """What a pose should reach."""
 
@@ -119,7 +118,6 @@ class Stance:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Plan:
     """Stances as poses, and what lies between them."""
 

@@ -51,7 +51,6 @@ NO_ERRORS = SensorErrors(**dict.fromkeys(("skin", "noise", "pose", "heading", "d
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class SimulatedSensors:
     """Sensors, and the truth about them."""
 

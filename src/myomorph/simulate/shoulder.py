@@ -37,7 +37,6 @@ TIGHT = 1e-5  # Relative change of the muscles' scale at which its search ends.
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class VirtualCondition:
     """What truly is of a specimen with its muscles or without, and what was recorded."""
 

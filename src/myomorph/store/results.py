@@ -10,7 +10,6 @@ import tempfile
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -239,7 +238,6 @@ def new_result(path: str | os.PathLike[str], step: str = "") -> Iterator[ResultW
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Stored:
     """A result as read back: values by name, the names along each dimension, and its provenance.
 

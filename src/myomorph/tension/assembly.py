@@ -11,7 +11,6 @@ load. Rows that terms add stand behind those of the coordinates, each with an un
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -42,7 +41,6 @@ class Links(NamedTuple):
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Assembly:
     """The pattern of A, and what fills it frame by frame."""
 

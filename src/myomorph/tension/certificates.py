@@ -89,7 +89,6 @@ class CertificateOptions:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Optimality:
     """Conditions of an optimum (Karush, Kuhn and Tucker), each from the problem's own arrays and not by the solver."""
 
@@ -103,7 +102,6 @@ class Optimality:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class ContactIntervals:
     """What the data leave open of contact forces, frame by frame."""
 

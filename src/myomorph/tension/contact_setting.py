@@ -42,7 +42,6 @@ class ContactSetting:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Measurements:
     """What a recording tells of contacts beside the motion."""
 

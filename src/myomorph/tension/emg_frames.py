@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,7 +16,6 @@ LOUD = 10.0  # How many times the RMS of the torques an unmeasured contact may m
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class TrackedFrames:
     """What the balance of some frames of a trial is made of."""
 

@@ -14,7 +14,6 @@ co-contraction costs nothing.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -85,7 +84,6 @@ class Fit(NamedTuple):
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Group:
     """Unmeasured muscles that share joints with some channels, and these channels' synergies."""
 

@@ -41,7 +41,6 @@ class Certificate:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Fibers:
     """Fibers and tendons, every array (frames, muscles), NaN where a frame was not solved.
 

@@ -64,7 +64,6 @@ class JointPoints:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class JointContactForces(Labelled):
     """Forces at contact points of joints over time.
 

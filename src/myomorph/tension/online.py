@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,7 +16,6 @@ from myomorph.tension.tension import TensionOptions
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class TensionFrame:
     """What one frame gives."""
 

@@ -42,7 +42,6 @@ Patella = Literal["lever", "string"]
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class JointReactions:
     """Loads of joints over time, each on one of its bodies, at the joint's point, in the axes of one frame.
 

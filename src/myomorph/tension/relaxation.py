@@ -44,7 +44,6 @@ class RelaxationOptions:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Relaxation:
     """A frame whose contacts cannot carry the motion."""
 

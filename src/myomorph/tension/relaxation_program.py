@@ -188,7 +188,6 @@ def _levels(heights: Array, contacts: ContactTerm) -> Array:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class _Column:
     """A variable of the program."""
 

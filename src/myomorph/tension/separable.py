@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -63,7 +62,6 @@ def no_penalties(variables: int) -> Array:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Pattern:
     """Where A (rows, variables) may differ from zero, and an order of its rows with a small envelope."""
 

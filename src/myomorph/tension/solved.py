@@ -11,7 +11,7 @@ gives the next s.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +27,6 @@ from myomorph.tension.terms.cones import GRAVITY
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class SolvedFrames:
     """Some frames: minimise cost(x) subject to A x = b, lower <= x <= upper, and the x that was found.
     Unknowns are activations, controls, amplitudes of contacts, and others that terms bring in.

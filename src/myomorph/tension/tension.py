@@ -107,7 +107,6 @@ class TensionOptions:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Tension(Labelled):
     """Muscle tensions over time, what they could not do, and whether each frame is an optimum.
 

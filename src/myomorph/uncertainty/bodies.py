@@ -233,7 +233,6 @@ def _surface(surface: WrapObject, draw: Draw) -> WrapObject:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Leg:
     """A leg that is bowed about unit vectors fore-aft on thigh and shank; centers of hip and ankle on these [m]."""
 

@@ -23,7 +23,6 @@ AT_ONCE = 20e6
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Spread:
     """The spread of a table over draws.
 
@@ -59,7 +58,6 @@ class Spread:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Shares:
     """What groups of sources contribute to the columns of one table, as shares of the variance (groups, names).
 
@@ -190,7 +188,6 @@ def widened(name: str, spread: Spread, factor: float) -> Spread:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class ValueErrors:
     """Errors (draws, names) of the numbers of a trial under draws, named by step and quantity, in the units of the
     tables; NaN in a draw that has no solution.

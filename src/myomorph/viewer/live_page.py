@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -28,7 +27,6 @@ THIN = 0.4  # Thickness of limbs without meshes, so that muscles are seen beside
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Shown:
     """What the page is sent of one frame."""
 

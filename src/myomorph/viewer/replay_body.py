@@ -50,7 +50,6 @@ class Tubes:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Instant:
     """A body at one time, in ground."""
 

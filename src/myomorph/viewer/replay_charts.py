@@ -46,7 +46,6 @@ BAND_ALPHA = "33"  # Opacity of a band, as the last two digits of its color.
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Curve:
     """One line of a plot: values at the motion's times, and the limits of 90 % around them where they are known."""
 

@@ -97,7 +97,6 @@ def _upright(gravity: Array) -> Array:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Cue:
     """A point on a hinge's axis beside its center: on the higher model's inner body, and where it should be."""
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -57,7 +57,6 @@ _MIDDLE = (
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class PoseFit:
     """A model's pose in a skin, both in the model's ground."""
 

@@ -6,8 +6,6 @@ m(x) = 1, x, y, z, xx, yy, zz, yz, zx, xy. Weights come as the rows of a CSR mat
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from myomorph.identify.body.points import MassPoints
@@ -163,7 +161,6 @@ def respond(reference, freedom, floor, s, ds, t, start, stop, out):
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class PointSums:
     """Products with G (10 links, points): column j holds w_ij m(x_j) for every link i, m the ten monomials.
     Points are counted from their mean, so that powers of four keep their digits wherever the ground's origin is.

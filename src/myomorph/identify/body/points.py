@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 
 import numpy as np
@@ -31,7 +31,6 @@ DENSITIES: Mapping[str, float] = {
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Links:
     """The bodies of a model in one pose, in ground.
 
@@ -54,7 +53,6 @@ class Links:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class MassPoints:
     """Points that a body's mass is thought to sit in, [D] eq. 3.5-3.9.
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -51,7 +50,6 @@ class Region(NamedTuple):
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Center:
     """A joint center: a point of the first body of a region, and the joint that makes it."""
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -45,7 +44,6 @@ _LEGS = ("upperleg", "lowerleg", "foot", "toe")
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Shape:
     """A person's skin, and where the skeleton is in it."""
 

@@ -7,7 +7,6 @@ import importlib.util
 import itertools
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
@@ -43,7 +42,6 @@ _TO_GROUND = 0.1 * np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class StatisticalBody:
     """Vertices as a sum of shapes whose shares are products of the traits' shares."""
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -29,7 +29,6 @@ that no plate measures, as a chair, carries a part of the body there."""
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class TrialEquations:
     """Normal equations of one trial: `band` (lower) of its coefficients, `cross` with the shared unknowns."""
 
@@ -39,7 +38,6 @@ class TrialEquations:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Equations:
     """Normal equations of all unknowns: H step = -g."""
 
@@ -68,7 +66,6 @@ def cost(problem: Problem, at: Unknowns) -> float:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class _Weights:
     """Of one frame's squares, a frame counting for its share of the time over which errors are alike."""
 
@@ -194,7 +191,6 @@ def _length_slopes(problem: Problem) -> list[tuple[Array, Array, Array]]:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class _Slopes:
     """Derivatives of a trial's frames."""
 

@@ -6,7 +6,7 @@ are a body's: small changes of a pseudo-inertia and their prior.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy.interpolate import BSpline
@@ -31,7 +31,6 @@ WIDTH = DEGREE + 1  # Knots that a frame depends on
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Basis:
     """Values and derivatives at frames of splines with even knots."""
 
@@ -81,7 +80,6 @@ _ROWS, _COLUMNS = np.tril_indices(4)
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class MassPrior:
     """The masses before anything is measured: each link's change E with P = L (I + E) L^T has the norm `sd`."""
 
@@ -125,7 +123,6 @@ def _symmetric(entries: Array) -> Array:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class TrialData:
     """One recording on the markers' clock."""
 
@@ -146,7 +143,6 @@ class TrialData:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Unknowns:
     """A point of the problem."""
 
@@ -157,7 +153,6 @@ class Unknowns:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Problem:
     """What stays the same while it is solved."""
 

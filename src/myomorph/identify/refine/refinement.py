@@ -103,7 +103,6 @@ class Prediction:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Refinement:
     """A subject's model and motions that agree with markers and plates.
 

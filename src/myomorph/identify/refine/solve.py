@@ -5,7 +5,7 @@ standard deviations of body and masses at the optimum.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, cho_solve_banded, cholesky_banded
@@ -19,7 +19,6 @@ LEAST_GAIN = 1e-3  # A step that lowers the cost by a smaller share is the last
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Solution:
     """Where the search ended."""
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -31,7 +31,6 @@ STANDING = Motion(np.zeros(1), (), np.zeros((1, 0)))  # The default pose, in whi
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Opened:
     """A trial through inverse kinematics: on the markers' clock, and with the frames that count."""
 

@@ -30,7 +30,6 @@ MAX_DIMENSIONS = 7
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class RawC3d:
     """Parameters and samples of a C3D file, scaled, in the file's units."""
 

@@ -10,7 +10,6 @@ import os
 import struct
 import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -31,7 +30,6 @@ KINDS: dict[int, tuple[Sequence[str], Sequence[str]]] = {
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Channel:
     """One analog channel: its name, unit and samples."""
 

@@ -28,7 +28,6 @@ PLACER = (
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class ScalerSetup:
     """How bodies are stretched."""
 

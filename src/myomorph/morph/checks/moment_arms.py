@@ -21,7 +21,6 @@ CoordinateTable = Mapping[str, tuple[str, float, float]]
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Postures:
     """Coordinates of both models, the default postures first."""
 
@@ -133,7 +132,6 @@ def paired_values(
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class MomentArms:
     """Moment arms of the muscles that one coordinate moves, the others at their defaults.
 

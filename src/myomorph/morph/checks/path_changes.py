@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 
@@ -18,7 +18,6 @@ STEP = 1e-3  # Of a difference, as a share of the muscle's path in the first pos
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class PathChange:
     """How far a muscle's path is from that of another model, each the root mean square over the poses."""
 
@@ -128,7 +127,6 @@ SAME = 1e-7  # Points nearer than this are one [m].
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class PathEnd:
     """Where a straight part of a path, or an arc, ends."""
 

@@ -25,7 +25,6 @@ SMALLEST = 0.1  # Share of a step below which it is not tried any more.
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Move:
     """A way to bring a path out of a bone."""
 

@@ -93,7 +93,6 @@ def _outward(vertices: Array, faces: np.ndarray) -> tuple[np.ndarray, float]:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Poses:
     """Poses at which paths are looked at."""
 
@@ -155,7 +154,6 @@ class Penetration:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Depth:
     """How deep a muscle runs in a bone."""
 

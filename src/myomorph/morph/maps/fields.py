@@ -59,7 +59,6 @@ class PlacedMap:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class FeaturePoints:
     """Points of one bone and the same points of another.
 

@@ -7,7 +7,6 @@ deformation blends local transforms of the feature points by their distance.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -25,7 +24,6 @@ RADIAL_PAIRS = 500_000  # Pairs of points and features at a time.
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class RadialMap:
     """y = matrix x + offset + sum_i c_i phi(|x - x_i|), phi(r) = r or r^3."""
 
@@ -88,7 +86,6 @@ def fit_radial(source: Array, target: Array, whole: AffineMap, kernel: Kernel, s
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class _System:
     """The saddle point problem of values (n, n) and polynomials (n, k)."""
 
@@ -136,7 +133,6 @@ AT_FEATURE = 1e-12  # A point this near to a feature, as a share of the bone, is
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class SubspaceMap:
     """Every feature has a transform; a point goes where they send it, each counting by its distance.
 

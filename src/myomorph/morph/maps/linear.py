@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,7 +17,6 @@ MIRRORED = 0.3  # Share of the residual that a mirrored fit leaves where one sid
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Similarity:
     """y = scale rotation x + translation.
 
@@ -53,7 +51,6 @@ class Similarity:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class PointFit:
     """Picked points laid on others."""
 
@@ -138,7 +135,6 @@ FOLDS = 24  # Parts in which many features are left out in turn.
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class AffineMap:
     """y = matrix x + offset."""
 

@@ -21,7 +21,6 @@ SNAP = 1e-6  # A normal this near to an axis is that axis, a plane this near to 
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Reflection:
     """x -> x - 2 (n . x - d) n, in the plane n . x = d."""
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import permutations
 
 import numpy as np
@@ -30,7 +29,6 @@ OTHER = 2e-3  # Misfit above which the scan's cluster is not the recording's [m]
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Ball:
     """A sphere fitted to part of a surface."""
 
@@ -177,7 +175,6 @@ def _voted(part: Surface, radius: float, tolerance: float) -> list[Ball]:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class NamedCluster:
     """The balls of a cluster with the names of its markers."""
 

@@ -143,7 +143,6 @@ class PlacedBone:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class SurfaceMatch:
     """Points of a surface and where they are on another."""
 

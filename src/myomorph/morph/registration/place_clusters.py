@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -23,7 +23,6 @@ FAR = 0.25  # A marker further from its bone than that is named [m].
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Picks:
     """Points picked on a CT and the same points on the model's bone."""
 
@@ -34,7 +33,6 @@ class Picks:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class ScannedBone:
     """A CT bone laid on a model's bone, and where its markers come to lie."""
 

@@ -55,7 +55,6 @@ class SurfaceOptions:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class SurfaceFit:
     """A surface laid on another."""
 
@@ -115,7 +114,6 @@ def register_surface(
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class RoughFit:
     """One of the ways in which a surface may lie on another."""
 

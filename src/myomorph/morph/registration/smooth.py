@@ -128,7 +128,6 @@ TILT = 1e-4  # Distance over which the derivatives along the surface are taken.
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class SmoothFit:
     """A displacement after an affine map, lengths in shares of the bone's."""
 
@@ -235,7 +234,6 @@ class _Moving:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class _Pairs:
     """Points of the source (rows of the basis), planes that they are drawn to, what is left, and how far they moved.
 

@@ -9,7 +9,6 @@ centers along its normal.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
@@ -26,7 +25,6 @@ FACING = 0.82  # Cosine of the angle to the radius (35 degrees) up to which a ve
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Corners:
     """Vertices of a surface, equal ones as one."""
 

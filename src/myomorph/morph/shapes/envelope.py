@@ -8,7 +8,7 @@ belly, of fat, or of a person's training.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
@@ -31,7 +31,6 @@ ROUNDS = 60
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Envelope:
     """The space in and around a skeleton, as points on a regular grid."""
 
@@ -56,7 +55,6 @@ class Envelope:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Grid:
     """Points origin + spacing (i, j, k)."""
 

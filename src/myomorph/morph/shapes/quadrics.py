@@ -8,8 +8,6 @@ which is given, or from which the normals stand off most.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -27,7 +25,6 @@ CELLS = 8  # Points in each cell of directions, were they spread over all of the
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class SphereFit:
     """A sphere through points of a surface."""
 
@@ -49,7 +46,6 @@ class SphereFit:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class CylinderFit:
     """A cylinder through points of a surface."""
 
@@ -156,7 +152,6 @@ def _sphere_start(x: Array, normals: ArrayLike | None, share: Array) -> tuple[Ar
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class _Cylinder:
     """A cylinder on its way: sized to about 1, with the state of the last step."""
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -19,7 +18,6 @@ ON_EDGE = 1e-9
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Samples:
     """Points (n, 3) spread evenly over a surface, with outward normals (n, 3) and whether each is on its open rim."""
 

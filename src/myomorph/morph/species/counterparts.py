@@ -40,7 +40,6 @@ def _none() -> Mapping[str, Any]:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class AnatomicalFrame:
     """Directions of the anatomy in the frames of bodies."""
 

@@ -45,7 +45,6 @@ class Rays:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class SidedMap:
     """A similarity whose points stay on one side of a joint: along a ray at least `ahead`, dorsal at least `above`."""
 

@@ -49,7 +49,6 @@ class Riders:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class BranchLoad:
     """What holds a branching point."""
 

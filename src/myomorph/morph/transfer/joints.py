@@ -35,7 +35,6 @@ Round = Literal["sphere", "cylinder"]
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class _Fitted:
     """A center in one of the target's bones, by a round surface or by the map, and whether it lies inside the bone."""
 

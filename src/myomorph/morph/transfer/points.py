@@ -30,7 +30,6 @@ FACES = 32  # Triangles, the nearest by their middles, among which the nearest o
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class SurfacePoints:
     """Points and how they lie to the bones."""
 

@@ -25,7 +25,6 @@ MAX_COUNT = 120
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class AngleSlopes:
     """Of all frames at a point: `mean` (coordinates, unknowns), derivatives of each coordinate's mean over all frames,
     found of at most `MAX_COUNT`, 0 where no marker shows it; `seen` (coordinates,), share of the frames in which
@@ -37,7 +36,6 @@ class AngleSlopes:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class FrameSlopes:
     """One frame at its best angles: its share in the mean over all frames, the coordinates that are free, rotations
     (bodies, 3, 3) to ground, weights (markers,), 0 for one that is unseen; derivatives of the markers' places in the

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -26,7 +25,6 @@ ASYMMETRIC_SHARE = 0.1
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class SideDifference:
     """Lengths `first` of the right and `second` of the left side: their difference without any prior on sides [factor],
     and by how much a wide prior makes the data likelier, less the odds against it [natural logarithm].

@@ -40,7 +40,6 @@ class Prior:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class MeanPosture:
     """What is held likely of the mean posture: (rows mean - right) has standard deviation 1. `names` are those of the
     rows, as "ankle_angle_r - ankle_angle_l"; `sd` (rows,) [rad].

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -35,7 +34,6 @@ MIN_LIKENESS = 0.5
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class CalibrationPose:
     """Sensors while the body stands in a known pose: rotations (sensors, 3, 3) to the model's ground, headings as
     recorded; time on the recording's clock, or that of its first frame where the pose was recorded apart [s].

@@ -54,7 +54,6 @@ class SensorOptions:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class SensorMounting:
     """Sensors on bodies, turned by `rotations` (sensors, 3, 3) to them; each sensor's earth is turned about the
     vertical (`up` of the ground) by `headings` (knots, sensors) [rad], linear between the `knots` [s].

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -27,7 +26,6 @@ MIN_FRAMES = 10
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class LikelyAngles:
     """Coordinates in frames in which their sensor is lost, as the others were seen to go with them before or after:
     values (frames, columns) [rad], where the sensor is there what it shows; standard deviation of what the others leave

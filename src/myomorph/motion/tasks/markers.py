@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -117,7 +116,6 @@ def _keep(markers, c, frame, work):
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class MarkerTask(Task):
     """A marker near where it was seen (frames, 3) [m]: weight |x - position|^2, over the weights of all seen."""
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -89,7 +88,6 @@ def _keep(sensors, c, frame, work):
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class OrientationTask(Task):
     """A body turned as a sensor reports (frames, 3, 3), to ground, NaN where unknown: weight angle^2, where the
     markers' mean square counts 1 [1/m^2]; the weight is (frames,), or one for all frames [m^2/rad^2].

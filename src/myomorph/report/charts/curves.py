@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -30,7 +30,6 @@ from myomorph.report.charts.marks import (
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Line:
     """Values over time and how they are drawn."""
 
@@ -155,7 +154,6 @@ def _events(area: Frame, events: Sequence[Event], named: bool) -> str:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class CycleCurve:
     """A mean over the cycle, from 0 to 100 % in even steps."""
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -29,7 +28,6 @@ MAX_DOTS = 700  # Points drawn; more of them would only darken the cloud.
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Cloud:
     """Points (n,) to the right and up; `joined` draws them as a line, `dotted` as a line with its points."""
 

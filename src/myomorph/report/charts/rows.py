@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -30,7 +29,6 @@ from myomorph.report.charts.marks import (
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Beside:
     """Values (names,) drawn as marks beside others, NaN where there is none."""
 

@@ -48,7 +48,6 @@ ARMS = {
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Band:
     """What lies between two lines over time: `low` and `high` (samples,), NaN where unknown."""
 

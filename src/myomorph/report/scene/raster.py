@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -15,7 +13,6 @@ FAR = -1e30
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class View:
     """An orthographic camera."""
 

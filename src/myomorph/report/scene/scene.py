@@ -29,7 +29,6 @@ class Solid:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class MusclePath:
     """A muscle as a line."""
 
@@ -40,7 +39,6 @@ class MusclePath:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Scene:
     """What is to be seen at some instants."""
 

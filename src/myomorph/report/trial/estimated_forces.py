@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -105,7 +105,6 @@ def _at(time: Array, clock: Array, values: Array) -> Array:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Group:
     """Contact forces of one group of sites."""
 

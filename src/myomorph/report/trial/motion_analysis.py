@@ -41,7 +41,6 @@ class Person:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class MotionAnalysis:
     """What the panels show."""
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -36,7 +36,6 @@ GAITS = ("", "gait")  # Presets in which strides are looked for.
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Prepared:
     """The given parts with what follows from them."""
 

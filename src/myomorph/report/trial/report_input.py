@@ -46,7 +46,6 @@ class InfeasibleContact:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class ForceIntervals:
     """What the data leave open of contact forces at some instants."""
 
@@ -58,7 +57,6 @@ class ForceIntervals:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class ShownTension:
     """A solved tension as reports read it."""
 

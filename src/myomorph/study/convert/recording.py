@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +25,6 @@ TABLES = (".mot", ".sto", ".csv", ".txt")
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Recording:
     """Parts of a recording, whatever files they came from.
 

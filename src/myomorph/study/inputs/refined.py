@@ -25,7 +25,6 @@ class RefinedFile:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class RefinedMotion:
     """Coordinates that agree with markers and forces.
 

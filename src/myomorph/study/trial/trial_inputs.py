@@ -163,7 +163,6 @@ class Value(NamedTuple):
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Signals:
     """Columns of one kind that a step made, named as the model names coordinates, bodies and muscles, so that sides can
     be told.

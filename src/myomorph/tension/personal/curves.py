@@ -7,7 +7,6 @@ curves are those of each muscle's class, sampled finely and joined by cubic Herm
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +25,6 @@ STRAINS = np.arange(-0.2, 0.3, STEP / 4)
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Lookup:
     """Functions on one even grid, several of them, and which of them each muscle has."""
 
@@ -55,7 +53,6 @@ class Lookup:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class MuscleShapes:
     """What personalization leaves as it is of a model's muscles."""
 

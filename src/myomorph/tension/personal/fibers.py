@@ -12,7 +12,6 @@ implicit differentiation of each step. With a rigid tendon x and v are those of 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -139,7 +138,6 @@ def follow_elastic(tables, rows, sizes, shapes, slower, rigid, lengths, speeds, 
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class MuscleSizes:
     """What personalization changes, each (muscles,)."""
 

@@ -12,7 +12,7 @@ torques and activations are estimated beside p from the squared misfits (Rasmuss
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -114,7 +114,6 @@ SETTLED = 0.02  # Steps end where no parameter moves by more of its standard dev
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Fitted:
     """Parameters, how sure they are, and what became of the recordings.
 
@@ -205,7 +204,6 @@ def fit(
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Checked:
     """How well muscles explain recordings."""
 

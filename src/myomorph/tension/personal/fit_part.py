@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from myomorph.model.arrays import Array, read_only
@@ -24,7 +22,6 @@ MORE = 1e-3  # Of activation, for the slopes of what an activation gives
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Noise:
     """How far off torques and activations are."""
 

@@ -12,7 +12,7 @@ coordinates together, so that one set of paths serves every muscle.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy.optimize import nnls
@@ -33,7 +33,6 @@ MIN_COUNT = 10
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class GenericMap:
     """A scaled model whose muscles work where the generic model's do.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,7 +18,6 @@ SHARE = 2.0 / 3.0  # Of a single recording that muscles are fitted to; the rest 
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class HeldOut:
     """Recordings that were not fitted to.
 

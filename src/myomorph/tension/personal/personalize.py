@@ -87,7 +87,6 @@ class Estimate:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Personalized:
     """A model with a person's muscles, and how sure they are.
 

@@ -71,7 +71,6 @@ class PriorOptions:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Prior:
     """Parameters p = (log fiber, shift of operating point, log strength, log passive strain, log gains and levels)."""
 

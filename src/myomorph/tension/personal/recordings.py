@@ -51,7 +51,6 @@ class PersonalTrial:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Windows:
     """One recording, cut into windows that overlap by what lets the fibers find their lengths."""
 

@@ -8,7 +8,6 @@ same on what it touches where that is a body: force and reaction act at one plac
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -45,7 +44,6 @@ class ConeArrays(NamedTuple):
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class ConeGenerators:
     """Generators of the cones of all sites."""
 

@@ -67,7 +67,6 @@ class ContactOptions:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class ContactTask:
     """Contacts whose forces are to be found.
 

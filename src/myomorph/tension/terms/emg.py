@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -19,7 +18,6 @@ STIFFNESS = 1e4
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class EmgTarget(Term):
     """Activations known from EMG, at the motion's times: k dist(a, [l, h])^2.
 

@@ -11,7 +11,7 @@ their own, so that the problem stays separable and the solver of `myomorph.tensi
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -29,7 +29,6 @@ LIMIT_COST = 1e-6
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Variables:
     """Unknowns that a term brings in.
 
@@ -58,7 +57,6 @@ def joined(parts: Sequence[Variables]) -> Variables:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Unknowns:
     """All unknowns of a problem, as a term sees them when the problem is set up.
 
@@ -143,7 +141,6 @@ class Columns(NamedTuple):
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Rows:
     """Linear functions of the unknowns, each with an unknown e of its own: S x - unit e = target, cost weight e^2.
 
@@ -213,7 +210,6 @@ class Rows:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Penalties:
     """Interval penalties: weight dist(x, [low, high])^2 of some unknowns.
 
@@ -230,7 +226,6 @@ class Penalties:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Smoothing:
     """How unknowns of neighbouring frames are linked: stiffness_k w_i (scale_k x_k - scale_(k-1) x_(k-1))^2.
 
@@ -301,7 +296,6 @@ class Term:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class IntervalPenalties:
     """The interval penalties of all terms, kept for those unknowns alone that differ from frame to frame."""
 

@@ -22,7 +22,6 @@ without, almost the 1 / sqrt(1 - h) that makes its square unbiased; leaving out 
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Influences:
     """What blocks add to estimates: intervals by a studentised wild bootstrap over blocks of swings, or over trials.
 
@@ -93,7 +92,6 @@ def _freedom(parts: Array) -> Array:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Solution:
     """Steps 1 and 2 from blocks that count `counts` times: viscosity of the joint by inverse dynamics (`joint`), and
     from the moment about the joint that the plate measures (`plate`).

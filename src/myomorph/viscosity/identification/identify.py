@@ -97,7 +97,6 @@ class ViscosityOptions:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Condition:
     """What was identified of a specimen with its muscles intact, or removed.
 
@@ -129,7 +128,6 @@ class Condition:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class MuscleViscosity:
     """d_M of the muscles ([S] eq. 3), with the joint's own viscosity taken off.
 

@@ -49,7 +49,6 @@ class InertiaOptions:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class LimbInertia:
     """The limb as one rigid link: `parameters` (10,) about the joint's center ([D] order), `noise` (6,) the root mean
     square of measured less predicted wrench, by which its rows are weighted [N m], [N]. `hidden`: the mass hides behind

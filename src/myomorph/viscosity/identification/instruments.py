@@ -8,7 +8,7 @@ late clock break them, each in its own way.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -36,7 +36,6 @@ MASS_AND_MOMENT = 4
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Instruments:
     """Errors of the sources (name and axis) of `ErrorOptions` from priors and swings, and their covariance."""
 
@@ -108,7 +107,6 @@ def estimate_instruments(
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class _Equations:
     """y (frames, rows) = own (frames, rows, unknowns) x + errors (frames, rows, sources) theta, by trial."""
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
@@ -26,7 +26,6 @@ MAX_SHIFT = 1.5
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class JointViscosity:
     """d_J of [S] eq. 1, the sign that resists: torque = -d rate; for all axes alike, as the paper prints it, and each
     for itself (axes,), at least 0 [N m s/rad]; root mean square of torque + one rate (axes,) [N m].
@@ -65,7 +64,6 @@ def joint_viscosity(problem: Array, frames: float) -> JointViscosity:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class MuscleSolution:
     """d_M of [S] eq. 3: torque + d_J rate = -J_M^T d_M J_M rate [N s/m]; one value of all muscles, the factor of the
     shares by cross-section, and each muscle for itself, drawn towards the common value.
@@ -77,7 +75,6 @@ class MuscleSolution:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class MuscleProblem:
     """Normal equations H d = g of the muscles' viscosities."""
 

@@ -22,7 +22,6 @@ MAX_FRAMES = 1200
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class SwingCurves:
     """One trial as charts show it, thinned: (frames,) [s] and number of the swing, -1 where frames are not used.
     `angles` and `rates` (frames, axes) [rad], [rad/s]; `torque` by inverse dynamics and `passive`, -viscosity times
@@ -43,7 +42,6 @@ class SwingCurves:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class ShownCondition:
     """A specimen with its muscles, or without them: viscosities over all axes and of each [N m s/rad], and which axes
     swings moved enough; `residual` (6,), root mean square of measured less predicted wrench. `curves` are of the trial
@@ -88,7 +86,6 @@ class PassiveModel:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class HeldOutSwing:
     """A swing that the models did not see: angles (frames, axes) [rad], measured and integrated forward by each."""
 
@@ -100,7 +97,6 @@ class HeldOutSwing:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class CutoffScan:
     """What the choice of the filter changes: `values` (choices,) of each of `cohort.QUANTITIES`; cutoffs [Hz]."""
 
@@ -124,7 +120,6 @@ class ArmError:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class ArmSpread:
     """2.5, 50 and 97.5 % of draws of d_M [N s/m] at relative errors of the arms (levels,), and other kinds."""
 

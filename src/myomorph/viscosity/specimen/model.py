@@ -61,7 +61,6 @@ class SwingTrial:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Specimen:
     """A base, a joint and a limb, everything else of the model gone.
 

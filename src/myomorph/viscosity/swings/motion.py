@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -18,7 +18,6 @@ from myomorph.viscosity.specimen.model import Specimen
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class LimbMotion:
     """A limb in motion about its joint's center, everything distal of the joint one rigid link: its rotations to
     ground, d(rate about a free axis)/d(coordinate's velocity) and rates about the free axes [rad/s]. `wrench_rows`

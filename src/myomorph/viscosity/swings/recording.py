@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 from scipy.ndimage import binary_dilation, uniform_filter1d
@@ -30,7 +30,6 @@ SAMPLES = 3000
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class SwingRecording:
     """What one trial says of the limb, everything distal of the joint taken as one rigid link.
 

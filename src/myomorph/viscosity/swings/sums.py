@@ -9,7 +9,6 @@ which cancels in the whole because the next block holds it too, but would count 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -120,7 +119,6 @@ def _rows_of(rotations: Array, accelerations: Array) -> Array:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class SwingSums:
     """Sums of products over blocks of swings; `names` are those of the trials.
 
@@ -216,7 +214,6 @@ def _swings(swing_recording: SwingRecording) -> list[np.ndarray]:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class _Block:
     """Frames of a trial and how much each belongs to the block; `own` are those before blocks fade."""
 

@@ -53,7 +53,6 @@ class TrackingOptions:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class TrackedTrial:
     """A trial as motion of the joint's coordinates [rad], NaN where too few markers are seen, and wrench (frames, 6) on
     the base [N m], [N], NaN where the plate did not record; on the markers' clock, neither filtered.
@@ -89,7 +88,6 @@ MIN_ROTATION = 0.005
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class _Filtered:
     """A trial on the way: motion with derivatives, limb, wrench through the same filter, frames out of reach."""
 

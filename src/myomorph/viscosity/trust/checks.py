@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -36,7 +35,6 @@ DRIFT = 5e-3
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class PlateZero:
     """What the constant part of the wrench says against what the moving part says.
 

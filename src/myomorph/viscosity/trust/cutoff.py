@@ -47,7 +47,6 @@ class FilterOptions:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Residuals:
     """Residual analysis of one signal (Winter 2009, section 3.4.4.3): root mean square (n,) of signal less filtered
     signal at cutoffs (n,) [Hz].
@@ -75,7 +74,6 @@ class CutoffChoice:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class CutoffScan:
     """Mass, distance of the mass center from the joint and the one viscosity of a condition over cutoffs (n,); NaN
     where a cutoff leaves nothing to identify [Hz, kg, m, N m s/rad].

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -38,7 +37,6 @@ DECAY_A_STEP = 0.25
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class SwingMotion:
     """A window of a swing, measured or predicted: rotations (frames, 3, 3) of the limb's first body in ground, its
     rates in that body's axes [rad/s], wrench (frames, 6) on the base, about the joint's center and in ground axes.
@@ -224,7 +222,6 @@ def _rotation_vector(r):
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Window:
     """Whole swings of one recording that follow each other; `blocks` are their numbers in the sums of all."""
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
@@ -30,7 +29,6 @@ Groups = list[list[int]]
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class PassiveLaw:
     """Torque of a joint from its angles and rates, the letters those of the fields' first words in their order.
 
@@ -97,7 +95,6 @@ def resistances(angles: Array, rates: Array, lengthening: Array, width: float) -
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class PassiveProblem:
     """The torques of one condition and what each coefficient of a law explains of them, in blocks of single swings.
     `products` (blocks, 10 + 3 axes + 3, ...) of [torque_rows, resistances], all axes together; `width` of Coulomb

@@ -111,7 +111,6 @@ class PassiveFit:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Prediction:
     """A window that was left out: measured, and as two laws predict it from its first frame; for a figure.
 

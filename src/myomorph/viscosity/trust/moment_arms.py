@@ -67,7 +67,6 @@ class MomentArmOptions:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class MomentArmSpread:
     """What one kind of error does to d_M [N s/m], the common viscosity of the muscles: one factor for all muscles; one
     a muscle; or an offset of each muscle's arms, constant in the limb's axes. `error`: standard deviation of the
@@ -97,7 +96,6 @@ class MomentArmSpread:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class MomentArmSensitivity:
     """d(ln d_M)/d(ln arms) of each muscle (their sum is -2), and the spread by each kind of error."""
 

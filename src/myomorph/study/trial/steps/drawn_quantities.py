@@ -23,7 +23,6 @@ from myomorph.tension.tension import RESERVE, Tension
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class Quantity:
     """A table of the chain, values (frames, names) as they were computed without errors; `table` makes of values what
     is written. `units` and `factors`: of each column in tables that people read, and from the values to these.
@@ -168,7 +167,6 @@ class _Columns:
 
 
 @read_only
-@dataclass(frozen=True, eq=False)
 class DrawnValues:
     """What is kept of each draw: columns of its tables at their times, and step, quantity and table of each number."""
 
