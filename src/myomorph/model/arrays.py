@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from collections.abc import Callable, Mapping
 from functools import cache, wraps
 from operator import is_
-from typing import Any, TypeVar
+from typing import Any, TypeVar, dataclass_transform
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -78,13 +79,16 @@ def runs(flags: np.ndarray) -> list[tuple[int, int]]:
     return [(int(start), int(stop)) for start, stop in edges.reshape(-1, 2)]
 
 
+@dataclass_transform(eq_default=False, frozen_default=True, field_specifiers=(dataclasses.field,))
 def read_only(cls: _Class) -> _Class:
-    """Class decorator, above `@dataclass(frozen=True)`: the arrays of its fields are read-only, too.
+    """Class decorator: a frozen dataclass, compared by identity, the arrays of whose fields are read-only, too.
+
+    What is a dataclass already (`@read_only` above `@dataclass(...)` with other options) stays as it is otherwise.
     Each array, also in tuples and mappings, becomes a read-only view of itself, without a copy: when an object is made,
     by `dataclasses.replace`, and when it is unpickled or copied. A class derived from such a one needs the decorator
     itself. Kernels are compiled anew for read-only arrays: what they take as it is stays without.
     """
-    kind: Any = cls
+    kind: Any = cls if "__dataclass_fields__" in vars(cls) else dataclasses.dataclass(frozen=True, eq=False)(cls)
     made, restored = kind.__init__, getattr(cls, "__setstate__", None)
 
     @wraps(made)
@@ -103,7 +107,7 @@ def read_only(cls: _Class) -> _Class:
         _lock(self)
 
     kind.__init__, kind.__setstate__, kind._arrays_are_read_only = initialize, restore, True
-    return cls
+    return kind
 
 
 def changed(value: _Value, **fields: Any) -> _Value:
