@@ -135,22 +135,21 @@ class _Search:
 
     def __init__(self, tracking: TorqueTracking, names: tuple[str, ...], options: EmgOptions, level: Prior):
         self.tracking, self.names, self.options = tracking, names, options
-        self.level = level
+        self.level, self.prior = level, tracking.prior
         self.delays = np.full(len(names), USUAL if options.delay is None else options.delay)
         self.shapes = np.full(len(names), options.shape or 0.0)
         self.warnings: list[str] = []
 
     def found(self, muscles: tuple[str, ...]) -> EmgCalibration:
         self.tracking.learn_errors(self.delays, self.shapes)
-        wide = self.tracking.prior
-        self.tracking.prior = kept_level(self.tracking, self.level, self.delays, self.shapes)
+        self.prior = kept_level(self.tracking, self.level, self.delays, self.shapes)
         for _ in range(ROUNDS):
             before = np.concatenate([self.delays, self.shapes])
             self._step()
             if np.abs(before - np.concatenate([self.delays, self.shapes])).max() < COARSE:
                 break
-            self.tracking.learn_errors(self.delays, self.shapes)
-        return self._calibration(settled_fit(self.tracking, wide, self.delays, self.shapes), wide, muscles)
+            self.tracking.learn_errors(self.delays, self.shapes, self.prior)
+        return self._calibration(settled_fit(self.tracking, self.prior, self.delays, self.shapes), muscles)
 
     def _step(self) -> None:
         """The most probable delays, and shape for all channels, at the errors of torques known so far.
@@ -161,7 +160,7 @@ class _Search:
         for shape in (0.0, *SHAPES) if free else (float(self.shapes[0]),):
             shapes = np.full(len(self.names), shape)
             delays = self.delays if self.options.delay is not None else self._delays(shapes)
-            cost = self.tracking.fit(delays, shapes).cost + 0.5 * float(np.sum(_unusual(np.unique(delays))))
+            cost = self.tracking.fit(delays, shapes, self.prior).cost + 0.5 * float(np.sum(_unusual(np.unique(delays))))
             tried.append((cost, shape, delays))
         best = min(tried, key=lambda candidate: candidate[0])
         if free and best[0] > tried[0][0] - DOUBT:
@@ -177,7 +176,7 @@ class _Search:
             def cost(delay: float, group: np.ndarray = group) -> float:
                 tried = delays.copy()
                 tried[group] = delay
-                return self.tracking.fit(tried, shapes).cost + 0.5 * float(_unusual(delay))
+                return self.tracking.fit(tried, shapes, self.prior).cost + 0.5 * float(_unusual(delay))
 
             coarse = np.append(np.arange(search.least, search.most, COARSE), search.most)
             costs = np.array([cost(delay) for delay in coarse])
@@ -199,8 +198,7 @@ class _Search:
         elif delay >= search.most - 0.5 * search.step:
             self.warnings.append(f"the delay of {who} is {delay:g} s or more: EMG and motion may not be on one clock")
 
-    def _calibration(self, fit: Fit, wide: Prior, muscles: tuple[str, ...]) -> EmgCalibration:
-        self.tracking.prior = wide
+    def _calibration(self, fit: Fit, muscles: tuple[str, ...]) -> EmgCalibration:
         result = calibration_of(self.tracking, fit, self.names, muscles, self.delays, self.shapes)
         silent = [name for name, item in zip(self.names, result.by_torque, strict=True) if not item]
         if silent:

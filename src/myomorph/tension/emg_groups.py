@@ -102,24 +102,16 @@ def kept_level(tracking: TorqueTracking, level: Prior, delays: Array, shapes: Ar
     are (contact forces that nobody measured), that alone would make them small.
     `level`: the prior whose common level is known; `tracking` has the one whose level is not.
     """
-    wide = tracking.prior
-    free = tracking.fit(delays, shapes)
-    tracking.prior = level
-    kept = tracking.fit(delays, shapes)
-    tracking.prior = wide
-    return wide if kept.misfit - free.misfit > DOUBT else level
+    free, kept = tracking.fit(delays, shapes), tracking.fit(delays, shapes, level)
+    return tracking.prior if kept.misfit - free.misfit > DOUBT else level
 
 
-def settled_fit(tracking: TorqueTracking, wide: Prior, delays: Array, shapes: Array) -> Fit:
+def settled_fit(tracking: TorqueTracking, prior: Prior, delays: Array, shapes: Array) -> Fit:
     """The most probable gains, where those that torques do not tell are the usual ones beside those that they do.
-    `wide`: the prior whose common level is not known, for the deviations.
+    `prior`: that of `kept_level`; deviations are by that of `tracking`, whose common level is not known.
     """
-    prior = tracking.prior
-    tracking.prior = wide
-    deviation = tracking.fit(delays, shapes).deviation
-    tracking.prior = prior
-    fit = tracking.fit(delays, shapes)
-    spread = np.sqrt(np.diag(np.linalg.inv(wide.precision)))
+    deviation, fit = tracking.fit(delays, shapes).deviation, tracking.fit(delays, shapes, prior)
+    spread = np.sqrt(np.diag(np.linalg.inv(tracking.prior.precision)))
     # A maximum contraction tells a gain well enough to be weighed against torques.
     silent = (deviation >= TOLD * spread) & (spread > 2.0 * NEAR_MAXIMUM)
     if not silent.any():
@@ -128,7 +120,5 @@ def settled_fit(tracking: TorqueTracking, wide: Prior, delays: Array, shapes: Ar
     beside = np.linalg.solve(prior.precision[np.ix_(silent, silent)], prior.precision[np.ix_(silent, ~silent)] @ apart)
     mean = prior.mean.copy()
     mean[silent] = np.minimum(mean[silent] - beside, prior.upper[silent])
-    tracking.prior = Prior(mean, prior.precision + HELD * np.diag(silent.astype(float)), prior.upper)
-    held = tracking.fit(delays, shapes)
-    tracking.prior = prior
-    return held._replace(deviation=deviation)
+    held = Prior(mean, prior.precision + HELD * np.diag(silent.astype(float)), prior.upper)
+    return tracking.fit(delays, shapes, held)._replace(deviation=deviation)

@@ -205,9 +205,8 @@ class HeldOut:
         delays, shapes = self.found.delays[rest], self.found.shapes[rest]
         with threadpool_limits(limits=1, user_api="blas"):
             tracking.whiten(delays)
-            tracking.prior = kept_level(tracking, gain_prior(peaks, self.maxima[rest], 0.0), delays, shapes)
-            fit = settled_fit(tracking, wide, delays, shapes)
-            tracking.prior = wide
+            prior = kept_level(tracking, gain_prior(peaks, self.maxima[rest], 0.0), delays, shapes)
+            fit = settled_fit(tracking, prior, delays, shapes)
         return calibration_of(tracking, fit, names, self.model.muscle_names, delays, shapes)
 
     def _warnings(self, held: Array, best: int) -> tuple[str, ...]:

@@ -141,11 +141,11 @@ class TorqueTracking:
         self._courses = [[_courses(frame, group) for group in groups] for frame in frames]
         self._log_gains = np.minimum(prior.mean, prior.upper)
 
-    def learn_errors(self, delays: Array, shapes: Array) -> None:
+    def learn_errors(self, delays: Array, shapes: Array, prior: Prior | None = None) -> None:
         """Errors of the torques from what is left of them, by expectation maximization at a delay and shape."""
         for _ in range(ROUNDS):
             self.whiten(delays)
-            fit = self.fit(delays, shapes)
+            fit = self.fit(delays, shapes, prior)
             sigma, share = self.errors
             squares, count, worth, excess = np.zeros_like(sigma), 0, [], np.zeros_like(self._excess)
             for index, frame in enumerate(self.frames):
@@ -163,8 +163,8 @@ class TorqueTracking:
             self._excess = excess * self.noise**2
         self.whiten(delays)
 
-    def fit(self, delays: Array, shapes: Array) -> Fit:
-        """The most probable gains at delays (channels,) [s] and shape factors (channels,)."""
+    def fit(self, delays: Array, shapes: Array, prior: Prior | None = None) -> Fit:
+        """The most probable gains at delays (channels,) [s] and shape factors (channels,), by a prior."""
         parts = [self._design(index, delays, shapes) for index in range(len(self.frames))]
         size = parts[0][0].shape[1]
         matrix, slope, square = np.zeros((size, size)), np.zeros(size), 0.0
@@ -173,7 +173,7 @@ class TorqueTracking:
             slope += design.T @ target
             square += float(target @ target)
         worth = self.errors[1]
-        return self._most_probable(worth * matrix, worth * slope, worth * square)
+        return self._most_probable(worth * matrix, worth * slope, worth * square, prior or self.prior)
 
     def _covariance(self, tracked_frames: TrackedFrames, delays: Array) -> tuple[np.ndarray, Array]:
         """Frames (frames,) in which some channel is known, and C of these (frames, rows, rows)."""
@@ -244,7 +244,7 @@ class TorqueTracking:
         rows = self._rows(self.frames[index].columns, index, delays, shapes)
         return self.frames[index].torques - rows @ np.concatenate(parameters)
 
-    def _ridge(self, size: int) -> Array:
+    def _ridge(self, size: int, prior: Prior) -> Array:
         """Precision of the prior of offsets and weights (parameters, parameters), gains aside.
         The weights of a muscle that nobody measured are near those of the measured muscles that act as it does.
         """
@@ -258,7 +258,7 @@ class TorqueTracking:
             like = np.einsum("uc,sc->usc", group.like, group.synergies.vectors * group.synergies.scale)
             like = like.reshape(-1, len(group.channels))
             part[:, group.channels] = -like
-            usual = like @ np.exp(np.minimum(self.prior.mean, self.prior.upper)[group.channels])
+            usual = like @ np.exp(np.minimum(prior.mean, prior.upper)[group.channels])
             rows.append(part / (NEAR * usual + WEIGHT)[:, None])
             start += len(part)
         whole = np.vstack([np.zeros((0, size)), *rows])
@@ -279,11 +279,11 @@ class TorqueTracking:
                 break
         return result
 
-    def _most_probable(self, matrix: Array, slope: Array, square: float) -> Fit:
+    def _most_probable(self, matrix: Array, slope: Array, square: float, prior: Prior) -> Fit:
         """Gauss-Newton steps on the prior of log gains; each is a non-negative least squares problem."""
-        mean, precision, upper = self.prior
+        mean, precision, upper = prior
         count, size = len(mean), len(slope)
-        ridge = self._ridge(size)
+        ridge = self._ridge(size, prior)
         matrix = self._corrected(matrix, ridge)
         # From the gains of the last fit, which are near where delays differ little.
         log_gains = self._log_gains
