@@ -72,7 +72,8 @@ def opened(settings: LoadsFile, opening: Opening) -> Opened:
         options=_force_options(opening),
     )
     sources += (file_source("loads", path), *load_tables(path, markers.markers))
-    return Opened((ExternalLoads(loads),), tuple(sources), real=f"external forces from {path.name}")
+    nearest = path.suffix.lower() in TABLES and not settings.bodies
+    return Opened((ExternalLoads(loads, nearest),), tuple(sources), real=f"external forces from {path.name}")
 
 
 def _force_options(opening: Opening) -> ForceOptions:

@@ -45,9 +45,13 @@ class LoadsFile:
 
 @dataclass(frozen=True, eq=False)
 class ExternalLoads:
-    """External forces of a motion, which is needed to find the bodies they act on."""
+    """External forces of a motion, which is needed to find the bodies they act on.
+
+    `nearest`: nobody named these, so each force is put on the foot nearest to its center of pressure.
+    """
 
     of: Callable[[Motion], Wrenches]
+    nearest: bool = False
 
 
 def loads_by_name(recording: Path) -> Path | None:

@@ -30,6 +30,7 @@ from myomorph.store.stored import get_conflicts
 from myomorph.study.inputs.actuators import Actuators
 from myomorph.study.inputs.by_type import OptionSet
 from myomorph.study.inputs.emg import RecordedEmg
+from myomorph.study.inputs.loads import ExternalLoads
 from myomorph.study.inputs.torques import RecordedTorques
 from myomorph.study.step.step import Step, StepOutput
 from myomorph.study.trial.emg_tables import EMG_TABLE, write_calibration, write_conflicts
@@ -128,12 +129,20 @@ def task_of(trial: TrialInputs, recorded: Motion, torques: Torques) -> TensionTa
         tension,
         # Those of a file take the place of reserves.
         added_reserves(trial.model, tension, _objects(trial)) if actuators is None else actuators.actuators,
-        Measurements(recorded, torques.wrenches, trial.recording.plates, trial.recording.plate_time, cutoff),
+        Measurements(recorded, _wrenches(trial, torques), trial.recording.plates, trial.recording.plate_time, cutoff),
         trial.get(ContactPlan),
         options[ContactOptions],
         _emg_that_takes_part(trial),
         _recruitment(trial),
     )
+
+
+def _wrenches(trial: TrialInputs, torques: Torques) -> Wrenches | None:
+    """External forces; where contacts share them, the foot that each was put on by its nearness says nothing."""
+    plan, loads, wrenches = trial.get(ContactPlan), trial.get(ExternalLoads), torques.wrenches
+    if wrenches is None or plan is None or loads is None or plan.measured != "shared" or not loads.nearest:
+        return wrenches
+    return replace(wrenches, bodies=("",) * len(wrenches.bodies))
 
 
 def _recruitment(trial: TrialInputs) -> RecruitmentOptions:
