@@ -130,6 +130,7 @@ PAGES: dict[str, dict[str, str]] = {
         "hidden_plates": "accuracy.hidden_plates:measure",
         "hidden_plates_parts": "accuracy.hidden_plates:measure_parts",
         "hidden_plates_partial": "accuracy.hidden_plates:measure_partial",
+        "one_plate": "accuracy.one_plate:measure",
         "contact_defaults": "accuracy.contact_defaults:measure_contact_settings",
         "certificates_truth": "accuracy.certificates:measure_truth",
         "certificates": "accuracy.certificates:measure",

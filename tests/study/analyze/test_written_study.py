@@ -158,3 +158,15 @@ def test_plates_weigh_somebody_who_stands_still(tmp_path: Path) -> None:
     prepared = prepare_request(request, tmp_path / "out")
     assert prepared.assumed[0] == "Mass 61.3 kg, as the plates of static.trc weigh it standing still (--mass)."
     assert read_plan(prepared.study).subjects["subject"].mass == 61.3
+
+
+def test_a_plate_under_two_feet_is_shared(tmp_path: Path) -> None:
+    body = standing(0.1)
+    body = replace(body, time=5.0 * body.time)
+    write_trc(body, tmp_path / "walk.trc")
+    for under, contacts in ((0.5, ContactsFile("auto", "shared")), (0.02, ContactsFile())):
+        force = np.full(1 + int(body.time[-1] / 0.01), 690.0)
+        forces_of(force, tmp_path / "walk_grf.mot", under=under)
+        prepared = prepare_request(AnalyzeRequest((tmp_path / "walk.trc",), 70.0), tmp_path / f"{under}")
+        assert read_plan(prepared.study).trials[0].get(ContactsFile) == contacts
+        assert any("Two feet share a plate" in text for text in prepared.assumed) == (under == 0.5)

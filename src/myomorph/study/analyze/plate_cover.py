@@ -22,6 +22,8 @@ CARRIES = 0.5
 SIDES = ("right", "left")
 BETWEEN = 0.2
 """Share of the way between the feet at whose ends a center of pressure is one foot's."""
+SHARED = 0.3
+"""Two feet that share a plate for so long are more than a step from one half of it to the other [s]."""
 LASTS = 0.05
 """Share of a recording in which feet stand without a force, from which on it counts."""
 
@@ -62,12 +64,10 @@ def uncovered_share(recording: Recording, weight: float, options: ForceOptions |
 
 def is_between_feet(recording: Recording, center: Array) -> bool:
     """Whether a center of pressure (samples, 3) lies between the feet of somebody who stands on both."""
-    feet = [mean_place(recording, "foot.heel", "shank.lateral_malleolus", *FOREFOOT, side=side) for side in SIDES]
+    feet = [_foot(recording, side) for side in SIDES]
     if feet[0] is None or feet[1] is None:
         return False
-    right, left = (
-        np.nanmedian(foot @ recording.laboratory.rotation.T, axis=0)[[0, 2]] for foot in feet if foot is not None
-    )
+    right, left = (np.nanmedian(foot, axis=0)[[0, 2]] for foot in feet if foot is not None)
     along = left - right
     share = (np.nanmedian(center, axis=0)[[0, 2]] - right) @ along / (along @ along)
     return bool(BETWEEN < share < 1.0 - BETWEEN)
@@ -87,6 +87,17 @@ def total_force(recording: Recording, options: ForceOptions) -> tuple[Array, Arr
 
     None where there are none.
     """
+    plates = _plate_forces(recording, options)
+    if plates is None:
+        return None
+    time, vertical, points = plates
+    total = vertical.sum(axis=1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return time, total, (vertical[..., None] * points).sum(axis=1) / total[:, None]
+
+
+def _plate_forces(recording: Recording, options: ForceOptions) -> tuple[Array, Array, Array] | None:
+    """Clock, vertical forces (samples, plates) [N] and centers of pressure (samples, plates, 3), y up."""
     upright, loads = recording.laboratory.rotation, recording.near.get("loads")
     plates = recording.trial.plates
     if loads is None:
@@ -102,11 +113,32 @@ def total_force(recording: Recording, options: ForceOptions) -> tuple[Array, Arr
         if not wrenches:
             return None
         time, forces, points = wrenches[0].time, wrenches[0].forces, wrenches[0].points
-    vertical = np.nan_to_num(forces) @ upright[1]
-    total = vertical.sum(axis=1)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        center = (vertical[..., None] * np.nan_to_num(points)).sum(axis=1) / total[:, None]
-    return time, total, center @ upright.T
+    return time, np.nan_to_num(forces) @ upright[1], np.nan_to_num(points) @ upright.T
+
+
+def shared_time(recording: Recording, weight: float, options: ForceOptions) -> float:
+    """How long two feet that stand share a plate, whose center of pressure then lies between them [s]."""
+    plates, markers = _plate_forces(recording, options), recording.trial.markers
+    feet = [_foot(recording, side) for side in SIDES]
+    if plates is None or markers is None or len(markers) < 3 or feet[0] is None or feet[1] is None:
+        return 0.0
+    time, vertical, points = plates
+    at = np.searchsorted(time, markers.time).clip(0, len(time) - 1)
+    right, left = (foot for foot in feet if foot is not None)
+    stand = np.all([foot[:, 1] < np.nanpercentile(foot[:, 1], 5.0) + STANDS for foot in (right, left)], axis=0)
+    along = (left - right)[:, [0, 2]]
+    shared = np.zeros(len(markers), bool)
+    for plate in range(vertical.shape[1]):
+        share = ((points[at, plate] - right)[:, [0, 2]] * along).sum(axis=1) / (along**2).sum(axis=1)
+        loaded = vertical[at, plate] > CARRIES * weight
+        shared |= stand & loaded & (share > BETWEEN) & (share < 1.0 - BETWEEN)
+    return float(shared.sum() * np.median(np.diff(markers.time)))
+
+
+def _foot(recording: Recording, side: str) -> Array | None:
+    """(frames, 3) middle of a foot's markers, y up; None where there are none."""
+    foot = mean_place(recording, "foot.heel", "shank.lateral_malleolus", *FOREFOOT, side=side)
+    return None if foot is None else foot @ recording.laboratory.rotation.T
 
 
 def _tables(loads: Path) -> list[Path]:

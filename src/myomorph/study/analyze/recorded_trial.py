@@ -13,7 +13,7 @@ from myomorph.model.model import Model
 from myomorph.model.segments import feet_of
 from myomorph.motion.protocols import ProtocolTable
 from myomorph.store.settings import ForceOptions, with_settings
-from myomorph.study.analyze.plate_cover import LASTS, uncovered_share
+from myomorph.study.analyze.plate_cover import LASTS, SHARED, shared_time, uncovered_share
 from myomorph.study.analyze.recordings import Recording
 from myomorph.study.inputs.by_type import ByType
 from myomorph.study.inputs.contacts import ContactsFile
@@ -105,6 +105,13 @@ def recorded_trial(
     if loads.loads is not None and feet_of(model) and not contacts.contacts:
         assert request.mass is not None
         weight = request.mass * float(np.linalg.norm(model.gravity))
+        shared = shared_time(recording, weight, request.forces)
+        if shared > SHARED and contacts.measured is None:
+            contacts = ContactsFile("auto", "shared")
+            texts.append(
+                f"Two feet share a plate for {shared:.2f} s: muscle tensions divide its force between them as motion "
+                "and effort allow (--measured exact: one foot's); torques of inverse dynamics have it on one foot."
+            )
         bare_share = uncovered_share(recording, weight, request.forces)
         if bare_share > LASTS:
             contacts = replace(contacts, contacts="auto")
