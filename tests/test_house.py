@@ -6,7 +6,7 @@ import pytest
 from benchmarks.house import CHECKOUT, checkout_texts, count
 
 LIMITS = {
-    ("lines", "src"): 123_300,
+    ("lines", "src"): 123_350,
     ("lines", "benchmarks"): 24_650,
     ("words", "documentation"): 101_550,
     ("vague", "src"): 6.5,
