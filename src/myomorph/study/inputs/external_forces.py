@@ -72,8 +72,8 @@ def opened(settings: LoadsFile, opening: Opening) -> Opened:
         options=_force_options(opening),
     )
     sources += (file_source("loads", path), *load_tables(path, markers.markers))
-    nearest = path.suffix.lower() in TABLES and not settings.bodies
-    return Opened((ExternalLoads(loads, nearest),), tuple(sources), real=f"external forces from {path.name}")
+    by_nearness = path.suffix.lower() in TABLES and not settings.bodies
+    return Opened((ExternalLoads(loads, by_nearness),), tuple(sources), real=f"external forces from {path.name}")
 
 
 def _force_options(opening: Opening) -> ForceOptions:
