@@ -7,8 +7,8 @@ from benchmarks.house import CHECKOUT, checkout_texts, count
 
 LIMITS = {
     ("lines", "src"): 123_350,
-    ("lines", "benchmarks"): 24_650,
-    ("words", "documentation"): 101_550,
+    ("lines", "benchmarks"): 24_750,
+    ("words", "documentation"): 101_650,
     ("vague", "src"): 6.5,
 }
 
