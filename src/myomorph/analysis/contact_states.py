@@ -17,14 +17,8 @@ from myomorph.model.series import Wrenches
 from myomorph.model.sides import split_side
 
 MIN_LINE = 0.03
-
-
 _HAND = re.compile(r"hand|palm|finger|thumb|stick|arm|wrist|grip|sleeve|lapel", re.IGNORECASE)
-
-
 _FOOT = re.compile(r"foot|feet|sole|heel|toe|ball|calcn|pedal|shoe|plate", re.IGNORECASE)
-
-
 _SIDES = {"r": "right", "l": "left", "right": "right", "left": "left"}
 
 

@@ -15,17 +15,12 @@ from myomorph.model.series import Event, Series, Wrenches
 from myomorph.model.sides import split_side
 
 _SIDE_WORD = re.compile(r"(?<![a-z])(right|left)(?![a-z])", re.IGNORECASE)
-
-
 STANDING = 0.2  # How far the force of one who stands may be from a known weight, as a share of it
-
-
 THRESHOLD = 0.03  # Vertical force that is contact, as a share of body weight (0.03 is about 20 N)
 SHORTEST_CONTACT = 0.03  # Contacts and gaps shorter than this are noise [s]
 SHORTEST_FLIGHT = 0.12  # A jump flies at least so long [s]
 QUIET_TIME = 0.3  # A jump starts from standing still so long [s]
 QUIET_SPREAD = 0.03  # Standard deviation of the force that is still standing, as a share of body weight
-
 ONSET_SPREAD = 5.0
 """A jump begins where the force leaves body weight by so many standard deviations of quiet standing (Owen et al.
 2014)."""

@@ -23,7 +23,6 @@ _UPPER = (
     ("External oblique", r"(ext_?obl\w*|eo_?\d+|e[o0]_r\d+|extobl)"),
     ("Erector spinae", r"(erc?_?spn\w*|erector_?spinae\w*|il_[lr]\d+|ltp[tl]_[rtl]\d+)"),
 )
-
 MUSCLES: Mapping[str, str] = FrozenMap({**dict(_UPPER), **dict(MAJOR_MUSCLES)})
 """Name in print to the spellings of models of the leg, the arm, the trunk and the whole body."""
 
@@ -95,7 +94,6 @@ _LIFT = (
     "External oblique", "Gluteus maximus", "Rectus femoris", "Vastus lateralis", "Biceps femoris, long head",
 )  # fmt: skip
 _GENERAL = (*_ARM, "Trapezius", "Erector spinae", "Gluteus maximus", *_LEG[:1], "Vastus lateralis", *_LEG[1:])
-
 PRESETS: Mapping[str, Preset] = FrozenMap(
     {
         preset.name: preset

@@ -19,7 +19,6 @@ from myomorph.rigid.tree import compile_tree
 
 Indices = NDArray[np.int64]
 SIDES = ("right", "left", "")
-
 MAJOR_MUSCLES: tuple[tuple[str, str], ...] = (
     ("Gluteus maximus", r"gl(ut(eus)?)?_?max(imus)?[\d_]*"),
     ("Gluteus medius", r"gl(ut(eus)?)?_?med(ius)?[\d_]*"),
@@ -39,7 +38,6 @@ MAJOR_MUSCLES: tuple[tuple[str, str], ...] = (
     ("Peroneus longus", r"(per(oneus)?|fib(ularis)?)_?long(us)?"),
 )
 """Muscles shown first, with the spellings of the Rajagopal, gait2392 and MyoSim families, hip to ankle."""
-
 OTHER_LEG_MUSCLES: tuple[str, ...] = (
     r"gl(ut)?_?min\w*",
     r"tfl",
@@ -52,7 +50,6 @@ OTHER_LEG_MUSCLES: tuple[str, ...] = (
     r"per_?(brev|tert)",
     r"(edl|ehl|fdl|fhl|ext_?(dig|hal)|flex_?(dig|hal))",
 )
-
 COORDINATE_ORDER: tuple[str, ...] = (
     "hip_flexion", "hip_adduction", "hip_rotation", "knee_angle", "knee_flexion", "ankle_angle", "ankle_flexion",
     "subtalar_angle", "lumbar_extension", "lumbar_bending", "lumbar_rotation", "arm_flex", "arm_add", "arm_rot",

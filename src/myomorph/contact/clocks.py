@@ -19,10 +19,8 @@ from myomorph.model.model import Model
 from myomorph.model.series import Motion
 
 EITHER_SIDE = 0.015  # Time before and after a moment over which a tip's change of velocity is taken [s]
-
 STEP, APART = 0.001, 0.06
 """Step of the shifts that are tried, and how far another shift is that could have been meant [s]."""
-
 MIN_COUNT = 3
 
 

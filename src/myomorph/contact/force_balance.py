@@ -24,10 +24,8 @@ from myomorph.motion.filters import lowpass
 
 CUTOFF = 6.0  # Low-pass filter of the compared forces, of a human body [Hz]
 MASS = 0.09  # Part by which plates and model may differ in weight
-
 LIGHTEST, HEAVIEST = 0.4, 2.5
 """Plates that carry a share of the model's weight beyond these carry something else than a body, or another unit."""
-
 SPREAD = 0.35  # How far that part may differ from frame to frame, where all of the weight is measured
 
 

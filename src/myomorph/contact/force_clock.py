@@ -17,14 +17,12 @@ from myomorph.model.findings import Finding
 CARRIED = 0.55  # Share of the weight that walkers put on plates whenever all standing feet are on them
 SHARP_FEET = 0.4  # Part of the gliding of standing feet at no lag that may be left at the lag found
 STEPS = 4  # Steps from which standing feet alone are believed about the clock
-
 CLOCK, SLACK = 0.012, 0.1
 """Lag beyond its own uncertainty from which it is named, twice the largest of clean recordings (6 ms); and the largest
 that is looked for [s]."""
 
 CLOCK_OF_FEET = 0.033  # Lag by standing feet that is named [s]
 SHORTEST = 0.3  # Time that the center of mass must be compared for [s]
-
 EXPLAINED = 0.5
 """Share of the variance of the forces that the motion has to explain: 0.74 to 0.99 in clean recordings, and 0.1 where a
 chair carries a part."""

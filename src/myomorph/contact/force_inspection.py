@@ -18,7 +18,6 @@ from myomorph.model.series import Wrenches
 LOADED = 0.05  # Share of the weight from which a force counts as load
 SHORTEST = 0.05  # A load that is shorter is not judged [s]
 LOAD = "load in the hands"  # Kind of a finding: a force that no foot carries
-
 MIRRORED_PLATE, DOUBTFUL = "mirrored plate", "wrong foot or mirrored plate"
 """Kinds of findings about plates that may be mirrored about their own middle."""
 

@@ -24,7 +24,6 @@ STEPS = 3  # Steps on a belt from which on both ways are judged
 CLEARER = 0.6  # Of two explanations the one that leaves so much less of the distance is the right one
 LASTS = 0.25  # A step that is shorter is not judged [s]
 PASSES = 0.25  # Way of the center of mass along a human foot while it stands from which on it steps over the foot [m]
-
 AGAINST = 0.06
 """Way of the center of pressure against that of the center of mass, from the first to the last third of a step [m]."""
 

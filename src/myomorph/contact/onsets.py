@@ -17,10 +17,8 @@ from myomorph.model.errors import BadData
 from myomorph.model.series import Sound
 
 HOP = 0.001  # Step of short-time energies [s]
-
 AHEAD, BEHIND, APART = 0.005, 0.025, 0.001
 """Energy of the next 5 ms is held against that of 25 ms that ended 1 ms ago [s]."""
-
 WINDOW = 0.006  # Time either side of an onset in which its first arrival is looked for [s]
 SLOWEST = 2000.0  # Rate down to which a signal is thinned [Hz]
 LEARNT, ORDER = 0.03, 24  # Time before that from which linear prediction is fitted [s], and its order

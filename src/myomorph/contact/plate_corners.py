@@ -18,7 +18,6 @@ CLEARLY = 0.25
 to twice that share of what the next best one leaves: a plate that stands as its file says is never turned for less."""
 
 FIRM = 0.3  # Samples that carry this share of the largest force count; below, the center of pressure is noise
-
 MIN_COUNT = 20
 
 

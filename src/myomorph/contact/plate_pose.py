@@ -17,14 +17,10 @@ from myomorph.model.model import STANDARD_GRAVITY
 from myomorph.model.spatial import axis_rotation
 
 ARM = 0.2  # Length by which a rotation counts as a displacement when it is asked what the placements show [m]
-
 ITERATIONS = 50
 ROUGHLY = 8  # Iterations from each start, of which the best goes on
 TURNS = 6  # Starts about the vertical
-
 SETTLED = 1e-9
-
-
 FORCE_NOISE, MOMENT_NOISE = 0.5, 0.1  # Standard deviation of a placement's mean wrench [N], [N m]
 POINT_NOISE = 0.001  # Of the marked point [m]
 DIRECTION_NOISE = 0.002  # Of the marked direction [rad]

@@ -33,8 +33,6 @@ Heads of the first and fifth metatarsal, tips of the great and of the fourth toe
 
 HEEL = (r"calc|heel", r"(?<!fore)(?<!mid)foot")  # What a heel's body is called, the surest first
 BONE_DEPTH = 0.06  # How far the bones of a foot reach below its origin, over the same distance
-
-
 SEGMENT_SITES = ("hand_r", "hand_l", "seat", "back")  # What `body_sites` knows
 
 

@@ -15,7 +15,6 @@ from myomorph.identify.mass_points import MassPointOptions, prior_variances
 from myomorph.model.arrays import Array, read_only
 
 DETERMINED = 0.9  # Share of a parameter's prior variance that the data must take away to count as determined by them
-
 LINK_SD = 0.2
 """Relative standard deviation by which a link's mass differs from the scaled model's, for intervals.
 

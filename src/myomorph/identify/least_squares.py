@@ -28,7 +28,6 @@ from myomorph.rigid.regressor import BLOCK, base_regressor, base_wrench, frames_
 FILTER_REACH = 3.0  # How far a filter's ends reach, times 1 / cutoff, until rounding
 MIN_RUN = 8  # Frames in a row that are filtered
 CONSTANTS = 6  # A constant moment about the ground's origin and a constant force, as a plate's tare leaves
-
 UNWANTED, UNSEEN, UNMEASURED = "left out by the user", "motion missing", "force missing"
 
 

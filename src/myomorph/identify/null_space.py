@@ -20,7 +20,6 @@ from myomorph.rigid.tree import ROTATION, Tree, compile_tree
 LENGTH = 0.3  # Typical size of a segment, so that masses, first moments and inertias compare [m]
 SCALE = np.array([1.0, *[LENGTH] * 3, *[LENGTH**2] * 6])  # Size of the ten parameters of a body of 1 kg
 TOLERANCE = 1e-9  # Singular values below this share of the largest are zero: poses are exact to about 1e-14
-
 _PREFERENCE = np.array([9.0, *[3.0] * 3, *[1.0] * 6])
 """Masses go to the parent rather than first moments, and those rather than inertias."""
 

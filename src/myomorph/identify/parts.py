@@ -17,15 +17,11 @@ from myomorph.model.model import Model
 from myomorph.rigid.regressor import base_wrench
 
 MIN_PARTS = 4
-
 GAP = 0.1  # Time at each side of a cut that neither part has, because neighboring frames say the same [s]
 MAX_GAP_SHARE = 0.15  # The same at most, as a share of a part
-
 MAX_NOISE = 0.5
 """Share of what data say of a combination of parameters that noise of the motion is taken to have made, at most."""
-
 SEEN = 1e-6  # Singular value, of the largest, from which frames show a combination of base parameters at all
-
 BORDER = -1
 """Fold of frames beside a cut: they are fitted with all others, but neither held out nor fitted while others are."""
 

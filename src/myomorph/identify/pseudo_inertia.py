@@ -25,7 +25,6 @@ from myomorph.model.inertia import parameters_of, pseudo_inertias
 
 TRIANGLE = tuple((i, j) for j in range(4) for i in range(j + 1))
 """Entries of a symmetric 4 x 4 matrix in the order of the solver: columns of the upper triangle."""
-
 SMALLEST_SHARE = 1e-6  # A link of less than this share of the whole mass stays at its reference
 
 

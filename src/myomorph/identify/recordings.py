@@ -27,19 +27,15 @@ OUTSIDE = "outside the time of the forces"
 NO_FORCE = "a force is missing"
 EDGE = "edge of the filter"
 UNMEASURED = "a contact that no plate measures, as one leg off the plates"
-
 WINDOW = 0.2  # Time over which force must be missing to count as a contact beside the plates [s]
 MISSING_WEIGHT = 0.15  # Share of the body's weight that must be missing
 UNLOADED = 20.0  # Force under which a center of pressure may be unknown [N]
 FLIGHT = 0.05  # Share of the body's weight under which nothing touches
 MASS_TOLERANCE = 0.03  # Share of the body's weight by which plates and stated mass may differ without a word
-
 REACH = 0.75
 """How far a filter's ends and gaps reach, times 1 / cutoff: nearer, motion and forces disagree by more than noise."""
-
 MAX_FORCE_DISTANCE = 0.25
 """Distance of forces from where they should act, over the body's extent from its base, that no masses explain."""
-
 FINER = 3.0  # Cutoff, over that of the recording, of the motion whose rows are filtered after they are made
 MIN_ROTATION = 0.1  # Largest turn of any body against the base over which a motion counts as standing still [rad]
 

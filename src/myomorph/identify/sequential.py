@@ -24,11 +24,9 @@ from myomorph.rigid.tree import compile_tree
 
 NOISE = (2.0, 2.0, 2.0, 5.0, 5.0, 5.0)
 """Noise of the base wrench where none is given: a force plate's, and that of accelerations [N m], [N]."""
-
 _SWING = (0.5, 0.1)  # Half amplitude of a movement that is proposed, of angles [rad] and lengths [m]
 PRIOR = 100.0  # Standard deviation of a weak prior about the model, in multiples of the sizes (as in `BaseOptions`)
 MEMORY = 200  # Frames over which errors of prediction are averaged
-
 _PHASES = 6
 _SAMPLES = 20  # Independent samples that a proposed movement is counted as, about two seconds of it
 

@@ -23,12 +23,9 @@ to 15 Hz (Pain and Challis 2006), and what walkers store and return is slower (Z
 
 ALPHA_SD, GROUP_SD = 2e-4, 1e-4
 """Standard deviations of what all groups have in common, and of each group from that [s^2]: 7 to 16 Hz."""
-
 STEP = 0.05  # Step of differences in alpha, in units of `ALPHA_SD`
-
 ROUNDS, SETTLED = 6, 0.02
 """Times that motion and wrench are linearized at most, and change of alpha, in units of `ALPHA_SD`, that ends it."""
-
 GAIN, LOSS = 0.95, 1.02
 """Misfit on unseen parts, over that with the motion of the markers, under which soft tissue is taken; and of one of
 several recordings, over which it is not: what helps a jump and harms a walk says nothing of the next walk."""

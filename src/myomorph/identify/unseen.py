@@ -30,10 +30,8 @@ every step are then blamed on hands and forearms.
 
 POINTS_PER_LINK = 60  # Points a link that stand for all of them while strengths are tried
 ROUNDS = 5  # Times that the noise is taken anew from what the fit leaves of unseen parts
-
 PAPER_SD = 0.2
 """Relative standard deviation of a link's mass that stands for [D]'s weights, which state none, in intervals."""
-
 WORSE = 1.02  # Ratio of misfits on unseen parts, identified over generic, from which one counts as worse
 
 

@@ -23,7 +23,6 @@ Inside = Callable[[Array], np.ndarray]  # Points (points, 3) in ground [m] -> (p
 
 COMPONENTS = ("Nx", "Ny", "Nz", "Fx", "Fy", "Fz")
 """Of a wrench, in the order of its arrays: moment [N m], then force [N]."""
-
 ROUNDING = 1e-9  # How far below 0 rounding may bring an eigenvalue, relative to what is summed up in it
 
 

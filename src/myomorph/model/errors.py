@@ -10,10 +10,8 @@ from typing import Any
 
 LONGEST, LAST = 20_000, 2_000  # Characters of a message at most, and how many of them are its end
 MAX_NAMES = 5  # Names that a message lists at most
-
 NEAR, MIN_PART = 0.6, 3
 """Share of common characters from which two names are alike; characters from which a part of a name is like it."""
-
 CONTROL = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029]")
 
 

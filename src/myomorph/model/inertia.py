@@ -16,9 +16,7 @@ from myomorph.model.spatial import Transform
 
 PARAMETERS = ("m", "m c_x", "m c_y", "m c_z", "I_xx", "I_yy", "I_zz", "I_yz", "I_zx", "I_xy")
 """Order of a body's parameters, [D] eq. 3.4; the inertia is about the body's origin."""
-
 _DIAGONAL, _OFF = (4, 5, 6), ((7, 1, 2), (8, 2, 0), (9, 0, 1))
-
 EARTH = (0.0, -9.80665, 0.0)
 SLIDES, TURNS = ("tx", "ty", "tz"), ("rx", "ry", "rz")
 

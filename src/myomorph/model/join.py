@@ -19,7 +19,6 @@ from myomorph.model.series import Markers, Motion, Series, Wrenches
 SIDES = ("r", "l", "right", "left")
 ADDED = ("reserve_", "residual_FX_", "residual_FY_", "residual_FZ_", "residual_MX_", "residual_MY_", "residual_MZ_")
 """What stands before a part's name in names that the tension problem makes."""
-
 NAMED: Mapping[str, tuple[str, ...]] = FrozenMap(
     {
         "bodies": (),

@@ -17,7 +17,6 @@ from myomorph.model.paths import Bushing, Ligament, Muscle, PassiveTorque, WrapO
 from myomorph.model.spatial import Transform
 
 GROUND = "ground"
-
 STANDARD_GRAVITY = 9.80665  # [m/s^2]
 
 

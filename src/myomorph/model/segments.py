@@ -16,7 +16,6 @@ SEGMENTS = (
     "head", "upper_trunk", "lower_trunk", "upper_arm", "lower_arm", "hand", "thigh", "shank", "foot",
 )  # fmt: skip
 """Those of tables 3.4 and 3.5 of [D]; its "body" is the upper and the lower trunk together."""
-
 _PATTERNS = (
     ("head", r"head|neck|skull|cervical|jaw|mandible|hyoid|^c[1-7]$"),
     ("hand", r"hand|wrist|carp|meta?carp|finger|thumb|lunate|scaphoid|pisiform|triquetrum|capitate|trapez|hamate"
@@ -29,7 +28,6 @@ _PATTERNS = (
     ("lower_trunk", r"pelvis|sacrum|lumbar|abd(omen)?(_|$)|hips?$|ilium|coccyx|^l[1-5]$|full.body"),
     ("upper_trunk", r"torso|trunk|thora|rib|sternum|clav|scap|chest|spine|back|shoulder|^t(1[0-2]?|[2-9])$"),
 )  # fmt: skip
-
 JOINT_WORDS = (
     "hip", "knee", "ankle", "subtalar", "mtp", "patellofemoral", "tibiofemoral", "talocrural", "midtarsal", "lumbar",
     "back", "neck", "shoulder", "glenohumeral", "acromial", "acromioclavicular", "sternoclavicular", "scapulothoracic",

@@ -27,7 +27,6 @@ from myomorph.rigid.loops import RANK, closure_jacobian
 from myomorph.rigid.tree import Tree
 
 STILL = 1e-9  # A coordinate whose part in its own projection is less cannot move
-
 TURNING = ("ScapulothoracicJoint", "EllipsoidJoint", "BallJoint", "FreeJoint")
 """Joints whose speeds in OpenSim are angular velocities instead of rates of their three angles."""
 

@@ -25,7 +25,6 @@ from myomorph.rigid.kernels import inner, kernel
 
 RATIO, EXPONENTIAL, BELL, LOGARITHM, ASINH, LOGISTIC = range(6)
 """Elementary functions of z: z, exp(z), exp(-z^2), log(z), asinh(z), 1 / (1 + exp(z))."""
-
 STEEPEST = 1e9  # Slope of the line that continues an inverse where the curve itself is flat
 
 

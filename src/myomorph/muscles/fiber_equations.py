@@ -16,7 +16,6 @@ from myomorph.model.paths import Muscle
 from myomorph.muscles.muscle_model import FiberSizes, MuscleModel
 
 ACTIVATION, FIBER_LENGTH, TENDON_FORCE = "activation", "fiber_length", "normalized_tendon_force"
-
 EPS = 2.0**-52
 BUCKLED = EPS**0.875  # SimTK's "significant": a rigid tendon that much shorter than its slack length buckles [m]
 

@@ -9,8 +9,6 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 
 CHUNK = 64  # Frames a thread takes at a time: small enough to share evenly, large enough to cost nothing
-
-
 _ALONE = ContextVar("_ALONE", default=False)
 
 

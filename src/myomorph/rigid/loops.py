@@ -19,7 +19,6 @@ RANK = 1e-8  # A direction of a Jacobian counts where its singular value is at l
 NEAREST = 1e-9  # A projection has arrived when its last step is shorter [rad or m, weighted]
 STEPS = 200  # Steps of a projection
 ELSEWHERE = 30  # Random poses from which a loop is closed that does not close from where it is
-
 FRAMES_AT_ONCE = 256
 
 

@@ -21,7 +21,6 @@ from myomorph.rigid.vectors import cross, matrix, minus, plus, put_vector, turne
 
 WRENCH = ("M_x", "M_y", "M_z", "F_x", "F_y", "F_z")
 """The rows of a base wrench: moment about the reference point [N m] and force [N], ground axes."""
-
 BLOCK = 512  # Frames a block of `regressor_blocks`: 512 frames of 80 bodies are 20 MB
 
 

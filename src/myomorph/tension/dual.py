@@ -25,11 +25,9 @@ from myomorph.tension.separable import back_substitute, factorize
 
 OPTIMAL, INFEASIBLE, STALLED, MISSING = 0, 1, 2, 3
 STATUS_NAMES = ("optimal", "infeasible", "not converged", "missing input")
-
 TOLERANCE = 1e-9  # Equilibrium residual, relative to 1 + max |b|, at which a frame is solved
 SETTLED = 1e-3  # The same of a frame that cannot balance, relative to what it misses
 PATIENCE = 25  # Passes over linked frames without a new least change, after which they are no longer over-relaxed
-
 SLACKS = (1e-16, 1e-3, 1e-5, 1e-7, 1e-9, 1e-12, 1e-15)
 """Slack per multiplier, relative to the row's stiffness: first try, then from large to small."""
 

@@ -25,10 +25,8 @@ from myomorph.tension.tension import Tension
 
 FORCE_ALONG_NORMAL = 1e3
 """Weight of the force along the normals beside moments: a point that lifts off leaves a moment, not a force."""
-
 FLAT = 0.05
 """Moments of the points about an axis count where they are at least so much of those about the strongest axis."""
-
 EVEN = 1e-3
 """Weight of the points' own forces: of equal ways to share a force, points that lie close to each other share it."""
 

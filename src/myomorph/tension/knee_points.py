@@ -19,7 +19,6 @@ from myomorph.tension.joint_contact import ContactPoint, JointPoints
 
 LOWEST = 0.0075  # Depth of the part of a condyle whose middle is its lowest place, of the distance from hip to knee
 CONDYLES = 0.1  # Height of the condyles above their lowest place, of the distance from hip to knee
-
 HALF_SPACING = 0.057
 """Distance of a contact point from the knee's center, of that from hip to knee, where there is no bone: half of the
 46 mm between the lowest places of the condyles over the 406 mm of the femur of Rajagopal et al. (2016), a man's."""

@@ -78,14 +78,12 @@ def _words(allowance: Allowance) -> str:
 
 COSTS: dict[Kind, float] = {"contact": 1.0, "friction": 1.0, "most": 1.0, "pull": 2.0, "residual": 3.0}
 """Cost of one newton, of a residual's newton meter too."""
-
 NEAR = 0.1
 """A contact costs twice as much where its site is by this share of the center of mass' height farther from where it
 touches than the nearest site is, and more with the square of that."""
 
 LEAST = 0.1
 """Share of the whole weight that a light object is taken to have, so that noise of what is held is not blamed."""
-
 STILL = np.zeros(3)
 
 

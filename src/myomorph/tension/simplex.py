@@ -16,7 +16,6 @@ from myomorph.model.arrays import Array
 from myomorph.rigid.kernels import inner, kernel
 
 FOUND, UNBOUNDED, STOPPED = 0, 1, 2
-
 INSIDE = 1e-9  # A variable nearer to a bound, as a share of its range or of 1, stands on it
 FLAT = 1e-9  # A reduced cost below this share of the largest cost is none
 REFRESH = 150  # Pivots after which the tableau is made anew from A

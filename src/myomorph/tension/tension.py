@@ -22,8 +22,6 @@ from myomorph.tension.fibers import Fibers
 
 RESERVE, RESIDUAL = "reserve_", "residual_"
 """With what the names of actuators begin that are added by default: of coordinates, and of a body that floats."""
-
-
 _CHOICES = {
     "recruitment": ("power", "minmax"),
     "weights": ("equal", "volume", "strength"),

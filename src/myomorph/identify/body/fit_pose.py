@@ -25,9 +25,7 @@ LANDMARK_WEIGHT = 0.1
 centers, which models place differently; the other joint centers weigh 1."""
 
 SPINE = ("lumbar", "neck")
-
 FAR = 0.03  # Root mean square of the errors above which the model is not of this body's size [m]
-
 SHARE_INSIDE = 0.8
 ITERATIONS = 300
 POSTURE = 1e-3
@@ -35,7 +33,6 @@ POSTURE = 1e-3
 landmarks are followed without it."""
 
 TRUNK = ("hip", "lumbar", "neck", "shoulder", "pelvis", "ASIS", "PSIS", "C7", "sternum", "acromion")
-
 _SIDED = (
     ("ASIS", r"asis?|asi"),
     ("PSIS", r"psis?|psi"),

@@ -26,13 +26,10 @@ EXPONENTS = [
     (1, 1, 0),
 ]
 """Powers of x, y, z in each of the ten monomials."""
-
 _PRODUCTS = sorted({(a + d, b + e, c + f) for a, b, c in EXPONENTS for d, e, f in EXPONENTS})
 PRODUCTS = len(_PRODUCTS)  # Different products of two of the ten monomials: 35, all of degree 4 or less
-
 PRODUCT_OF = np.array([[_PRODUCTS.index((a + d, b + e, c + f)) for d, e, f in EXPONENTS] for a, b, c in EXPONENTS])
 """(10, 10) which of the 35 products a product of two monomials is."""
-
 _POWERS = np.array(_PRODUCTS, np.int64)
 
 

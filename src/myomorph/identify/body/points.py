@@ -18,11 +18,8 @@ from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 
 SPACING = 0.005  # That of [D] [m]
-
 BLOCK = 4
-
 MAX_GRID_POINTS = 60_000_000  # Grid points in the box around a body; more would not fit into a laptop
-
 DENSITIES: Mapping[str, float] = {
     "head": 1110.0, "upper_trunk": 920.0, "lower_trunk": 1010.0, "upper_arm": 1070.0, "lower_arm": 1130.0,
     "hand": 1160.0, "thigh": 1050.0, "shank": 1090.0, "foot": 1100.0,

@@ -22,7 +22,6 @@ CENTER_OF = {
     "head": "neck", "upper_arm": "shoulder", "lower_arm": "elbow", "hand": "wrist",
 }  # fmt: skip
 """The joint by which each region hangs on the one before it; a foot without a talus hangs on the ankle."""
-
 PARENT = {
     "torso": "pelvis", "thigh": "pelvis", "shank": "thigh", "talus": "shank", "foot": "talus", "toes": "foot",
     "head": "torso", "upper_arm": "torso", "lower_arm": "upper_arm", "hand": "lower_arm",

@@ -20,17 +20,13 @@ from myomorph.model.segments import Segment
 from myomorph.model.surface import Surface, signed_volume
 
 DENSITY = 985.0  # Mass of a person over the volume of the skin, with air in the lungs [kg/m^3]
-
 AGE = 25.0
 SPREAD = 0.15  # Standard deviation of a trait around the average before anything is measured, twice that of a trunk's
-
 MISFIT = FrozenMap({"height": 1e-4, "chest": 5e-4, "mass": 0.05})
 """What counts as one standard deviation of each measurement [m], [m], [kg]."""
-
 MAX_STEPS = 60
 LEGS_APART = np.radians(10.0)
 """Each leg is turned outward by this beyond the stance of the statistical body, so that no limbs touch."""
-
 FORWARD, UP, RIGHT = np.eye(3)
 _GENDER = {"female": 1.0, "male": 0.0, None: 0.5}
 _SIDES = {"right": "R", "left": "L"}

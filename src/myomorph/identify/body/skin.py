@@ -12,7 +12,6 @@ from myomorph.model.errors import BadData, from_extra
 from myomorph.model.surface import Surface, area_of, border_of, distinct_faces, pieces_of, signed_volume, turned_outward
 
 TALLEST = 3.0  # No body is longer than this in any direction [m]; what is longer is in other units
-
 UNITS = (("decimeters", 10.0), ("centimeters", 100.0), ("millimeters", 1000.0))
 CHUNK = 200_000
 SPECK = 0.004  # Closed pieces of less than this share of the body's volume are no part of it; a hand is 0.005

@@ -19,13 +19,11 @@ from myomorph.model.segments import Segment
 
 FREE = ("muscle", "weight", "height", "proportions")
 """Traits that measurements of a body change, each 0 to 1 with the average at one half."""
-
 LOCAL: Mapping[str, str] = {
     "bust": "torso/measure-bust-circ", "waist": "torso/measure-waist-circ", "trunk depth": "torso/torso-scale-depth",
     "trunk width": "torso/torso-scale-horiz",
 }  # fmt: skip
 """Traits of the trunk alone, each -1 to 1 with the average at 0, and the files of their shapes."""
-
 _KINDS: Mapping[str, tuple[str, ...]] = {
     "gender": ("male", "female"),
     "muscle": ("minmuscle", "averagemuscle", "maxmuscle"),
@@ -36,7 +34,6 @@ _KINDS: Mapping[str, tuple[str, ...]] = {
 _RACES = ("african", "asian", "caucasian")
 AGES: Mapping[str, float] = {"child": 10.0, "young": 25.0, "old": 90.0}
 """Ages that MakeHuman's shapes stand for [years]."""
-
 _TO_GROUND = 0.1 * np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
 """From the file's decimeters with x left, y up, z forward to meters with x forward, y up, z right."""
 

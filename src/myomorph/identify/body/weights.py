@@ -19,7 +19,6 @@ WeightMap = Callable[[Array, Links], sparse.csr_array]
 """Points (points, 3) in ground [m] and links in the same pose -> shares (points, links), rows sum to 1."""
 
 SMALLEST = 1e-4  # Shares below this are dropped, and what remains of the point is scaled to sum to 1 again
-
 CHUNK = 4096
 NEAREST = np.inf
 

@@ -20,9 +20,7 @@ POSTURE_SD = 0.2  # How far a coordinate may lie from where inverse kinematics p
 ACCELERATION_SD = 20.0  # How much a coordinate's acceleration may change [rad/s^2, or m/s^2 on a human body]
 BOUND_SD = 0.01  # How far a coordinate goes beyond its bounds [rad or m]
 MASS_SD = 1e-4  # Of the whole body's mass, of itself: it is known
-
 LENGTH_STEP = 1e-5
-
 UNEXPLAINED = 2.0
 """A frame whose residual is so many times the usual one, after motions alone were refined, loses weight: something
 that no plate measures, as a chair, carries a part of the body there."""

@@ -23,7 +23,6 @@ from myomorph.rigid.regressor import base_wrench, regressor_blocks
 
 Kind = TypeVar("Kind")
 WORSE = 1.02  # Ratio to the given model above which a prediction is worse
-
 LEAVES_MARKERS = 1.1
 """Ratio of the marker errors of predictions to those of a body that only markers made, above which a refined body is
 not taken, whatever its forces."""

@@ -13,17 +13,14 @@ from myomorph.muscles.fiber_equations import TENDON_FORCE, FiberMuscle, Fibers, 
 from myomorph.muscles.muscle_model import NO_PENNATION, FiberCurves, StaticOptimization, numbers
 
 HIGHEST = 5.0  # Largest normalized tendon force
-
 SIZE, RATE, OFFSET, ISOMETRIC = -0.3211346127989808, -8.149, -0.374, 0.8825327733249912
 """f_V = size asinh(rate v + offset) + isometric."""
-
 BELLS = (
     (0.8150671134243542, 1.055033428970575, 0.162384573599574, 0.063303448465465),
     (0.433004984392647, 0.716775413397760, -0.029947116970696, 0.200356847296188),
     (0.1, 1.0, 0.353553390593274, 0.0),
 )
 """Size b1, middle b2 and width b3 + b4 x of the bells of f_L."""
-
 VELOCITY = Curve((Piece(-np.inf, (ISOMETRIC,), shapes=(Shape(ASINH, SIZE, OFFSET, RATE),)),))
 
 

@@ -85,7 +85,6 @@ class Schutte1993(MuscleModel):
 
 
 ROUNDED = 0.01  # Normalized velocity up to which the corner of the force-velocity curve is rounded, by at most 0.013
-
 TAKEN_UP = 0.02
 """Normalized length on both sides of 1 over which the passive force sets in, by at most 0.001 from the curve."""
 

@@ -25,7 +25,6 @@ FIRST, LAST = 1e-2, 1e-6  # Barrier parameter at the beginning and at the end, i
 TOLERANCE = (5e-4, 1e-5, 1e-5)  # Residuals of the gradient, of bounds and of constraints at which the problem is solved
 ENOUGH = 50.0  # Residual, in units of the barrier parameter, at which that is made smaller
 NEAR_SLOPE = 1.0  # Residual of the gradient from which on the curvature of the rates' bounds counts
-
 STEPS = 500
 STUCK = 1.0  # Weight on keeping the forces from which on no step will be found: constraints contradict each other there
 RESTARTS = 6  # How often the solver begins anew from the forces that its activations lead to

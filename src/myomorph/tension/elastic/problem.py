@@ -41,7 +41,6 @@ from myomorph.tension.tension import Tension
 WINDOW = 256  # Frames kept of each window of a long recording
 MARGIN = 0.3  # Time before and after them that is solved too [s]
 SHORTEST_BRIDGE = 0.1  # Gaps up to this long are bridged [s]
-
 PASSES = 2
 """Passes over a window whose contact forces are smoothed: each frame is given those beside it of the pass before, the
 first those of the solution with rigid tendons."""

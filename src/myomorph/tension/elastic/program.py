@@ -24,7 +24,6 @@ from myomorph.muscles.hill_arrays import ElasticArrays
 from myomorph.tension.elastic.elements import integrate
 
 MIN_FORCE, MAX_FORCE = 2.5e-4, 4.0  # Bounds of the normalized tendon force
-
 SMOOTH = 1e-4
 """Cost of a squared change of the normalized tendon force from frame to frame; it keeps forces from alternating."""
 

@@ -101,7 +101,6 @@ class ContactTask:
 FELT = 1e-3  # Share of a change beyond a window's margins that may still be felt inside it
 CLOSE = 5e-4  # Passes over a window end when no force is further from where they lead [body weights]
 REFERENCE = 0.01  # Time between frames for which the smoothness is stated [s]
-
 MAX_PREFERRED = 0.45
 """Share of the friction up to which forces may be preferred across the cone: at a half a generator would be lost."""
 
@@ -240,7 +239,6 @@ def _preference(task: ContactTask, generators: ConeGenerators) -> Array:
 
 MEASURED_COST = 1.0
 """Cost of missing a measured force by one standard deviation, in units of the effort a^2 of one muscle."""
-
 COMPONENTS = ("FX", "FY", "FZ", "MX", "MY", "MZ")
 
 

@@ -23,7 +23,6 @@ from myomorph.model.model import index_of
 from myomorph.tension.separable import Links
 
 T = TypeVar("T")
-
 LIMIT_COST = 1e-6
 """Cost of the unknown of a constraint, squared: small enough to change nothing, above 0 for a unique solution."""
 
