@@ -54,11 +54,9 @@ def run_demo(name: str, out: Path) -> Outcome:
 
 
 def demo_trial(name: str) -> TrialInputs:
-    """A demo's recording, ready for the steps.
-
-    "jump": a recorded countermovement jump (package `biomdp`) with a leg model (package `myo-sim`);
-    "simulated": a full-body squat that the project simulates, with known truth; "judo": two simulated fighters who pull
-    on each other, every force known.
+    """A demo's recording, ready for the steps. "jump": a recorded countermovement jump (package `biomdp`) with a leg
+    model (package `myo-sim`); "simulated": a full-body squat that the project simulates, with known truth; "judo": two
+    simulated fighters who pull on each other, every force known.
     """
     if name == "jump":
         return _jump_trial()

@@ -64,9 +64,7 @@ def axis_scaling(landmarks: FeaturePoints) -> AffineMap:
 
 
 def morph_errors(morph: Morph, truth: Mapping[str, PointMap], landmarks: Mapping[str, FeaturePoints]) -> MorphErrors:
-    """Errors of a morph, and of simpler maps through landmarks alone, against a known deformation. `truth`: where the
-    points of each body's frame truly go; `landmarks`: of each body that has a truth.
-    """
+    """Errors of a morph, and of simpler maps through landmarks alone, against a known deformation of bodies."""
     fixed = {(m.name, p.name) for m in morph.source.muscles for p in m.path.points if isinstance(p, PathPoint)}
     points = [point for point in morph.points if (point.owner, point.name) in fixed and point.body in truth]
     bodies, source = [point.body for point in points], np.array([point.source for point in points])
@@ -211,9 +209,7 @@ class MorphDemo:
 
 
 def run_morph_demo(out: Path) -> MorphDemo:
-    """Carry the leg's muscles into the deformed bones and write the model, its errors, bones, tables and a report.
-    `out`: folder, made where it does not exist.
-    """
+    """Carry the leg's muscles into the deformed bones and write the model, its errors, bones, tables and a report."""
     # Brings jinja2: loaded only where it is needed.
     from myomorph.report.morph.morph_page import morph_page
     from myomorph.study.trial.reporting import REPORT

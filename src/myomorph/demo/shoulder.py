@@ -37,9 +37,7 @@ ARM_OFFSET = 0.0014  # `arm_sensitivity.OFFSET` as small as the muscles, which a
 
 
 def run_shoulder_demo(out: Path, said: Callable[[Outcome], None]) -> list[Outcome]:
-    """Write the example study into a folder's `RECORDINGS`, identify it, and write tables and `report.html`. `said`:
-    called with each specimen's outcome when it ends.
-    """
+    """Write the example study into a folder's `RECORDINGS`, identify it, and write tables and `report.html`."""
     return run_viscosity(read_viscosity_plan(write_shoulder_study(out / RECORDINGS)), out, said)
 
 

@@ -39,9 +39,8 @@ def read_channels(path: str | os.PathLike[str]) -> Series:
 
 
 def read_csv_table(path: Path) -> Table:
-    """A CSV file as a table; its column of time is in [s], or in [ms] where its name says so.
-
-    With semicolons between cells a comma is a decimal point. Lines before the one of the names are passed over.
+    """A CSV file as a table; its column of time is in [s], or in [ms] where its name says so. With semicolons between
+    cells a comma is a decimal point. Lines before the one of the names are passed over.
     """
     lines = [line for line in file_text(path, HINT).splitlines() if line.strip()]
     mark, names, start = _heading(lines, path)

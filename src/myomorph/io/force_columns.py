@@ -42,10 +42,9 @@ class ForceColumns:
 
 
 def force_columns(names: Sequence[str]) -> tuple[ForceColumns, ...]:
-    """Forces with all three axes and a center of pressure or moments, among the columns of a table.
-
-    Knows OpenSim's names (`1_ground_force_vx`, `ground_force_r_px`, `ground_torque_x`, `calcn_r_force_vx`) and those
-    that laboratories write (`Fx1`, `COPx1`, `Mx1`, `FP2_Fx`, `F1x`, `COP1_x [mm]`), in capital or small letters.
+    """Forces with all three axes and a center of pressure or moments, among the columns of a table. Knows OpenSim's
+    names (`1_ground_force_vx`, `ground_force_r_px`, `ground_torque_x`, `calcn_r_force_vx`) and those that laboratories
+    write (`Fx1`, `COPx1`, `Mx1`, `FP2_Fx`, `F1x`, `COP1_x [mm]`), in capital or small letters.
     """
     by_force: dict[str, dict[str, dict[str, str]]] = {}
     titles: dict[str, str] = {}
@@ -93,10 +92,9 @@ def _known(name: str) -> tuple[str, str, str, str] | None:
 
 
 def table_wrenches(table: Table, bodies: Mapping[str, str] | None = None) -> Wrenches:
-    """Forces of a table in ground [N, m, N m]; the bodies are those given, else not known ("").
-
-    A force without a center of pressure acts at the ground's origin with its moment about it, and a note says so.
-    `bodies`: what the names of the columns of each force begin with ("ground_force_", "FP1_"), and its body.
+    """Forces of a table in ground [N, m, N m]; the bodies are those given by what names of columns begin with ("FP1_"),
+    else not known (""). A force without a center of pressure acts at the ground's origin with its moment about it, and
+    a note says so.
     """
     source = table.source or "the table"
     if bodies:

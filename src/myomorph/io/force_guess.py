@@ -18,12 +18,10 @@ TURNS = 0.05  # A moment about the vertical changes by more with the steps of a 
 
 
 def guessed_names(values: Array) -> list[str] | None:
-    """Names of all columns of a table of forces (rows, columns), None where its numbers leave it open.
-
-    The first column is time where it rises evenly. The rest are groups of a force and a center of pressure (6
-    columns each), a force and a moment (6), or a force, a center of pressure and a moment in one of both orders (9).
-    One axis is vertical: the forces point along it, to one side each, and centers of pressure do not move along it,
-    which moments do.
+    """Names of all columns of a table of forces (rows, columns), None where its numbers leave it open. The first column
+    is time where it rises evenly. The rest are groups of a force and a center of pressure (6 columns each), a force and
+    a moment (6), or a force, a center of pressure and a moment in one of both orders (9). One axis is vertical: the
+    forces point along it, to one side each, and centers of pressure do not move along it, which moments do.
     """
     time, rest = _time_first(values)
     readings = [names for names in (_read(rest, kinds) for kinds in KINDS) if names is not None]

@@ -61,10 +61,9 @@ def force_layout(names: str = "", rate: float = 0.0, origins: str = "") -> Force
 
 
 def read_forces(path: Path, bodies: Mapping[str, str] | None = None, layout: ForceLayout | None = None) -> Wrenches:
-    """Forces of a table in its own axes [N, m, N m], its bodies those named, else not known ("").
-
-    A table with the usual heading is read as it stands; of any other, notes say what was taken for what. `bodies`: what
-    the names of the columns of each force begin with, and its body; `layout`: what the table does not say itself.
+    """Forces of a table in its own axes [N, m, N m], its bodies those named, else not known (""). A table with the
+    usual heading is read as it stands; of any other, notes say what was taken for what; `layout`: what it does not say
+    itself.
     """
     layout = layout or ForceLayout()
     table = None if layout.names or layout.rate else _usual(path)

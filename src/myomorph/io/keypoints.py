@@ -195,10 +195,9 @@ def _beside(path: Path, points: int, notes: list[str]) -> KeypointNames:
 
 
 def read_keypoint_names(path: str | os.PathLike[str]) -> KeypointNames:
-    """Read names of points: YAML or JSON (a list, or tables as `KeypointNames`), or text with a name a line.
-
-    Of YAML and JSON the keys are names, bodies, offsets [m], units and rate; those of stac-mjx are
-    understood too (KP_NAMES, KEYPOINT_MODEL_PAIRS, KEYPOINT_INITIAL_OFFSETS, MOCAP_SCALE_FACTOR).
+    """Read names of points: YAML or JSON (a list, or tables as `KeypointNames`), or text with a name a line. Of YAML
+    and JSON the keys are names, bodies, offsets [m], units and rate; those of stac-mjx are understood too (KP_NAMES,
+    KEYPOINT_MODEL_PAIRS, KEYPOINT_INITIAL_OFFSETS, MOCAP_SCALE_FACTOR).
     """
     path = Path(path)
     try:

@@ -16,10 +16,9 @@ HEADINGS = ("label", "labels", "recorded", "recording", "from", "name")
 
 
 def read_labels(path: str | os.PathLike[str]) -> dict[str, str]:
-    """Recorded label to the model's marker, "" where the marker is to be left out.
-
-    A CSV file has two columns (separated by comma, semicolon or tab), with a heading or without, and lines that begin
-    with # are remarks. A TOML file has a line for each label, alone or in a table `[labels]`.
+    """Recorded label to the model's marker, "" where the marker is to be left out. A CSV file has two columns
+    (separated by comma, semicolon or tab), with a heading or without, and lines that begin with # are remarks. A TOML
+    file has a line for each label, alone or in a table `[labels]`.
     """
     path = Path(path)
     ending = path.suffix.lower()

@@ -39,11 +39,10 @@ _IN_MILLIMETERS = "# Markups fiducial file"
 
 
 def read_landmark_pairs(path: str | os.PathLike[str]) -> dict[str, LandmarkPairs]:
-    """Landmarks of two skeletons, by body of the source.
-
-    A table with the columns `body, name, source_x, source_y, source_z, target_x, target_y, target_z`, in any order and
-    case, separated by commas, semicolons or tabs; in meters unless a column says otherwise (`source_x [mm]`). Source
-    points are in the source body's frame, target points in the frame of the target's bone.
+    """Landmarks of two skeletons, by body of the source. A table with the columns `body, name, source_x, source_y,
+    source_z, target_x, target_y, target_z`, in any order and case, separated by commas, semicolons or tabs; in meters
+    unless a column says otherwise (`source_x [mm]`). Source points are in the source body's frame, target points in the
+    frame of the target's bone.
     """
     path = Path(path)
     table = _table(path, PAIR_COLUMNS)

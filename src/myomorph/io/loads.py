@@ -178,10 +178,9 @@ def _poses(body: str, poses: PosesOf | None, time: Array, entry: LoadEntry) -> t
 
 
 def loads_table(wrenches: Wrenches, name: str = "Contact forces") -> Table:
-    """Forces, points and torques in ground as OpenSim's external loads name them.
-
-    Columns of a load NAME are NAME_force_vx, vy, vz [N], NAME_force_px, py, pz [m] and NAME_torque_x, y, z
-    [N m]: the force on the body. An unknown point of a load without force becomes 0.
+    """Forces, points and torques in ground as OpenSim's external loads name them. Columns of a load NAME are
+    NAME_force_vx, vy, vz [N], NAME_force_px, py, pz [m] and NAME_torque_x, y, z [N m]: the force on the body. An
+    unknown point of a load without force becomes 0.
     """
     for load, body in zip(wrenches.names, wrenches.bodies, strict=True):
         if not body:
@@ -202,9 +201,8 @@ def loads_table(wrenches: Wrenches, name: str = "Contact forces") -> Table:
 def write_external_loads(
     wrenches: Wrenches, table: str | os.PathLike[str], loads: str | os.PathLike[str], name: str = "Contact forces"
 ) -> None:
-    """Write a table of loads (.sto or .mot) and the external loads file (.xml) that names it, both in ground.
-
-    OpenSim and `io.loads.read_external_loads` take them back; the XML finds the table beside itself.
+    """Write a table of loads (.sto or .mot) and the external loads file (.xml) that names it, both in ground. OpenSim
+    and `io.loads.read_external_loads` take them back; the XML finds the table beside itself.
     """
     write_sto(loads_table(wrenches, name), table)
     document = etree.Element("OpenSimDocument", Version="40000")

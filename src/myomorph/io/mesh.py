@@ -33,11 +33,10 @@ _TYPES = {"Float32": "f4", "Float64": "f8"} | {
 def read_surfaces(
     model: Model, folders: Sequence[str | Path], root: str | Path | None = None
 ) -> tuple[dict[str, Surface], tuple[str, ...]]:
-    """The meshes a model draws its bodies with, by the name the model gives them.
-
-    What cannot be drawn is left out and named in a warning: a picture is not worth a stop. `folders`: where to look, in
-    order; `root`: names may climb out of a folder (`../meshes/femur.stl`, as MuJoCo's models do) as long as they stay
-    inside this one; None forbids climbing; returns surfaces by `Mesh.file`, and warnings, one line each.
+    """The meshes a model draws its bodies with, by the name the model gives them. What cannot be drawn is left out and
+    named in a warning: a picture is not worth a stop. `folders`: where to look, in order; `root`: names may climb out
+    of a folder (`../meshes/femur.stl`, as MuJoCo's models do) as long as they stay inside this one; None forbids
+    climbing; returns surfaces by `Mesh.file`, and warnings, one line each.
     """
     wanted = [mesh.file for body in model.bodies for mesh in body.meshes if mesh.shape == "mesh" and mesh.file]
     surfaces: dict[str, Surface] = {}
@@ -65,9 +64,8 @@ def read_surfaces(
 
 
 def find_mesh(name: str, folders: Iterable[str | Path], root: str | Path | None = None) -> Path | None:
-    """Path of a mesh inside one of the folders, None where there is none or the name leads outside.
-
-    Models made on Windows often write another case than the file has; the one that exists is taken.
+    """Path of a mesh inside one of the folders, None where there is none or the name leads outside. Models made on
+    Windows often write another case than the file has; the one that exists is taken.
     """
     if not _allowed(name, root is not None):
         return None

@@ -26,10 +26,9 @@ FRAGMENT = "unidentified_"
 
 
 def read_qualisys_mat(path: str | os.PathLike[str], unidentified: bool = False) -> Trial:
-    """Read a Qualisys export: labelled trajectories in metres, an unseen marker as NaN, time 0 at frame 1.
-
-    QTM writes millimetres and, unless set otherwise, z upwards. `unidentified`: trajectories without a label become
-    markers named `unidentified_1`, ...; else only their number and duration are reported.
+    """Read a Qualisys export: labelled trajectories in metres, an unseen marker as NaN, time 0 at frame 1. QTM writes
+    millimetres and, unless set otherwise, z upwards. `unidentified`: trajectories without a label become markers named
+    `unidentified_1`, ...; else only their number and duration are reported.
     """
     path = Path(path)
     _check(path)

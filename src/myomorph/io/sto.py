@@ -228,11 +228,9 @@ def write_sto(table: Table, path: str | os.PathLike[str]) -> None:
 
 
 def motion_from_table(table: Table, model: Model) -> Motion:
-    """Coordinates over time [rad or m] from a table of angles, for the coordinates of `model`.
-
-    Columns are found as `hip_flexion_r` or as a state, `/jointset/hip_r/hip_flexion_r/value`; speeds
-    (`.../speed`, `hip_flexion_r_u`) and other columns are left out. Degrees become radians for
-    rotational coordinates only, as OpenSim does.
+    """Coordinates over time [rad or m] from a table of angles, for the coordinates of `model`. Columns are found as
+    `hip_flexion_r` or as a state, `/jointset/hip_r/hip_flexion_r/value`; speeds (`.../speed`, `hip_flexion_r_u`) and
+    other columns are left out. Degrees become radians for rotational coordinates only, as OpenSim does.
     """
     columns = coordinate_columns(table.names, model)
     if not columns:

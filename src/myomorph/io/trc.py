@@ -34,11 +34,10 @@ HEADER_LINES = 30
 
 
 def read_trc(path: str | os.PathLike[str]) -> Trial:
-    """Read a TRC file: markers in metres, a hidden one as NaN, with the header's facts and warnings.
-
-    Takes header values that are shifted by extra tabs, blanks and every spelling of NaN for hidden
-    markers, exact (0, 0, 0) for hidden markers, rows that end early, names without columns and
-    columns without names, commas for tabs, and counts that do not hold.
+    """Read a TRC file: markers in metres, a hidden one as NaN, with the header's facts and warnings. Takes header
+    values that are shifted by extra tabs, blanks and every spelling of NaN for hidden markers, exact (0, 0, 0) for
+    hidden markers, rows that end early, names without columns and columns without names, commas for tabs, and counts
+    that do not hold.
     """
     path = Path(path)
     text = file_text(path, HINT)

@@ -40,10 +40,9 @@ class _Format:
 
 
 def read_wav(path: str | os.PathLike[str], start: float = 0.0) -> Sound:
-    """Read a WAV file; channels are named "1", "2", ... as the recorder's inputs.
-
-    A file whose header promises more than it holds (a recording that was cut off) is read as far as it goes, with a
-    warning. `start`: time of the first sample on the motion's clock [s].
+    """Read a WAV file; channels are named "1", "2", ... as the recorder's inputs. A file whose header promises more
+    than it holds (a recording that was cut off) is read as far as it goes, with a warning. `start`: time of the first
+    sample on the motion's clock [s].
     """
     path = Path(path)
     data = mapped_bytes(path)

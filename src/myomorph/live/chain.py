@@ -69,10 +69,9 @@ class ChainFrame:
 
 
 class Poses:
-    """The pose of each frame: inverse kinematics of its markers, or its coordinates as they come. `marker_names`: of
-    the markers that model and source share; none where coordinates come; `source`: whose `names` and `markers` say
-    what comes; `blend`: time constant with which the jump of a lost or found marker is given back [s]; None for no
-    blending.
+    """The pose of each frame: inverse kinematics of its markers (`marker_names`: those that model and source share), or
+    its coordinates as they come. `blend`: time constant with which the jump of a lost or found marker is given back
+    [s].
     """
 
     def __init__(self, model: Model, source: Source, blend: float | None = None):
@@ -114,12 +113,9 @@ class Poses:
 
 
 class LiveChain:
-    """From markers and forces to coordinates, torques, activations. `poses`: of the frames; `filter_delay`: how much
-    older torques and tensions are than their frame [s]; `max_age`: frames older than that are dropped [s]; `bodies`:
-    that external forces act on; `actuators`: reserves and residuals, names; `limits`: what draws them, None where
-    none are asked for; `source`: which says what will come: names of markers or coordinates, plates and rates;
-    `limits`: how limits of results are drawn; None for no limits; `sources`: sizes of the errors that they are drawn
-    with.
+    """From markers and forces to coordinates, torques, activations. `filter_delay`: how much older torques and tensions
+    are than their frame [s]; `max_age`: frames older than that are dropped [s]; `bodies`: that external forces act on;
+    `limits`: how limits of results are drawn, with errors of the sizes `sources`; None for no limits.
     """
 
     def __init__(

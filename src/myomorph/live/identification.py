@@ -94,9 +94,8 @@ class IdentificationFrame:
 
 
 class LiveIdentification:
-    """Steps of the loop that fold every frame into an estimate, and keep what came. `estimate`: with everything that
-    was folded in; `max_age`, `newest_force`: infinite: no frame is dropped, and none waits, since the estimate itself
-    waits for forces; `source`: which says what will come; `mass`: of the subject [kg]; None where it is not known.
+    """Steps of the loop that fold every frame into an estimate, and keep what came. No frame is dropped, and none waits
+    (`max_age` and `newest_force` are infinite), since the estimate itself waits for forces.
     """
 
     max_age = newest_force = float("inf")
@@ -182,9 +181,7 @@ def identify_frames(
     displays: Sequence[Display] = (),
     now: Callable[[], float] = clock.monotonic,
 ) -> LiveResult:
-    """Take frames from a source until it is done. `model`: scaled to the subject; `mass`: of the subject [kg]; None
-    where it is not known; `now`: a clock [s].
-    """
+    """Take frames from a source until it is done; `now`: a clock [s]."""
     # As in the loop: the matrices are small, before it and after it too.
     with threadpool_limits(limits=1, user_api="blas"):
         steps, delays = LiveIdentification(model, source, mass, online), Delays()
@@ -244,10 +241,7 @@ def run_live(
     surfaces: Mapping[str, Surface] | None = None,
     terminal: bool = True,
 ) -> LiveResult:
-    """Identify while frames arrive, and show it. `model`: scaled to the subject; `recording`: to play; None for
-    streams; `mass`: of the subject [kg]; `surfaces`: meshes for the pictures; `terminal`: draw on the terminal,
-    where there is one.
-    """
+    """Identify while frames arrive (of streams where no recording is given), and show it, where there is a terminal."""
     live = live or LiveOptions()
     source = source_of(recording, live)
     displays: list[Display] = []

@@ -79,11 +79,9 @@ class Instant:
 
 
 class LiveLimits:
-    """Draws of the chain beside the frames. `draws`: inputs drawn; `factors`: by which limits of each table are wider
-    than those of the draws; `tried, failed`: drawn frames, and how many of these had no solution; `missed`: frames
-    with results for which no limits were known in time; `names`: of the markers that will arrive; None where
-    coordinates do; `bodies`: that external forces act on; `filter`: of poses and forces; `rate`: of the frames [Hz];
-    `up`: (3,) against gravity.
+    """Draws of the chain beside the frames. `factors`: by which limits of each table are wider than those of the draws;
+    `tried`, `failed`: drawn frames, and how many of these had no solution; `missed`: frames with results for which no
+    limits were known in time; `up`: (3,) against gravity.
     """
 
     def __init__(
@@ -202,9 +200,8 @@ class LiveLimits:
             self._found = instant.time, self._limits(rows[known] - instant.result)
 
     def _fourth(self, time: float, third: Array) -> Array:
-        """(coordinates,) fourth derivative by the change of the third since the pose before.
-
-        The filter's own equation has it too, but passes on what lines between frames leave of the recorded motion.
+        """(coordinates,) fourth derivative by the change of the third since the pose before. The filter's own equation
+        has it too, but passes on what lines between frames leave of the recorded motion.
         """
         (then, before), self._before = self._before, (time, third)
         gap = time - then

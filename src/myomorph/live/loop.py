@@ -183,10 +183,9 @@ def follow(
     delays: Delays | None = None,
     now: Callable[[], float] = clock.perf_counter,
 ) -> LiveSession:
-    """Take frames from a source until it is done, or Ctrl-C is pressed. `steps`: what is computed of each frame;
-    `source`: of the frames and forces; `outputs`: what a result must have reached before it counts as given out;
-    `late`: what it reaches after that; `delays`: to be filled, where another looks at them meanwhile; `now`: a clock
-    [s].
+    """Take frames from a source until it is done, or Ctrl-C is pressed. `outputs`: what a result must have reached
+    before it counts as given out; `late`: what it reaches after that; `delays`: to be filled, where another looks at
+    them.
     """
     delays = Delays() if delays is None else delays
     interrupted = False

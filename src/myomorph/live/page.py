@@ -25,9 +25,7 @@ LOOK = 200  # Frames that the delay on the page is of.
 
 
 class LivePage:
-    """A page that shows the newest frame. `surfaces`: meshes by `Mesh.file`; `port`: of the page;
-    `delays`: which it shows.
-    """
+    """A page that shows the newest frame and its delays."""
 
     def __init__(
         self, model: Model, chain: LiveChain, surfaces: Mapping[str, Surface] | None, port: int, delays: Delays

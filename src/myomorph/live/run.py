@@ -135,9 +135,7 @@ BLOCK = 256  # Frames that are written at once.
 
 
 class LiveRecord:
-    """Keeps every frame on the disk while the session runs, and writes the results at its end. `folder`: that the
-    results go into, which exists.
-    """
+    """Keeps every frame in a folder while the session runs, and writes the results at its end."""
 
     def __init__(self, chain: LiveChain, folder: Path):
         self._chain, self._folder = chain, folder

@@ -65,9 +65,8 @@ class Source(Protocol):
 
 
 class Replay:
-    """A recording at the speed at which it was made, or another. `motion`: markers, or coordinates; `wrenches`: all
-    external forces, in ground, on any clock; None for none; `speed`: times real time; 0 as fast as it goes; `now`: a
-    clock [s].
+    """A recording of markers or coordinates, and external forces in ground, at `speed` times real time, 0 as fast as it
+    goes.
     """
 
     def __init__(
@@ -159,10 +158,9 @@ def open_recording(
     time: tuple[float, float] | None = None,
     labels: Mapping[str, str] | None = None,
 ) -> LiveRecording:
-    """Files to play. `motion`: markers (.trc, .c3d) or coordinates (.mot, .sto); `loads`: external loads file, or a
-    table of plates; None for the plates of a C3D file, or for no forces; `time`: first and last time that is played
-    [s]; None for all; `labels`: what the model calls markers that the recording calls otherwise, "" for those to
-    leave out.
+    """Files to play: markers (.trc, .c3d) or coordinates (.mot, .sto), and an external loads file, or a table of
+    plates; None for the plates of a C3D file, or for no forces. `labels`: what the model calls markers that the
+    recording calls otherwise, "" for those to leave out.
     """
     series: Markers | Motion
     wrenches: Wrenches | None = None

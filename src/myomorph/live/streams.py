@@ -47,9 +47,8 @@ def marker_channels(labels: Sequence[str], units: Sequence[str]) -> tuple[tuple[
 
 
 def force_channels(labels: Sequence[str], units: Sequence[str]) -> tuple[tuple[str, ...], Callable[[Array], Array]]:
-    """Names of plates, and a function from samples (samples, channels) to their wrenches (samples, plates, 6).
-
-    Wrenches are moments about the ground's origin [N m] and forces [N].
+    """Names of plates, and a function from samples (samples, channels) to their wrenches (samples, plates, 6). Wrenches
+    are moments about the ground's origin [N m] and forces [N].
     """
     plate_channels: dict[str, dict[str, int]] = {}
     for i, label in enumerate(labels):
@@ -103,9 +102,8 @@ class LabStreams:
     the axis), in the unit that the channels name (m where none), NaN while hidden. The forces' stream has either nine
     channels a plate, NAME_Fx Fy Fz (force on the subject [N]), NAME_Px Py Pz (point of application [m]), NAME_Tx Ty Tz
     (free torque about it [N m]), or six, NAME_Fx Fy Fz and NAME_Mx My Mz (moment about the laboratory's origin [N m]).
-    Both are in the model's ground axes. `markers`, `forces`: names of the streams; "" for no forces; `wait`: for the
-    streams to appear [s]; `turn`: (3, 3) rows are the ground's axes in the laboratory; None where they are the same;
-    `library`: `pylsl`, or something that behaves like it.
+    Both are in the model's ground axes. `turn`: (3, 3) rows are the ground's axes in the laboratory; `library`:
+    `pylsl`, or something that behaves like it.
     """
 
     markers = True
@@ -238,7 +236,6 @@ class LabOutlet:
     by the names of coordinates, the same with `_moment` or `_force`, and the names of muscles, and have units. What is
     unknown is NaN. Of a stream, time stamps are those of its sender on this machine's clock; of a recording that is
     played, those at which its frames were due. With limits, all channels come twice more, as `..._low` and `..._high`.
-    `source`: of the frames; `library`: `pylsl`, or something that behaves like it.
     """
 
     def __init__(self, name: str, chain: LiveChain, source: Source, library: Any = None):

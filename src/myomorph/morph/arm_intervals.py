@@ -79,9 +79,7 @@ class _Displacement:
         return np.stack(columns, axis=-1)
 
     def slid(self, points: Array, within: Array) -> Array:
-        """Path points (n, 3) displaced, those near the surface along it [m]. `within`: (n,) their own radii of 90 %
-        [m].
-        """
+        """Path points (n, 3) displaced, those near the surface along it [m]; `within`: (n,) their radii of 90 % [m]."""
         steps, shape = self._steps(points), self.known.shape
         moved = np.asarray(points + within[:, None] / IN_SPACE * steps)
         if shape is None:
@@ -103,10 +101,9 @@ class _Displacement:
 
 
 def with_arm_intervals(morph: Morph, checks: MorphChecks, progress: Callable[[int], None] | None = None) -> MorphChecks:
-    """The checks with intervals of moment arms (`MomentArms.within`) and of wrap objects.
-
-    Muscles with a point whose interval is not known, or on a bone that was not matched, have none, as where a bone was
-    scaled with its neighbors or mapped by landmarks alone. `progress`: called with 1 after each of `DRAWS` models.
+    """The checks with intervals of moment arms (`MomentArms.within`) and of wrap objects. Muscles with a point whose
+    interval is not known, or on a bone that was not matched, have none, as where a bone was scaled with its neighbors
+    or mapped by landmarks alone. `progress`: called with 1 after each of `DRAWS` models.
     """
     known = _matched(morph)
     if not known or not checks.arms:

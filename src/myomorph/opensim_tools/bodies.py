@@ -102,10 +102,9 @@ def listed(analysis: Analysis, tag: str, kind: str, names: tuple[str, ...]) -> t
 
 
 def body_kinematics(here: Analyzed, analysis: Analysis) -> Result:
-    """Mass centers and orientations of bodies, and the center of mass of the model: pos, vel and acc.
-
-    In ground; velocities and accelerations in the bodies' own axes where the analysis says so. Orientations are
-    body-fixed X-Y-Z angles.
+    """Mass centers and orientations of bodies, and the center of mass of the model: pos, vel and acc. In ground;
+    velocities and accelerations in the bodies' own axes where the analysis says so. Orientations are body-fixed X-Y-Z
+    angles.
     """
     model = here.model
     known = (*model.body_names, WHOLE)

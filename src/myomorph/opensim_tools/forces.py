@@ -89,10 +89,8 @@ def reported_forces(here: Analyzed, analysis: Analysis) -> Result:
 
 
 def force_columns(here: Analyzed, forces: Series | None) -> tuple[tuple[str, ...], Array, tuple[str, ...]]:
-    """All forces at each frame as OpenSim reports them: names, values (frames, columns), and what is left out.
-
-    External forces and torques are in ground, the points that they act on in the frame of their body. `forces`: of
-    muscles and actuators.
+    """All forces of muscles and actuators at each frame as OpenSim reports them: names, values (frames, columns), and
+    what is left out. External forces and torques are in ground, the points that they act on in the frame of their body.
     """
     model, frames = here.model, len(here.motion)
     c, rates, _ = here.arrays
@@ -173,10 +171,9 @@ def inverse_dynamics_analysis(here: Analyzed, analysis: Analysis) -> Result:
 
 
 def joint_reaction(here: Analyzed, analysis: Analysis) -> Result:
-    """The table `..._ReactionLoads.sto` of a JointReaction analysis, what was found, and warnings.
-
-    As OpenSim, the analysis takes the accelerations that all forces together cause; those of the motion are not read.
-    Without a forces_file, forces of muscles are those of their states.
+    """The table `..._ReactionLoads.sto` of a JointReaction analysis, what was found, and warnings. As OpenSim, the
+    analysis takes the accelerations that all forces together cause; those of the motion are not read. Without a
+    forces_file, forces of muscles are those of their states.
     """
     reading.has_mass(here.model, "joint reactions")
     model, motion, actuators = here.model, here.motion, here.actuators

@@ -32,9 +32,8 @@ from myomorph.study.trial.steps.id import torque_table
 
 
 def run_tool(source: Path) -> ToolResult:
-    """Run a setup file and write what it asks for, where it asks for it.
-
-    Paths are relative to the setup file's folder, as OpenSim takes them.
+    """Run a setup file and write what it asks for, where it asks for it. Paths are relative to the setup file's folder,
+    as OpenSim takes them.
     """
     setup = read_setup(source)
     if isinstance(setup, ScaleSetup):
@@ -80,10 +79,8 @@ def run_inverse_kinematics(setup: InverseKinematicsSetup, source: Path) -> ToolR
 
 
 def run_inverse_dynamics(setup: InverseDynamicsSetup, source: Path) -> ToolResult:
-    """Inverse dynamics of a table of coordinates: the table of generalized forces.
-
-    External forces are not filtered, and forces of the model's own that are not excluded are taken off,
-    both as in OpenSim.
+    """Inverse dynamics of a table of coordinates: the table of generalized forces. External forces are not filtered,
+    and forces of the model's own that are not excluded are taken off, both as in OpenSim.
     """
     model_path = needed(setup.model, "model_file", source)
     motion_path = needed(setup.coordinates, "coordinates_file", source)

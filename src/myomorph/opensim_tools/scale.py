@@ -170,9 +170,8 @@ def _markers_line(placement: Placement) -> str:
 def tasks_of_setup(
     options: InverseKinematicsOptions, tasks: IkTasks, coordinates: Path | None, model: Model, source: Path
 ) -> InverseKinematicsOptions:
-    """Options with the tasks of a setup file, and the motion that coordinate tasks take their values from.
-    `coordinates`: file of that motion; it is not read where no task takes its value from it; `source`: the setup
-    file.
+    """Options with the tasks of a setup file, and the motion that coordinate tasks take their values from: of a file
+    that is not read where no task does.
     """
     options = with_tasks(options, tasks, model, str(source))
     wanted = [aim.coordinate for aim in tasks.coordinates if aim.source == "table" and aim.weight > 0.0]

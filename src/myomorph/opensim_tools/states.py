@@ -144,10 +144,8 @@ class Analyzed:
 def analyzed(
     setup: AnalyzeSetup, model: Model, actuators: tuple[Actuator, ...], source: Path
 ) -> tuple[Analyzed, list[str]]:
-    """The model in the motion that a setup names, and what was odd about it.
-
-    OpenSim takes a file of states row by row; of a file of coordinates it filters and differentiates, and its muscles
-    stand at their default states.
+    """The model in the motion that a setup names, and what was odd about it. OpenSim takes a file of states row by row;
+    of a file of coordinates it filters and differentiates, and its muscles stand at their default states.
     """
     path = needed(setup.states or setup.coordinates, "coordinates_file", source)
     notes = []
@@ -186,9 +184,8 @@ def analyzed(
 
 
 def even_times(time: Array) -> Array:
-    """The times where their steps are alike, else even ones, as OpenSim's filter has them [s].
-
-    Those start half the file's frames before it, mirrored, with its smallest step, and are at most `MAX_FRAMES`.
+    """The times where their steps are alike, else even ones, as OpenSim's filter has them [s]. Those start half the
+    file's frames before it, mirrored, with its smallest step, and are at most `MAX_FRAMES`.
     """
     step = np.diff(time)
     if len(step) < 2 or step.max() - step.min() < 1e-3 * step.mean():
@@ -244,9 +241,8 @@ def stored_states(table: Table, model: Model, frames: slice) -> dict[tuple[str, 
 
 
 def with_speeds(table: Table, model: Model, motion: Motion) -> Motion:
-    """The motion with the speeds that a table of states of the same frames holds; those that it lacks stay.
-
-    OpenSim's speeds of joints that turn freely are angular velocities and no rates: theirs stay too.
+    """The motion with the speeds that a table of states of the same frames holds; those that it lacks stay. OpenSim's
+    speeds of joints that turn freely are angular velocities and no rates: theirs stay too.
     """
     assert motion.velocities is not None
     turning = {name for joint in model.joints if joint.kind in TURNING for name in joint.coordinates}

@@ -48,9 +48,7 @@ class Drives:
 
 
 class Controller:
-    """Activations of both fighters from the state, instant by instant. `compiled`: mujoco.MjModel of the pair;
-    `weight`, `tone`: (muscles,) w and a0.
-    """
+    """Activations of both fighters from the state, instant by instant; `weight`, `tone`: (muscles,) w and a0."""
 
     def __init__(self, compiled: Any, weight: Array, tone: Array, drives: Drives | None = None):
         self.drives = drives or Drives()
@@ -221,10 +219,7 @@ class Run:
 def simulate_bout(
     compiled: Any, builds: Mapping[str, Build], plan: Plan, weight: Array, tone: Array, until: float = np.inf
 ) -> Run:
-    """Move both fighters through a plan. `compiled`: mujoco.MjModel of the pair, muscles with their fibers; `weight`,
-    `tone`: (muscles,) of the fighters' own criterion, see `Controller`; `until`: end of the bout, where the plan is
-    not over sooner [s].
-    """
+    """Move both fighters through a plan, until its end or `until` [s]; `weight`, `tone`: see `Controller`."""
     m = compiled
     data = mujoco.MjData(m)
     data.qpos[:] = plan.poses[0]

@@ -125,9 +125,8 @@ def right_leg(whole: Model) -> Model:
 
 
 def _led(muscle: Muscle) -> Muscle:
-    """A muscle that goes past side sites by the rule of MuJoCo 4.0, whichever is installed.
-
-    By the rule before, the iliacus changes the side of its surface in bones that are bent a little.
+    """A muscle that goes past side sites by the rule of MuJoCo 4.0, whichever is installed. By the rule before, the
+    iliacus changes the side of its surface in bones that are bent a little.
     """
     wraps = tuple(replace(wrap, version=4) for wrap in muscle.path.wraps if isinstance(wrap, TendonWrap))
     return replace(muscle, path=replace(muscle.path, wraps=wraps)) if wraps else muscle

@@ -176,9 +176,7 @@ def _sided(body: str, side: str) -> str:
 
 
 def fighter_mjcf(prefix: str, build: Build, place: tuple[float, float, float], turn: float) -> tuple[str, str, str]:
-    """The fighter as text: its tree of bodies, its tendons and its actuators. `prefix`: before every name; `place`: of
-    the pelvis in ground [m]; `turn`: about the vertical [rad].
-    """
+    """The fighter as text: its tree of bodies, its tendons and its actuators; `turn`: about the vertical [rad]."""
     s = build.size
     children: dict[str, list[Segment]] = {}
     for segment in segments():

@@ -68,10 +68,9 @@ def with_mirrored(markers: Markers) -> Markers:
 
 
 def middle_plane(markers: Markers) -> tuple[Array, Array]:
-    """A point (frames, 3) and the unit normal (frames, 3) of the upright plane that halves the pelvis.
-
-    It lies halfway between the spines of the pelvis, across the level part of the line from left to
-    right: upright, so that the mirror image of a foot on the floor stands on the floor.
+    """A point (frames, 3) and the unit normal (frames, 3) of the upright plane that halves the pelvis. It lies halfway
+    between the spines of the pelvis, across the level part of the line from left to right: upright, so that the mirror
+    image of a foot on the floor stands on the floor.
     """
     side = markers["RASI"] - markers["LASI"] + markers["RPSI"] - markers["LPSI"]
     side[:, 1] = 0.0
@@ -90,11 +89,10 @@ def mirrored_name(name: str) -> str:
 
 
 def shared_wrenches(trial: Trial) -> tuple[Wrenches, Array]:
-    """Half of plate 1 on the right foot, its mirror image on the left, and the share that the plate tells.
-
-    The force on the right foot acts as far forward as the center of pressure of the plate, on the line
-    from the heel through the ankle's center. Were the left foot as far from the middle of the hips as
-    the right one, the center of pressure would divide their distance by the shares of the feet.
+    """Half of plate 1 on the right foot, its mirror image on the left, and the share that the plate tells. The force on
+    the right foot acts as far forward as the center of pressure of the plate, on the line from the heel through the
+    ankle's center. Were the left foot as far from the middle of the hips as the right one, the center of pressure would
+    divide their distance by the shares of the feet.
     """
     plate, markers = trial.plates[0], trial.markers
     assert markers is not None
@@ -127,11 +125,9 @@ def _at(clock: Array, time: Array, column: Array) -> Array:
 
 
 def events_of(trial: Trial) -> tuple[Event, ...]:
-    """Phases of the jump, read off the vertical force of plate 1.
-
-    Start: the force leaves quiet standing by five of its standard deviations for good; lowest: the
-    pelvis markers are lowest before take-off; take-off and landing: the plate is unloaded and loaded
-    again; peak: the largest force after landing.
+    """Phases of the jump, read off the vertical force of plate 1. Start: the force leaves quiet standing by five of its
+    standard deviations for good; lowest: the pelvis markers are lowest before take-off; take-off and landing: the plate
+    is unloaded and loaded again; peak: the largest force after landing.
     """
     plate, markers, clock = trial.plates[0], trial.markers, trial.plate_time
     assert markers is not None
@@ -178,10 +174,9 @@ LANDMARK_WEIGHTS = {"RHJC": 10.0, "LHJC": 10.0, "RKJC": 10.0, "RAJC": 10.0}
 
 def leg_model() -> Model:
     """`myo-sim`'s legs (80 muscles) under a trunk that bends (6 muscles), in a ground with x forward, y up, z right.
-
-    The pelvis moves by the six coordinates that OpenSim's gait models have: `pelvis_tilt`, `pelvis_list`
-    and `pelvis_rotation` about z, x and y in this order, `pelvis_tx`, `pelvis_ty`, `pelvis_tz`. Side
-    bending and twist of the trunk and the toes are locked.
+    The pelvis moves by the six coordinates that OpenSim's gait models have: `pelvis_tilt`, `pelvis_list` and
+    `pelvis_rotation` about z, x and y in this order, `pelvis_tx`, `pelvis_ty`, `pelvis_tz`. Side bending and twist of
+    the trunk and the toes are locked.
     """
     model = legs_and_trunk()
     girdle, rise, lift = _shoulder_girdle()
@@ -210,10 +205,9 @@ def _shoulder_girdle() -> tuple[Body, Joint, Coordinate]:
 
 
 def fitted_model(model: Model, quiet: Markers, mass: float) -> tuple[Model, dict[str, float]]:
-    """The model with segments as long as the jumper's, and the factors by which each body grew.
-
-    Pelvis by the distance of the hip centers, thighs from hip to knee, shanks and feet from knee to
-    ankle, the trunk by the mean of thigh and shank. Both legs get the right leg's factors.
+    """The model with segments as long as the jumper's, and the factors by which each body grew. Pelvis by the distance
+    of the hip centers, thighs from hip to knee, shanks and feet from knee to ankle, the trunk by the mean of thigh and
+    shank. Both legs get the right leg's factors.
     """
     tree = compile_tree(model)
     poses = forward_kinematics(tree, tree.defaults[None])
@@ -239,11 +233,9 @@ def fitted_model(model: Model, quiet: Markers, mass: float) -> tuple[Model, dict
 
 
 def calibrated(model: Model, quiet: Markers) -> Model:
-    """The model with all markers where quiet standing shows them.
-
-    Its pose there: joint centers and bony landmarks by inverse kinematics, the sole level (the jumper
-    wears shoes, so heights of foot markers tell nothing), the trunk upright. The mirrored markers lie on the left
-    leg as their originals on the right one.
+    """The model with all markers where quiet standing shows them. Its pose there: joint centers and bony landmarks by
+    inverse kinematics, the sole level (the jumper wears shoes, so heights of foot markers tell nothing), the trunk
+    upright. The mirrored markers lie on the left leg as their originals on the right one.
     """
     tree = compile_tree(model)
     neutral = forward_kinematics(tree, tree.defaults[None])

@@ -80,10 +80,9 @@ class VirtualTrial:
 
 
 def simulate(compiled: Any, qpos: Array, qvel: Array, seconds: float, step: float) -> Sampled:
-    """The swing of a compiled model with the `SENSORS` from a state, by the Runge-Kutta method of order 4.
-
-    That method leaves joint and tendon dampers as they are; MuJoCo's others treat them implicitly, by which
-    a step of finite length alters them.
+    """The swing of a compiled model with the `SENSORS` from a state, by the Runge-Kutta method of order 4. That method
+    leaves joint and tendon dampers as they are; MuJoCo's others treat them implicitly, by which a step of finite length
+    alters them.
     """
     compiled.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
     compiled.opt.timestep = step
@@ -189,9 +188,7 @@ BONES = {"scapula_r": "scapula.stl", "humerus_r": "humerus.stl", "ulna_r": "ulna
 
 
 class VirtualPlate:
-    """A plate that lies elsewhere than its file says. `true`: its axes and the center of its top surface, in ground;
-    `random`: by how much the file is wrong, some millimeters and a degree or two.
-    """
+    """A plate that lies elsewhere than its file says: by some millimeters and a degree or two, at random."""
 
     def __init__(self, true: Transform, random: np.random.Generator) -> None:
         self.true = true
@@ -252,12 +249,10 @@ def write_rod(plate: VirtualPlate, noise: Noise, random: np.random.Generator, pa
 def write_scans(
     specimen: Specimen, folder: Path, random: np.random.Generator, modelled: Callable[[Array], Array] | None = None
 ) -> str:
-    """A CT of every bone with its cluster, in a frame of its own; the entries of a study file's `ct`.
-
-    Of each bone: the model's surface `<bone>_model.stl` [m], the scan `<bone>.stl` (refined, turned, shifted, 0.2 mm of
-    noise), the cluster `<bone>_cluster.stl` of three balls [mm], and five picked points, 0.5 mm off. `modelled`: points
-    (..., 3) of the specimen's bones as the bones of the model have them, each in its body's frame [m]; by default the
-    model has the bones of the specimen.
+    """A CT of every bone with its cluster, in a frame of its own; the entries of a study file's `ct`. Of each bone: the
+    model's surface `<bone>_model.stl` [m], the scan `<bone>.stl` (refined, turned, shifted, 0.2 mm of noise), the
+    cluster `<bone>_cluster.stl` of three balls [mm], and five picked points, 0.5 mm off. `modelled`: points (..., 3) of
+    the specimen's bones as the bones of the model have them; by default they are the same [m].
     """
     modelled = modelled or (lambda points: points)
     entries = []

@@ -67,9 +67,8 @@ class HeldLimb:
         return on_base, on_limb
 
     def parameters(self, mass: float, com: float) -> Array:
-        """(10,) of the limb without muscles: total mass [kg] and distance of its mass center from the joint [m].
-
-        The masses of humerus, forearm and hand are those nearest to `SHARES` that give both.
+        """(10,) of the limb without muscles: total mass [kg] and distance of its mass center from the joint [m]. The
+        masses of humerus, forearm and hand are those nearest to `SHARES` that give both.
         """
         rows = dict(zip(self.specimen.model.body_names, inertial_parameters(self.specimen.model), strict=True))
         limb = self.specimen.limb
@@ -133,9 +132,8 @@ class SoftTissue:
 
 
 def with_scaled_muscles(limb: HeldLimb, factor: float) -> Specimen:
-    """The specimen whose muscles, with the surfaces they wrap around, are scaled about the joint's center.
-
-    In the held pose this homothety scales lengths and moment arms about the joint exactly by the factor.
+    """The specimen whose muscles, with the surfaces they wrap around, are scaled about the joint's center. In the held
+    pose this homothety scales lengths and moment arms about the joint exactly by the factor.
     """
     specimen = limb.specimen
 
@@ -262,10 +260,8 @@ def quaternion(rotation: Array) -> Array:
 
 
 def specimen_mjcf(specimen: Specimen) -> str:
-    """The specimen as an MJCF model: bones, joints, markers as sites, muscles on tendons.
-
-    The base stands in the world; wires, clusters' places and viscosities are not in it, as a laboratory would
-    not know them.
+    """The specimen as an MJCF model: bones, joints, markers as sites, muscles on tendons. The base stands in the world;
+    wires, clusters' places and viscosities are not in it, as a laboratory would not know them.
     """
     model = specimen.model
     children: dict[str, list[str]] = {name: [] for name in ("ground", *model.body_names)}
@@ -322,10 +318,9 @@ PIN = 0.06  # Distance of a cluster from its bone's line [m].
 
 
 def with_clusters(specimen: Specimen, arm: float = 0.05) -> Specimen:
-    """The specimen with three made markers, "<bone>_1" to "_3", on every bone and no others.
-
-    A cluster stands on a pin at the middle of its bone, beside the line from joint to joint. `arm`: distance of a
-    cluster's farthest marker from its pin [m]; the others are at 0.6 and 0.8 of it.
+    """The specimen with three made markers, "<bone>_1" to "_3", on every bone and no others. A cluster stands on a pin
+    at the middle of its bone, beside the line from joint to joint; its markers are at 1, 0.6 and 0.8 of `arm` from the
+    pin [m].
     """
     markers: list[Marker] = []
     for bone in specimen.model.body_names:

@@ -99,9 +99,7 @@ class VirtualPair:
 
 
 def virtual_pair(options: PairOptions | None = None, cutoff: float | None = None) -> VirtualPair:
-    """Simulate a bout. `cutoff`: low-pass of what is given as true forces, for comparison with an estimate that filters
-    so [Hz].
-    """
+    """Simulate a bout. `cutoff`: low-pass of the true forces, to compare with an estimate that filters so [Hz]."""
     options = options or PairOptions()
     random = np.random.default_rng(options.seed)
     with silent_mujoco():
@@ -248,9 +246,8 @@ def _plates(truth: PairTruth, part: str) -> Wrenches:
 
 
 def pair_sites(builds: Mapping[str, Build], directed: bool = False) -> tuple[Site, ...]:
-    """Heels and toes of the four feet, and the two grips. `directed`: whether it is known how the grips can be loaded:
-    pulls only, straight ahead of tori's trunk, the lapel within 45 degrees and the sleeve within 27; else force may
-    pass them any way.
+    """Heels and toes of the four feet, and the two grips. `directed`: grips can only be pulled, straight ahead of
+    tori's trunk, the lapel within 45 degrees and the sleeve within 27; else force may pass them any way.
     """
     sites = []
     for foot in FEET:

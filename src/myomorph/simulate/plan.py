@@ -33,9 +33,7 @@ class Aim:
 
 
 def posed(compiled: Any, start: Array, aims: Sequence[Aim], posture: float = 0.03) -> Array:
-    """The pose (nq,) nearest to `start` that meets the aims, by damped Gauss-Newton steps. `posture`: weight of staying
-    at `start`, against an aim's 1.
-    """
+    """The pose (nq,) nearest to `start` (by the weight `posture`) that meets the aims, by damped Gauss-Newton steps."""
     data = mujoco.MjData(compiled)
     q = start.copy()
     n = compiled.nv

@@ -70,9 +70,7 @@ def simulated_sensors(
     seed: int = 0,
     mounted: Array | None = None,
 ) -> SimulatedSensors:
-    """Sensors named BODY_imu on bodies that move. `motion`: all coordinates [rad or m], without gaps; `mounted`:
-    (sensors, 3, 3) from sensors to bodies; by default any.
-    """
+    """Sensors named BODY_imu on bodies that move; `mounted`: (sensors, 3, 3) from sensors to bodies, by default any."""
     errors, rng = errors or SensorErrors(), np.random.default_rng(seed)
     off: dict[str, float] = {name: 0.0 for group in GROUPS.values() for name in group}
     sources = Sources(**{**off, "joint_axis": errors.axes})
@@ -124,9 +122,8 @@ def simulated_sensors(
 def raw_signals(
     sensors: InertialSensors, rate: float, noise: float = 0.01, bias: float = 0.005, seed: int = 0
 ) -> InertialSensors:
-    """What gyroscope, accelerometer and magnetometer measure of sensors that turn in place. `rate`: samples a second
-    [Hz]; `noise`: of angular velocities [rad/s]; ten times as much of accelerations [m/s^2]; `bias`: standard
-    deviation of each gyroscope's constant error [rad/s].
+    """What gyroscope, accelerometer and magnetometer measure of sensors that turn in place. `noise`: of angular
+    velocities [rad/s]; ten times as much of accelerations [m/s^2]; `bias`: standard deviation of gyroscopes [rad/s].
     """
     assert sensors.orientations is not None
     rng = np.random.default_rng(seed)

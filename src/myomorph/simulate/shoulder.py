@@ -99,10 +99,9 @@ def virtual_specimen(
     full_size: bool = False,
     seed: int | None = None,
 ) -> VirtualSpecimen:
-    """One of the six, swung without muscles and with them. `number`: 1 to 6, the row of the tables; `seconds`,
-    `trials`: length [s] and number of the releases of each condition; `noise`: by default 0.3 mm, 0.3 N, and clocks
-    apart by tens of milliseconds and of millionths; `full_size`: muscles of the model's size, and d_M such that the
-    total viscosity is the table's; `seed`: of releases and noise; the number by default.
+    """One of the six (the row of the tables), swung without muscles and with them. `noise`: by default 0.3 mm, 0.3 N,
+    and clocks apart by tens of milliseconds and of millionths; `full_size`: muscles of the model's size, and d_M such
+    that the total viscosity is the table's.
     """
     if not 1 <= number <= len(SPECIMENS):
         raise BadData(f"there is no specimen {number}: [S] has 1 to {len(SPECIMENS)}")
@@ -141,9 +140,8 @@ def _sized(
     seconds: float,
     full_size: bool,
 ) -> tuple[HeldLimb, float, float]:
-    """The limb, its muscles' scale and viscosity that give the total viscosity; one of the two is sought.
-
-    By fixed point: the swing that weighs the arms depends on them too.
+    """The limb, its muscles' scale and viscosity that give the total viscosity; one of the two is sought. By fixed
+    point: the swing that weighs the arms depends on them too.
     """
     excess = row.total_viscosity - row.joint_viscosity
     factor, muscle = (1.0, excess / USUAL_ARM**2) if full_size else (0.1, row.muscle_viscosity)

@@ -166,10 +166,8 @@ class Splines:
 
 
 def squat_splines(model: Model, options: SimulationOptions) -> Splines:
-    """Smooth coordinates through poses that keep the feet where they stand.
-
-    Between standing and `SQUAT` the depth is (1 - cos) / 2; each pose is the one nearest to that whose
-    heel markers stay in place.
+    """Smooth coordinates through poses that keep the feet where they stand. Between standing and `SQUAT` the depth is
+    (1 - cos) / 2; each pose is the one nearest to that whose heel markers stay in place.
     """
     time = np.arange(round(KNOT_RATE * options.duration) + 1) / KNOT_RATE
     depth = 0.5 - 0.5 * np.cos(2.0 * np.pi * options.squats * time / options.duration)
@@ -196,10 +194,8 @@ def squat_splines(model: Model, options: SimulationOptions) -> Splines:
 
 
 def balancing_wrenches(tree: Tree, motion: Motion) -> Wrenches:
-    """Forces on both feet, half each, that leave nothing at the root.
-
-    The force that the whole body needs is moved to the feet: its center of pressure on the floor lies
-    midway between two points that are as far apart as the feet.
+    """Forces on both feet, half each, that leave nothing at the root. The force that the whole body needs is moved to
+    the feet: its center of pressure on the floor lies midway between two points that are as far apart as the feet.
     """
     arrays = motion_arrays(tree, motion)
     whole = joint_wrenches(tree, *arrays, np.zeros((len(motion), len(tree.arrays.parent), 6)))

@@ -68,9 +68,7 @@ def move_next(state: OnlineState, segments: Mapping[str, Segment]) -> str:
 def live_panel(
     state: OnlineState, names: tuple[str, ...], segments: Mapping[str, Segment], at: Clock, body: Text | None = None
 ) -> RenderableType:
-    """Everything for a terminal. `names`: of the bodies; `segments`: of the bodies; `body`: the body drawn in
-    characters.
-    """
+    """Everything for a terminal; `body`: the body drawn in characters."""
     facts = Table.grid(padding=(0, 2))
     facts.add_column(style="dim", no_wrap=True)
     facts.add_column()

@@ -45,9 +45,7 @@ class Shown:
 
 
 class ChainViewer(Page):
-    """A page that shows the newest frame of the chain. `surfaces`: meshes by `Mesh.file`; without any, limbs are
-    rounds; `port`: of the page, http://localhost:PORT; `wrenches`: external forces that may come.
-    """
+    """A page that shows the newest frame of the chain; without meshes limbs are rounds."""
 
     def __init__(self, model: Model, surfaces: Mapping[str, Surface] | None, port: int, wrenches: int):
         super().__init__(port, "Myomorph live")
@@ -95,8 +93,7 @@ class ChainViewer(Page):
 
 def force_ends(wrenches: Array, up: Array, weight: float, length: float) -> Array:
     """(bodies, 2, 3) start and end of the arrows of forces, from where they meet the floor; NaN for small ones.
-    `wrenches`: (bodies, 6) moment about the ground's origin and force; `weight`, `length`: of the subject [N], and
-    of an arrow of that force [m].
+    `length`: of an arrow of the force `weight` [m].
     """
     moments, forces = wrenches[:, :3], wrenches[:, 3:]
     lift = forces @ up

@@ -23,10 +23,8 @@ MAX_LABELS = 6  # Muscles that are named in the scene.
 
 class Player(Page):
     """A page with bodies and a clock: which time it is, and how the page shows it. `lock`: what changes the page holds
-    it, for the clock and every control run in threads of their own; `playing, speed, loop`: whether time goes on,
-    how fast, and whether it begins again at the end; `follows`: whether the view goes with the first body; `now`:
-    the present on the page's clock [s]; `drawn`: frames that were drawn; `port`: of the page; any free one where not
-    given.
+    it, for the clock and every control run in threads of their own; `follows`: whether the view goes with the first
+    body; `now`: on the page's clock [s]; `drawn`: frames that were drawn.
     """
 
     # bodies, shown: what is played, and how the page shows it

@@ -36,10 +36,9 @@ Choices = Sequence[Mapping[str, Callable[[], ReportInput]]]
 
 
 class Replay(Player):
-    """A page on this machine that plays results again. `chosen`: of each body, the name of the recording that is shown;
-    `panel`: the controls; `choices`: of each body, its recordings; the first of each is shown first; `port`: of the
-    page; any free one where not given; `served`: called with the port once the page can be opened, which loads while
-    the results are read.
+    """A page on this machine that plays results again. `choices`: of each body, its recordings, of which `chosen` is
+    shown, the first at first; `served`: called with the port once the page can be opened, which loads while results are
+    read.
     """
 
     def __init__(self, choices: Choices, port: int | None = None, served: Callable[[int], None] | None = None):
@@ -106,9 +105,8 @@ class Replay(Player):
 
 
 class Panel:
-    """The controls of a player, and numbers and curves of the present. `player`: which it controls; `server`:
-    `viser`'s; `recordings`: of each body, the names of those that can be shown; `chosen`: of each body, the name of
-    the one that is; `choose`: called with the number of a body and a name where a user chooses another.
+    """The controls of a player, and numbers and curves of the present. `choose`: called with the number of a body and a
+    name where a user chooses another of its recordings.
     """
 
     def __init__(
@@ -331,9 +329,7 @@ def _plain(text: str) -> str:
 
 
 class MuscleIndex:
-    """Muscles of a model under the names that people give them. `names`: of the muscles; `prefixes`: what the names of
-    a subject begin with, where there are several.
-    """
+    """Muscles of a model under the names that people give them; `prefixes`: what the names of a subject begin with."""
 
     def __init__(self, names: Sequence[str], prefixes: Sequence[str] = ()):
         self.names = tuple(names)

@@ -75,9 +75,7 @@ class Instant:
 
 class PlayedBody:
     """One body with all that was found of it, frame by frame on demand. `known`: (frames,) whether the coordinates of
-    each frame are; `scene`: the body at some frames: its solids, directions and floor; `size`: that all that is
-    drawn is thick by [m]; `subjects`: people and objects in the model; `centers`: (frames, subjects, 3) of mass [m];
-    `given`: with a model and a motion.
+    each frame are; `size`: that all that is drawn is thick by [m]; `centers`: (frames, subjects, 3) of mass [m].
     """
 
     def __init__(self, results: ReportInput):
@@ -205,10 +203,9 @@ def arrows(ends: Array, size: float, color: Array) -> tuple[Tubes, Tubes]:
 
 
 def tubes(points: Array, muscle: np.ndarray, radii: Array, colors: Array, beyond: float = 0.35) -> Tubes:
-    """A tube between every two points that follow each other on a muscle. `points`: (points, 3), NaN where a path has
-    no more; `muscle`: (points,) index of the muscle of each point; `radii`, `colors`: (muscles,) [m], (muscles, 3)
-    in 0..1; `beyond`: how far a tube goes on at both ends, in radii, so that no gap opens where a path bends;
-    returns as many tubes at any frame; those that do not exist have no size.
+    """A tube between every two points (points, 3) that follow each other on a muscle, as many at any frame; those that
+    do not exist have no size. `beyond`: how far a tube goes on at both ends, in radii, so that no gap opens where a
+    path bends.
     """
     joined = muscle[1:] == muscle[:-1]
     start, end, owner = points[:-1][joined], points[1:][joined], muscle[1:][joined]

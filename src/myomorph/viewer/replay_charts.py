@@ -256,11 +256,9 @@ class Curves:
 
 
 class Plot:
-    """A chart on a page, whose line moves with the time.
-
-    Another chart is another plot in the same place, made whole by one message: a page that draws between a message with
-    other curves and one with their values looks for values that are not there. `gui`: `viser`'s controls; `tab`: where
-    it stands; `place`: among the tab's controls.
+    """A chart on a page, whose line moves with the time. Another chart is another plot in the same place, made whole by
+    one message: a page that draws between a message with other curves and one with their values looks for values that
+    are not there.
     """
 
     def __init__(self, gui: Any, tab: Any, place: float):

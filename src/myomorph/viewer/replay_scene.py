@@ -49,9 +49,7 @@ MAX_TRIANGLES, SIMPLE = 60_000, 300  # Triangles of all bones at most, and of sh
 
 
 class ShownBody:
-    """One body on a page. `page`: `viser`'s scene; `root`: name of the node that everything hangs on; `number`: of the
-    body, which gives its color.
-    """
+    """One body on a page, below the node `root`; its number gives its color."""
 
     def __init__(self, page: Any, root: str, body: PlayedBody, number: int = 0):
         self.body, self._page, self._root = body, page, root

@@ -27,10 +27,8 @@ MARKER = (70, 70, 70)  # Color of recorded markers.
 
 
 class Page:
-    """A page on this machine on which bodies move.
-
-    All that is seen hangs on one frame, which moves back as the first body moves on where the view follows it. `port`:
-    of the page; `port`: of the page, http://localhost:PORT; any free one where not given; `title`: of the page.
+    """A page on this machine on which bodies move. All that is seen hangs on one frame, which moves back as the first
+    body moves on where the view follows it. `port`: any free one where not given.
     """
 
     def __init__(self, port: int | None, title: str):
@@ -151,9 +149,7 @@ def add_lights(page: Any, scene: Scene) -> None:
 
 
 class Links:
-    """The links of one body on a page, each one mesh. `root`: name of the node that they hang on; `solids`: in the
-    bodies' frames; `colors`: of bodies, by their numbers.
-    """
+    """The links of one body on a page, each one mesh, in the bodies' frames and colors."""
 
     def __init__(
         self, page: Any, root: str, solids: Sequence[Solid], colors: Mapping[int, tuple[int, int, int]] = FrozenMap({})

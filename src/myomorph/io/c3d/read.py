@@ -34,11 +34,10 @@ NOT_EMG = re.compile(
 
 
 def read_c3d(path: str | os.PathLike[str]) -> Trial:
-    """Read a C3D file: lengths in metres, a hidden marker as NaN, time 0 at frame 1.
-
-    Points that a program computed (angles, moments, powers, forces) are in
-    `other_points`; computed positions stay among the markers, as OpenSim has it. Force plates are
-    `plate_recordings`: `contact.plates` makes forces of them. EMG stays in `analog`; see `emg_channels`.
+    """Read a C3D file: lengths in metres, a hidden marker as NaN, time 0 at frame 1. Points that a program computed
+    (angles, moments, powers, forces) are in `other_points`; computed positions stay among the markers, as OpenSim has
+    it. Force plates are `plate_recordings`: `contact.plates` makes forces of them. EMG stays in `analog`; see
+    `emg_channels`.
     """
     path = Path(path)
     raw = read_raw_c3d(path)
@@ -220,10 +219,9 @@ def _measure(raw: RawC3d, names: Sequence[str]) -> float:
 
 
 def emg_channels(trial: Trial) -> tuple[str, ...]:
-    """Analog channels that are probably muscle signals: a guess from labels and units, not a claim.
-
-    Channels that a force plate uses are left out. Those whose label says EMG or a muscle are taken;
-    without any, all that are in volts and do not look like a switch, a trigger or an accelerometer.
+    """Analog channels that are probably muscle signals: a guess from labels and units, not a claim. Channels that a
+    force plate uses are left out. Those whose label says EMG or a muscle are taken; without any, all that are in volts
+    and do not look like a switch, a trigger or an accelerometer.
     """
     if trial.analog is None:
         return ()

@@ -55,11 +55,10 @@ def write_c3d(path: str | os.PathLike[str], markers: Markers, plate: PlateRecord
 
 
 def write_trial(path: str | os.PathLike[str], trial: Trial) -> None:
-    """Write the markers, analog channels, force plates and events of a recording as a C3D file, whole or not at all.
-
-    A plate of type 4 is written as type 2, its calibration applied. Analog channels of plates are written once, as the
-    plates have them. Positions, forces and moments keep the seven digits of a 32-bit real. `trial`: markers at even
-    times [m]; analog channels and plates a whole number of samples a frame, from its first time.
+    """Write the markers, analog channels, force plates and events of a recording as a C3D file, whole or not at all. A
+    plate of type 4 is written as type 2, its calibration applied. Analog channels of plates are written once, as the
+    plates have them, a whole number of samples a frame. Positions, forces and moments keep the seven digits of a 32-bit
+    real.
     """
     markers = trial.markers
     if markers is None or not len(markers) or not markers.names:

@@ -26,10 +26,7 @@ MEMORY = 4.0
 
 
 def read_apdm(path: Path) -> InertialSensors:
-    """Sensors of an APDM file, named by their labels.
-
-    Source: APDM, Opal how-to: HDF5 file structure.
-    """
+    """Sensors of an APDM file, named by their labels. Source: APDM, Opal how-to: HDF5 file structure."""
     if not path.is_file():
         raise BadFile(path, "no such file")
     # Crafted files can make the library hang or crash: a child goes first.

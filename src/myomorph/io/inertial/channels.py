@@ -33,9 +33,7 @@ MAX_RADIANS, MIN_DEGREES = 20.0, 40.0
 def sensors_of_channels(
     time: Array, names: Sequence[str], values: Array, units: Sequence[str]
 ) -> InertialSensors | None:
-    """Inertial sensors among channels; None where there are none. `values`: (samples, channels); `units`: of each
-    channel, "" where not known.
-    """
+    """Inertial sensors among channels (samples, channels); None where there are none."""
     columns: dict[str, dict[tuple[str, str], int]] = {}
     for index, name in enumerate(names):
         match = CHANNEL.match(name)

@@ -21,9 +21,8 @@ UNIT = re.compile(r"[\[(]([^\[\]()]*)[\])]\s*$")
 
 
 def read_orientations(path: Path) -> InertialSensors:
-    """Orientations as OpenSim writes them: a column of quaternions w, x, y, z for each sensor.
-
-    Source: OpenSim, OpenSense: kinematics with IMU data.
+    """Orientations as OpenSim writes them: a column of quaternions w, x, y, z for each sensor. Source: OpenSim,
+    OpenSense: kinematics with IMU data.
     """
     table = read_sto(path)
     if table.facts.get("DataType", "").lower() != "quaternion" or len(table.names) % 4:

@@ -26,11 +26,8 @@ VECTORS = {"accelerations": "Acc", "angular_velocities": "Gyr", "magnetic_fields
 
 
 def read_mvnx(path: Path) -> InertialSensors:
-    """Sensors of an MVNX file; where it has only segments, those.
-
-    Frames of calibration poses are left out: their orientations are those of an avatar.
-
-    Source: Movella, MVN User Manual, MVNX.
+    """Sensors of an MVNX file; where it has only segments, those. Frames of calibration poses are left out: their
+    orientations are those of an avatar. Source: Movella, MVN User Manual, MVNX.
     """
     root = read_xml(path).root
     subject = _first(root, "subject")

@@ -106,9 +106,8 @@ def read_bushings(model: Node, frames: Frames) -> tuple[Bushing, ...]:
 
 
 def _limits(node: Node, coordinate: Coordinate) -> list[PassiveTorque]:
-    """The torques of both limits: nothing inside, then a stiffness that rises over the transition.
-
-    Rotational limits are in degrees, their stiffness and damping per degree.
+    """The torques of both limits: nothing inside, then a stiffness that rises over the transition. Rotational limits
+    are in degrees, their stiffness and damping per degree.
     """
     unit = np.pi / 180.0 if coordinate.motion == "rotational" else 1.0
     width = node.number("transition", 0.1) * unit

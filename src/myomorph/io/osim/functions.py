@@ -97,9 +97,8 @@ def _gcv_spline(node: Node, x: Array, y: Array) -> PiecewisePolynomial:
 
 
 def natural_spline(x: Array, y: Array, half: int) -> PiecewisePolynomial:
-    """Interpolating natural spline of degree 2 half - 1, as `GCVSpline` is where its error variance is zero.
-
-    Beyond its ends it goes on as a polynomial of degree half - 1.
+    """Interpolating natural spline of degree 2 half - 1, as `GCVSpline` is where its error variance is zero. Beyond its
+    ends it goes on as a polynomial of degree half - 1.
     """
     # SciPy takes a while to import, and hardly any model has such a spline.
     from scipy.interpolate import make_interp_spline

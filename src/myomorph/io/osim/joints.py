@@ -235,10 +235,8 @@ def _transform_axis(joint: Node, axis: Node, name: str, usual: Array, names: lis
 
 
 def _curved(node: Node, names: list[str]) -> tuple[Axis, ...]:
-    """Ellipsoid mobilizer: body-fixed X, Y, Z turns; the origin rides where the z axis is the normal.
-
-    A scapulothoracic joint turns that ellipsoid by 90 degrees about z and adds winging about an
-    axis in the plane that touches it.
+    """Ellipsoid mobilizer: body-fixed X, Y, Z turns; the origin rides where the z axis is the normal. A scapulothoracic
+    joint turns that ellipsoid by 90 degrees about z and adds winging about an axis in the plane that touches it.
     """
     winged = node.kind == "ScapulothoracicJoint"
     quarter = QUARTER_TURN if winged else np.eye(3)

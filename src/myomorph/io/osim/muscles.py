@@ -60,9 +60,8 @@ def damper_expression(viscosity: float) -> str:
 
 
 def with_dampers(muscles: list[Muscle], forces: list[Node], paths: PathReader) -> tuple[list[Muscle], list[Node]]:
-    """Muscles with the viscosity of the dampers that lie along their paths, and the forces left over.
-
-    A damper is an ExpressionBasedPathForce named "<muscle>_viscosity" whose path is the muscle's.
+    """Muscles with the viscosity of the dampers that lie along their paths, and the forces left over. A damper is an
+    ExpressionBasedPathForce named "<muscle>_viscosity" whose path is the muscle's.
     """
     places = {muscle.name: i for i, muscle in enumerate(muscles)}
     damped, rest = list(muscles), []

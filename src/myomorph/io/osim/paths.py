@@ -160,9 +160,7 @@ def read_ligaments(forces: Iterable[Node], paths: PathReader) -> tuple[Ligament,
 
 
 def put_ligament(part: Kept, element: etree._Element, ligaments: Iterable[Ligament], joints: dict[str, str]) -> None:
-    """Give a kept part, about to be written, the path and slack length of the model's ligament of that name. `joints`:
-    the joint of each coordinate, as the document names it.
-    """
+    """Give a kept part, about to be written, the path and slack length of the model's ligament of that name."""
     ligament = next(
         (candidate for candidate in ligaments if (candidate.kind, candidate.name) == (part.kind, part.name)), None
     )

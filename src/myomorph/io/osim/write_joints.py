@@ -25,9 +25,8 @@ class Plan:
 
 
 def plan_joints(model: Model, warnings: list[str]) -> Plan:
-    """The model's joints as joints of OpenSim's classes.
-
-    A joint of another kind (MuJoCo's, with anchors and several axes) becomes a chain of custom joints.
+    """The model's joints as joints of OpenSim's classes. A joint of another kind (MuJoCo's, with anchors and several
+    axes) becomes a chain of custom joints.
     """
     plan = Plan()
     for joint in model.joints:

@@ -37,11 +37,10 @@ def seconds_for(path: Path) -> float:
 def run_guarded(
     function: str, arguments: Sequence[str | os.PathLike[str]], seconds: float, gigabytes: float = 16.0
 ) -> Outcome:
-    """Call a function with texts in a child process, which is stopped when its time is over.
-
-    The child starts in the folder that holds the package, so paths among `arguments` must be absolute. `function`:
-    "module:name"; its result is dropped, an error it raises is the message of a failure; `seconds`: limit of its time
-    [s]; `gigabytes`: limit of its address space, where the system has such limits [GiB].
+    """Call a function ("module:name") with texts in a child process, which is stopped when its time [s] is over; its
+    result is dropped, an error is the message of a failure. The child starts in the folder that holds the package, so
+    paths among `arguments` must be absolute. `gigabytes`: limit of its address space, where the system has such limits
+    [GiB].
     """
     home = Path(myomorph.__file__).resolve().parents[1]
     # The child does no linear algebra: one thread makes its start shorter.

@@ -76,9 +76,8 @@ def cleared(
     points: Sequence[TransferredPoint],
     table: CoordinateTable | None = None,
 ) -> tuple[Model, tuple[TransferredPoint, ...], tuple[str, ...]]:
-    """The target with its paths out of the bones, its points where they are then, and what was done. `bones`: those of
-    which both surfaces are known count; `points`: on their way so far; `table`: the target's coordinate of each of
-    the source's; None where they are the same.
+    """The target with its paths out of the bones, its points where they are then, and what was done. `table`: the
+    target's coordinate of each of the source's; None where they are the same.
     """
     donor = replace(source, muscles=tuple(source.muscle(muscle.name) for muscle in target.muscles))
     known = {bone.body: bone for bone in bones}

@@ -35,13 +35,10 @@ def paired_postures(
     pairs: CoordinateTable | None = None,
     defaults: tuple[Mapping[str, float], Mapping[str, float]] = ({}, {}),
 ) -> Postures:
-    """Postures that go through the ranges of both models alike.
-
-    Every coordinate that both have takes one of `LEVELS` values spread over its range, drawn independently of the
-    others, so any few of them meet in nearly all combinations; one evaluation then serves every muscle. The target's
-    coordinate stands at the same share of its own range, from the other end where the pair's factor is negative. What
-    only one of them has, and what is locked, stays. `pairs`: None where both have the same coordinates; `defaults`: of
-    the default postures, where they differ from the models'.
+    """Postures that go through the ranges of both models alike. Every coordinate that both have takes one of `LEVELS`
+    values spread over its range, drawn independently of the others, so any few of them meet in nearly all combinations;
+    one evaluation then serves every muscle. The target's coordinate stands at the same share of its own range, from the
+    other end where the pair's factor is negative. What only one of them has, and what is locked, stays.
     """
     if pairs is None:
         pairs = {name: (name, 1.0, 0.0) for name in source.coordinate_names}
@@ -108,9 +105,8 @@ class CoordinatePair:
         return -1.0 if self.factor < 0.0 else 1.0
 
     def values(self, source: Model, target: Model, count: int) -> tuple[Array, Array]:
-        """Values (count,) of the source's coordinate and of the target's, over the range that both have.
-
-        Where the ranges share less than a quarter, both run through their own, at equal shares of it.
+        """Values (count,) of the source's coordinate and of the target's, over the range that both have. Where the
+        ranges share less than a quarter, both run through their own, at equal shares of it.
         """
         low, high = sorted(source.coordinate(self.source).range)
         theirs = sorted(target.coordinate(self.target).range)
@@ -198,9 +194,7 @@ def compared_coordinates(
 def compare_moment_arms(
     source: Model, target: Model, pairs: Sequence[CoordinatePair], samples: int = SAMPLES
 ) -> tuple[MomentArms, ...]:
-    """Moment arms r = -dl/dq of muscles that both models have, over the range of each coordinate. `pairs`: coordinates
-    to compare, as `compared_coordinates` finds them; `samples`: poses along a range.
-    """
+    """Moment arms r = -dl/dq of muscles that both models have, at `samples` poses over the range of each coordinate."""
     arms = []
     for pair in pairs:
         moved = _moved(source, pair.source) | _moved(target, pair.target)
@@ -253,9 +247,8 @@ def _moved(model: Model, coordinate: str) -> set[str]:
 
 
 def _arms_of(model: Model, coordinate: str, muscles: Sequence[str]) -> Callable[[Array], Array]:
-    """Function from values of a coordinate (n,) to moment arms (n, muscles), the rest in its default pose.
-
-    Coordinates that follow this one do; loops that it would open are not closed.
+    """Function from values of a coordinate (n,) to moment arms (n, muscles), the rest in its default pose. Coordinates
+    that follow this one do; loops that it would open are not closed.
     """
     few = replace(model, muscles=tuple(model.muscle(name) for name in muscles))
     paths = compile_paths(few)

@@ -36,10 +36,9 @@ class Move:
 def least_move(
     model: Model, muscle: Muscle, ends: Sequence[PathEnd], outward: Array, over: float, poses: Poses, weight: float
 ) -> Move:
-    """Of all moves of one end that bring the place out by `over` [m], the one of least cost.
-
-    With E the changes of lengths and moment arms by the move d of a via point, and n the way out, the least of
-    |d|^2 + weight |E d|^2 with n d = over / lever is d = over / lever M^-1 n / (n M^-1 n), M = 1 + weight E^T E.
+    """Of all moves of one end that bring the place out by `over` [m], the one of least cost. With E the changes of
+    lengths and moment arms by the move d of a via point, and n the way out, the least of |d|^2 + weight |E d|^2 with n
+    d = over / lever is d = over / lever M^-1 n / (n M^-1 n), M = 1 + weight E^T E.
     """
     moves = []
     for end in ends:

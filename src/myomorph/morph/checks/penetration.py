@@ -25,11 +25,10 @@ OPEN_EDGES = 0.01  # Share of a surface's edges without a second face above whic
 
 
 class Solid:
-    """A bone that can tell what is inside of it, open, flipped or in many pieces as its surface may be.
-
-    Inside is where the generalized winding number is above one half (Barill et al. 2018); pieces are turned outward
-    first. `surface`: turned outward; `turned`: share of the faces that were turned; `open`: whether more than a
-    hundredth of its edges has a face on one side only; `length`: greatest extent along an axis [m].
+    """A bone that can tell what is inside of it, open, flipped or in many pieces as its surface may be: where the
+    generalized winding number is above one half (Barill et al. 2018). Pieces are turned outward first (`turned`: share
+    of faces); `open`: more than a hundredth of its edges has a face on one side only; `length`: greatest extent along
+    an axis [m].
     """
 
     def __init__(self, surface: Surface):
@@ -170,12 +169,10 @@ NOWHERE = Depth(0.0, 0, np.zeros(3), np.zeros(3))  # Of a path that runs outside
 def path_depths(
     model: Model, bones: Mapping[str, Solid], poses: Poses, muscles: Sequence[str] | None = None
 ) -> dict[tuple[str, str], Depth]:
-    """How deep each muscle's path runs under the surface of each bone, by muscle and body, where it does.
-
-    Paths are drawn around their wrap surfaces and sampled every hundredth of the smallest bone's length. A muscle is
-    looked at in the default pose and in those whose coordinate moves it, and only against `bones_beside` it: two legs
-    that are crossed run through each other in any model. `bones`: by body, in the bodies' frames; `muscles`: only
-    these.
+    """How deep each muscle's path runs under the surface of each bone, by muscle and body, where it does. Paths are
+    drawn around their wrap surfaces and sampled every hundredth of the smallest bone's length. A muscle is looked at in
+    the default pose and in those whose coordinate moves it, and only against `bones_beside` it: two legs that are
+    crossed run through each other in any model.
     """
     paths, tree = compile_paths(model), compile_tree(model)
     wanted = np.isin(model.muscle_names, model.muscle_names if muscles is None else list(muscles))

@@ -105,9 +105,7 @@ class MorphChecks:
 def bone_warnings(
     deep: Iterable[Penetration], longest: float, options: CheckOptions, sliding: Collection[str] = ()
 ) -> Iterator[Finding]:
-    """Paths that run deeper through a bone than in the source. `longest`: bone of the target [m]; `sliding`:
-    coordinates that are reported in millimeters.
-    """
+    """Paths that run deeper through a bone than in the source; `longest`: bone of the target [m]; `sliding`: in mm."""
     for penetration in deep:
         if penetration.increase > options.deeper * longest:
             value = _mm(penetration.value) if penetration.coordinate in sliding else _value(penetration.value)

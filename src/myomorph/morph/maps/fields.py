@@ -126,10 +126,9 @@ SAME_PLACE = 1e-6  # Features of the source nearer to each other than this share
 
 
 def fit_map(features: FeaturePoints, options: MapOptions | None = None) -> PointMap:
-    """The map through feature points, or nearest to them.
-
-    Features at the same place are taken together. What the features do not tell (across the plane of flat ones) is
-    that of the similarity nearest to them; `feature_warnings` says when.
+    """The map through feature points, or nearest to them. Features at the same place are taken together. What the
+    features do not tell (across the plane of flat ones) is that of the similarity nearest to them; `feature_warnings`
+    says when.
     """
     options = options or MapOptions()
     merged = _merged(features)
@@ -227,9 +226,8 @@ class BoneMap:
 
 
 def radii_around(places: Array, radii: Array | None, asked: Array) -> Array:
-    """Distances (n,) within which points of a surface belong with 90 % [m], from those of the features around them.
-    `places`: (features, 3) in the frame of the points [m]; `radii`: (features,) of the features in the target [m];
-    `asked`: (n, 3) points [m]; returns NaN where nothing is known.
+    """Distances (n,) within which points `asked` (n, 3) of a surface belong with 90 % [m], from the radii of the
+    features around them; NaN where nothing is known.
     """
     known = np.zeros(0, dtype=np.intp) if radii is None else np.flatnonzero(np.isfinite(radii))
     if radii is None or len(known) < AROUND:

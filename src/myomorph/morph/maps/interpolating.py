@@ -62,12 +62,10 @@ class RadialMap:
 
 
 def fit_radial(source: Array, target: Array, whole: AffineMap, kernel: Kernel, smoothing: float = 0.0) -> RadialMap:
-    """Functions through feature points, or past them by no more than a root mean square distance.
-
+    """Functions through feature points (features, 3), or past them by no more than a root mean square distance [m].
     With [[K + m I, P], [P^T, 0]] [c; a] = [y; 0] the map passes the features by m c. `smoothing` fixes m: the root mean
-    square of these distances, or that of the affine map alone where this is less. `source`, `target`: (features, 3), no
-    two at the same place [m]; `whole`: of the whole bone: what it makes of an unknown direction is kept; `smoothing`:
-    root mean square distance from the features [m].
+    square of these distances, or that of the affine map alone where this is less. What `whole` makes of an unknown
+    direction is kept.
     """
     rest = target - whole.apply(source)
     middle = source.mean(axis=0)
@@ -134,11 +132,9 @@ AT_FEATURE = 1e-12  # A point this near to a feature, as a share of the bone, is
 
 @read_only
 class SubspaceMap:
-    """Every feature has a transform; a point goes where they send it, each counting by its distance.
-
-    Feature i sends x to T_i(x) = y_i + A_i (x - x_i), and the map is sum_i w_i(x) T_i(x) with
-    w_i = |x - x_i|^-p / sum_j |x - x_j|^-p. It goes through every feature, has the Jacobian A_i there, and is an affine
-    map exactly where all A_i are that map's.
+    """Every feature has a transform; a point goes where they send it, each counting by its distance. Feature i sends x
+    to T_i(x) = y_i + A_i (x - x_i), and the map is sum_i w_i(x) T_i(x) with w_i = |x - x_i|^-p / sum_j |x - x_j|^-p. It
+    goes through every feature, has the Jacobian A_i there, and is an affine map exactly where all A_i are that map's.
     """
 
     whole: AffineMap  # of the whole bone, from `fit_whole`
@@ -222,13 +218,10 @@ class SubspaceMap:
 def fit_subspace(
     source: Array, target: Array, whole: AffineMap, exponent: float, smoothing: float = 0.0
 ) -> SubspaceMap:
-    """Local transforms of features from their neighbors.
-
-    A_i minimizes sum_j |x_j - x_i|^-q |y_j - y_i - A (x_j - x_i)|^2 + s |A - A_whole|^2, where s is `STIFFNESS` times
-    the mean over directions of sum_j |x_j - x_i|^(2 - q). `source`, `target`: (features, 3), no two at the same place
-    [m]; `whole`: of the whole bone; `exponent`: of the distance, in the weights of the blend; `smoothing`: root mean
-    square distance by which features are moved towards where the others send them, or all the way where this is less
-    [m].
+    """Local transforms of features (features, 3) from their neighbors. A_i minimizes sum_j |x_j - x_i|^-q |y_j - y_i -
+    A (x_j - x_i)|^2 + s |A - A_whole|^2, where s is `STIFFNESS` times the mean over directions of sum_j |x_j - x_i|^(2
+    - q). `smoothing`: root mean square distance by which features are moved towards where the others send them, or all
+    the way where this is less [m].
     """
     shifts: Array = target - whole.apply(source)
     subspace_map = SubspaceMap(whole, source, shifts, _slopes(source, shifts), exponent)

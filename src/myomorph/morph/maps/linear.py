@@ -66,9 +66,7 @@ class PointFit:
 
 
 def procrustes(source: Array, target: Array, scale: bool = False, weights: Array | None = None) -> Similarity:
-    """The similarity that brings points onto others with least squares (Kabsch 1976, Umeyama 1991). `source`, `target`:
-    (points, 3), at least three that are not on a line [m]; `weights`: (points,).
-    """
+    """The similarity that brings points (points, 3) onto others with least squares (Kabsch 1976, Umeyama 1991)."""
     source, target = np.asarray(source, dtype=np.float64), np.asarray(target, dtype=np.float64)
     if source.shape != target.shape or source.ndim != 2 or len(source) < 3:
         raise BadData(f"expected at least three pairs of points, but got {source.shape} and {target.shape}")
@@ -90,9 +88,7 @@ def procrustes(source: Array, target: Array, scale: bool = False, weights: Array
 
 
 def fit_points(names: Sequence[str], source: Array, target: Array, scale: bool = False) -> PointFit:
-    """`procrustes` with its residuals, and what looks wrong: a pick that the others contradict, a mirrored side.
-    `names`: of the points, for messages; `source`, `target`: (points, 3) [m].
-    """
+    """`procrustes` with its residuals, and what looks wrong: a pick that the others contradict, a mirrored side."""
     source, target = np.asarray(source, dtype=np.float64), np.asarray(target, dtype=np.float64)
     fit = procrustes(source, target, scale)
     residuals = np.linalg.norm(fit.apply(source) - target, axis=1)
@@ -170,11 +166,9 @@ class AffineMap:
 
 
 def fit_affine(source: Array, target: Array, weights: Array | None = None) -> AffineMap:
-    """The affine map that brings points nearest to others, a similarity along directions of which they tell nothing.
-
-    Four points that are not in a plane are reproduced exactly. Points in a plane (three always are) fix the map in that
-    plane alone; across it the map is that of `procrustes` with scale. `source`, `target`: (points, 3), at least three
-    that are not on a line [m]; `weights`: (points,).
+    """The affine map that brings points (points, 3) nearest to others, a similarity along directions of which they tell
+    nothing. Four points that are not in a plane are reproduced exactly. Points in a plane (three always are) fix the
+    map in that plane alone; across it the map is that of `procrustes` with scale.
     """
     start = AffineMap.from_similarity(procrustes(source, target, True, weights))
     share = np.ones(len(source)) if weights is None else np.asarray(weights, dtype=np.float64)
@@ -196,8 +190,7 @@ def fit_whole(source: Array, target: Array, weights: Array | None = None) -> Aff
     A few landmarks tell little of how thick a long bone is and of its shear, and an affine map makes the most of their
     errors, far more so beside the bone. With E the squares of the errors at features left out in turn, the affine map
     counts 1 - E_affine / E_similarity, the similarity the rest: features that an affine map moves exactly are
-    reproduced exactly, from five on. Four leave nothing to check: they make a similarity. `source`, `target`: (points,
-    3), at least three that are not on a line [m]; `weights`: (points,).
+    reproduced exactly, from five on. Four leave nothing to check: they make a similarity.
     """
     affine = fit_affine(source, target, weights)
     similarity = AffineMap.from_similarity(procrustes(source, target, True, weights))

@@ -87,9 +87,8 @@ def mirrored_motion(
     point: ArrayLike = (0.0, 0.0, 0.0),
     middle: Collection[str] | None = None,
 ) -> Motion:
-    """A motion of `model` as its mirrored model moves: names exchanged, signs of the middle's turns changed.
-
-    Columns keep their order where all names have their counterparts, as in the mirrored model.
+    """A motion of `model` as its mirrored model moves: names exchanged, signs of the middle's turns changed. Columns
+    keep their order where all names have their counterparts, as in the mirrored model.
     """
     side = other_side_of(model, axis, point, middle)
     signs = np.array(side.of(motion.names))
@@ -116,10 +115,8 @@ def with_other_side(
     middle: Collection[str] | None = None,
     suffix: str = "_l",
 ) -> Model:
-    """A one-sided model with the missing side: what has no counterpart gets one, bodies in the middle stay.
-
-    Masses in the middle stay as they are: a pelvis is taken to be whole. `axis`, `point`, `middle`: as of `mirrored`;
-    `suffix`: put behind names that tell no side, for their counterparts.
+    """A one-sided model with the missing side: what has no counterpart gets one (`suffix` behind names that tell no
+    side), bodies in the middle stay with their masses: a pelvis is taken to be whole. The rest as of `mirrored`.
     """
     side = other_side_of(model, axis, point, middle, suffix)
     copy = mirrored_parts(model, side)
@@ -218,9 +215,8 @@ class MirroredMap:
 def with_mirrored_bones(
     model: Model, bones: Mapping[str, BoneMap], surfaces: Mapping[str, Surface], together: bool = False, axis: str = "z"
 ) -> dict[str, BoneMap]:
-    """The maps, and the mirrored ones of bodies that have none while their other side has one. `surfaces`: of the
-    source's own bones, in their bodies' frames; `together`: the target's bones share one frame, in which the plane
-    of symmetry is that of a mapped bone in the middle; `axis`: of ground across the source's plane of symmetry.
+    """The maps, and the mirrored ones of bodies that have none while their other side has one. `together`: the target's
+    bones share one frame, in which the plane of symmetry is that of a mapped bone in the middle.
     """
     side = other_side_of(model, axis)
     middle = _shared_plane(bones, side.planes, side.middle) if together else None

@@ -21,12 +21,10 @@ SEATED = 1e-6  # Frames that differ by less are the same [m or rad].
 
 
 def with_other_muscles(model: Model, axis: str | ArrayLike = "z") -> tuple[Model, tuple[str, ...]]:
-    """The model with the mirror image of each muscle and marker that has no counterpart on the other side.
-
-    Where they lie is mirrored in ground with all coordinates at zero; bodies of the other side are the model's own, in
-    whatever frames it has them. The skeleton stays as it is. Of a muscle whose name tells no side, its bodies tell it:
-    `DELT1` on the right arm gets the counterpart `DELT1_l`. `model`: whose skeleton has both sides, and muscles of one;
-    `axis`: of ground across the plane of symmetry; returns the model, and what looks wrong, one line each.
+    """The model with the mirror image of each muscle and marker that has no counterpart on the other side, and what
+    looks wrong. Where they lie is mirrored in ground with all coordinates at zero; bodies of the other side are the
+    model's own, in whatever frames it has them. Of a muscle whose name tells no side, its bodies tell it: `DELT1` on
+    the right arm gets the counterpart `DELT1_l`.
     """
     copy = mirrored_parts(model, _naming_by_bodies(model, other_side_of(model, axis)))
     new = [muscle for muscle in copy.muscles if muscle.name not in model.muscle_names]

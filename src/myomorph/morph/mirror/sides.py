@@ -134,11 +134,10 @@ def other_side_of(
     middle: Collection[str] | None = None,
     suffix: str = "",
 ) -> OtherSide:
-    """Find out what of a model is in the middle and what belongs to a side. `axis`: of ground, or (3,) the vector in
-    it, across the plane of symmetry; `point`: (3,) of the plane, in ground with all coordinates at zero [m];
-    `middle`: bodies that are their own other side; by default those whose name tells no side, on the plane and on no
-    body of a side (where no name tells a side, their mass center must lie on the plane too); `suffix`: put behind
-    names that tell no side, to tell the copy from the original.
+    """Find out what of a model is in the middle and what belongs to a side. `axis`: of ground across the plane of
+    symmetry; `point`: of the plane, with all coordinates at zero [m]; `middle`: by default bodies whose name tells no
+    side, on the plane and on no body of a side (where no name tells a side, their mass center must lie on the plane
+    too).
     """
     known = {name: np.eye(3)[index] for name, index in AXES.items()}
     normal = known.get(axis, np.zeros(3)) if isinstance(axis, str) else np.asarray(axis, dtype=np.float64)

@@ -81,12 +81,9 @@ def align_bones(
     start: Similarity | None = None,
     options: MatchOptions | None = None,
 ) -> Alignment:
-    """The affine map from a whole bone to another of about unit length, of which a part may be missing.
-
-    Every way that fits, and lies near the landmarks or the start where there are some, is tried with a deformation. Of
-    those that fit about equally well one that keeps the frame's axes is taken, if nothing else says how the bones lie.
-    `landmarks`: say how the bones lie where there are three that are not on a line; `start`: where the bone roughly
-    lies, for want of such landmarks.
+    """The affine map from a whole bone to another of about unit length, of which a part may be missing. Every way that
+    fits, and lies near the landmarks or the start where there are some, is tried with a deformation. Of those that fit
+    about equally well one that keeps the frame's axes is taken, if nothing else says how the bones lie.
     """
     ours, goal = Shape(source), Shape(target)
     if landmarks is not None and spans_a_plane(landmarks.source) and spans_a_plane(landmarks.target):
@@ -101,10 +98,9 @@ def align_bones(
 
 
 def mirrored_share(source: Surface, target: Surface, left: float, options: MatchOptions | None = None) -> float:
-    """Distance that the mirrored source leaves at its likeliest, over that of the source: below 1 it fits better.
-
-    How unlikely both deformations are does not count: between two persons' tali one is a thousand times as unlikely as
-    the other where the distances are alike.
+    """Distance that the mirrored source leaves at its likeliest, over that of the source: below 1 it fits better. How
+    unlikely both deformations are does not count: between two persons' tali one is a thousand times as unlikely as the
+    other where the distances are alike.
     """
     mirrored = Shape(Surface(source.vertices * MIRROR, source.faces[:, ::-1]))
     tried = _tried(mirrored, Shape(target), None, None, options or MatchOptions(), MIRRORED_WAYS)
@@ -123,9 +119,8 @@ def _tried(
     most: int = WAYS,
 ) -> list[Tried]:
     """Ways to lie, the similarities nearest to them, and the distances that a deformation leaves, the nearest first:
-    times how unlikely it is, and alone.
-
-    Where hulls do not lead to a good one, as those of a part, similarities are tried.
+    times how unlikely it is, and alone. Where hulls do not lead to a good one, as those of a part, similarities are
+    tried.
     """
     ways = affine_ways(ours, goal)
     tried = _deformed(ours, goal, ways, start, landmarks, options, most)
@@ -227,11 +222,9 @@ SHIFT, STEADY = 0.2, 0.1
 def automatic_landmarks(
     source: Surface, target: Surface, start: Similarity | None = None, rounds: bool = True
 ) -> FeaturePoints:
-    """Landmarks of two bones of one kind, found without a hand. `source`: in its body's frame, facing outward;
-    `target`: facing outward; `start`: from source to target, roughly; found from the surfaces where it is not given,
-    if they tell it; `rounds`: look for heads and sockets too; returns in the bones' frames: ends along the source's
-    principal axes ("axis 1 +") and its body's ("+x"), centers of heads ("head 1") and sockets ("socket 1"); none
-    twice. May be few.
+    """Landmarks of two bones of one kind, facing outward, found without a hand, in the bones' frames: ends along the
+    source's principal axes ("axis 1 +") and its body's ("+x"), centers of heads ("head 1") and sockets ("socket 1");
+    none twice, may be few. `start`: from source to target, roughly; found from the surfaces if they tell it.
     """
     if start is None:
         aligned = align_bones(source, target)

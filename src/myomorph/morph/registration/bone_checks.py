@@ -45,10 +45,8 @@ def check_bone(
     landmarks: FeaturePoints | None = None,
     start: Similarity | None = None,
 ) -> list[str]:
-    """What looks odd in a target's bone, one line each; a bone that cannot be what it is said to be is refused. `body`:
-    of the source's model, for messages; `target`: as `repaired_bone` gives it, in its file's frame, said to be in
-    meters; `source`: the same bone of the source, in its body's frame; `landmarks`: on both; `start`: from source to
-    target, roughly, where landmarks do not tell it.
+    """What looks odd in a target's bone, one line each; a bone that cannot be what it is said to be is refused. The
+    target is as `repaired_bone` gives it, in its file's frame; `start`: roughly, where landmarks do not tell it.
     """
     _check_size(body, target, source)
     notes: list[str] = []
@@ -83,9 +81,7 @@ def bone_length(surface: Surface) -> float:
 
 
 def repaired_bone(surface: Surface, what: str, notes: list[str]) -> Surface:
-    """Equal vertices as one, faces without area left out, specks and inner surfaces dropped, faces turned outward.
-    `what`: how messages call it; `notes`: filled with what was done.
-    """
+    """Equal vertices as one, faces without area left out, specks and inner surfaces dropped, faces turned outward."""
     before = len(notes)
     vertices, faces = _welded(surface, what, notes)
     if not len(faces) or not area_of(vertices, faces) > 0.0:

@@ -55,9 +55,7 @@ def surface_parts(surface: Surface) -> list[Surface]:
 
 
 def fit_ball(points: Array, radius: float | None = None) -> Ball:
-    """Sphere through points (n, 3) with least squares that outliers do not pull (Huber 1964). `radius`: where to start
-    [m]; None starts from the linear fit.
-    """
+    """Sphere through points (n, 3) with least squares that outliers do not pull (Huber 1964)."""
     if len(points) < 4:
         raise BadData(f"a sphere needs four points, but got {len(points)}")
     middle = points.mean(axis=0)
@@ -96,11 +94,10 @@ def _covered(away: Array, left: Array, radius: float) -> float:
 
 
 def find_balls(surface: Surface, diameter: float = 0.009, tolerance: float = 0.15) -> tuple[Ball, ...]:
-    """The balls of a diameter in a surface, whether apart or grown together with what holds them.
-
-    A part that is one ball is taken whole. Elsewhere every point votes for the center that its normal leads to at one
-    radius; where votes meet a ball is fitted to the points around. `diameter`: of the markers [m]; `tolerance`: share
-    by which a fitted radius may differ; returns the best seen first.
+    """The balls of a diameter [m] in a surface, whether apart or grown together with what holds them, the best seen
+    first. A part that is one ball is taken whole. Elsewhere every point votes for the center that its normal leads to
+    at one radius; where votes meet a ball is fitted to the points around. `tolerance`: share by which a radius may
+    differ.
     """
     radius = 0.5 * diameter
     balls: list[Ball] = []
@@ -190,9 +187,8 @@ def name_cluster(
     distances: Array | None = None,
     picked: Mapping[str, Array] | None = None,
 ) -> NamedCluster:
-    """Which ball is which marker: by points picked near them, or by the distances between the recorded markers.
-    `names`: of the markers, as recorded; `distances`: (markers, markers) between the markers as motion capture sees
-    them [m]; NaN where unknown; `picked`: (3,) near some or all of the markers, by name [m].
+    """Which ball is which marker: by points picked near them, or by the distances (markers, markers) between the
+    recorded markers [m], NaN where unknown.
     """
     if len(balls) < len(names):
         raise BadData(

@@ -36,9 +36,8 @@ MAX_COUNT = 80  # Landmarks among which all swaps are tried.
 def check_landmarks(
     body: str, landmarks: FeaturePoints, source: Surface | None = None, target: Surface | None = None
 ) -> tuple[Similarity | None, list[str]]:
-    """What landmarks tell about themselves, and whether they lie on the bones that they are said to be of. `body`:
-    whose they are, for messages; `source`, `target`: the bones, where known; returns similarity from source to
-    target that fits them, None where they are too few or on a line, and what looks odd.
+    """The similarity from source to target that fits landmarks, None where they are too few or on a line, and what
+    looks odd about them, alone and on the bones that they are said to be of.
     """
     for side, points, surface in (("source", landmarks.source, source), ("target", landmarks.target, target)):
         if surface is not None:

@@ -162,10 +162,8 @@ def place_bone(
     start: Similarity | None = None,
     options: MatchOptions | None = None,
 ) -> PlacedBone:
-    """Lay a bone on another: by landmarks, or as its shape and its mirrored shape fit best. `source`: in the source
-    body's frame; a whole bone; `target`: in the target body's frame; it may be cut off; `landmarks`: three or more
-    that are not on a line say how the bones lie; `start`: where the source roughly lies on the target, for want of
-    such landmarks.
+    """Lay a whole bone on another, which may be cut off: by three or more landmarks that are not on a line, or as its
+    shape and its mirrored shape fit best. `start`: where the source roughly lies, for want of such landmarks.
     """
     ours, goal = _Unit(source), _Unit(target)
     pulls = None if landmarks is None else _in_units(landmarks, ours, goal)
@@ -189,9 +187,8 @@ def match_surfaces(
     options: MatchOptions | None = None,
     placed: PlacedBone | None = None,
 ) -> SurfaceMatch:
-    """For every point of a bone the same point of another's. `source`: in the source body's frame; a whole bone;
-    `target`: in the target body's frame; it may be cut off; `landmarks`: three or more that are not on a line say
-    how the bones lie; fewer only pull; `placed`: what `place_bone` finds, where it is known already.
+    """For every point of a whole bone the same point of another's, which may be cut off. Three landmarks that are not
+    on a line say how the bones lie; fewer only pull. `placed`: what `place_bone` finds, where it is known already.
     """
     options = options or MatchOptions()
     placed = placed or place_bone(source, target, landmarks, None, options)

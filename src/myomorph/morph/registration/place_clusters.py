@@ -73,9 +73,8 @@ def place_scanned_bone(
     picks: Picks | None = None,
     options: SurfaceOptions | None = None,
 ) -> ScannedBone:
-    """Lay the surface of a bone in a CT on the bone of a model, picked points first. `scanned`: in the CT's frame [m];
-    a part of the bone is enough; `modelled`: in the body's frame [m], see `bone_surface`; `markers`: (3,) by name in
-    the CT's frame [m].
+    """Lay the surface of a bone in a CT, or of a part of it, on the bone of a model (`bone_surface`), picked points
+    first. `markers`: (3,) by name in the CT's frame [m].
     """
     options = options or SurfaceOptions()
     start, fitted, notes = None, None, []

@@ -263,10 +263,9 @@ def _covariance(rough_fit: RoughFit, area: float) -> Array:
 def start_by_neighbors(
     model: Model, body: str, mapped: Mapping[str, BoneMap], poses: Mapping[str, Transform]
 ) -> Similarity | None:
-    """Where a body lies in the frame that all bones share, if it hangs on its nearest mapped bone as in the source.
-    `mapped`: maps of bones so far; their target surfaces share one frame; `poses`: of the source's bodies in ground,
-    in the posture that the scan is most like; returns from the source body's frame to the shared one, None where no
-    bone is mapped yet.
+    """Where a body lies in the frame that the target's bones share, if it hangs on its nearest mapped bone as in the
+    source; None where no bone is mapped yet. `poses`: of the source's bodies in ground, in the posture that the scan is
+    most like.
     """
     near = _nearest(model, body, mapped)
     if near is None:

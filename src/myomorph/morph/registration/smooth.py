@@ -236,7 +236,6 @@ class _Moving:
 @read_only
 class _Pairs:
     """Points of the source (rows of the basis), planes that they are drawn to, what is left, and how far they moved.
-
     `rms` is the root mean square distance of the source's points.
     """
 
@@ -307,9 +306,7 @@ and from a template cut into 80 to 700 triangles, as OpenSim's bones are; tried 
 def match_radii(
     ours: Shape, goal: Shape, fit: SmoothFit, points: Array, landmarks: FeaturePoints | None, options: MatchOptions
 ) -> Array:
-    """Distances (n,) within which points (n, 3) of the source belong with 90 %, in shares of the bone's length. `ours`,
-    `goal`: surfaces of about unit length; `fit`: of the source onto the target.
-    """
+    """Distances (n,) within which points (n, 3) of the source belong with 90 %, in shares of the bone's length."""
     few = replace(options, match_points=min(POINTS, options.match_points))
     narrow = max(0.5, NARROWER * options.match_kernel_width)
     softer = replace(few, stiffness=SOFTER * options.stiffness, match_kernel_width=narrow)

@@ -121,10 +121,7 @@ _Fit = TypeVar("_Fit", SphereFit, CylinderFit)
 
 
 def articular_sphere(surface: Surface, near: ArrayLike, radius: float, hollow: bool = False) -> SphereFit:
-    """The sphere of a joint's head or socket. `surface`: of the bone, facing outward; `near`: (3,) where its center is
-    about, within a third of the radius [m]; `radius`: about [m]; `hollow`: whether it is a socket, which looks
-    towards its center.
-    """
+    """The sphere of a joint's head, or of a socket (`hollow`); `near`: its center within a third of the radius [m]."""
     start = np.asarray(near, dtype=np.float64)
     return _sphere(_near(surface, start, 2.5 * radius), start, radius, hollow)
 
@@ -132,10 +129,8 @@ def articular_sphere(surface: Surface, near: ArrayLike, radius: float, hollow: b
 def articular_cylinder(
     surface: Surface, near: ArrayLike, axis: ArrayLike, radius: float, width: float | None = None, hollow: bool = False
 ) -> CylinderFit:
-    """The cylinder of a hinge's rollers: both condyles of a femur, the trochlea of a talus or a humerus. `surface`: of
-    the bone, facing outward; `near`: (3,) point amid the joint, near the axis [m]; `axis`: (3,) about where it
-    points; `radius`: about [m]; `width`: of the joint along the axis, 4 radii by default [m]; `hollow`: whether it
-    is the notch that holds the roller.
+    """The cylinder of a hinge's rollers: both condyles of a femur, the trochlea of a talus or a humerus; `hollow`: of
+    the notch that holds the roller. `near`: amid the joint [m]; `width`: along the axis, 4 radii by default [m].
     """
     start, line = np.asarray(near, dtype=np.float64), np.asarray(axis, dtype=np.float64)
     line = line / np.linalg.norm(line)
@@ -185,12 +180,10 @@ def warning_of(fit: SphereFit | CylinderFit) -> str:
 
 
 def spherical_patches(surface: Surface, hollow: bool = False, most: int = 8) -> tuple[SphereFit, ...]:
-    """Where a bone is round: spheres that fit parts of its surface, those of which most is there first.
-
-    Each of many vertices proposes centers along its normal, for a ladder of radii from 1/100 to 1/4 of the bone's
-    length; the proposals with most surface on their sphere are fitted as in `articular_sphere`. `surface`: of the bone,
-    facing outward; `hollow`: look for sockets instead of heads; `most`: of them; returns fits without `warning_of`,
-    those that cover most of their sphere first; none of them meets another's center.
+    """Where a bone is round: spheres without `warning_of` that fit parts of its surface, those that cover most of their
+    sphere first; none of them meets another's center. Each of many vertices proposes centers along its normal, for a
+    ladder of radii from 1/100 to 1/4 of the bone's length; the proposals with most surface on their sphere are fitted
+    as in `articular_sphere`.
     """
     corners = Corners.of(surface)
     length = float(np.ptp(corners.points, axis=0).max())

@@ -129,11 +129,10 @@ def grow_envelope(
     together: Sequence[Sequence[str]] = (),
     cells: int = CELLS,
 ) -> Envelope:
-    """Soft tissue around the bones of a model, in one pose. `bones`: by body, in the bodies' frames [m]; `pose`: its
-    first frame; the model's default pose where it is not given; `volume`: that the whole shall have [m^3]; the soft
-    tissue grows or shrinks everywhere in proportion; `soft_tissue`: thickness as a share of bone length, for all or
-    by body (`SOFT_TISSUE` for those not named); `together`: groups of bodies with a common hull, as those around a
-    belly; `cells`: of the grid along the longest side.
+    """Soft tissue around the bones of a model, in one pose (the first frame; by default the model's). `volume`: of the
+    whole [m^3]; the soft tissue grows or shrinks everywhere in proportion; `soft_tissue`: thickness as a share of bone
+    length, for all or by body; `together`: groups of bodies with a common hull, as those around a belly; `cells`: of
+    the grid along the longest side.
     """
     skeleton = Skeleton(model, bones, pose, together)
     share = {
@@ -160,10 +159,9 @@ def grow_envelope(
 def soft_tissue_of(
     model: Model, bones: Mapping[str, Surface], density: float, *, together: Sequence[Sequence[str]] = ()
 ) -> dict[str, float]:
-    """Thickness of soft tissue over each body's bones, as a share of its length, that gives it the mass it has.
-
-    Bodies that cannot have theirs (a mass that stands for parts without bones) come as near as `THICKEST` and their
-    neighbors let them. `density`: of all [kg/m^3].
+    """Thickness of soft tissue over each body's bones, as a share of its length, that gives it the mass it has at a
+    density [kg/m^3]. Bodies that cannot have theirs (a mass that stands for parts without bones) come as near as
+    `THICKEST` and their neighbors let them.
     """
     skeleton = Skeleton(model, bones, None, together)
     names = list(skeleton.hulls)

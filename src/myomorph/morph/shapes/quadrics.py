@@ -102,9 +102,8 @@ def fit_sphere(points: ArrayLike, normals: ArrayLike | None = None, weights: Arr
 def fit_cylinder(
     points: ArrayLike, normals: ArrayLike | None = None, weights: ArrayLike | None = None, axis: ArrayLike | None = None
 ) -> CylinderFit:
-    """The cylinder nearest to points. `points`: (n, 3) [m]; `normals`: (n, 3) outward; start the axis where none is
-    given, and tell a shaft from a hole; `weights`: (n,) area that each point stands for, equal by default; `axis`:
-    (3,) to start from; without one and without normals the principal axes are tried, and the best is taken.
+    """The cylinder nearest to points (n, 3) [m]. Normals start the axis where none is given, and tell a shaft from a
+    hole; without either the principal axes are tried, and the best is taken. `weights`: area of each point.
     """
     x, share, middle, size = _scaled(points, weights, 6, "cylinder")
     if axis is not None:

@@ -31,9 +31,7 @@ class Samples:
 
 
 class Boxes:
-    """Triangles that tell what of them is nearest to points, and what lies inside of them. `vertices`, `faces`: (n, 3)
-    [m] and (m, 3).
-    """
+    """Triangles that tell what of them is nearest to points, and what lies inside of them."""
 
     def __init__(self, vertices: Array, faces: np.ndarray):
         # Imported here because it takes a moment that only bones should pay.
@@ -131,10 +129,9 @@ class Shape:
         return places, faces
 
     def signed(self, points: Array) -> Array:
-        """Distances (n,), positive outside [m].
-
-        Where the nearest point is on an edge or a corner the faces around it tell the side together (Baerentzen and
-        Aanaes 2005): beside a sharp edge one of them alone may tell the wrong one.
+        """Distances (n,), positive outside [m]. Where the nearest point is on an edge or a corner the faces around it
+        tell the side together (Baerentzen and Aanaes 2005): beside a sharp edge one of them alone may tell the wrong
+        one.
         """
         squared, face, places = self._seamless.nearest(points)
         side = np.einsum("ij,ij->i", points - places, self._seamless.normals(face, places))
@@ -142,9 +139,8 @@ class Shape:
 
     @cached_property
     def _seamless(self) -> _Seamless:
-        """The surface with equal vertices as one, and the faces that bound something, outward.
-
-        Faces without an area, and two on the same corners back to back, as files have them, bound nothing.
+        """The surface with equal vertices as one, and the faces that bound something, outward. Faces without an area,
+        and two on the same corners back to back, as files have them, bound nothing.
         """
         _, first, same = np.unique(np.round(self.vertices, 9), axis=0, return_index=True, return_inverse=True)
         vertices, faces = self.vertices[first], same.reshape(-1)[self.faces].astype(np.int64)

@@ -122,10 +122,9 @@ Values = dict[str, _Value]
 def architectures(
     source: Model, tables: Sequence[ArchitectureTable], sizes: Sequence[Size], muscles: Sequence[str]
 ) -> Mapping[str, Architecture]:
-    """Fiber length, force and pennation of muscles in the target, by the source's names. `source`: whose muscles they
-    are; `tables`: the target species' first, then relatives', the nearest first; `sizes`: of the target animal over
-    each table's; `muscles`: wanted; those that no table has follow the source at the level of the others; returns of
-    all muscles, or of none where there is no table.
+    """Fiber length, force and pennation of all muscles wanted, by the source's names, or of none without a table.
+    `tables`: the target species' first, then the nearest relatives'; `sizes`: of the target animal over each table's.
+    Muscles that no table has follow the source at the level of the others.
     """
     if not tables:
         return FrozenMap({})
@@ -162,9 +161,7 @@ def architectures(
 def scaled_architectures(
     source: Model, law: ScalingLaw, length: float, muscles: Sequence[str]
 ) -> Mapping[str, Architecture]:
-    """Fiber length and force of muscles in the target by a law of scaling, by the source's names. `length`: of the
-    target's bones over the source's; `muscles`: wanted.
-    """
+    """Fiber length and force of muscles by a law of scaling; `length`: of the target's bones over the source's."""
     basis = f"{source.name}, scaled as {law.citation}"
     return FrozenMap(
         {
@@ -229,7 +226,6 @@ def _ratios(first: Values, other: Values) -> np.ndarray:
 
 def _level(first: Values, other: Values) -> tuple[np.ndarray, np.ndarray]:
     """Factors of fiber length and strength that bring a table to the first one's level, and the spread about them.
-
     Spreads are standard deviations of the logarithms of fiber length and force. NaN with too little in common.
     """
     ratios = _ratios(first, other)

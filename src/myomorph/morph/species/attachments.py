@@ -28,9 +28,8 @@ MIN_COUNT = 4  # Landmarks that a relative's bone needs in common with the targe
 def with_attachments(
     source: Model, bones: Mapping[str, BoneMap], relatives: Sequence[RelativeBone]
 ) -> tuple[Model, Mapping[str, BoneMap], tuple[str, ...]]:
-    """The source with a body for each point that is moved, the maps of all, and what was moved, in lines.
-
-    A point whose path would then go back and forth along that bone stays where the map puts it.
+    """The source with a body for each point that is moved, the maps of all, and what was moved, in lines. A point whose
+    path would then go back and forth along that bone stays where the map puts it.
     """
     muscles = {muscle.name: muscle for muscle in source.muscles}
     result = dict(bones)

@@ -21,9 +21,8 @@ Ints = NDArray[np.int64]
 
 
 class Parts:
-    """The connected parts of a bone's surface in the directions of the anatomy. `surface`: in the body's frame [m];
-    `frame`: of the body; `joint`: (3,) where the bone's first joint landmark is, None without one [m]; `half`: only
-    what lies to the right of the body's origin counts.
+    """The connected parts of a bone's surface in the directions of the anatomy. `joint`: (3,) where the bone's first
+    joint landmark is [m]; `half`: only what lies to the right of the body's origin counts.
     """
 
     def __init__(self, surface: Surface, frame: AnatomicalFrame, joint: Array | None, half: bool):
@@ -85,9 +84,8 @@ def landmarks_by_rules(
     of_source: bool,
     half: bool = False,
 ) -> tuple[Landmarks, tuple[str, ...]]:
-    """Landmarks of one bone by name, in its body's frame [m], and which rules found none and why. `joints`: centers
-    (3,) of joints by the body that hangs on them, in the bone's frame [m]; `of_source`: whether the bone is of the
-    source species; `half`: only what lies to the right of the body's origin counts.
+    """Landmarks of one bone by name, in its body's frame [m], and which rules found none and why. `joints`: centers of
+    joints by the body that hangs on them [m]; `half`: only what lies to the right of the body's origin counts.
     """
     landmarks: Landmarks = {}
     for rule in rules:

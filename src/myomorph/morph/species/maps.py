@@ -153,10 +153,9 @@ def _map(
 def _consistent(
     names: tuple[str, ...], ours: Array, theirs: Array
 ) -> tuple[tuple[str, ...], Array, Array, tuple[str, ...]]:
-    """Landmarks without those that lie together in the source but not in the target, and which these are.
-
-    Rules that look for extremes may find one place twice on a bone and two places on another's; a map through both
-    would tear the space between them.
+    """Landmarks without those that lie together in the source but not in the target, and which these are. Rules that
+    look for extremes may find one place twice on a bone and two places on another's; a map through both would tear the
+    space between them.
     """
     goal = fit_affine(theirs, ours).apply(theirs)
     kept = list(range(len(names)))
@@ -207,13 +206,9 @@ def species_morph(
     name: str = "",
     progress: Callable[[str], None] | None = None,
 ) -> Morph:
-    """The target's skeleton, with its own joints and masses, and the source's muscles on it. `source_surfaces`,
-    `target_surfaces`: of bones by body, in the bodies' frames [m]; `options`: what becomes of points on surfaces and
-    of the muscles' parameters; `map_options`, `match`: how bones are mapped, and matched where the table wants dense
-    correspondence; `beside`: keep the target's own muscles too; `name`: of the new model; by default the target's;
-    `progress`: called with a bone's name before it is mapped, and with "muscles" before they are transferred;
-    returns its `source` is that model with parts of bodies as bodies of their own where the table spreads one over
-    several.
+    """The target's skeleton, with its own joints and masses, and the source's muscles on it; its `source` is that model
+    with parts of bodies as bodies of their own where the table spreads one over several. `beside`: keep the target's
+    own muscles too; `progress`: called with a bone's name before it is mapped, and with "muscles".
     """
     bones = species_bones(source, source_surfaces, target, target_surfaces, table, map_options, match, progress)
     if not bones.bones:

@@ -30,10 +30,8 @@ class SegmentShare:
 def with_segment_shares(
     model: Model, shares: Sequence[SegmentShare], mass: float | None = None
 ) -> tuple[Model, tuple[str, ...]]:
-    """The model with the segments' masses in these shares, and all other bodies in proportion.
-
-    Mass centers and radii of gyration stay. `mass`: of the whole [kg]; by default the model's; returns the model, and
-    what the shares are, one line each.
+    """The model with the segments' masses in these shares, all other bodies in proportion, and what the shares are, one
+    line each. Mass centers and radii of gyration stay; the total [kg] is the model's by default.
     """
     total = model.mass if mass is None else mass
     if not (np.isfinite(total) and total > 0.0):
@@ -62,11 +60,9 @@ def with_segment_shares(
 
 
 def with_possible_inertias(model: Model, surfaces: Mapping[str, Surface]) -> tuple[Model, tuple[str, ...]]:
-    """The model without inertias that stand in a file for want of better ones.
-
-    A body whose radius of gyration is longer than its bone gets the inertia of a box around the bone, evenly filled
-    with its mass; one without a bone, where it is longer than any bone, that of a cube as long as the longest.
-    `surfaces`: of bones by body, in the bodies' frames [m]; returns the model, and how many were replaced, in one line.
+    """The model without inertias that stand in a file for want of better ones, and how many were replaced. A body whose
+    radius of gyration is longer than its bone gets the inertia of a box around the bone, evenly filled with its mass;
+    one without a bone, where it is longer than any bone, that of a cube as long as the longest.
     """
     extents = {name: np.ptp(surface.vertices, axis=0) for name, surface in surfaces.items() if len(surface.vertices)}
     if not extents:

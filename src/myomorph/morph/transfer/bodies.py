@@ -24,9 +24,8 @@ Tie = TypeVar("Tie", Loop, Bushing)
 
 
 def transferred_body(body: Body, transfer: Transfer) -> Body:
-    """A body whose mass grows with its bone's volume, spread in it as the map of the whole bone spreads it.
-
-    The second moments of mass P = tr(I) / 2 - I become A P A^T, where A is the affine map nearest over the bone.
+    """A body whose mass grows with its bone's volume, spread in it as the map of the whole bone spreads it. The second
+    moments of mass P = tr(I) / 2 - I become A P A^T, where A is the affine map nearest over the bone.
     """
     A, mass = transfer.linear, body.mass * transfer.volume
     second = 0.5 * np.trace(body.inertia) * np.eye(3) - body.inertia
@@ -100,10 +99,9 @@ def not_transferred(model: Model) -> list[str]:
 
 
 def with_neighbors(model: Model, bones: Mapping[str, BoneMap]) -> dict[str, BoneMap]:
-    """Maps of all bodies and of the ground, in which a body without one takes the size of its nearest neighbors.
-
-    Such a body keeps its frame; its size is the geometric mean over the bodies nearest in the tree that have a bone.
-    The ground neither turns nor moves, whatever hangs on it. `bones`: at least one, by body of the model.
+    """Maps of all bodies and of the ground, in which a body without one takes the size of its nearest neighbors. Such a
+    body keeps its frame; its size is the geometric mean over the bodies nearest in the tree that have a bone. The
+    ground neither turns nor moves, whatever hangs on it.
     """
     ties = neighbors_of(model)
     result = dict(bones)

@@ -83,7 +83,6 @@ class Transfer:
 
     def within(self, points: ArrayLike) -> Array:
         """Distances (n,) within which points (n, 3) of the source belong with 90 % [m]; NaN where nothing is known.
-
         Those of the matched points around them, and what the map adds beside the bone.
         """
         asked = np.asarray(points, dtype=np.float64).reshape(-1, 3)

@@ -82,9 +82,7 @@ def riders_of(model: Model, link: str) -> Riders:
 
 
 def branch_load(model: Model, link: str) -> BranchLoad:
-    """The tensions that hold a model's branching point where it is, nearest to those of equal activation. `link`: a
-    body on which muscles branch.
-    """
+    """The tensions that hold a branching point `link` where the model has it, nearest to those of equal activation."""
     freed = _FreeLink(model, link, riders_of(model, link))
     force = np.array([model.muscle(name).max_isometric_force for name in freed.muscles])
     if not len(force) or not np.all(force > 0.0):
@@ -100,13 +98,10 @@ def branch_load(model: Model, link: str) -> BranchLoad:
 def branch_places(
     model: Model, load: BranchLoad, motion: Motion | None = None, riders: Riders | None = None
 ) -> tuple[Array, Array]:
-    """How far a branching point moves until its lines of action balance, in each frame of a motion.
-
-    Source: [D] chapter 2, virtual links; the balance is that of a massless body (see docs/bone-maps.md). `load`:
-    tensions of the lines of action, by name those of the model, and the force beside them; `motion`: the other
-    coordinates; the default pose without it; `riders`: what rides on it, where that is not all that the body has;
-    returns (frames, 3) from where the model has it, in the link's frame [m], NaN where there is no balance; and
-    (frames,) whether there is one.
+    """How far a branching point moves until its lines of action balance: (frames, 3) from where the model has it, in
+    the link's frame [m], NaN where there is no balance; and (frames,) whether there is one. Source: [D] chapter 2,
+    virtual links; the balance is that of a massless body (see docs/bone-maps.md). `riders`: by default all that the
+    body has.
     """
     for name in load.muscles:
         check_name("muscle", name, model.muscle_names)

@@ -166,7 +166,6 @@ def transferred_joints(model: Model, transfers: Transfers, centers: CenterFinder
     A joint's center is where the child's joint frame is in the default pose. Parent and child carry it each by its own
     map. Their frames turn as the whole bones do, so that at equal coordinates shafts lie to each other as they did; the
     axis of a hinge turns as the bone around it does, as condyles and malleoli may be twisted against their shaft.
-    `transfers`: of all bodies and of the ground; `centers`: where the center comes to lie.
     """
     defaults = _defaults(model)
     anchored = [_anchored(joint) for joint in model.joints]

@@ -180,14 +180,12 @@ def graft_muscles(
     """The target's skeleton with the source's muscles on it, and their wrap objects and markers ([D] chapter 6).
 
     Several bodies of the source may lead to one of the target, where bones are fused. A muscle one of whose bodies has
-    no counterpart is left out, and so is a wrap object. Joints, masses and meshes are the target's own. `bones`: maps
-    by body of the source; each tells the target's body; `coordinates`: by coordinate of the source the target's, factor
-    and offset: target = factor source + offset; by default those of the same name. Conditional and moving points follow
-    them, and fibers keep the range of normalized lengths over the ranges of these; `postures`: coordinates of source
-    and target in which their bones lie alike, the others at their defaults; virtual links are mapped in them, paths
-    compared; `surrounding`: bodies of the source that are virtual links, with the bones around each; `beside`: keep the
-    target's own muscles too; `name`: of the new model; by default the target's; `architecture`: fiber lengths and
-    forces that are known of the target's muscles, by the source's names.
+    no counterpart is left out, and so is a wrap object. Joints, masses and meshes are the target's own. `coordinates`:
+    target = factor source + offset; by default those of the same name; conditional and moving points follow them, and
+    fibers keep the range of normalized lengths over the ranges of these; `postures`: of source and target in which
+    their bones lie alike; virtual links are mapped in them, paths compared; `surrounding`: virtual links, with the
+    bones around each; `beside`: keep the target's own muscles too; `architecture`: known fiber lengths and forces, by
+    the source's names.
     """
     options = options or MorphOptions()
     _check(source, bones)

@@ -13,11 +13,9 @@ from myomorph.morph.checks.moment_arms import CoordinateTable
 
 
 def translated_path(path: Path, table: CoordinateTable, standing: Mapping[str, float]) -> tuple[Path, list[str]]:
-    """A path whose conditional and moving points follow the target's coordinates, and what it lost.
-
-    A point that depends on a coordinate that the target does not have is as it is in the posture given: fixed there, or
-    left out where the path does not go through it. `table`: by coordinate of the source; `standing`: value of every
-    coordinate of the source [rad or m].
+    """A path whose conditional and moving points follow the target's coordinates, and what it lost. A point that
+    depends on a coordinate that the target does not have is as it is at `standing`, the values of the source's
+    coordinates [rad or m]: fixed there, or left out where the path does not go through it.
     """
     kept: list[PathPoint | MovingPathPoint] = []
     dropped: list[int] = []

@@ -57,10 +57,9 @@ def transferred_muscles(
     mass_ratio: float,
     known_architectures: Mapping[str, Architecture] | None = None,
 ) -> tuple[tuple[Muscle, ...], tuple[MuscleChange, ...], list[str]]:
-    """Muscles with the parameters that the target's bones ask for, what changed, and warnings. `muscles`: with paths of
-    the target and parameters of the source; `source`: the source's, by name; `lengths`: (postures, muscles) of
-    source and target, in the order of `muscles` [m]; `mass_ratio`: mass of the target over that of the source;
-    `known_architectures`: fiber lengths and forces by muscle; tendons then keep the mean normalized fiber length.
+    """Muscles (paths of the target, parameters of the source) with the parameters that the target's bones ask for, what
+    changed, and warnings. `lengths`: (postures, muscles) of source and target [m]; `mass_ratio`: target over source;
+    tendons of `known_architectures` keep the mean normalized fiber length.
     """
     result, changes, doubtful, slack = [], [], [], []
     for i, muscle in enumerate(muscles):

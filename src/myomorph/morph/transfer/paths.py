@@ -31,9 +31,7 @@ Pairs = Mapping[str, tuple[WrapObject, WrapObject]]  # Wrap objects of source an
 def points_left_outside(
     muscles: Iterable[Muscle], points: Iterable[TransferredPoint], wraps: Pairs
 ) -> tuple[dict[str, tuple[WrapObject, WrapObject]], list[str]]:
-    """Wrap objects small enough to leave outside what was outside, and a line on those that are smaller for it.
-    `muscles`: of the source; `points`: all points of their paths, in order.
-    """
+    """Wrap objects small enough to leave outside what was outside, and a line on those that are smaller for it."""
     shrunk: dict[str, float] = {}
     queue = iter(points)
     for muscle in muscles:
@@ -91,11 +89,10 @@ _BALL = np.concatenate([np.cos(a) * _RING + [0.0, 0.0, np.sin(a)] for a in _LATI
 
 
 def transferred_wrap(wrap: WrapObject, transfer: Transfer) -> WrapObject:
-    """A wrap object that lies in the target's bone as it did in the source's.
-
-    Points of its surface go where the map sends them. The affine map nearest to that gives the middle and how the
-    object turns (a cylinder's axis stays along the same line of the bone); radii are the mean distances of the points
-    from the middle or the axis, so a similarity is met exactly. Sides that constrain the path turn with the object.
+    """A wrap object that lies in the target's bone as it did in the source's. Points of its surface go where the map
+    sends them. The affine map nearest to that gives the middle and how the object turns (a cylinder's axis stays along
+    the same line of the bone); radii are the mean distances of the points from the middle or the axis, so a similarity
+    is met exactly. Sides that constrain the path turn with the object.
     """
     points = surface_points(wrap, LONGEST * transfer.length)
     moved = transfer.points(wrap.pose.apply(points))
@@ -171,7 +168,6 @@ def transferred_lines(
     within: float,
 ) -> LinesOfAction:
     """Paths by the maps of the bodies that their points are fixed to, and the source's wrap objects on those bodies.
-    `muscles`, `ligaments`: all of whose bodies have a transfer; `coordinates`: that their points may depend on;
     `travel`: how much further a coordinate that slides goes in the target; `within`: distance from the surface up to
     which a point belongs to it, as a share of the bone's length.
     """

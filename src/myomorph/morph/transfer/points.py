@@ -42,13 +42,11 @@ class SurfacePoints:
 
 
 def put_on_surface(transfer: Transfer, points: Array, within: float) -> SurfacePoints:
-    """Points of a body transferred, those near its bone at their height above the target's.
-
-    The point of the surface nearest to such a point goes where the map sends it, and from there to the nearest point of
-    the target's surface that faces the same way: what the map missed the surface by is added to the point itself. So
-    nothing moves where the map brings surface onto surface, and a point stays on its side of a thin bone. `points`: (n,
-    3) in the source body [m]; `within`: distance from the surface up to which a point belongs to it, as a share of the
-    bone's length.
+    """Points (n, 3) of a body transferred, those within a share of its bone's length of the surface at their height
+    above the target's [m]. The point of the surface nearest to such a point goes where the map sends it, and from there
+    to the nearest point of the target's surface that faces the same way: what the map missed the surface by is added to
+    the point itself. So nothing moves where the map brings surface onto surface, and a point stays on its side of a
+    thin bone.
     """
     mapped = transfer.points(points)
     shapes, none = transfer.shapes, np.zeros(len(points))
@@ -89,9 +87,8 @@ def _lifted(transfer: Transfer, target: Shape, mapped: Array, feet: Array, facin
 
 
 def nearest_facing(shape: Shape, points: Array, facing: Array) -> tuple[Array, Array]:
-    """Nearest points (n, 3) of a surface on the side that faces a direction (n, 3), and their normals (n, 3).
-
-    Where no triangle near by faces that way, the nearest of all is taken.
+    """Nearest points (n, 3) of a surface on the side that faces a direction (n, 3), and their normals (n, 3). Where no
+    triangle near by faces that way, the nearest of all is taken.
     """
     places, faces = shape.closest(points)
     normals = shape.normals[faces]
@@ -131,11 +128,9 @@ class Setting:
 def transferred_paths(
     owned: Iterable[tuple[str, Path]], transfers: Transfers, setting: Setting, within: float
 ) -> tuple[list[Path], tuple[TransferredPoint, ...], list[str]]:
-    """Paths of muscles or ligaments, every point by the map of the body that it is fixed to.
-
-    A moving point follows the affine map nearest around the middle of its way, which is exact where the bone's map is
-    affine. `owned`: names and paths; `within`: distance from the surface up to which a point belongs to it, as a share
-    of the bone's length; returns paths in the order given, all of their points in order, and notes.
+    """Paths of muscles or ligaments, all of their points and notes: every point by the map of the body that it is fixed
+    to. A moving point follows the affine map nearest around the middle of its way, which is exact where the bone's map
+    is affine. `within`: distance up to which a point belongs to the surface, as a share of the bone's length.
     """
     owned = list(owned)
     places = [place_of(point, setting.coordinates) for _, path in owned for point in path.points]

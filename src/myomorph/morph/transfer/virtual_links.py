@@ -28,10 +28,9 @@ FEATURES = 60  # Of each bone around a virtual link count, spread over those it 
 def bones_around(
     model: Model, bones: Mapping[str, BoneMap], stated: Mapping[str, Sequence[str]] | None = None
 ) -> dict[str, tuple[str, ...]]:
-    """The bones that surround each virtual link: those given, and those found in the tree.
-
-    A body is taken for a virtual link where it has muscle points, but neither a mesh nor a bone of the target, and lies
-    between at least two bones.
+    """The bones that surround each virtual link: those given, and those found in the tree. A body is taken for a
+    virtual link where it has muscle points, but neither a mesh nor a bone of the target, and lies between at least two
+    bones.
     """
     result: dict[str, tuple[str, ...]] = {}
     for link, around in (stated or {}).items():
@@ -75,9 +74,8 @@ def surrounded_map(
     source: Mapping[str, Transform],
     target: Mapping[str, Transform],
 ) -> BoneMap:
-    """The map of a virtual link from the features of several bones, each where it lies in one posture. `there`: the
-    target body that the link's points are fixed to; `transfers`: of the bones around it; `source`, `target`: poses
-    of bodies in ground, of both models.
+    """The map of a virtual link, whose points are fixed to `there`, from the features of the bones around it, each
+    where it lies in one posture of both models.
     """
     names: list[str] = []
     before, after = [], []
@@ -120,10 +118,7 @@ def link_carriers(
     target: Mapping[str, Transform],
     targets: Mapping[str, str],
 ) -> dict[str, Transfer]:
-    """Transfers of virtual links, by the bones around them as they lie in two poses. `links`: with the bones around
-    each; `source`, `target`: poses of bodies in ground, of both models; `targets`: bodies of the target that the
-    links' points are fixed to.
-    """
+    """Transfers of virtual links onto `targets`, by the bones around each as they lie in a pose of both models."""
     return {
         link: Transfer(surrounded_map(link, targets[link], around, transfers, source, target), targets[link])
         for link, around in links.items()
@@ -133,9 +128,8 @@ def link_carriers(
 def balanced_links(
     source: Model, links: Mapping[str, Sequence[str]], transfers: Transfers, transferred: Callable[[Transfers], Model]
 ) -> dict[str, Transfer]:
-    """The transfers, those of links moved to where their line tensions balance in the target as in the source.
-    `source`: in the posture in which bones are compared; `transferred`: the target with the source's muscles, by
-    transfers, in that posture.
+    """The transfers, those of links moved to where their line tensions balance in the target as in the source, both in
+    the posture in which bones are compared; `transferred`: the target with the source's muscles.
     """
     result = dict(transfers)
     loads = {link: branch_load(source, link) for link in links if _has_branches(source, link)}

@@ -55,8 +55,7 @@ def limits(
     values: Sequence[Array], low: float | None = None, high: float | None = None, zero: bool = False
 ) -> tuple[float, float]:
     """Lowest and highest of several arrays with a little air, (0, 1) where no value is finite. `low`, `high`: values
-    that must be inside; a limit that is one of them gets no air; `zero`: whether zero must be inside, also without
-    air.
+    that must be inside, without air; `zero`: whether zero must be inside, without air too.
     """
     finite = [array[np.isfinite(array)] for array in map(np.asarray, values)]
     lows = [float(array.min()) for array in finite if array.size] + ([] if low is None else [low])
@@ -72,9 +71,8 @@ def limits(
 
 
 def scaled_unit(unit: str, *values: Array) -> tuple[float, str]:
-    """Factor and unit that print small values without a row of zeros: 0.0003 N·m is 300 µN·m.
-
-    Values of ordinary size keep their unit.
+    """Factor and unit that print small values without a row of zeros: 0.0003 N·m is 300 µN·m. Values of ordinary size
+    keep their unit.
     """
     finite = [np.abs(value[np.isfinite(value)]) for value in values]
     peak = max((float(array.max()) for array in finite if array.size), default=0.0)

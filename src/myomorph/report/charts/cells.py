@@ -40,10 +40,7 @@ def heat_map(
     events: Sequence[Event] = (),
     width: int = 1040,
 ) -> str:
-    """Many columns over time as rows of color, light for zero, in labelled blocks. `time`: (frames,) [s]; `values`:
-    (frames, columns), not negative; `names`: of the columns; `blocks`: a label and the columns in it, from top to
-    bottom.
-    """
+    """Many columns (frames, columns) over time as rows of color, light for zero, in labelled blocks of columns."""
     rows = int(sum(len(columns) for _, columns in blocks))
     row = 10.0 if rows <= 90 else max(1.6, 900.0 / rows)
     gap, top, left, right = 14.0, 38.0, 96.0, width - 76.0
@@ -122,9 +119,7 @@ def sided_table(
     rows: Sequence[tuple[str, Sequence[Sequence[Cell | None]]]],
     width: int = 1040,
 ) -> str:
-    """A table of colored cells as an `<svg>` element. `columns`: heads; `rows`: a label each, and for every column the
-    cells of the right and the left side, or one cell for both.
-    """
+    """A table of colored cells: a label each row, and for every column the cells of both sides or one for both."""
     room = min((width - LABEL) / max(len(columns), 1), 250.0)
     gap, top = 6.0, 52.0
     parts = []

@@ -94,11 +94,9 @@ def time_plot(
     second: tuple[float, str] | None = None,
     margin: int = 8,
 ) -> str:
-    """Lines over time as an `<svg>` element. `title`, `unit`: printed above it; `span`: (first, last) time shown [s];
-    `events`: drawn as vertical lines; `levels`: values to compare with; `low`, `high`: values that must be inside,
-    or None; `width`, `height`: in the drawing's own units; `name_events`: print the events' labels above the chart;
-    `second`: factor and unit of a second scale on the right, e.g. moments per kilogram; `margin`: free space on the
-    right, so that charts above each other line up.
+    """Lines over time as an `<svg>` element. `low`, `high`: values that must be inside; `second`: factor and unit of a
+    second scale on the right, e.g. moments per kilogram; `margin`: free space on the right, so that charts above each
+    other line up.
     """
     first, last = span
     top, right = 40.0 if name_events and events else 26.0, width - (36.0 if second else margin)
@@ -173,9 +171,8 @@ def cycle_chart(
     differs: Sequence[tuple[float, float, str]] = (),
     height: int = 220,
 ) -> str:
-    """Mean curves over the cycle with their intervals, and bars below where they differ. `shown`: arrays of values that
-    must be inside; intervals beyond them are cut; `differs`: first and last percent of a difference, and what is
-    shown under the pointer.
+    """Mean curves over the cycle with their intervals, and bars below where they differ (from, to [%], words). `shown`:
+    arrays of values that must be inside; intervals beyond them are cut.
     """
     width = 330.0
     area = frame(46.0, 26.0, width - 8, height - 32.0, (0.0, 100.0), limits(shown), "%")

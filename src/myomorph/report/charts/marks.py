@@ -63,8 +63,7 @@ def drawing(
     kind: str, title: str, size: tuple[float, float], *parts: str, unit: str | None = "", attributes: str = ""
 ) -> str:
     """A chart as an `<svg>` element. `kind`: class of the style sheet; "time" charts are read under the pointer by the
-    page's script; `size`: width and height; `parts`: marks, those in front last; `unit`: printed behind the title;
-    None prints no title; `attributes`: further ones of the element.
+    page's script; `parts`: marks, those in front last; a `unit` of None prints no title.
     """
     heading = "" if unit is None else titled(title, unit, 2.0, 12.0)
     return (
@@ -235,9 +234,8 @@ def shortened(words: str, room: float) -> str:
 
 
 def decimate(time: Array, values: Array, max_count: int = MAX_POINTS) -> tuple[Array, Array]:
-    """Fewer points that draw the same line: the first of the smallest and of the largest of every bin.
-
-    Peaks survive; a bin without any value becomes one NaN, which breaks the line.
+    """Fewer points that draw the same line: the first of the smallest and of the largest of every bin. Peaks survive; a
+    bin without any value becomes one NaN, which breaks the line.
     """
     if len(time) <= 2 * max_count:
         return time, values
@@ -252,9 +250,8 @@ def decimate(time: Array, values: Array, max_count: int = MAX_POINTS) -> tuple[A
 
 
 def envelope(time: Array, values: Array, max_count: int = MAX_POINTS // 2) -> tuple[Array, Array, Array, Array] | None:
-    """Time, mean, smallest and largest value of bins, where a line would only fill its chart with ink.
-
-    None for lines that are short, or that change little within a bin.
+    """Time, mean, smallest and largest value of bins, where a line would only fill its chart with ink. None for lines
+    that are short, or that change little within a bin.
     """
     if len(time) <= 4 * max_count:
         return None

@@ -96,9 +96,8 @@ def picture_row(
     unit: str | None = None,
     width: float = 560.0,
 ) -> str:
-    """Pictures of bodies side by side, with labels or a scale of their colors below. `labels`: of each picture;
-    `palette`: (256, 3) colors of the scale, None for no scale; `ends`: what the scale's beginning, middle and end
-    mean; `unit`: printed behind the title; None prints no title; `width`: of the drawing at least.
+    """Pictures of bodies side by side, with labels or a scale of their colors below, whose `ends` are named; a `unit`
+    of None prints no title.
     """
     wide, tall = sum(picture.width for picture in drawn), max(picture.height for picture in drawn)
     width = min(float(WIDTH), max(width, wide + GAP * len(drawn)))
@@ -128,10 +127,8 @@ def color_scale(bar: str, x: float, y: float, size: tuple[float, float], words: 
 
 
 def residual_map(title: str, unit: str, surface: Surface, distances: Array) -> str:
-    """A surface in colors of how far each vertex is from the surface it was fitted to, from two sides.
-
-    Its scale of colors [mm] holds 95 % of the vertices. `unit`: printed behind the title; `distances`: (vertices,)
-    positive outside [m].
+    """A surface in colors of how far each vertex is from the surface it was fitted to, from two sides. `distances`:
+    (vertices,) positive outside [m]; the scale of colors [mm] holds 95 % of them.
     """
     reach = max(float(np.percentile(np.abs(distances), 95.0)), 1e-9)
     views = [_surface_pixels(surface, distances / reach, axes) for axes in _two_sides(surface.vertices)]

@@ -42,9 +42,7 @@ class Cloud:
 def xy_plot(
     title: str, unit: str, x_label: str, clouds: Sequence[Cloud], width: int = 330, height: int = 230, zero: bool = True
 ) -> str:
-    """Clouds of points and lines over common axes. `unit`: of the upright axis, behind the title; `x_label`: the level
-    axis in words, with its unit; `zero`: whether both axes begin at or pass zero.
-    """
+    """Clouds of points and lines over common axes, which begin at or pass zero where `zero` is set."""
     x, y = ([getattr(cloud, axis)[np.isfinite(cloud.y)] for cloud in clouds] for axis in ("x", "y"))
     area = frame(48.0, 26.0, width - 10.0, height - 36.0, limits(x, zero=zero), limits(y, zero=zero))
     return drawing(
@@ -83,10 +81,7 @@ def rank_plot(
     width: int = 680,
     height: int = 230,
 ) -> str:
-    """Positive values from the smallest to the largest on a logarithmic scale, one dot each. `x_label`: what the
-    horizontal axis counts; `levels`: values to draw a line at, and what to write there; `strong`: (names,) which
-    dots are in color, the others are grey; all where not given.
-    """
+    """Positive values from the smallest to the largest on a logarithmic scale, one dot each, `strong` ones in color."""
     known = np.flatnonzero(np.isfinite(values) & (values > 0.0))
     order = known[np.argsort(values[known], kind="stable")]
     logs = np.log10(values[order])
@@ -120,9 +115,8 @@ def floor_plot(
     unit: str = "m",
     one_scale: bool = True,
 ) -> str:
-    """Paths on the ground seen from above; "" where no point is known. `axes`: names of the two axes: to the right,
-    upwards in the drawing; `paths`: label, style and points (frames, 2), NaN where there is none; `outlines`: label
-    and corners (n, 2) of force plates; `one_scale`: whether both axes have one scale; else each fills the chart.
+    """Paths on the ground (label, style, points (frames, 2)) and outlines of plates from above; "" where no point is
+    known. `axes`: names, to the right and upwards; without `one_scale` each axis fills the chart.
     """
     clouds = [points[np.isfinite(points).all(axis=1)] for _, _, points in paths]
     everything = [cloud for cloud in clouds if len(cloud)] + [corners for _, corners in outlines]

@@ -84,9 +84,8 @@ def bar_plot(
     width: int = 680,
     peak: float = 0.0,
 ) -> str:
-    """Horizontal bars, one row a name; several `values` lie over each other, the widest first. `values`: (names,) of
-    each kind, NaN where there is none; `styles`, `labels`: of each kind; `peak`: largest value that must fit, for
-    charts of one scale.
+    """Horizontal bars, one row a name; several `values` (names,) lie over each other, the widest first; `peak` must
+    fit, for charts of one scale.
     """
     row = 15.0
     peak = max(
@@ -119,9 +118,8 @@ def dot_plot(
     width: int = 680,
     spread: Array | None = None,
 ) -> str:
-    """One row a name, one dot a value, joined by a line, so that many names compare at a glance. `values`: (names,) of
-    each kind, NaN where there is none; `styles`, `labels`: of each kind; `spread`: (names,) drawn as a bar to both
-    sides of the first kind's dot, NaN where there is none.
+    """One row a name, one dot for each of `values` (names,), joined by a line, so that many names compare at a glance;
+    `spread`: (names,) drawn as a bar to both sides of the first kind's dot.
     """
     half = np.zeros(len(names)) if spread is None else np.nan_to_num(spread)
     finite = [value[np.isfinite(value)] for value in (values[0] - half, values[0] + half, *values[1:])]
@@ -153,9 +151,8 @@ def interval_rows(
     signed: bool = False,
     width: int = 680,
 ) -> str:
-    """Dots with intervals in rows, further values as upright ticks; intervals far beyond all values are cut. `solid`:
-    whether each dot is filled; all where not given; `signed`: whether zero is in the middle, for values of both
-    signs, and the chart at least 1 wide to both sides.
+    """Dots with intervals in rows, further values as upright ticks; intervals far beyond all values are cut. `signed`:
+    zero is in the middle, for values of both signs, and the chart at least 1 wide to both sides.
     """
     known = [
         *(interval.value for interval in values),
@@ -205,9 +202,7 @@ def interval_bars(
     width: int = 330,
     height: int = 210,
 ) -> str:
-    """Upright bars, one a name, each with its interval; an interval that reaches far above the rest is cut. `values`:
-    one a name, None where it is lacking.
-    """
+    """Upright bars, one a name, each with its interval; an interval that reaches far above the rest is cut."""
     top = _top(values, beside, levels)
     area = frame(48.0, 26.0, width - 8.0, height - 24.0, (0.0, float(max(len(names), 1))), (0.0, top))
     column = (area.x.stop - area.x.start) / max(len(names), 1)

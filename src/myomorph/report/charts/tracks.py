@@ -96,10 +96,8 @@ def draw_track(
     high: float | None = None,
     small: bool = False,
 ) -> str:
-    """One row as an `<svg>` element. `title`, `unit`: printed on the left; `height`: in the drawing's own units;
-    `bands`, `bars`: what lies between two lines, known all the time or at some instants; `levels`: values to compare
-    with, drawn as dashed lines; `low`, `high`: values that must be inside, or None; `small`: one line of text, and
-    grid lines at the ends only.
+    """One row as an `<svg>` element. `bands`, `bars`: what lies between two lines, known all the time or at some
+    instants; `low`, `high`: values that must be inside; `small`: one line of text, and grid lines at the ends only.
     """
     ends = [Line(limits.time, end, "", "") for limits in (*bands, *bars) for end in (limits.low, limits.high)]
     first, last = line_limits([*lines, *ends], behind.span, low, high)
@@ -167,9 +165,8 @@ def phase_names(behind: Backdrop) -> str:
 
 
 def contact_graph(rows: Sequence[Row], behind: Backdrop, who: Sequence[Subject] = ()) -> str:
-    """Contact intervals as scores of drummers and dancers show them, as an `<svg>` element.
-
-    Lines while a site is in contact, full dots where contact begins, open ones where it ends ([D] figure 5.5).
+    """Contact intervals as scores of drummers and dancers show them, as an `<svg>` element. Lines while a site is in
+    contact, full dots where contact begins, open ones where it ends ([D] figure 5.5).
     """
     if not rows:
         return ""

@@ -34,9 +34,8 @@ MAX_PANELS = 30  # Muscles drawn about one coordinate.
 
 
 def body_figure(morph: Morph) -> str:
-    """Source and target side by side from each of `VIEWS`, in the default pose, at one scale.
-
-    Where one is so much smaller that it could not be seen, each has a scale of its own, and the title says so.
+    """Source and target side by side from each of `VIEWS`, in the default pose, at one scale. Where one is so much
+    smaller that it could not be seen, each has a scale of its own, and the title says so.
     """
     names = set(morph.source.muscle_names) & set(morph.model.muscle_names)
     ours = {bone.body: bone.source for bone in distinct_bones(morph)}
@@ -143,9 +142,8 @@ def _bone_figure(bone: BoneMap, source: Surface | None, target: Surface | None, 
 
 
 def arm_figure(moment_arms: MomentArms, sizes: Mapping[str, float], flagged: Collection[str]) -> str:
-    """Moment arms of all muscles about a coordinate over its range, a small panel each, source grown to the target.
-    `sizes`: of the target, times the source, by muscle; `flagged`: muscles with a warning, whose names are printed
-    in its color.
+    """Moment arms of all muscles about a coordinate over its range, a small panel each, source grown to the target by
+    `sizes`; names of muscles in `flagged` are printed in the color of warnings.
     """
     shown = _shown(moment_arms, sizes, flagged)
     rows = -(-len(shown) // COLUMNS)

@@ -37,10 +37,8 @@ def morph_page(
     notes: Sequence[Note] = (),
     further: Sequence[Section] = (),
 ) -> str:
-    """One self-contained HTML page on a morphed model, as HTML text. `made`: what the morph was made from, its options
-    by name; `warnings`: what the files had to say; `title`: by default the model's name; `notes`: sentences on what
-    is real, assumed or simulated, shown first; `further`: sections that come after the warnings, as of errors
-    against a known truth.
+    """One self-contained HTML page on a morphed model, as HTML text. `notes`: what is real, assumed or simulated, shown
+    first; `further`: sections that come after the warnings, as of errors against a known truth.
     """
     title = title or f"{morph.model.name}: muscles of {morph.source.name}"
     page = PageHead(

@@ -50,11 +50,8 @@ def rendered(
     muscles_colored: bool = False,
     arrows: str = "",
 ) -> str:
-    """The page of given sections, as HTML text. `head`: title, notes, sources, steps and warnings; `facts`: lines of
-    the heading, name and text; `tiles`: the few numbers to see first; `verdicts`: quantities held against a limit;
-    `missing`: what is absent, a sentence each; `instants`, `motion`: pictures of the body, and the moving skeleton;
-    `muscles_colored`: whether the pictures show activations; `arrows`: the kind of forces that the pictures show, ""
-    where none.
+    """The page of given sections, as HTML text. `instants`, `motion`: pictures of the body, and the moving skeleton;
+    `muscles_colored`: whether they show activations; `arrows`: the kind of forces that they show, "" where none.
     """
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     return environment.from_string(_text("report.html.j2")).render(

@@ -26,9 +26,8 @@ THICK, MIN_RADIUS, MAX_RADIUS = 0.16, 0.014, 0.055
 
 
 class BodyView:
-    """Pictures of one model, its surfaces prepared once: limbs as rounds. `scene`: the body in its default pose;
-    `meshed`: whether bodies have surfaces of their own; `surfaces`: meshes by `Mesh.file`; bodies without become
-    sticks; `turn`: of the camera from the front towards the right side [degrees].
+    """Pictures of one model, its surfaces prepared once: limbs as rounds. `meshed`: whether bodies have surfaces of
+    their own; `turn`: of the camera from the front towards the right side [degrees].
     """
 
     def __init__(self, model: Model, surfaces: Mapping[str, Surface] | None = None, turn: float = 35.0):
@@ -74,10 +73,9 @@ class BodyView:
 
 
 def _limbs(model: Model, numbers: Mapping[str, int]) -> list[tuple[int, Array, Array]]:
-    """Body's number, and both ends in its frame, of the pieces that a body is drawn from in few pixels.
-
-    From a body's joint to the joints that it carries, and through its mass center and on: of a trunk
-    without a head of its own, that is the head.
+    """Body's number, and both ends in its frame, of the pieces that a body is drawn from in few pixels. From a body's
+    joint to the joints that it carries, and through its mass center and on: of a trunk without a head of its own, that
+    is the head.
     """
     result = []
     for body, (start, joints) in zip(model.bodies, bones(model).values(), strict=True):

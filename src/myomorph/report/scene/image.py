@@ -64,9 +64,7 @@ def _colors(table: Bytes, values: Array, unknown: float) -> Array:
 
 
 def png(pixels: Bytes, palette: Bytes | None = None) -> bytes:
-    """A PNG file. `pixels`: (height, width, 4) red, green, blue, opacity; or (height, width) indices of `palette`;
-    `palette`: (256, 3).
-    """
+    """A PNG file of (height, width, 4) red, green, blue, opacity, or (height, width) indices of a palette (256, 3)."""
     height, width = pixels.shape[:2]
     kind = 3 if palette is not None else 6
     rows = pixels.reshape(height, -1)

@@ -47,11 +47,9 @@ def pictures(
     views: Sequence[str] = ("side", "front"),
     scale: float | None = None,
 ) -> list[Picture]:
-    """Every frame of the scene from its right side, and from the front.
-
-    All share one scale and one floor, so that they can be compared; what is transparent is background. `views`: of
-    `VIEWS`; `colors`: (bodies, 3) of each body, the ground first, in 0..1; the color of bone where not given; `scale`:
-    pixels for a metre, None for as many as fit.
+    """Every frame of the scene from each of the views, at one scale and one floor, so that they can be compared; what
+    is transparent is background. `colors`: (bodies, 3), the ground first, in 0..1, bone by default; `scale`: pixels for
+    a metre.
     """
     shading = [normals(solid.surface) for solid in scene.solids]
     corners = _corners(scene)
@@ -171,9 +169,8 @@ def frames_to_play(frames: int, points: int, bodies: int) -> int:
 
 
 def player(scene: Scene) -> str:
-    """The scene as JSON: coarse surfaces, poses, muscle points and activations.
-
-    Points are 16-bit integers over a box around the movement: `point = low + value * step`.
+    """The scene as JSON: coarse surfaces, poses, muscle points and activations. Points are 16-bit integers over a box
+    around the movement: `point = low + value * step`.
     """
     surfaces, bodies = _coarse(scene)
     none = np.zeros((len(scene.time), 0, 3))

@@ -71,9 +71,8 @@ def make_scene(
     activations: Series | None = None,
     wrenches: Wrenches | None = None,
 ) -> Scene:
-    """The body at some frames of a motion. `frames`: indices of the motion's frames; `surfaces`: by `Mesh.file`; bodies
-    whose meshes are absent become sticks; `activations`: colors the muscles, at its nearest sample; `wrenches`:
-    become arrows, at their nearest sample.
+    """The body at some frames of a motion; bodies whose meshes are absent become sticks. Activations color the muscles
+    and wrenches become arrows, at their nearest sample.
     """
     tree = compile_tree(model)
     chosen = np.asarray(frames, dtype=np.int64)

@@ -20,10 +20,9 @@ FINEST = 0.012
 
 
 def primitive(mesh: Mesh) -> Surface | None:
-    """Surface of a primitive in its own frame, of the half sizes `mesh.scale`; None for other meshes.
-
-    A cylinder or capsule of two sizes (the third is zero) stands along z with a radius and half a
-    length, as in MuJoCo; one of three along y, as in OpenSim.
+    """Surface of a primitive in its own frame, of the half sizes `mesh.scale`; None for other meshes. A cylinder or
+    capsule of two sizes (the third is zero) stands along z with a radius and half a length, as in MuJoCo; one of three
+    along y, as in OpenSim.
     """
     size = np.asarray(mesh.scale, dtype=np.float64)
     if mesh.shape == "sphere":
@@ -157,9 +156,8 @@ def bones(model: Model) -> dict[str, tuple[Array, list[Array]]]:
 
 
 def sticks(model: Model) -> dict[str, list[Surface]]:
-    """For every body, spindles between the centers of its joints, in the body's frame.
-
-    A last body reaches to twice its mass center's distance.
+    """For every body, spindles between the centers of its joints, in the body's frame. A last body reaches to twice its
+    mass center's distance.
     """
     result: dict[str, list[Surface]] = {body.name: [] for body in model.bodies}
     for body, (start, ends) in zip(model.bodies, bones(model).values(), strict=True):
@@ -173,9 +171,7 @@ def sticks(model: Model) -> dict[str, list[Surface]]:
 
 
 def coarser(surface: Surface, cell: float) -> Surface:
-    """A copy with fewer triangles: vertices in one cell of a grid become their mean. `cell`: edge of the grid's cells
-    [m].
-    """
+    """A copy with fewer triangles: vertices in one cell of a grid of edge `cell` [m] become their mean."""
     if not len(surface.faces):
         return surface
     cells = np.floor((surface.vertices - surface.vertices.min(axis=0)) / cell).astype(np.int64)

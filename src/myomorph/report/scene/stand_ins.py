@@ -28,9 +28,8 @@ SKULL = np.array([0.19, 0.29, 0.24])
 
 
 def stand_ins(model: Model) -> dict[str, list[Surface]]:
-    """Shapes of the trunk, with a head where no body of its own is one, and of heads, in their bodies' frames.
-
-    Only for trunks and heads that have a mass center away from their joint, which shows their size.
+    """Shapes of the trunk, with a head where no body of its own is one, and of heads, in their bodies' frames. Only for
+    trunks and heads that have a mass center away from their joint, which shows their size.
     """
     tree = compile_tree(model)
     still = Motion(np.zeros(1), (), np.zeros((1, 0)))

@@ -152,9 +152,7 @@ def groups_of(
 
 
 def contact_verdicts(results: ReportInput, height: float) -> list[Verdict]:
-    """What still holds the root once contacts carry, against the limits on residuals (Hicks et al. 2015). `height`:
-    mean height of the center of mass over the ground [m].
-    """
+    """What still holds the root once contacts carry, against the limits on residuals (Hicks et al. 2015)."""
     if results.contacts.forces is None or not len(results.contacts.forces):
         return []
     rows: list[Verdict] = []

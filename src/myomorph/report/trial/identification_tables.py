@@ -92,9 +92,8 @@ def mass_sheet(identification: Identification) -> Sheet:
 
 
 def parameter_sheet(identification: Identification) -> Sheet:
-    """All ten parameters of every link in the model, about the body's origin [kg, kg m, kg m^2].
-
-    Below the methods stand the standard deviations of the model's parameters, and whether data or prior say them.
+    """All ten parameters of every link in the model, about the body's origin [kg, kg m, kg m^2]. Below the methods
+    stand the standard deviations of the model's parameters, and whether data or prior say them.
     """
     units = ("kg",) + 3 * ("kg m",) + 6 * ("kg m^2",)
     head = ("method", "link", *(f"{name} [{unit}]" for name, unit in zip(PARAMETERS, units, strict=True)))
@@ -120,9 +119,7 @@ def spine_groups(bodies: Sequence[str]) -> dict[str, list[int]]:
 
 
 def spine_sheet(bodies: Sequence[str], masses: Mapping[str, Array]) -> Sheet:
-    """Population standard deviation (ddof = 0) of the vertebrae's masses by group [kg] ([D] table 3.3). `masses`:
-    (bodies,) of each method [kg].
-    """
+    """Population standard deviation (ddof = 0) of the vertebrae's masses by group [kg] ([D] table 3.3)."""
     rows: list[tuple[Cell, ...]] = [
         (group, len(members), *(float(np.std(mass[members])) for mass in masses.values()))
         for group, members in spine_groups(bodies).items()
@@ -131,9 +128,7 @@ def spine_sheet(bodies: Sequence[str], masses: Mapping[str, Array]) -> Sheet:
 
 
 def segment_share(model: Model, masses: Array, row: str, side: str) -> float | None:
-    """Percent of the body's mass in a row of [D] table 3.4; None where the model has no such link. `masses`: (bodies,)
-    [kg]; `side`: "right" or "left", for segments that come in pairs.
-    """
+    """Percent of the body's mass in a row of [D] table 3.4; None where the model has no such link."""
     segments = named_segments(model)
     members = [
         i

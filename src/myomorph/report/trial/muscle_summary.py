@@ -19,11 +19,8 @@ MAX_NAMED = 3
 
 def muscles_line(model: Model, time: Array, lengths: Array, velocities: Array) -> str:
     """Frames, muscles, shortest and longest fibers with muscle and time, the fastest shortening, and jumps of paths.
-
-    Fibers are those on a tendon at its slack length.
-
-    Source: Zajac 1989 (active force between 0.5 and 1.5 optimal fiber lengths). `time`: (frames,) [s]; `lengths`,
-    `velocities`: (frames, muscles) of the paths [m], [m/s].
+    Fibers are those on a tendon at its slack length. Source: Zajac 1989 (active force between 0.5 and 1.5 optimal fiber
+    lengths).
     """
     text = f"{len(time)} frames, {len(model.muscles)} muscles"
     known = np.isfinite(lengths).all(axis=1)

@@ -27,10 +27,8 @@ ALONE = 1e-3  # Share of a coordinate's torque that its muscles give at most whe
 
 
 def kinematics_line(fit: KinematicsFit, model: Model, markers: Markers | None) -> str:
-    """Frames, markers that matched, errors with marker and time, and whether they are within the usual limits.
-
-    Source: Hicks et al. 2015 (root mean square under 2 cm, largest under 2 to 4 cm). `markers`: as recorded, which show
-    the size of the body.
+    """Frames, markers that matched, errors with marker and time, and whether they are within the usual limits. Source:
+    Hicks et al. 2015 (root mean square under 2 cm, largest under 2 to 4 cm). The markers show the size of the body.
     """
     matched = f"{len(fit.marker_names)} of the model's {len(model.markers)} markers"
     if len(fit.marker_names) == len(model.markers):
@@ -74,7 +72,6 @@ def _sensors_text(fit: KinematicsFit) -> str:
 
 def dynamics_line(model: Model, motion: Motion, torques: Series, wrenches: Wrenches | None) -> str:
     """Residuals of the root as a share of body weight, against limits by the external force; "" without a free root.
-
     Source: Hicks et al. 2015 (force under 5 % of the peak external force, moment under 1 % of that times the height of
     the center of mass).
     """

@@ -25,9 +25,8 @@ HICKS, CHECKLIST = "hicks2015", "opensim"
 
 
 def body_scale(markers: Markers | None) -> float:
-    """1 for bodies of human size; smaller ones by the extent of their markers, an adult's being 1.7 m.
-
-    The limits on marker errors were made for people: 2 cm is the length of a mouse's thigh.
+    """1 for bodies of human size; smaller ones by the extent of their markers, an adult's being 1.7 m. The limits on
+    marker errors were made for people: 2 cm is the length of a mouse's thigh.
     """
     if markers is None or not np.isfinite(markers.values).any():
         return 1.0
@@ -95,10 +94,8 @@ def residuals(model: Model, torques: Series) -> tuple[Array, Array] | None:
 
 
 def residual_verdicts(model: Model, torques: Series, wrenches: Wrenches, height: float) -> list[Verdict]:
-    """Residuals against the peak net external force F (Hicks et al. 2015).
-
-    Forces under 5 % of F, moments under 1 % of F times the height of the center of mass; peak and RMS. `height`: mean
-    height of the center of mass over the ground [m].
+    """Residuals against the peak net external force F (Hicks et al. 2015): forces under 5 % of F, moments under 1 % of
+    F times the mean height of the center of mass over the ground [m]; peak and RMS.
     """
     weight = model.weight
     root = residuals(model, torques)
@@ -170,10 +167,8 @@ class WorstReserve:
 def worst_reserve(
     model: Model, torques: Series, names: Sequence[str], reserves: Array, driven: Sequence[str] = ()
 ) -> WorstReserve | None:
-    """The worst reserve of the joints, as a share of its coordinate's peak torque; None where there is none.
-
-    A torque that is negligible beside the largest of its unit is no measure: twice nothing is nothing. `names`,
-    `reserves`, `driven`: as for `reserve_verdicts`.
+    """The worst reserve of the joints, as a share of its coordinate's peak torque; None where there is none. A torque
+    that is negligible beside the largest of its unit is no measure: twice nothing is nothing.
     """
     root = {name for group in root_coordinates(model) for name in group}
     peaks = {
@@ -201,9 +196,8 @@ def worst_reserve(
 def reserve_verdicts(
     model: Model, torques: Series, names: Sequence[str], reserves: Array, time: Array, driven: Sequence[str] = ()
 ) -> list[Verdict]:
-    """Reserve actuators: peak under 10 % of the peak torque of their coordinate (OpenSim's checklist). `names`:
-    coordinate of each reserve; `reserves`: (frames, reserves) [N m or N]; `driven`: coordinates that some muscle
-    moves; () for all. What no muscle moves has a row of its own.
+    """Reserve actuators: peak under 10 % of the peak torque of their coordinate (OpenSim's checklist). `driven`:
+    coordinates that some muscle moves; () for all. What no muscle moves has a row of its own.
     """
     worst = worst_reserve(model, torques, names, reserves, driven)
     rows = []
@@ -230,9 +224,7 @@ def reserve_verdicts(
 
 
 def saturation_verdicts(names: Sequence[str], activations: Array, most: Array, time: Array) -> list[Verdict]:
-    """Muscles at their largest activation: they are too weak for the torque, or asked too much. `activations`: (frames,
-    muscles); `most`: (muscles,) upper bound of each.
-    """
+    """Muscles at `most`, their largest activation: they are too weak for the torque, or asked too much."""
     full: np.ndarray = np.asarray(activations >= SATURATED * most)
     ever = np.any(full, axis=0)
     if not ever.any():
@@ -245,9 +237,8 @@ def saturation_verdicts(names: Sequence[str], activations: Array, most: Array, t
 
 
 def stretch_verdict(names: Sequence[str], count: int, passive: Sequence[tuple[str, float, float]] = ()) -> Verdict:
-    """Muscles stretched beyond sense: fiber and tendon lengths that do not fit the body's size or pose. `names`:
-    muscles whose passive force passes their maximum isometric force; `count`: of all muscles; `passive`: muscles
-    with much passive force, its share of the maximum isometric force and when [s].
+    """Muscles stretched beyond sense (passive force above the maximum isometric force): fiber and tendon lengths that
+    do not fit the body's size or pose. `passive`: muscles, shares of the maximum isometric force and times [s].
     """
     detail = f"passive force over the maximum isometric force: {few(names, 8)}" if names else ""
     if passive:

@@ -26,11 +26,9 @@ WIDE = 1.2
 
 
 def report_page(results: ReportInput) -> str:
-    """One self-contained HTML page: no network, every style, script and picture inside.
-
-    A section appears where its part is given; what is absent is told in one sentence each. Works without scripts; with
-    them, values are read under the pointer and the skeleton plays. `results`: everything one trial produced, each part
-    optional; returns HTML text, to be written as UTF-8.
+    """One self-contained HTML page: no network, every style, script and picture inside. A section appears where its
+    part is given; what is absent is told in one sentence each. Works without scripts; with them, values are read under
+    the pointer and the skeleton plays.
     """
     return prepared_page(prepare(results))
 
