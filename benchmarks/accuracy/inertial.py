@@ -20,6 +20,7 @@ from pathlib import Path
 
 import numpy as np
 from scipy.io import loadmat
+from tests.truths.simulated_sensors import SensorErrors, SimulatedSensors, simulated_sensors
 
 import myomorph as mm
 from benchmarks.recordings import RECORDINGS
@@ -38,7 +39,6 @@ from myomorph.motion.sensors.sensor_kinematics import SensorRecording, sensor_ki
 from myomorph.motion.sync import cut
 from myomorph.rigid.kinematics import marker_positions
 from myomorph.rigid.tree import compile_tree
-from myomorph.simulate.sensors import SensorErrors, SimulatedSensors, simulated_sensors
 from myomorph.store.results import read_result
 from myomorph.store.stored import get_markers
 from myomorph.uncertainty.sources import Sources

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tests.truths.simulated_sensors import NO_ERRORS, simulated_sensors
 
 import myomorph as mm
 from myomorph.io.inertial.read import read_inertial
-from myomorph.simulate.sensors import NO_ERRORS, simulated_sensors
 from sensor_files import write_orientations
 
 BODIES = ("upper", "fore")

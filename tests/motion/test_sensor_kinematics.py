@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.truths.simulated_sensors import NO_ERRORS, SensorErrors, simulated_sensors
 
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.series import Markers, Motion
@@ -20,7 +21,6 @@ from myomorph.motion.sensors.mounting import SensorOptions, bodies_of_sensors
 from myomorph.motion.sensors.sensor_kinematics import SensorRecording, sensor_kinematics
 from myomorph.rigid.kinematics import marker_positions
 from myomorph.rigid.tree import compile_tree
-from myomorph.simulate.sensors import NO_ERRORS, SensorErrors, simulated_sensors
 from stick_figure import stick_figure
 
 BODIES = ("pelvis", "torso", "femur_r", "tibia_r", "foot_r", "femur_l", "tibia_l", "foot_l")

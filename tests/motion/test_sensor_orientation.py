@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.truths.simulated_sensors import raw_signals
 
 from myomorph.model.errors import BadData
 from myomorph.model.inertial_sensors import InertialSensors
@@ -16,7 +17,6 @@ from myomorph.model.spatial import (
     vector_from_rotation,
 )
 from myomorph.motion.sensors.mounting import rotations_at, with_orientations
-from myomorph.simulate.sensors import raw_signals
 from stick_figure import stick_figure
 
 pytest.importorskip("vqf", reason="orientations of raw signals need vqf (extra sensors)")
