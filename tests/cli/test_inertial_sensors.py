@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.truths.simulated_sensors import NO_ERRORS, simulated_sensors
 
 import myomorph as mm
 from myomorph.io.inertial.read import read_inertial
 from sensor_files import write_orientations
+from truths.simulated_sensors import NO_ERRORS, simulated_sensors
 
 BODIES = ("upper", "fore")
 

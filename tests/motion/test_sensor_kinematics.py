@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.truths.simulated_sensors import NO_ERRORS, SensorErrors, simulated_sensors
 
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.series import Markers, Motion
@@ -22,6 +21,7 @@ from myomorph.motion.sensors.sensor_kinematics import SensorRecording, sensor_ki
 from myomorph.rigid.kinematics import marker_positions
 from myomorph.rigid.tree import compile_tree
 from stick_figure import stick_figure
+from truths.simulated_sensors import NO_ERRORS, SensorErrors, simulated_sensors
 
 BODIES = ("pelvis", "torso", "femur_r", "tibia_r", "foot_r", "femur_l", "tibia_l", "foot_l")
 RATE = 50.0

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.truths.simulated_sensors import raw_signals
 
 from myomorph.model.errors import BadData
 from myomorph.model.inertial_sensors import InertialSensors
@@ -18,6 +17,7 @@ from myomorph.model.spatial import (
 )
 from myomorph.motion.sensors.mounting import rotations_at, with_orientations
 from stick_figure import stick_figure
+from truths.simulated_sensors import raw_signals
 
 pytest.importorskip("vqf", reason="orientations of raw signals need vqf (extra sensors)")
 

@@ -26,15 +26,7 @@ from myomorph.report.charts.axis import number
 from myomorph.report.charts.rows import dot_plot
 from myomorph.report.morph.morph_summary import morph_lines
 from myomorph.report.page.parts import Figure, Grid, Note, Section
-from myomorph.simulate.deformed_leg import (
-    AMPLITUDE,
-    LANDMARKS,
-    PICKED,
-    STRETCH,
-    BodyTruth,
-    demo_case,
-    picked_landmarks,
-)
+from myomorph.simulate import deformed_leg
 from myomorph.store.progress import progress
 from myomorph.store.results import provenance_of, value_source
 from myomorph.study.subject.morphing import STEP, Morphed, MorphSettings, map_bones, write_morphed
@@ -203,7 +195,7 @@ class MorphDemo:
     """What the demo found."""
 
     morphed: Morphed  # the leg in the deformed bones
-    truth: Mapping[str, BodyTruth]  # by body
+    truth: Mapping[str, deformed_leg.BodyTruth]  # by body
     errors: MorphErrors  # against the truth
     report: Path  # path of the page
 
@@ -215,8 +207,8 @@ def run_morph_demo(out: Path) -> MorphDemo:
     from myomorph.study.trial.reporting import REPORT
 
     out.mkdir(parents=True, exist_ok=True)
-    model, ours, theirs, truth = demo_case()
-    pairs = picked_landmarks(ours, truth)
+    model, ours, theirs, truth = deformed_leg.demo_case()
+    pairs = deformed_leg.picked_landmarks(ours, truth)
     settings = MorphSettings()
     bones = map_bones(model, ours, theirs, pairs, settings)
     with progress("muscles", 2 * (COUNT + 1), "postures") as advance:
@@ -242,17 +234,18 @@ def run_morph_demo(out: Path) -> MorphDemo:
 
 
 def _notes() -> tuple[Note, ...]:
+    stretch = ", ".join(f"{factor:g}" for factor in deformed_leg.STRETCH)
     return (
         Note(
             "simulated",
             "The target's bones are synthetic: the left bones of myo-sim mirrored to the right, stretched by "
-            f"{', '.join(f'{factor:g}' for factor in STRETCH)} along the axes of the ground and bent by three waves of "
-            f"{1e3 * AMPLITUDE:g} mm. Where every muscle point truly is follows from that field.",
+            f"{stretch} along the axes of the ground and bent by three waves of {1e3 * deformed_leg.AMPLITUDE:g} mm. "
+            "Where every muscle point truly is follows from that field.",
         ),
         Note(
             "simulated",
-            f"{LANDMARKS} landmarks a bone, picked in the target with a standard deviation of {1e3 * PICKED:g} mm an "
-            "axis; the target's triangles are not the source's.",
+            f"{deformed_leg.LANDMARKS} landmarks a bone, picked in the target with a standard deviation of "
+            f"{1e3 * deformed_leg.PICKED:g} mm an axis; the target's triangles are not the source's.",
         ),
     )
 

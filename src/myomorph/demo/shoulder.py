@@ -10,16 +10,7 @@ import numpy as np
 
 from myomorph.model.arrays import Array
 from myomorph.model.spatial import Transform
-from myomorph.simulate.laboratory import (
-    ROD,
-    Noise,
-    VirtualPlate,
-    VirtualTrial,
-    write_recording,
-    write_rod,
-    write_scans,
-    write_swing_c3d,
-)
+from myomorph.simulate import laboratory
 from myomorph.simulate.limb import specimen_mjcf
 from myomorph.simulate.shoulder import BASE, FIRST, FURTHER, PLATE, VirtualSpecimen, arm_model, virtual_specimen
 from myomorph.store.outcome import Outcome
@@ -91,7 +82,7 @@ def write_shoulder_study(
         # MuJoCo runs outside Python's lock.
         with ThreadPoolExecutor(WORKERS) as pool:
             tables = list(pool.map(made, numbers))
-    text = "\n".join([_head(seconds, trials, Noise(), raw, full_size), *tables])
+    text = "\n".join([_head(seconds, trials, laboratory.Noise(), raw, full_size), *tables])
     (folder / STUDY).write_text(text, encoding="utf-8")
     return folder / STUDY
 
@@ -108,7 +99,7 @@ def _write_specimen(made: VirtualSpecimen, folder: Path, raw: bool, modelled: Ca
     else:
         ending, more = "trc", ""
         for trial in trials:
-            write_recording(trial, place / trial.name.replace(" ", "_"))
+            laboratory.write_recording(trial, place / trial.name.replace(" ", "_"))
     bones = ", ".join(f'"{bone}"' for bone in FURTHER)
     return f"""[[specimen]]
 name = "{number}"
@@ -125,19 +116,22 @@ paper = {{ {_pairs(made.published.values)} }}
 
 
 def _write_laboratory(
-    made: VirtualSpecimen, trials: Sequence[VirtualTrial], place: Path, modelled: Callable[[Array], Array] | None
+    made: VirtualSpecimen,
+    trials: Sequence[laboratory.VirtualTrial],
+    place: Path,
+    modelled: Callable[[Array], Array] | None,
 ) -> str:
     """Write a specimen's swings as C3D of a plate that lies elsewhere than they say, a rod's pushes and a CT."""
     random = np.random.default_rng(int(made.published.name))
     center = made.specimen.stand.apply(made.specimen.center)
-    plate = VirtualPlate(Transform(np.eye(3), center + PLATE), random)
+    plate = laboratory.VirtualPlate(Transform(np.eye(3), center + PLATE), random)
     for trial in trials:
-        write_swing_c3d(trial, plate, place / f"{trial.name.replace(' ', '_')}.c3d")
-    write_rod(plate, made.noise, random, place / "rod.c3d")
-    names = ", ".join(f'"{name}"' for name in ROD)
-    tip = next(iter(ROD.values()))
+        laboratory.write_swing_c3d(trial, plate, place / f"{trial.name.replace(' ', '_')}.c3d")
+    laboratory.write_rod(plate, made.noise, random, place / "rod.c3d")
+    names = ", ".join(f'"{name}"' for name in laboratory.ROD)
+    tip = next(iter(laboratory.ROD.values()))
     return (
-        f"ct = {write_scans(made.specimen, place, random, modelled)}\n"
+        f"ct = {laboratory.write_scans(made.specimen, place, random, modelled)}\n"
         f'plate = {{ placements = ["{place.name}/rod.c3d"], markers = [{names}], axis = [{names}], tip = {tip} }}\n'
     )
 
@@ -160,7 +154,7 @@ def _pairs(values: dict[str, float]) -> str:
     return ", ".join(f"{name} = {value!r}" for name, value in values.items())
 
 
-def _head(seconds: float, trials: int, noise: Noise, raw: Sequence[int], full_size: bool) -> str:
+def _head(seconds: float, trials: int, noise: laboratory.Noise, raw: Sequence[int], full_size: bool) -> str:
     lines = [
         f"Everything: six virtual arms (bones and muscles of MyoArm, package myo-sim) with the masses, mass centers "
         f"and viscosities of the paper's tables I and II, released {trials} times for {seconds:g} s without muscles "

@@ -20,18 +20,7 @@ from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Analog, Event, Markers, Trial, Wrenches
 from myomorph.motion.sync import cut
-from myomorph.simulate.jump_model import (
-    QUIET,
-    SHOULDER,
-    calibrated,
-    events_of,
-    fitted_model,
-    leg_model,
-    recording_path,
-    shared_wrenches,
-    standing_mass,
-    with_mirrored,
-)
+from myomorph.simulate import jump_model
 
 WINDOW = (3.0, 5.6)
 """From quiet standing until after landing; at 6.2 s the right foot is lifted and put down elsewhere [s]."""
@@ -71,28 +60,28 @@ class JumpStudy:
 
 def jump_study() -> JumpStudy:
     """The jump, ready for inverse kinematics, inverse dynamics, muscle paths and tensions."""
-    path = recording_path()
+    path = jump_model.recording_path()
     # The file is read in a process of its own, which leaves this one free to make the model.
     with ThreadPoolExecutor(1) as pool:
         reading = pool.submit(read_c3d, path)
-        model = leg_model()
+        model = jump_model.leg_model()
         trial = force_plates(reading.result()).rotated(LAB_TO_GROUND)
     if trial.markers is None or not trial.plates or trial.analog is None:
         raise BadData(f"{path}: expected markers, force plates and analog channels")
-    quiet = cut(trial.markers, *QUIET)
-    mass = standing_mass(trial, model)
-    model, factors = fitted_model(model, quiet, mass)
-    model = calibrated(model, quiet)
-    wrenches, share = shared_wrenches(trial)
-    events = events_of(trial)
+    quiet = cut(trial.markers, *jump_model.QUIET)
+    mass = jump_model.standing_mass(trial, model)
+    model, factors = jump_model.fitted_model(model, quiet, mass)
+    model = jump_model.calibrated(model, quiet)
+    wrenches, share = jump_model.shared_wrenches(trial)
+    events = jump_model.events_of(trial)
     channels = [trial.analog.names.index(name) for name in EMG_CHANNELS]
     units = tuple(trial.analog.units[i] for i in channels)
     weights = {name: MIRRORED_WEIGHT if "mirrored" in name else 1.0 for name in model.marker_names}
     return JumpStudy(
         model=model,
         trial=trial,
-        markers=with_mirrored(trial.markers),
-        marker_weights=weights | {SHOULDER: SHOULDER_WEIGHT},
+        markers=jump_model.with_mirrored(trial.markers),
+        marker_weights=weights | {jump_model.SHOULDER: SHOULDER_WEIGHT},
         wrenches=wrenches,
         analog=Analog(trial.analog.time, EMG_CHANNELS, trial.analog.values[:, channels], units),
         events=events,
@@ -113,8 +102,8 @@ def jump_study() -> JumpStudy:
 
 def _assumed(factors: dict[str, float], share: Array, trial: Trial, events: tuple[Event, ...]) -> tuple[str, ...]:
     clock, takeoff = trial.plate_time, next(event.time for event in events if event.label == "Take-off")
-    still = (clock >= QUIET[0]) & (clock <= QUIET[1])
-    pushing = (clock > QUIET[1]) & (clock < takeoff) & np.isfinite(share)
+    still = (clock >= jump_model.QUIET[0]) & (clock <= jump_model.QUIET[1])
+    pushing = (clock > jump_model.QUIET[1]) & (clock < takeoff) & np.isfinite(share)
     low, high = np.percentile(share[pushing], [5, 95])
     grown = ", ".join(f"{name} {factors[body]:.3f}" for name, body in SEGMENTS.items())
     return (

@@ -26,18 +26,8 @@ from myomorph.model.series import Emg, Markers, Motion, Series, Wrenches
 from myomorph.motion.filters import lowpass
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
+from myomorph.simulate import fighter
 from myomorph.simulate.bout import FEET, GRIPS, Run, simulate_bout
-from myomorph.simulate.fighter import (
-    GRIP,
-    PARTS,
-    STEP,
-    Build,
-    compile_pair,
-    fighter_text,
-    marker_points,
-    sole_points,
-    with_fibers,
-)
 from myomorph.simulate.plan import Kind, Plan, make_plan, start_pose
 
 SETTLING = 0.3  # Time at the start that is not recorded, while the fighters settle [s].
@@ -94,7 +84,7 @@ class VirtualPair:
     plates: Mapping[str, Wrenches]  # of each fighter, by part, what plates under both of its feet would measure
     sites: tuple[Site, ...]  # heels and toes of the feet, and the grips
     touching: Series  # (frames, sites) 1 where a site bears load, as a camera would tell
-    builds: Mapping[str, Build]  # of the fighters as the laboratory knows them
+    builds: Mapping[str, fighter.Build]  # of the fighters as the laboratory knows them
     truth: PairTruth
 
 
@@ -105,13 +95,15 @@ def virtual_pair(options: PairOptions | None = None, cutoff: float | None = None
     with silent_mujoco():
         compiled, builds, believed, plan, weight, tone = _setting(options, random)
         run = simulate_bout(compiled, builds, plan, weight, tone, options.until)
-        strayed = float(run.strayed[round(SETTLING / STEP) :].max())
+        strayed = float(run.strayed[round(SETTLING / fighter.STEP) :].max())
         if strayed > FALLEN:
             raise BadData(
                 f"a fighter of bout '{options.kind}' {options.seed} falls: a joint is {strayed:.2g} rad off; take "
                 "another seed"
             )
-        models, known = ({part: fighter_model(part, bodies[part]) for part in PARTS} for bodies in (builds, believed))
+        models, known = (
+            {part: fighter_model(part, bodies[part]) for part in fighter.PARTS} for bodies in (builds, believed)
+        )
     truth = _truth(compiled, models, run, options, cutoff)
     return _recorded(believed, known, truth, options, random)
 
@@ -121,19 +113,20 @@ def pair_model(options: PairOptions | None = None) -> Model:
     options = options or PairOptions()
     with silent_mujoco():
         believed = _setting(options, np.random.default_rng(options.seed))[2]
-        return join_models({part: fighter_model(part, believed[part]) for part in PARTS})
+        return join_models({part: fighter_model(part, believed[part]) for part in fighter.PARTS})
 
 
 def _setting(
     options: PairOptions, random: np.random.Generator
-) -> tuple[Any, dict[str, Build], dict[str, Build], Plan, Array, Array]:
+) -> tuple[Any, dict[str, fighter.Build], dict[str, fighter.Build], Plan, Array, Array]:
     """The pair's mujoco.MjModel, builds, builds as the laboratory takes them, plan, weight and tone (muscles,)."""
     builds = {
-        part: Build(random.uniform(65.0, 90.0), random.uniform(1.68, 1.84), random.uniform(0.9, 1.15)) for part in PARTS
+        part: fighter.Build(random.uniform(65.0, 90.0), random.uniform(1.68, 1.84), random.uniform(0.9, 1.15))
+        for part in fighter.PARTS
     }
-    compiled = compile_pair(builds)
-    builds = with_fibers(builds, compiled, start_pose(compiled))
-    compiled = compile_pair(builds)
+    compiled = fighter.compile_pair(builds)
+    builds = fighter.with_fibers(builds, compiled, start_pose(compiled))
+    compiled = fighter.compile_pair(builds)
     plan = make_plan(compiled, builds, options.kind, random, options.vigor)
     weight = np.exp(options.weight_spread * random.standard_normal(compiled.nu))
     tone = random.uniform(*options.tone, compiled.nu)
@@ -141,14 +134,14 @@ def _setting(
     return compiled, builds, believed, plan, weight, tone
 
 
-def fighter_model(part: str, build: Build) -> Model:
+def fighter_model(part: str, build: fighter.Build) -> Model:
     """One fighter's model with its markers."""
-    compiled = mujoco.MjModel.from_xml_string(fighter_text(part, build))
-    markers = tuple(Marker(name, body, build.size * place) for name, (body, place) in marker_points().items())
+    compiled = mujoco.MjModel.from_xml_string(fighter.fighter_text(part, build))
+    markers = tuple(Marker(name, body, build.size * place) for name, (body, place) in fighter.marker_points().items())
     return model_from_mujoco(compiled, name=part).with_markers(markers)
 
 
-def _misjudged(build: Build, error: float, random: np.random.Generator) -> Build:
+def _misjudged(build: fighter.Build, error: float, random: np.random.Generator) -> fighter.Build:
     """A build whose muscles' strengths are not well known."""
     factors = np.exp(error * random.standard_normal(len(build.paths)))
     return replace(build, strengths=dict(zip(build.paths, factors.tolist(), strict=True)))
@@ -157,8 +150,8 @@ def _misjudged(build: Build, error: float, random: np.random.Generator) -> Build
 def _truth(
     compiled: Any, models: Mapping[str, Model], run: Run, options: PairOptions, cutoff: float | None
 ) -> PairTruth:
-    every = round(1.0 / (options.rate * STEP))
-    rows = slice(round(SETTLING / STEP), None, every)
+    every = round(1.0 / (options.rate * fighter.STEP))
+    rows = slice(round(SETTLING / fighter.STEP), None, every)
     time = run.time[rows] - run.time[rows][0]
     whole = join_models(models)
     values, start = [], 0
@@ -170,7 +163,7 @@ def _truth(
     muscles = tuple(compiled.actuator(i).name for i in range(compiled.nu))
 
     def seen(values: Array) -> Array:
-        return (values if cutoff is None else lowpass(values, 1.0 / STEP, cutoff))[rows]
+        return (values if cutoff is None else lowpass(values, 1.0 / fighter.STEP, cutoff))[rows]
 
     forces, moments = seen(run.forces), seen(run.moments)
     points = _points(run, rows, forces, moments)
@@ -207,7 +200,7 @@ def _points(run: Run, rows: slice, forces: Array, moments: Array) -> Array:
 
 
 def _recorded(
-    builds: Mapping[str, Build],
+    builds: Mapping[str, fighter.Build],
     known: Mapping[str, Model],
     truth: PairTruth,
     options: PairOptions,
@@ -230,7 +223,7 @@ def _recorded(
         whole,
         Markers(time, whole.marker_names, places),
         Emg(time, whole.muscle_names, envelope),
-        FrozenMap({part: _plates(truth, part) for part in PARTS}),
+        FrozenMap({part: _plates(truth, part) for part in fighter.PARTS}),
         sites,
         _touching(truth, known, sites),
         FrozenMap(dict(builds)),
@@ -245,14 +238,14 @@ def _plates(truth: PairTruth, part: str) -> Wrenches:
     return Wrenches(w.time, names, bodies, w.forces[:, feet], w.points[:, feet], w.torques[:, feet])
 
 
-def pair_sites(builds: Mapping[str, Build], directed: bool = False) -> tuple[Site, ...]:
+def pair_sites(builds: Mapping[str, fighter.Build], directed: bool = False) -> tuple[Site, ...]:
     """Heels and toes of the four feet, and the two grips. `directed`: grips can only be pulled, straight ahead of
     tori's trunk, the lapel within 45 degrees and the sleeve within 27; else force may pass them any way.
     """
     sites = []
     for foot in FEET:
         part, _, side = foot.split("_")
-        corners = {name: builds[part].size * at for name, at in sole_points(side).items()}
+        corners = {name: builds[part].size * at for name, at in fighter.sole_points(side).items()}
         for end in ("heel", "toe"):
             points = np.array([at for name, at in corners.items() if name.startswith(end)])
             sites.append(Site(f"{foot}_{end}", foot, points, group=foot))
@@ -260,7 +253,7 @@ def pair_sites(builds: Mapping[str, Build], directed: bool = False) -> tuple[Sit
     if directed:
         lapel = Cone(np.array([1.0, 0.0, 0.0]), "tori_torso", friction=1.0)
         sleeve = Cone(np.array([1.0, 0.0, 0.0]), "tori_torso", friction=0.5)
-    fist = (builds["tori"].size * np.array(GRIP))[None]
+    fist = (builds["tori"].size * np.array(fighter.GRIP))[None]
     sites.append(Site("lapel", "tori_forearm_r", fist, lapel, "uke_torso"))
     sites.append(Site("sleeve", "tori_forearm_l", fist, sleeve, "uke_forearm_r"))
     return tuple(sites)

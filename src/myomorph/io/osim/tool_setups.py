@@ -10,18 +10,9 @@ from pathlib import Path
 import numpy as np
 from lxml import etree
 
+from myomorph.io.osim import setup_parts
 from myomorph.io.osim.document import Node, read_document
 from myomorph.io.osim.scale_setup import SCALE_TOOL, ScaleSetup, scale_setup
-from myomorph.io.osim.setup_parts import (
-    UNASSIGNED,
-    IkTasks,
-    output_of,
-    path_of,
-    resolved,
-    tasks_of,
-    unknown_parts,
-    with_included,
-)
 from myomorph.model.errors import BadFile, listing
 from myomorph.model.frozen_map import FrozenMap
 
@@ -64,7 +55,7 @@ class InverseKinematicsSetup:
     model: Path | None
     markers: Path | None
     coordinates: Path | None
-    tasks: IkTasks
+    tasks: setup_parts.IkTasks
     time_range: tuple[float, float]  # [s]
     output: Path | None  # the motion to write, None for none
     results: Path
@@ -145,7 +136,7 @@ def read_setup(path: str | os.PathLike[str]) -> Setup:
     if kind not in TOOLS:
         what = f"holds <{kind}>" + (", a tool that is not built" if kind in OTHER_TOOLS else "")
         raise BadFile(path, what, f"the tools that exist are {listing(kind, TOOLS)}")
-    node = with_included(node)
+    node = setup_parts.with_included(node)
     if kind == SCALE_TOOL:
         return scale_setup(node)
     if kind in IK_TOOLS:
@@ -159,18 +150,18 @@ def _inverse_kinematics(node: Node) -> InverseKinematicsSetup:
     trial = next(node.element.iter("IKTrial"), None)
     settings = node if trial is None else _merged(node, trial)
     weight = node.number("constraint_weight", np.inf, infinite=True)
-    warnings = unknown_parts(node, (*EVERY_TOOL, *READ["InverseKinematicsTool"]))
+    warnings = setup_parts.unknown_parts(node, (*EVERY_TOOL, *READ["InverseKinematicsTool"]))
     if np.isfinite(weight):
         # OpenSim 4.6 reads the weight, but its solver replaces it by infinity.
         warnings += (f"constraint_weight is {weight:g}: constraints hold strictly all the same, as in OpenSim 4.6",)
     return InverseKinematicsSetup(
         node.name,
-        path_of(node, "model_file"),
-        path_of(settings, "marker_file"),
-        path_of(settings, "coordinate_file"),
-        tasks_of(node),
+        setup_parts.path_of(node, "model_file"),
+        setup_parts.path_of(settings, "marker_file"),
+        setup_parts.path_of(settings, "coordinate_file"),
+        setup_parts.tasks_of(node),
         _range(settings),
-        output_of(settings, "output_motion_file"),
+        setup_parts.output_of(settings, "output_motion_file"),
         _results(node),
         node.number("accuracy", 1e-5),
         weight,
@@ -190,36 +181,36 @@ def _merged(node: Node, trial: etree._Element) -> Node:
 def _inverse_dynamics(node: Node) -> InverseDynamicsSetup:
     return InverseDynamicsSetup(
         node.name,
-        path_of(node, "model_file"),
-        path_of(node, "coordinates_file"),
-        path_of(node, "external_loads_file"),
+        setup_parts.path_of(node, "model_file"),
+        setup_parts.path_of(node, "coordinates_file"),
+        setup_parts.path_of(node, "external_loads_file"),
         _range(node),
         _cutoff(node),
         node.text("inverse_dynamics.sto", "output_gen_force_file"),
         _results(node),
         tuple(node.words("forces_to_exclude")),
-        unknown_parts(node, (*EVERY_TOOL, *READ["InverseDynamicsTool"])),
+        setup_parts.unknown_parts(node, (*EVERY_TOOL, *READ["InverseDynamicsTool"])),
     )
 
 
 def _analyze(node: Node) -> AnalyzeSetup:
     analysis_set = node.find("AnalysisSet", "Analyses")
     analyses = [] if analysis_set is None else [node.node(element) for element in analysis_set.findall("objects/*")]
-    files = [name for name in node.words("force_set_files", "actuator_set_files") if name not in UNASSIGNED]
+    files = [name for name in node.words("force_set_files", "actuator_set_files") if name not in setup_parts.UNASSIGNED]
     return AnalyzeSetup(
         node.name,
-        path_of(node, "model_file"),
-        path_of(node, "coordinates_file"),
-        path_of(node, "states_file"),
-        path_of(node, "external_loads_file"),
-        tuple(resolved(node, name) for name in files),
+        setup_parts.path_of(node, "model_file"),
+        setup_parts.path_of(node, "coordinates_file"),
+        setup_parts.path_of(node, "states_file"),
+        setup_parts.path_of(node, "external_loads_file"),
+        tuple(setup_parts.resolved(node, name) for name in files),
         node.flag("replace_force_set", node.flag("replace_actuator_set", False)),
         (node.number("initial_time", 0.0, infinite=True), node.number("final_time", 1.0, infinite=True)),
         _cutoff(node),
         _results(node),
         node.flag("solve_for_equilibrium_for_auxiliary_states", False),
         tuple(_analysis(analysis) for analysis in analyses if analysis.flag("on", True)),
-        unknown_parts(node, (*EVERY_TOOL, *READ["AnalyzeTool"])),
+        setup_parts.unknown_parts(node, (*EVERY_TOOL, *READ["AnalyzeTool"])),
     )
 
 
@@ -235,7 +226,7 @@ def _analysis(node: Node) -> Analysis:
             node.flag("use_model_force_set", True),
         )
     options = {str(element.tag): (element.text or "").strip() for element in node.element if not len(element)}
-    forces = path_of(node, "forces_file")
+    forces = setup_parts.path_of(node, "forces_file")
     return Analysis(node.kind, node.name or node.kind, int(step), static, FrozenMap(options), forces)
 
 
@@ -250,4 +241,4 @@ def _cutoff(node: Node) -> float | None:
 
 
 def _results(node: Node) -> Path:
-    return resolved(node, node.text("./", "results_directory") or "./")
+    return setup_parts.resolved(node, node.text("./", "results_directory") or "./")

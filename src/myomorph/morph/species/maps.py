@@ -19,18 +19,9 @@ from myomorph.morph.maps.linear import AffineMap, fit_affine, procrustes
 from myomorph.morph.morphed import Morph, MorphOptions, TransferredPoint
 from myomorph.morph.registration.map_bone import map_bone
 from myomorph.morph.registration.smooth import MatchOptions
+from myomorph.morph.species import counterparts
 from myomorph.morph.species.architecture import ArchitectureTable, Size, architectures, scaled_architectures
 from myomorph.morph.species.attachments import straightened, with_attachments
-from myomorph.morph.species.counterparts import (
-    BoneHomology,
-    Posed,
-    SpeciesTable,
-    Surfaces,
-    part_name,
-    riders,
-    seated,
-    spread_over_targets,
-)
 from myomorph.morph.species.landmarks import landmarks_by_rules
 from myomorph.morph.species.rays import put_on_rays
 from myomorph.morph.transfer.model import graft_muscles
@@ -53,10 +44,10 @@ class SpeciesBones:
 
 def species_bones(
     source: Model,
-    source_surfaces: Surfaces,
+    source_surfaces: counterparts.Surfaces,
     target: Model,
-    target_surfaces: Surfaces,
-    table: SpeciesTable,
+    target_surfaces: counterparts.Surfaces,
+    table: counterparts.SpeciesTable,
     map_options: MapOptions | None = None,
     match: MatchOptions | None = None,
     progress: Callable[[str], None] | None = None,
@@ -69,7 +60,7 @@ def species_bones(
     bodies' frames [m]; `match`: how dense correspondence is found, for bones of which the table wants it; "landmarks"
     maps all by landmarks; `progress`: called with a bone's name before it is mapped.
     """
-    here, there = Posed(source, table.posture), Posed(target, table.target_posture)
+    here, there = counterparts.Posed(source, table.posture), counterparts.Posed(target, table.target_posture)
     bones: dict[str, BoneMap] = {}
     notes: list[str] = []
     parts: dict[str, tuple[str, ...]] = {}
@@ -83,13 +74,13 @@ def species_bones(
             progress(bone.sources[0])
         first, notes_of_bone = _map(bone, table, (here, there), (source_surfaces, target_surfaces), map_options, match)
         notes += notes_of_bone
-        bones |= riders(first, bone, here)
+        bones |= counterparts.riders(first, bone, here)
         if bone.spread:
             for number, name in enumerate(bone.targets[1:], start=1):
                 if name in target.body_names:
                     bones |= {
-                        part_name(body, name): seated(rider, body, bone, number, there)
-                        for body, rider in riders(first, bone, here).items()
+                        counterparts.part_name(body, name): counterparts.seated(rider, body, bone, number, there)
+                        for body, rider in counterparts.riders(first, bone, here).items()
                     }
             parts |= {body: tuple(n for n in bone.targets if n in target.body_names) for body in bone.sources}
     for bone in table.bones:
@@ -97,16 +88,16 @@ def species_bones(
             rays = put_on_rays(source, bone, table, (here, there), (source_surfaces, target_surfaces))
             source, bones = rays.source, {**bones, **rays.bones}
     digits = frozenset(body for bone in table.bones if bone.rays for body in bone.sources)
-    spread = spread_over_targets(source, parts, bones, there, target_surfaces, digits) if parts else source
+    spread = counterparts.spread_over_targets(source, parts, bones, there, target_surfaces, digits) if parts else source
     spread, placed, said = with_attachments(straightened(spread, table.straight), bones, table.relatives)
     return SpeciesBones(spread, placed, (*notes, *said))
 
 
 def _map(
-    bone: BoneHomology,
-    table: SpeciesTable,
-    posed: tuple[Posed, Posed],
-    surfaces: tuple[Surfaces, Surfaces],
+    bone: counterparts.BoneHomology,
+    table: counterparts.SpeciesTable,
+    posed: tuple[counterparts.Posed, counterparts.Posed],
+    surfaces: tuple[counterparts.Surfaces, counterparts.Surfaces],
     options: MapOptions | None,
     match: MatchOptions | None,
 ) -> tuple[BoneMap, tuple[str, ...]]:
@@ -194,10 +185,10 @@ def _stretched(bone: BoneMap, source: Surface, target: Surface, back: AffineMap)
 
 def species_morph(
     source: Model,
-    source_surfaces: Surfaces,
+    source_surfaces: counterparts.Surfaces,
     target: Model,
-    target_surfaces: Surfaces,
-    table: SpeciesTable,
+    target_surfaces: counterparts.Surfaces,
+    table: counterparts.SpeciesTable,
     options: MorphOptions | None = None,
     map_options: MapOptions | None = None,
     match: MatchOptions | None = None,
@@ -241,7 +232,9 @@ def species_morph(
     return replace(morph, points=points, notes=(*bones.notes, *morph.notes))
 
 
-def _less_sure(points: tuple[TransferredPoint, ...], unlike: float, surfaces: Surfaces) -> tuple[TransferredPoint, ...]:
+def _less_sure(
+    points: tuple[TransferredPoint, ...], unlike: float, surfaces: counterparts.Surfaces
+) -> tuple[TransferredPoint, ...]:
     """Points with intervals that hold how differently species attach their muscles, not only how bones were matched."""
     if not unlike:
         return points
@@ -254,12 +247,14 @@ def _less_sure(points: tuple[TransferredPoint, ...], unlike: float, surfaces: Su
     )
 
 
-def size_over(of: ArchitectureTable, table: SpeciesTable, target: Model, surfaces: Surfaces) -> Size:
+def size_over(
+    of: ArchitectureTable, table: counterparts.SpeciesTable, target: Model, surfaces: counterparts.Surfaces
+) -> Size:
     """How the target animal compares with those of a table of architecture."""
     if of.measured == "joints":
         ours = joint_distances(of.lengths, table, target, "target")
     else:
-        there = Posed(target, table.target_posture)
+        there = counterparts.Posed(target, table.target_posture)
         ours = 0.0
         for body in of.lengths:
             points = there.surface(_bone_of(body, table).targets, surfaces).vertices
@@ -272,12 +267,12 @@ def size_over(of: ArchitectureTable, table: SpeciesTable, target: Model, surface
 
 
 def joint_distances(
-    bodies: Iterable[str], table: SpeciesTable, model: Model, whose: Literal["source", "target"]
+    bodies: Iterable[str], table: counterparts.SpeciesTable, model: Model, whose: Literal["source", "target"]
 ) -> float:
     """Sum over bones of the distance between the two joints that a species table has of each [m]. `bodies`: of the
     source, one of each bone; `model`: the source or the target, as `whose` says.
     """
-    posed = Posed(model, table.posture if whose == "source" else table.target_posture)
+    posed = counterparts.Posed(model, table.posture if whose == "source" else table.target_posture)
     total = 0.0
     for body in bodies:
         bone = _bone_of(body, table)
@@ -291,14 +286,14 @@ def joint_distances(
     return total
 
 
-def _bone_of(body: str, table: SpeciesTable) -> BoneHomology:
+def _bone_of(body: str, table: counterparts.SpeciesTable) -> counterparts.BoneHomology:
     for bone in table.bones:
         if body in bone.sources:
             return bone
     raise BadData(f"species table '{table.name}': it has no bone of '{body}', by which its muscles are scaled")
 
 
-def coordinate_table(table: SpeciesTable, source: Model, target: Model) -> CoordinateTable:
+def coordinate_table(table: counterparts.SpeciesTable, source: Model, target: Model) -> CoordinateTable:
     """Coordinates of a species table that both models have."""
     return {
         coordinate.source: (coordinate.target, coordinate.factor, coordinate.offset)

@@ -9,24 +9,8 @@ import numpy as np
 
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.series import Event
+from myomorph.report.charts import marks as svg
 from myomorph.report.charts.axis import Axis, limits, number
-from myomorph.report.charts.marks import (
-    Frame,
-    Level,
-    band,
-    decimate,
-    drawing,
-    envelope,
-    filled,
-    frame,
-    grid_along,
-    grid_up,
-    levels_across,
-    line,
-    mark,
-    rect,
-    text,
-)
 
 
 @read_only
@@ -63,19 +47,21 @@ def line_limits(
     return limits([part.within(span)[1] for line in lines for part in (line, *line.ends)], low, high)
 
 
-def drawn_line(area: Frame, curve: Line, span: tuple[float, float]) -> str:
+def drawn_line(area: svg.Frame, curve: Line, span: tuple[float, float]) -> str:
     """A line within a span: thinned, of noise its mean in the band of its extremes, filled down to zero if it is so."""
     time, values = curve.within(span)
     if curve.low is not None and curve.high is not None:
         low, high = (end.within(span)[1] for end in curve.ends)
-        return band(area, time, low, high, curve.style) + drawn_line(area, replace(curve, low=None, high=None), span)
-    bins = envelope(time, values)
+        return svg.band(area, time, low, high, curve.style) + drawn_line(
+            area, replace(curve, low=None, high=None), span
+        )
+    bins = svg.envelope(time, values)
     if bins is not None:
         time, values, low, high = bins
-        return band(area, time, low, high, curve.style) + line(area, time, values, curve.style, curve.label)
-    time, values = decimate(time, values)
-    under = filled(area, time, values, curve.style) if curve.filled else ""
-    return under + line(area, time, values, curve.style, curve.label)
+        return svg.band(area, time, low, high, curve.style) + svg.line(area, time, values, curve.style, curve.label)
+    time, values = svg.decimate(time, values)
+    under = svg.filled(area, time, values, curve.style) if curve.filled else ""
+    return under + svg.line(area, time, values, curve.style, curve.label)
 
 
 def time_plot(
@@ -84,7 +70,7 @@ def time_plot(
     lines: Sequence[Line],
     span: tuple[float, float],
     events: Sequence[Event] = (),
-    levels: Sequence[Level] = (),
+    levels: Sequence[svg.Level] = (),
     *,
     low: float | None = None,
     high: float | None = None,
@@ -101,41 +87,41 @@ def time_plot(
     first, last = span
     top, right = 40.0 if name_events and events else 26.0, width - (36.0 if second else margin)
     within = line_limits(lines, span, low, high)
-    area = frame(46.0, top, right, height - 22.0, (first, max(last, first + 1e-9)), within, "s")
+    area = svg.frame(46.0, top, right, height - 22.0, (first, max(last, first + 1e-9)), within, "s")
     tall, wide = area.y.start - area.y.stop, area.x.stop - area.x.start
-    return drawing(
+    return svg.drawing(
         "time",
         title,
         (width, height),
-        grid_up(area, max(2, min(4, int(tall / 32)))),
-        grid_along(area, max(3, int(wide / 46)), lines=False, drop=14.0),
+        svg.grid_up(area, max(2, min(4, int(tall / 32)))),
+        svg.grid_along(area, max(3, int(wide / 46)), lines=False, drop=14.0),
         _second_scale(area, *second) if second else "",
         _events(area, events, name_events),
         *(drawn_line(area, line, span) for line in lines),
-        levels_across(area, levels),
+        svg.levels_across(area, levels),
         unit=unit,
         attributes=area.data,
     )
 
 
-def _second_scale(area: Frame, factor: float, unit: str) -> str:
+def _second_scale(area: svg.Frame, factor: float, unit: str) -> str:
     """The same values in another unit, at the right."""
     axis = Axis(area.y.low * factor, area.y.high * factor, area.y.start, area.y.stop)
-    parts = [text(area.x.stop + 32, area.y.stop - 7, unit, "tick y second")]
+    parts = [svg.text(area.x.stop + 32, area.y.stop - 7, unit, "tick y second")]
     for tick in axis.ticks():
-        parts.append(mark("path", "grid", d=f"M{area.x.stop:.1f} {tick.position:.1f}h3"))
-        parts.append(text(area.x.stop + 5, tick.position + 3, tick.text, "tick end second"))
+        parts.append(svg.mark("path", "grid", d=f"M{area.x.stop:.1f} {tick.position:.1f}h3"))
+        parts.append(svg.text(area.x.stop + 5, tick.position + 3, tick.text, "tick end second"))
     return "".join(parts)
 
 
-def event_line(area: Frame, event: Event) -> str:
+def event_line(area: svg.Frame, event: Event) -> str:
     """An upright line at an event, in the color of its side."""
     name, style = f"{event.side} {event.label}".strip(), event.side.lower() or "middle"
     data = f"M{float(area.x.at(event.time)):.1f} {area.y.stop:.1f}V{area.y.start:.1f}"
-    return mark("path", f"event {style}", f"{name}, {number(event.time, 0.001)} s", d=data)
+    return svg.mark("path", f"event {style}", f"{name}, {number(event.time, 0.001)} s", d=data)
 
 
-def _events(area: Frame, events: Sequence[Event], named: bool) -> str:
+def _events(area: svg.Frame, events: Sequence[Event], named: bool) -> str:
     """Events as lines, named above the chart in two rows as far as there is room."""
     parts, taken = [], [-np.inf, -np.inf]
     for event in events:
@@ -146,7 +132,7 @@ def _events(area: Frame, events: Sequence[Event], named: bool) -> str:
         half = 2.6 * len(short) + 3
         row = next((row for row in (0, 1) if x - half > taken[row]), None)
         if named and row is not None:
-            parts.append(text(x, area.y.stop - 4 - 10 * row, short, f"event {event.side.lower() or 'middle'}"))
+            parts.append(svg.text(x, area.y.stop - 4 - 10 * row, short, f"event {event.side.lower() or 'middle'}"))
             taken[row] = x + half
     return "".join(parts)
 
@@ -175,27 +161,27 @@ def cycle_chart(
     arrays of values that must be inside; intervals beyond them are cut.
     """
     width = 330.0
-    area = frame(46.0, 26.0, width - 8, height - 32.0, (0.0, 100.0), limits(shown), "%")
+    area = svg.frame(46.0, 26.0, width - 8, height - 32.0, (0.0, 100.0), limits(shown), "%")
     behind, front = [], []
     for cycle_curve in curves:
         percent = np.linspace(0.0, 100.0, len(cycle_curve.mean))
         behind += [
-            line(area, percent, curve, f"thin {cycle_curve.style}")
+            svg.line(area, percent, curve, f"thin {cycle_curve.style}")
             for curve in cycle_curve.each
             if np.isfinite(curve).any()
         ]
         for ends, faint in ((cycle_curve.spread, "faint "), (cycle_curve.interval, "")):
-            behind.append(band(area, percent, *ends, f"{faint}{cycle_curve.style}") if ends is not None else "")
-        front.append(line(area, percent, cycle_curve.mean, cycle_curve.style, cycle_curve.label))
+            behind.append(svg.band(area, percent, *ends, f"{faint}{cycle_curve.style}") if ends is not None else "")
+        front.append(svg.line(area, percent, cycle_curve.mean, cycle_curve.style, cycle_curve.label))
     for start, stop, under in differs:
         a, b = (float(area.x.at(end)) for end in (start, stop))
-        front.append(rect("differs", a - 1.0, area.y.start + 5.0, b - a + 2.0, 5.0, under))
-    return drawing(
+        front.append(svg.rect("differs", a - 1.0, area.y.start + 5.0, b - a + 2.0, 5.0, under))
+    return svg.drawing(
         "time",
         title,
         (width, height),
-        grid_up(area),
-        grid_along(area, 4, lines=False, drop=24.0),
+        svg.grid_up(area),
+        svg.grid_along(area, 4, lines=False, drop=24.0),
         *behind,
         *front,
         unit=unit,

@@ -7,22 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from myomorph.model.arrays import Array, read_only
+from myomorph.report.charts import marks as svg
 from myomorph.report.charts.axis import limits, number
-from myomorph.report.charts.marks import (
-    Frame,
-    Level,
-    across,
-    dot,
-    drawing,
-    frame,
-    grid_along,
-    grid_up,
-    levels_across,
-    line,
-    mark,
-    path_data,
-    text,
-)
 
 MAX_DOTS = 700  # Points drawn; more of them would only darken the cloud.
 
@@ -44,30 +30,30 @@ def xy_plot(
 ) -> str:
     """Clouds of points and lines over common axes, which begin at or pass zero where `zero` is set."""
     x, y = ([getattr(cloud, axis)[np.isfinite(cloud.y)] for cloud in clouds] for axis in ("x", "y"))
-    area = frame(48.0, 26.0, width - 10.0, height - 36.0, limits(x, zero=zero), limits(y, zero=zero))
-    return drawing(
+    area = svg.frame(48.0, 26.0, width - 10.0, height - 36.0, limits(x, zero=zero), limits(y, zero=zero))
+    return svg.drawing(
         "scatter",
         title,
         (width, height),
-        grid_up(area),
-        grid_along(area, 5, drop=14.0),
-        text((area.x.start + area.x.stop) / 2, height - 6.0, x_label, "tick x"),
+        svg.grid_up(area),
+        svg.grid_along(area, 5, drop=14.0),
+        svg.text((area.x.start + area.x.stop) / 2, height - 6.0, x_label, "tick x"),
         *(_cloud(area, cloud) for cloud in clouds),
         unit=unit,
     )
 
 
-def _cloud(area: Frame, cloud: Cloud) -> str:
+def _cloud(area: svg.Frame, cloud: Cloud) -> str:
     known = np.flatnonzero(np.isfinite(cloud.x) & np.isfinite(cloud.y))
     keep = known[np.unique(np.linspace(0, len(known) - 1, min(len(known), MAX_DOTS)).astype(np.int64))]
     x, y = cloud.x[keep], cloud.y[keep]
-    result = line(area, x, y, cloud.style, under=cloud.label) if cloud.joined or cloud.dotted else ""
+    result = svg.line(area, x, y, cloud.style, under=cloud.label) if cloud.joined or cloud.dotted else ""
     places = list(zip(area.x.at(x).tolist(), area.y.at(y).tolist(), strict=True))
     if cloud.dotted:
-        return result + "".join(dot(a, b, cloud.style, 3.0, cloud.label) for a, b in places)
+        return result + "".join(svg.dot(a, b, cloud.style, 3.0, cloud.label) for a, b in places)
     if cloud.joined:
         return result
-    return mark("path", f"cloud {cloud.style}", cloud.label, d="".join(f"M{a:.1f} {b:.1f}h0" for a, b in places))
+    return svg.mark("path", f"cloud {cloud.style}", cloud.label, d="".join(f"M{a:.1f} {b:.1f}h0" for a, b in places))
 
 
 def rank_plot(
@@ -85,24 +71,24 @@ def rank_plot(
     known = np.flatnonzero(np.isfinite(values) & (values > 0.0))
     order = known[np.argsort(values[known], kind="stable")]
     logs = np.log10(values[order])
-    marks = [Level(float(np.log10(value)), label) for value, label in levels]
+    marks = [svg.Level(float(np.log10(value)), label) for value, label in levels]
     everything = np.concatenate([logs, [mark.value for mark in marks], [-1.0]])
     span = float(np.floor(everything.min())), float(np.ceil(everything.max() + 1e-9))
-    area = frame(52.0, 28.0, width - 12.0, height - 34.0, (0.0, float(max(len(order) + 1, 2))), span)
+    area = svg.frame(52.0, 28.0, width - 12.0, height - 34.0, (0.0, float(max(len(order) + 1, 2))), span)
     parts = []
     powers = np.arange(int(span[0]), int(span[1]) + 1)
     for power in powers[:: max(1, int(np.ceil(len(powers) / 8)))]:
         y = float(area.y.at(power))
-        parts += [across(area, y, "grid"), text(area.x.start - 4, y + 3, number(10.0**power), "tick y")]
+        parts += [svg.across(area, y, "grid"), svg.text(area.x.start - 4, y + 3, number(10.0**power), "tick y")]
     for tick in area.x.ticks(min(8, len(order))):
-        parts.append(text(tick.position, area.y.start + 14, tick.text, "tick x"))
-    parts.append(text((area.x.start + area.x.stop) / 2, area.y.start + 28, x_label, "tick x"))
-    parts.append(levels_across(area, marks))
+        parts.append(svg.text(tick.position, area.y.start + 14, tick.text, "tick x"))
+    parts.append(svg.text((area.x.start + area.x.stop) / 2, area.y.start + 28, x_label, "tick x"))
+    parts.append(svg.levels_across(area, marks))
     for rank, (i, log) in enumerate(zip(order, logs, strict=True), 1):
         style = "first" if strong is None or strong[i] else "middle"
         under = f"{names[i]}: {number(float(values[i]))} {unit}"
-        parts.append(dot(float(area.x.at(rank)), float(area.y.at(log)), style, 2.2, under))
-    return drawing("dots", title, (width, height), *parts, unit=unit)
+        parts.append(svg.dot(float(area.x.at(rank)), float(area.y.at(log)), style, 2.2, under))
+    return svg.drawing("dots", title, (width, height), *parts, unit=unit)
 
 
 def floor_plot(
@@ -131,17 +117,17 @@ def floor_plot(
     if not one_scale:
         half = np.maximum(0.56 * (high - low), 1e-9)
     (x0, y0), (x1, y1) = (low + high) / 2 - half, (low + high) / 2 + half
-    area = frame(left, top, right, bottom, (x0, x1), (y0, y1))
+    area = svg.frame(left, top, right, bottom, (x0, x1), (y0, y1))
     parts = [
-        grid_along(area, 4, drop=13.0),
-        grid_up(area),
-        text((left + right) / 2, bottom + 27, f"{axes[0]} →", "tick x"),
-        text(11.0, (top + bottom) / 2, f"{axes[1]} →", "tick x", turned=True),
+        svg.grid_along(area, 4, drop=13.0),
+        svg.grid_up(area),
+        svg.text((left + right) / 2, bottom + 27, f"{axes[0]} →", "tick x"),
+        svg.text(11.0, (top + bottom) / 2, f"{axes[1]} →", "tick x", turned=True),
     ]
     for label, corners in outlines:
-        data = path_data(area.x.at(corners[:, 0]), area.y.at(corners[:, 1]))
-        parts.append(mark("path", "plate", label, d=f"{data}Z"))
+        data = svg.path_data(area.x.at(corners[:, 0]), area.y.at(corners[:, 1]))
+        parts.append(svg.mark("path", "plate", label, d=f"{data}Z"))
     for label, style, points in paths:
         shown = points[:: max(1, len(points) // 800)]
-        parts.append(line(area, shown[:, 0], shown[:, 1], style, label, label))
-    return drawing("floor", title, (width, height), *parts, unit=unit)
+        parts.append(svg.line(area, shown[:, 0], shown[:, 1], style, label, label))
+    return svg.drawing("floor", title, (width, height), *parts, unit=unit)

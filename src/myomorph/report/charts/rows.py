@@ -8,24 +8,8 @@ import numpy as np
 
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.provenance import Estimate
+from myomorph.report.charts import marks as svg
 from myomorph.report.charts.axis import number
-from myomorph.report.charts.marks import (
-    LETTER,
-    Frame,
-    Level,
-    dot,
-    drawing,
-    frame,
-    grid_along,
-    grid_up,
-    group,
-    levels_across,
-    levels_up,
-    mark,
-    rect,
-    shortened,
-    text,
-)
 
 
 @read_only
@@ -37,35 +21,37 @@ class Beside:
     values: Array
 
 
-def row_frame(names: Sequence[str], x: tuple[float, float], row: float, width: float, top: float = 26.0) -> Frame:
+def row_frame(names: Sequence[str], x: tuple[float, float], row: float, width: float, top: float = 26.0) -> svg.Frame:
     """The area of rows of one height under each other, wide enough at the left for their names."""
-    left = 10.0 + LETTER * max((len(name) for name in names), default=1)
-    return frame(left, top, width - 14.0, top + row * len(names), x)
+    left = 10.0 + svg.LETTER * max((len(name) for name in names), default=1)
+    return svg.frame(left, top, width - 14.0, top + row * len(names), x)
 
 
 def named_rows(
     kind: str,
     title: str,
     unit: str,
-    area: Frame,
+    area: svg.Frame,
     rows: Sequence[tuple[str, str, str]],
     width: float,
-    levels: Sequence[Level] = (),
+    levels: Sequence[svg.Level] = (),
     count: int = 6,
 ) -> str:
     """A drawing of rows, each its name, what is shown under the pointer, and its marks."""
     tall = (area.y.start - area.y.stop) / max(len(rows), 1)
     parts = [
-        group(f"{name}: {under}", text(area.x.start - 6, area.y.stop + tall * (i + 0.5) + 3.5, name, "tick y"), marks)
+        svg.group(
+            f"{name}: {under}", svg.text(area.x.start - 6, area.y.stop + tall * (i + 0.5) + 3.5, name, "tick y"), marks
+        )
         for i, (name, under, marks) in enumerate(rows)
     ]
     size = width, int(area.y.start + 24)
-    return drawing(kind, title, size, grid_along(area, count), levels_up(area, levels), *parts, unit=unit)
+    return svg.drawing(kind, title, size, svg.grid_along(area, count), svg.levels_up(area, levels), *parts, unit=unit)
 
 
-def _across(area: Frame, low: float, high: float, y: float, kind: str) -> str:
+def _across(area: svg.Frame, low: float, high: float, y: float, kind: str) -> str:
     """A line along a row."""
-    return mark("path", kind, d=f"M{float(area.x.cut(low)):.1f} {y:.1f}H{float(area.x.cut(high)):.1f}")
+    return svg.mark("path", kind, d=f"M{float(area.x.cut(low)):.1f} {y:.1f}H{float(area.x.cut(high)):.1f}")
 
 
 def _under(labels: Sequence[str], values: Sequence[float], unit: str) -> str:
@@ -80,7 +66,7 @@ def bar_plot(
     values: Sequence[Array],
     styles: Sequence[str],
     labels: Sequence[str],
-    levels: Sequence[Level] = (),
+    levels: Sequence[svg.Level] = (),
     width: int = 680,
     peak: float = 0.0,
 ) -> str:
@@ -103,7 +89,7 @@ def bar_plot(
             thick = row - 4.0 if j == 0 else row - 9.0
             top = area.y.stop + row * (i + 0.5) - thick / 2
             wide = float(area.x.at(column[i])) - area.x.start
-            bars += rect(f"bar {style}", area.x.start, top, wide, thick) if np.isfinite(wide) else ""
+            bars += svg.rect(f"bar {style}", area.x.start, top, wide, thick) if np.isfinite(wide) else ""
         rows.append((name, _under(labels, [float(value[i]) for value in values], unit), bars))
     return named_rows("bars", title, unit, area, rows, width, levels)
 
@@ -135,7 +121,7 @@ def dot_plot(
         if half[i] > 0.0:
             marks += _across(area, row_values[0] - half[i], row_values[0] + half[i], y, f"line {styles[0]}")
         for at, style in reversed(list(zip(row_values, styles, strict=True))):
-            marks += dot(float(area.x.at(at)), y, style) if np.isfinite(at) else ""
+            marks += svg.dot(float(area.x.at(at)), y, style) if np.isfinite(at) else ""
         rows.append((name, _under(labels, row_values, unit), marks))
     return named_rows("dots", title, unit, area, rows, width)
 
@@ -146,7 +132,7 @@ def interval_rows(
     names: Sequence[str],
     values: Sequence[Estimate],
     beside: Sequence[Beside] = (),
-    levels: Sequence[Level] = (),
+    levels: Sequence[svg.Level] = (),
     solid: Sequence[bool] | None = None,
     signed: bool = False,
     width: int = 680,
@@ -171,13 +157,15 @@ def interval_rows(
         if np.isfinite(value.low) and np.isfinite(value.high):
             marks += _across(area, value.low, value.high, y, "whisker")
             inside = [end for end in (value.low, value.high) if area.x.low <= end <= area.x.high]
-            marks += "".join(mark("path", "whisker", d=f"M{float(area.x.at(end)):.1f} {y - 3:.1f}v6") for end in inside)
+            marks += "".join(
+                svg.mark("path", "whisker", d=f"M{float(area.x.at(end)):.1f} {y - 3:.1f}v6") for end in inside
+            )
         for other in beside:
             if np.isfinite(other.values[i]):
                 x = float(area.x.at(other.values[i]))
-                marks += mark("path", f"tack {other.style}", d=f"M{x:.1f} {y - 5:.1f}v10")
+                marks += svg.mark("path", f"tack {other.style}", d=f"M{x:.1f} {y - 5:.1f}v10")
         if np.isfinite(value.value):
-            marks += dot(float(area.x.cut(value.value)), y, "first" if solid is None or solid[i] else "open", 4.2)
+            marks += svg.dot(float(area.x.cut(value.value)), y, "first" if solid is None or solid[i] else "open", 4.2)
         rows.append((name, "; ".join([_with_interval(value), *_printed(beside, i)]) + f" {unit}", marks))
     return named_rows("rows", title, unit, area, rows, width, levels, 7 if signed else 6)
 
@@ -198,30 +186,30 @@ def interval_bars(
     names: Sequence[str],
     values: Sequence[Estimate | None],
     beside: Sequence[Beside] = (),
-    levels: Sequence[Level] = (),
+    levels: Sequence[svg.Level] = (),
     width: int = 330,
     height: int = 210,
 ) -> str:
     """Upright bars, one a name, each with its interval; an interval that reaches far above the rest is cut."""
     top = _top(values, beside, levels)
-    area = frame(48.0, 26.0, width - 8.0, height - 24.0, (0.0, float(max(len(names), 1))), (0.0, top))
+    area = svg.frame(48.0, 26.0, width - 8.0, height - 24.0, (0.0, float(max(len(names), 1))), (0.0, top))
     column = (area.x.stop - area.x.start) / max(len(names), 1)
     half = min(13.0, 0.3 * column)
-    parts = [grid_up(area), levels_across(area, levels)]
+    parts = [svg.grid_up(area), svg.levels_across(area, levels)]
     for i, (name, value) in enumerate(zip(names, values, strict=True)):
         x = float(area.x.at(i + 0.5))
         known = [] if value is None else [_with_interval(value)]
-        marks = text(x, height - 8.0, shortened(name, column / 6.0), "tick x")
+        marks = svg.text(x, height - 8.0, svg.shortened(name, column / 6.0), "tick x")
         marks += "" if value is None else _bar(area, value, x, half)
         for other in beside:
             if np.isfinite(other.values[i]):
                 y = float(area.y.cut(other.values[i]))
-                marks += mark("path", f"tack {other.style}", d=f"M{x - half - 3:.1f} {y:.1f}h{2 * half + 6:.1f}")
-        parts.append(group(f"{name}: {'; '.join([*known, *_printed(beside, i)]) or 'not known'} {unit}", marks))
-    return drawing("upright", title, (width, height), *parts, unit=unit)
+                marks += svg.mark("path", f"tack {other.style}", d=f"M{x - half - 3:.1f} {y:.1f}h{2 * half + 6:.1f}")
+        parts.append(svg.group(f"{name}: {'; '.join([*known, *_printed(beside, i)]) or 'not known'} {unit}", marks))
+    return svg.drawing("upright", title, (width, height), *parts, unit=unit)
 
 
-def _top(values: Sequence[Estimate | None], beside: Sequence[Beside], levels: Sequence[Level]) -> float:
+def _top(values: Sequence[Estimate | None], beside: Sequence[Beside], levels: Sequence[svg.Level]) -> float:
     """Highest value shown: all, except intervals that would press everything else to the floor."""
     known = [value.value for value in values if value is not None and np.isfinite(value.value)]
     known += [float(value) for other in beside for value in other.values if np.isfinite(value)]
@@ -231,14 +219,14 @@ def _top(values: Sequence[Estimate | None], beside: Sequence[Beside], levels: Se
     return 1.08 * max(peak, min(max([*highs, 0.0]), 2.0 * peak)) or 1.0
 
 
-def _bar(area: Frame, estimate: Estimate, x: float, half: float) -> str:
+def _bar(area: svg.Frame, estimate: Estimate, x: float, half: float) -> str:
     """An upright bar with its whisker; an arrow where the interval is cut."""
     if not np.isfinite(estimate.value):
         return ""
     y, bottom = float(area.y.cut(estimate.value)), area.y.start
-    bar = rect("bar first soft", x - half, y, 2.0 * half, max(bottom - y, 0.5))
+    bar = svg.rect("bar first soft", x - half, y, 2.0 * half, max(bottom - y, 0.5))
     if not (np.isfinite(estimate.low) and np.isfinite(estimate.high) and estimate.high > estimate.low):
         return bar
     low, high = (float(area.y.cut(end)) for end in (estimate.low, estimate.high))
     cap = f"M{x - 4:.1f} {high:.1f}h8" if estimate.high <= area.y.high else f"M{x - 4:.1f} {high + 5:.1f}l4 -5l4 5"
-    return bar + mark("path", "whisker", d=f"M{x:.1f} {low:.1f}V{high:.1f}M{x - 4:.1f} {low:.1f}h8{cap}")
+    return bar + svg.mark("path", "whisker", d=f"M{x:.1f} {low:.1f}V{high:.1f}M{x - 4:.1f} {low:.1f}h8{cap}")

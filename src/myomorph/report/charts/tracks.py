@@ -14,24 +14,9 @@ from myomorph.model.arrays import Array, read_only
 from myomorph.model.contacts import Touch
 from myomorph.model.model import GROUND
 from myomorph.model.series import Event
+from myomorph.report.charts import marks as svg
 from myomorph.report.charts.axis import number
 from myomorph.report.charts.curves import Line, drawn_line, event_line, line_limits
-from myomorph.report.charts.marks import (
-    Frame,
-    Level,
-    across,
-    band,
-    drawing,
-    frame,
-    grid_up,
-    group,
-    intervals,
-    levels_across,
-    mark,
-    rect,
-    text,
-    titled,
-)
 
 WIDTH, LEFT, RIGHT = 1040, 190, 12
 BESIDE = 5.0
@@ -65,19 +50,19 @@ class Backdrop:
     phases: Sequence[Phase] = ()
     events: Sequence[Event] = ()
 
-    def frame(self, top: float, bottom: float, low: float = 0.0, high: float = 1.0) -> Frame:
+    def frame(self, top: float, bottom: float, low: float = 0.0, high: float = 1.0) -> svg.Frame:
         """The area of a row."""
         first, last = self.span
-        return frame(LEFT, top, WIDTH - RIGHT, bottom, (first, max(last, first + 1e-9)), (low, high), "s")
+        return svg.frame(LEFT, top, WIDTH - RIGHT, bottom, (first, max(last, first + 1e-9)), (low, high), "s")
 
-    def behind(self, area: Frame) -> str:
+    def behind(self, area: svg.Frame) -> str:
         """Stripes of every other phase, and events."""
         parts = []
         top, tall = area.y.stop, area.y.start - area.y.stop
         for phase in self.phases[::2]:
             left, right = (float(area.x.cut(time)) for time in (phase.start, phase.stop))
             if right - left > 0.2:
-                parts.append(rect("phase", left, top, right - left, tall))
+                parts.append(svg.rect("phase", left, top, right - left, tall))
         parts += [event_line(area, event) for event in self.events if area.x.low <= event.time <= area.x.high]
         return "".join(parts)
 
@@ -91,7 +76,7 @@ def draw_track(
     *,
     bands: Sequence[Band] = (),
     bars: Sequence[Band] = (),
-    levels: Sequence[Level] = (),
+    levels: Sequence[svg.Level] = (),
     low: float | None = None,
     high: float | None = None,
     small: bool = False,
@@ -106,18 +91,18 @@ def draw_track(
         first, last = min(first, level.value - air), max(last, level.value + air)
     margin = 2.0 if small else 6.0
     area = behind.frame(margin, height - margin, first, last)
-    parts = [behind.behind(area), titled(title, unit, 2.0, (area.y.start + area.y.stop) / 2 + 4)]
+    parts = [behind.behind(area), svg.titled(title, unit, 2.0, (area.y.start + area.y.stop) / 2 + 4)]
     if small:
-        parts += [across(area, y, "grid") for y in (area.y.start, area.y.stop)]
+        parts += [svg.across(area, y, "grid") for y in (area.y.start, area.y.stop)]
     else:
-        parts.append(grid_up(area, max(3, int((area.y.start - area.y.stop) / 24))))
-    parts += [band(area, *_within(limits, behind.span), limits.style) for limits in bands]
+        parts.append(svg.grid_up(area, max(3, int((area.y.start - area.y.stop) / 24))))
+    parts += [svg.band(area, *_within(limits, behind.span), limits.style) for limits in bands]
     for i, bar in enumerate(bars):
         aside = BESIDE * (i - (len(bars) - 1) / 2)
-        parts.append(intervals(area, *_within(bar, behind.span), bar.style, aside))
+        parts.append(svg.intervals(area, *_within(bar, behind.span), bar.style, aside))
     parts += [drawn_line(area, line, behind.span) for line in lines]
-    parts.append(levels_across(area, levels))
-    return drawing("time track", title, (WIDTH, height), *parts, unit=None, attributes=area.data)
+    parts.append(svg.levels_across(area, levels))
+    return svg.drawing("time track", title, (WIDTH, height), *parts, unit=None, attributes=area.data)
 
 
 def _within(band: Band, span: tuple[float, float]) -> tuple[Array, Array, Array]:
@@ -128,25 +113,25 @@ def _within(band: Band, span: tuple[float, float]) -> tuple[Array, Array, Array]
 def time_axis(behind: Backdrop) -> str:
     """The row of times that ends a stack."""
     area = behind.frame(0.0, 0.5)
-    parts = [across(area, 0.5, "zero")]
+    parts = [svg.across(area, 0.5, "zero")]
     for tick in area.x.ticks(10):
-        parts.append(mark("path", "zero", d=f"M{tick.position:.1f} 0v4"))
-        parts.append(text(tick.position, 16.0, tick.text, "tick x"))
-    return drawing("", "Time", (WIDTH, 24), *parts, unit=None)
+        parts.append(svg.mark("path", "zero", d=f"M{tick.position:.1f} 0v4"))
+        parts.append(svg.text(tick.position, 16.0, tick.text, "tick x"))
+    return svg.drawing("", "Time", (WIDTH, 24), *parts, unit=None)
 
 
 def named_lines(lines: Sequence[tuple[str, str]]) -> str:
     """A row that names styles of lines, for stacks with a legend of their own."""
     parts, x = [], float(LEFT)
     for style, name in lines:
-        parts += [mark("path", f"line {style}", d=f"M{x:g} 10h22"), text(x + 28, 13.5, name, "tick end")]
+        parts += [svg.mark("path", f"line {style}", d=f"M{x:g} 10h22"), svg.text(x + 28, 13.5, name, "tick end")]
         x += 46 + 6.0 * len(name)
-    return drawing("", "Lines", (WIDTH, 18), *parts, unit=None)
+    return svg.drawing("", "Lines", (WIDTH, 18), *parts, unit=None)
 
 
 def row_title(words: str) -> str:
     """A row that names those below it."""
-    return drawing("", words, (WIDTH, 20), text(2.0, 15.0, words, "block start"), unit=None)
+    return svg.drawing("", words, (WIDTH, 20), svg.text(2.0, 15.0, words, "block start"), unit=None)
 
 
 def phase_names(behind: Backdrop) -> str:
@@ -160,8 +145,8 @@ def phase_names(behind: Backdrop) -> str:
         room = int((right - left - 4) / 5.3)
         name = phase.name if len(phase.name) <= room else phase.name[: room - 1] + "…" if room > 4 else ""
         under = f"{phase.name}, {number(phase.start, 0.01)} to {number(phase.stop, 0.01)} s"
-        parts.append(text((left + right) / 2, 14.0, name, "phase", under) if name else "")
-    return drawing("", "Phases", (WIDTH, 20), *parts, unit=None)
+        parts.append(svg.text((left + right) / 2, 14.0, name, "phase", under) if name else "")
+    return svg.drawing("", "Phases", (WIDTH, 20), *parts, unit=None)
 
 
 def contact_graph(rows: Sequence[Row], behind: Backdrop, who: Sequence[Subject] = ()) -> str:
@@ -175,15 +160,15 @@ def contact_graph(rows: Sequence[Row], behind: Backdrop, who: Sequence[Subject] 
     parts = [behind.behind(area)]
     for i, row in enumerate(rows):
         y = 4 + CONTACT_ROW * (i + 0.5)
-        parts += [text(2.0, y + 3.5, row.label, "tick end"), across(area, y, "grid")]
+        parts += [svg.text(2.0, y + 3.5, row.label, "tick end"), svg.across(area, y, "grid")]
         shown = [touch for touch in row.touches if touch.stop >= behind.span[0] and touch.start <= behind.span[1]]
         parts += [_contact(area, y, row, touch, who) for touch in shown]
     counts = "; ".join(f"{row.label} {len(row.touches)} times" for row in rows if row.touches)
     title = f"Contact states: {counts or 'no contact'}"
-    return drawing("time track contacts", title, (WIDTH, height), *parts, unit=None, attributes=area.data)
+    return svg.drawing("time track contacts", title, (WIDTH, height), *parts, unit=None, attributes=area.data)
 
 
-def _contact(area: Frame, y: float, row: Row, touch: Touch, who: Sequence[Subject]) -> str:
+def _contact(area: svg.Frame, y: float, row: Row, touch: Touch, who: Sequence[Subject]) -> str:
     x0, x1 = (float(area.x.cut(time)) for time in (touch.start, touch.stop))
     if is_stroke(touch) and touch.surface != GROUND:
         limb = limb_of(touch.site, who)
@@ -192,19 +177,19 @@ def _contact(area: Frame, y: float, row: Row, touch: Touch, who: Sequence[Subjec
         begins, ends = touch.start > area.x.low + BORDER, touch.stop < area.x.high - BORDER
         marks = f'<path d="M{x0:.1f} {y:.1f}H{x1:.1f}"/>'
         marks += f'<circle cx="{x0:.1f}" cy="{y:.1f}" r="3"/>' if begins else ""
-        marks += mark("circle", "open", cx=x1, cy=y, r="2.6") if ends else ""
+        marks += svg.mark("circle", "open", cx=x1, cy=y, r="2.6") if ends else ""
     under = (
         f"{row.label}: {number(touch.start, 0.001)} to {number(touch.stop, 0.001)} s"
         + (f", {touch.source}" if touch.source else "")
         + (f", {100 * touch.confidence:.0f} % confidence" if touch.confidence < 1.0 else "")
     )
     attributes = f' class="touch {row.side or "middle"}" opacity="{0.35 + 0.65 * touch.confidence:.2f}"'
-    return group(under, marks, attributes=attributes)
+    return svg.group(under, marks, attributes=attributes)
 
 
 def _symbol(x: float, y: float, kind: str, style: str) -> str:
     """A symbol of a stroke."""
     if kind == "ring":
-        return mark("circle", f"stroke {style}", cx=x, cy=y, r="3.6")
+        return svg.mark("circle", f"stroke {style}", cx=x, cy=y, r="3.6")
     data = "".join(f"M{x - 4 * u:.1f} {y - 4 * v:.1f}l{8 * u:.1f} {8 * v:.1f}" for u, v in ARMS[kind])
-    return mark("path", f"stroke {style}", d=data)
+    return svg.mark("path", f"stroke {style}", d=data)

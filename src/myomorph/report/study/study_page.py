@@ -12,20 +12,7 @@ from myomorph.report.charts.axis import number
 from myomorph.report.charts.points import rank_plot
 from myomorph.report.page.page import Tile, rendered
 from myomorph.report.page.parts import Figure, Grid, Link, Note, PageHead, Quantity, Section, cited
-from myomorph.report.study.group_page import (
-    TESTS,
-    condition_chart,
-    curve_grid,
-    curve_section,
-    difference_chart,
-    different_first,
-    effect_figure,
-    mean_words,
-    name_and_unit,
-    ordered,
-    scalar_grid,
-    styled,
-)
+from myomorph.report.study import group_page
 from myomorph.report.study.study_input import Described, Outlier, StudyInput, TrialLine, TrialState, ValueDifference
 
 MAX_OPEN, MAX_FOLDED = 12, 36  # Curves of a family that are shown, and that are folded away; the tables have all.
@@ -39,7 +26,7 @@ SHOWN_LIMITS = (
     (Quantity.RESIDUAL_MOMENT_PEAK, "Residual moment"),
     (Quantity.RESERVES, "Reserves"),
 )
-REFERENCES = ("hicks2015", "opensim", *TESTS, "iglewicz1993")
+REFERENCES = ("hicks2015", "opensim", *group_page.TESTS, "iglewicz1993")
 UNSOLVED = (Quantity.NOT_CONVERGED, Quantity.NOT_OPTIMAL)
 
 
@@ -188,7 +175,10 @@ def _described(study: StudyInput) -> list[Section]:
 
 def _described_row(described: Described) -> tuple[str, ...]:
     unit = "" if described.unit == "1" else f" [{described.unit}]"
-    return (f"{described.quantity}{unit}", *(mean_words(words) if words[2] else "–" for words in described.conditions))
+    return (
+        f"{described.quantity}{unit}",
+        *(group_page.mean_words(words) if words[2] else "–" for words in described.conditions),
+    )
 
 
 def _differences(study: StudyInput) -> list[Section]:
@@ -234,9 +224,9 @@ def _difference_row(difference: ValueDifference) -> tuple[str, ...]:
 
 
 def _family(study: StudyInput, family: str) -> Section:
-    names = ordered(study.conditions, family)
+    names = group_page.ordered(study.conditions, family)
     figures = [
-        Figure(condition_chart(study.conditions, family, name), folded=name if index >= MAX_OPEN else "")
+        Figure(group_page.condition_chart(study.conditions, family, name), folded=name if index >= MAX_OPEN else "")
         for index, name in enumerate(names[: MAX_OPEN + MAX_FOLDED])
     ]
     with_curves = [condition for condition in study.conditions if family in condition.curves]
@@ -253,14 +243,14 @@ def _family(study: StudyInput, family: str) -> Section:
     over = {True: " (over the stride)", False: " (over the whole trial)"} if len(cycles) > 1 else {}
     legend = [
         (style, _title(condition) + over.get(condition.cycle == "stride", ""))
-        for style, condition in styled(study.conditions)
+        for style, condition in group_page.styled(study.conditions)
     ]
-    return curve_section(name_and_unit(family)[0], lead, tuple(legend), figures)
+    return group_page.curve_section(group_page.name_and_unit(family)[0], lead, tuple(legend), figures)
 
 
 def _comparison(comparison: Comparison, index: int, study: StudyInput) -> Section:
     first, second = comparison.names
-    colors = {condition.name: style for style, condition in styled(study.conditions)}
+    colors = {condition.name: style for style, condition in group_page.styled(study.conditions)}
     styles = colors[first], colors[second]
     pairs = len(study.comparisons)
     lead = f"Differences are {first} minus {second}. "
@@ -288,15 +278,16 @@ def _comparison(comparison: Comparison, index: int, study: StudyInput) -> Sectio
         least = comparison.floor * sum(np.isfinite(scalar.p) for scalar in comparison.scalars)
         if comparison.tested and least > comparison.options.alpha:
             lead += f" So few subjects cannot bring Holm’s p of that many parameters below {number(min(least, 1.0))}."
-        figures.append(effect_figure(comparison))
-    grids = [scalar_grid(comparison)] if comparison.scalars else []
+        figures.append(group_page.effect_figure(comparison))
+    grids = [group_page.scalar_grid(comparison)] if comparison.scalars else []
     for family in comparison.families:
-        curves, (name, unit) = different_first(comparison.family(family)), name_and_unit(family)
+        curves, (name, unit) = group_page.different_first(comparison.family(family)), group_page.name_and_unit(family)
         different = [curve for curve in curves if curve.regions]
         figures += [
-            Figure(difference_chart(curve, unit, comparison.names, styles)) for curve in different[:MAX_DIFFERENT]
+            Figure(group_page.difference_chart(curve, unit, comparison.names, styles))
+            for curve in different[:MAX_DIFFERENT]
         ]
-        grids.append(curve_grid(curves, f"{name}: {len(different)} of {len(curves)} differ"))
+        grids.append(group_page.curve_grid(curves, f"{name}: {len(different)} of {len(curves)} differ"))
     legend = tuple(zip(styles, comparison.names, strict=True))
     return Section(f"pair-{index + 1}", f"{first} and {second}", lead, legend, tuple(figures), tuple(grids))
 

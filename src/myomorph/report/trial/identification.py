@@ -23,15 +23,7 @@ from myomorph.report.page.parts import Cell, Figure, Grid, Section, Sheet
 from myomorph.report.scene.image import LEVEL, level_color
 from myomorph.report.scene.pictures import pictures
 from myomorph.report.scene.scene import make_scene
-from myomorph.report.trial.identification_tables import (
-    ATHLETES,
-    link_sheet,
-    mass_sheet,
-    misfit_sheet,
-    named_segments,
-    segment_share,
-    spine_sheet,
-)
+from myomorph.report.trial import identification_tables as tables
 from myomorph.report.trial.report_input import IdentificationInput
 from myomorph.report.trial.validation import STYLES, UNITS, calibration_section, validation_section
 
@@ -109,11 +101,11 @@ def mass_section(identification: Identification) -> Section:
     shown = [i for i in heavy if max(mass[i] for mass in masses.values()) >= 0.001]
     names, values = [bodies[i] for i in shown], [mass[shown] for mass in masses.values()]
     plot = dot_plot("Mass of each link", "kg", names, values, STYLES[: len(masses)], list(masses), 880)
-    grids = [_grid(mass_sheet(identification), "Mass of each link [kg]", len(bodies) > MAX_OPEN_ROWS)]
-    spine = spine_sheet(bodies, masses)
+    grids = [_grid(tables.mass_sheet(identification), "Mass of each link [kg]", len(bodies) > MAX_OPEN_ROWS)]
+    spine = tables.spine_sheet(bodies, masses)
     if spine.rows:
         grids.append(_grid(spine, "Spread of the vertebrae's masses: population standard deviation [kg]"))
-    sheet = link_sheet(identification)
+    sheet = tables.link_sheet(identification)
     keep = [sheet.head.index(name) for name in ("link", "mass [kg]", "share from the data")] + [5, 6, 7]
     cut = Sheet(tuple(sheet.head[i] for i in keep), tuple(tuple(row[i] for i in keep) for row in sheet.rows))
     grids.append(_grid(cut, f"Physical consistency of {len(sheet.rows)} links", True))
@@ -127,13 +119,13 @@ def mass_section(identification: Identification) -> Section:
 def segment_section(identification: Identification) -> list[Section]:
     """Shares of the body's mass beside athletes', and which link counts to which segment; [] without segments."""
     model, masses, chosen = identification.model, identification.masses, identification.chosen
-    segments = named_segments(model)
+    segments = tables.named_segments(model)
     if not segments:
         return []
     rows = []
-    for name, athletes in ATHLETES.items():
-        right = [segment_share(model, mass, name, "right") for mass in masses.values()]
-        left = segment_share(model, masses[chosen], name, "left")
+    for name, athletes in tables.ATHLETES.items():
+        right = [tables.segment_share(model, mass, name, "right") for mass in masses.values()]
+        left = tables.segment_share(model, masses[chosen], name, "left")
         paired = left is not None and name not in ("Head", "Body", "Upper body", "Lower body")
         label = name.replace(" ", "\u00a0")
         rows.append((label, number(athletes), *map(_words, right), _words(left) if paired else ""))
@@ -178,7 +170,8 @@ def base_section(identification: Identification) -> Section:
     unseen = tuple(name for name, known in zip(names, identifiable, strict=True) if not known)
     grids = [
         _grid(
-            misfit_sheet(identification), "Residual of the base wrench in the frames used, root mean square of its norm"
+            tables.misfit_sheet(identification),
+            "Residual of the base wrench in the frames used, root mean square of its norm",
         ),
         Grid(COMPONENTS, (residual,), "Residual of the base parameters, root mean square"),
         Grid(head, rows, f"All {len(rows)} base parameters", True),

@@ -10,6 +10,7 @@ from myomorph.model.errors import few
 from myomorph.model.series import Series
 from myomorph.report.charts.axis import number
 from myomorph.report.page.parts import SIDES_LEGEND, Figure, Grid, Section
+from myomorph.report.trial import muscle_sections
 from myomorph.report.trial.analysis_sections import analysis_sections
 from myomorph.report.trial.fiber_section import fiber_section
 from myomorph.report.trial.figures import (
@@ -23,15 +24,6 @@ from myomorph.report.trial.figures import (
 )
 from myomorph.report.trial.identification import identification_sections
 from myomorph.report.trial.joint_contact_section import joint_contact_section
-from myomorph.report.trial.muscle_sections import (
-    activation_section,
-    emg_conflict_section,
-    emg_section,
-    length_cycle_section,
-    length_section,
-    matched_emg,
-    tension_section,
-)
 from myomorph.report.trial.prepared import Prepared
 from myomorph.report.trial.report_input import Truth
 from myomorph.report.trial.tables import residuals
@@ -54,21 +46,24 @@ def sections(prepared: Prepared) -> tuple[list[Section], list[str]]:
         (marker_section, "Marker errors: no inverse kinematics. Specify a marker file (TRC or C3D) and the step “ik”."),
         (force_section, ""),
         (joint_section, "Joint angles and moments: no motion. Specify the step “ik”, or a motion file."),
-        (activation_section, "Muscle activations: not solved. Specify the steps “muscles” and “tension”."),
-        (tension_section, ""),
+        (
+            muscle_sections.activation_section,
+            "Muscle activations: not solved. Specify the steps “muscles” and “tension”.",
+        ),
+        (muscle_sections.tension_section, ""),
         (fiber_section, ""),
         (joint_contact_section, ""),
-        (emg_conflict_section, ""),
-        (emg_section, "EMG: no channels."),
-        (length_section, ""),
-        (length_cycle_section, ""),
+        (muscle_sections.emg_conflict_section, ""),
+        (muscle_sections.emg_section, "EMG: no channels."),
+        (muscle_sections.length_section, ""),
+        (muscle_sections.length_cycle_section, ""),
         (uncertainty_section, ""),
         (truth_section, ""),
     ):
         section = make(prepared)
         if section is not None:
             made.append(section)
-        elif absent and not (make is emg_section and matched_emg(prepared)):
+        elif absent and not (make is muscle_sections.emg_section and muscle_sections.matched_emg(prepared)):
             missing.append(absent)
     if wrenches is None:
         missing.append("Ground forces: none. Specify the plates of the C3D or an external-loads file.")
