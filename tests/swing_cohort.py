@@ -55,6 +55,8 @@ def condition(mass: float, com: float, viscosity: float) -> Condition:
         parameters,
         near(mass),
         near(com),
+        near(mass * com),
+        near(0.9 * mass),
         near(viscosity),
         axes,
         (True, True, False),

@@ -16,8 +16,7 @@ WITHIN = {
     "mass_muscles_removed": 0.005,
     "com_muscles_removed": 0.005,
     "joint_viscosity": 0.03,
-    "mass_intact": 0.005,
-    "com_intact": 0.005,
+    "first_moment_intact": 0.005,
     "total_viscosity": 0.05,
     "muscle_viscosity": 0.05,
 }
@@ -36,6 +35,9 @@ def test_raw_specimen_and_plain_specimen_are_found(tmp_path: Path) -> None:
         found = rows[specimen.name]
         for name, share in WITHIN.items():
             assert float(found[name]) == pytest.approx(specimen.truth[name], rel=share), name
+        for name in ("mass_intact", "com_intact", "estimated_muscle_mass"):
+            low, high = (float(found[f"{name}_{end}"]) for end in ("low", "high"))
+            assert low < specimen.truth[name] < high
         assert float(found["measured_muscle_mass"]) == specimen.measured_muscle_mass
     raw = read_specimen(outcomes[0].folder)
     assert any("plate" in one.what for one in raw.calibration)

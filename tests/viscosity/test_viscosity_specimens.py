@@ -61,7 +61,9 @@ def ran(tmp_path_factory):
         'name = "tared"\nremoved = ["tared_bare*.trc"]\nintact = ["full*.trc"]',
         'name = "unnamed"\nremoved = ["other_bare*.trc"]\nintact = ["other_full*.trc"]',
     ]
-    text = '[study]\nname = "made"\n' + "".join(f'[[specimen]]\nmodel = "arm.osim"\n{one}\n' for one in tables)
+    text = '[study]\nname = "made"\n' + "".join(
+        f'[[specimen]]\nmodel = "arm.osim"\nbase_mass = 0\n{one}\n' for one in tables
+    )
     (folder / "study.toml").write_text(text + OPTIONS)
     run_viscosity(read_viscosity_plan(folder / "study.toml"), folder / "out")
     reports = {report.name: report for report in read_store(folder / "out").specimens}
@@ -88,7 +90,8 @@ def test_truth_comes_back(ran):
 def test_one_condition_alone_has_its_own_columns(ran):
     reports, out, _ = ran
     one = reports["half"]
-    assert set(one.row) == {"mass_muscles_removed", "com_muscles_removed", "joint_viscosity"}
+    limb = {"mass_muscles_removed", "com_muscles_removed", "first_moment_muscles_removed"}
+    assert set(one.row) == {*limb, "joint_viscosity"}
     assert any("muscles intact: no recording" in note for note in one.notes)
     assert (out / "half" / "without_bare1.sto").is_file()
 
@@ -140,6 +143,6 @@ def test_one_specimen_needs_no_study_file(ran, capsys):
         (row,) = csv.DictReader(stream)
     found = reports["whole"].row
     assert (row["name"], row["measured_muscle_mass"]) == ("arm", "0.3")
-    for name in ("joint_viscosity", "muscle_viscosity", "com_intact"):
+    for name in ("joint_viscosity", "muscle_viscosity", "first_moment_intact"):
         assert float(row[name]) == pytest.approx(found[name].value, rel=1e-6)
     assert "1 of 1 specimens done" in capsys.readouterr().out

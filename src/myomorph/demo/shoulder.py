@@ -11,7 +11,7 @@ import numpy as np
 from myomorph.model.arrays import Array
 from myomorph.model.spatial import Transform
 from myomorph.simulate import laboratory
-from myomorph.simulate.limb import specimen_mjcf
+from myomorph.simulate.limb import BaseLoad, specimen_mjcf
 from myomorph.simulate.shoulder import BASE, FIRST, FURTHER, PLATE, VirtualSpecimen, arm_model, virtual_specimen
 from myomorph.store.outcome import Outcome
 from myomorph.store.progress import progress
@@ -24,6 +24,7 @@ STUDY, RECORDINGS = "shoulder.toml", "recordings"
 SECONDS, TRIALS = 10.0, 3
 WHOLE = 1  # The specimen that is handed over raw: C3D of a plate whose place is wrong, pushes of a rod on it, and a CT.
 WORKERS = 2
+SCAPULA, LOADED = 0.25, (-0.05, -0.03, -0.06)  # Mass of the bone on the plate [kg]; center of what stays on it [m].
 ARM_OFFSET = 0.0014  # `arm_sensitivity.OFFSET` as small as the muscles, which are scaled by 0.09 to 0.20 [m].
 
 
@@ -74,7 +75,9 @@ def write_shoulder_study(
     with progress("simulation", len(numbers), "specimens") as advance:
 
         def made(number: int) -> str:
-            specimen = virtual_specimen(number, seconds=seconds, trials=trials, full_size=full_size)
+            specimen = virtual_specimen(
+                number, seconds=seconds, trials=trials, full_size=full_size, loads=base_loads(number)
+            )
             table = _write_specimen(specimen, folder, number in raw, modelled)
             advance(1.0)
             return table
@@ -85,6 +88,13 @@ def write_shoulder_study(
     text = "\n".join([_head(seconds, trials, laboratory.Noise(), raw, full_size), *tables])
     (folder / STUDY).write_text(text, encoding="utf-8")
     return folder / STUDY
+
+
+def base_loads(number: int) -> tuple[BaseLoad, BaseLoad]:
+    """Of a specimen: its scapula, and the muscles that were weighed but do not swing by [S] table II."""
+    row = SPECIMENS[number - 1]
+    stays = row.measured_muscle_mass - row.estimated_muscle_mass
+    return BaseLoad(SCAPULA, LOADED), BaseLoad(SCAPULA + stays, LOADED)
 
 
 def _write_specimen(made: VirtualSpecimen, folder: Path, raw: bool, modelled: Callable[[Array], Array] | None) -> str:
@@ -110,6 +120,7 @@ bones = [{bones}]
 removed = ["{place.name}/without_*.{ending}"]
 intact = ["{place.name}/with_*.{ending}"]
 {more}measured_muscle_mass = {made.published.measured_muscle_mass}
+base_mass = {{ removed = {SCAPULA}, intact = [{SCAPULA}, {SCAPULA + made.published.measured_muscle_mass:.3f}] }}
 truth = {{ {_pairs(truth_of(made))} }}
 paper = {{ {_pairs(made.published.values)} }}
 """
@@ -141,9 +152,11 @@ def truth_of(made: VirtualSpecimen) -> dict[str, float]:
     return {
         "mass_muscles_removed": made.without.mass,
         "com_muscles_removed": made.without.com,
+        "first_moment_muscles_removed": made.without.mass * made.without.com,
         "joint_viscosity": made.joint_viscosity,
         "mass_intact": made.intact.mass,
         "com_intact": made.intact.com,
+        "first_moment_intact": made.intact.mass * made.intact.com,
         "total_viscosity": made.intact.viscosity,
         "muscle_viscosity": made.muscle_viscosity,
         "estimated_muscle_mass": made.intact.mass - made.without.mass,
@@ -162,6 +175,8 @@ def _head(seconds: float, trials: int, noise: laboratory.Noise, raw: Sequence[in
         f"Standard deviations of the white noise: markers {1000 * noise.marker:g} mm, forces {noise.force:g} N, "
         f"moments {noise.force * noise.lever:g} N m about the plate's origin; the clocks of plate and markers are up "
         "to 40 ms and 50 millionths apart.",
+        f"The base carries {SCAPULA:g} kg of bone, which was weighed, and with muscles what the table weighs of them "
+        "but does not see swing, which was not: masses with muscles are ranges.",
     ]
     if raw:
         lines.append(
@@ -175,8 +190,7 @@ def _head(seconds: float, trials: int, noise: laboratory.Noise, raw: Sequence[in
         lines += [
             "The tables' viscosities cannot all hold with muscles of full size: they imply moment arms of 2 to 4 mm. "
             "Each specimen's muscles are therefore scaled about the joint's center, by 0.1 to 0.2, until the total "
-            "viscosity over the true swing is that of table II. The measured mass of the muscles is only copied from "
-            "the table.",
+            "viscosity over the true swing is that of table II.",
             f"Errors of attachments are scaled likewise: {1000 * ARM_OFFSET:g} mm stands for {1000 * OFFSET:.1f} mm.",
         ]
         options = f"\n[options.moment_arms]\noffset = {ARM_OFFSET}\n"

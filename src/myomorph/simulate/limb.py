@@ -131,6 +131,20 @@ class SoftTissue:
         return f'<body name="tissue" pos="{words(self.place)}">{slides}{inertia}</body>'
 
 
+@dataclass(frozen=True)
+class BaseLoad:
+    """What rests on the base and does not swing: `mass` [kg], `place` of its center in the base's frame [m]."""
+
+    mass: float
+    place: tuple[float, float, float]
+
+    def mjcf(self, center: Array) -> str:
+        """Its inertia on the base's body, whose origin is the joint's center (3,) in the base's frame."""
+        size = words(np.full(3, 0.4 * self.mass * TISSUE_RADIUS**2))
+        place = words(np.array(self.place) - center)
+        return f'<inertial pos="{place}" mass="{self.mass!r}" diaginertia="{size}"/>'
+
+
 def with_scaled_muscles(limb: HeldLimb, factor: float) -> Specimen:
     """The specimen whose muscles, with the surfaces they wrap around, are scaled about the joint's center. In the held
     pose this homothety scales lengths and moment arms about the joint exactly by the factor.
@@ -184,18 +198,20 @@ def swing_mjcf(
     damping: float,
     muscle: float,
     tissue: SoftTissue | None = None,
+    load: BaseLoad | None = None,
 ) -> str:
     """MJCF of a limb on a fixed base, with its muscles as tendons where `muscle` is positive. `parameters`: (10,) of
     the limb in its frame; `stand`: pose of the base in ground; `rest`: (3, 3) of the limb in ground at which the
     ball's angles are zero; `damping`: of the ball joint, the same about every axis [N m s/rad]; `muscle`: viscosity
-    of every muscle [N s/m]; `tissue`: part of the limb, `parameters` included, that moves against its bones.
+    of every muscle [N s/m]; `tissue`: part of the limb, `parameters` included, that moves against its bones; `load`: on
+    the base.
     """
     specimen = limb.specimen
     loose = "" if tissue is None else tissue.mjcf(rest.T @ np.asarray(specimen.model.gravity))
     stiff = parameters if tissue is None else parameters - tissue.parameters
     center = stand.apply(specimen.center)
     inside, paths = _muscles_mjcf(specimen.model, limb.centered) if muscle > 0.0 else ({}, {})
-    on_base = "".join(inside.pop(specimen.base, []))
+    on_base = "".join(inside.pop(specimen.base, [])) + ("" if load is None else load.mjcf(specimen.center))
     on_limb = "".join(part for parts in inside.values() for part in parts)
     tendons = "".join(f'<spatial name="{name}" damping="{muscle!r}">{path}</spatial>' for name, path in paths.items())
     speeds = "".join(f'<tendonvel name="{name}" tendon="{name}"/>' for name in paths) + "</sensor>"

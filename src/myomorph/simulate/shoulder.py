@@ -22,7 +22,7 @@ from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.spatial import Transform, axis_rotation
 from myomorph.simulate.laboratory import Noise, Sampled, VirtualTrial, measured_markers, measured_wrench, simulate
-from myomorph.simulate.limb import HeldLimb, swing_mjcf, with_clusters, with_scaled_muscles
+from myomorph.simulate.limb import BaseLoad, HeldLimb, swing_mjcf, with_clusters, with_scaled_muscles
 from myomorph.viscosity.cohort import SPECIMENS, PublishedSpecimen
 from myomorph.viscosity.specimen.model import Specimen, SpecimenNames, SwingTrial, build_specimen
 from myomorph.viscosity.specimen.muscles import fig1_muscles
@@ -98,10 +98,11 @@ def virtual_specimen(
     noise: Noise | None = None,
     full_size: bool = False,
     seed: int | None = None,
+    loads: tuple[BaseLoad | None, BaseLoad | None] = (None, None),
 ) -> VirtualSpecimen:
     """One of the six (the row of the tables), swung without muscles and with them. `noise`: by default 0.3 mm, 0.3 N,
     and clocks apart by tens of milliseconds and of millionths; `full_size`: muscles of the model's size, and d_M such
-    that the total viscosity is the table's.
+    that the total viscosity is the table's; `loads`: on the base, muscles removed and intact.
     """
     if not 1 <= number <= len(SPECIMENS):
         raise BadData(f"there is no specimen {number}: [S] has 1 to {len(SPECIMENS)}")
@@ -115,8 +116,8 @@ def virtual_specimen(
     whole = limb.with_flesh(bare, row.mass_intact, row.com_intact)
     starts = [released(random) for _ in range(trials)]
     limb, factor, muscle = _sized(limb, row, whole, starts, seconds, full_size)
-    swings = _swings(limb, whole, row.joint_viscosity, muscle, starts, seconds)
-    bare_swings = _swings(limb, bare, row.joint_viscosity, 0.0, starts, seconds)
+    swings = _swings(limb, whole, row.joint_viscosity, muscle, starts, seconds, load=loads[1])
+    bare_swings = _swings(limb, bare, row.joint_viscosity, 0.0, starts, seconds, load=loads[0])
     arm = _mean_square_arm(swings)
     total = row.joint_viscosity + muscle * arm
     return VirtualSpecimen(
@@ -169,10 +170,11 @@ def _swings(
     starts: Sequence[tuple[Array, Array]],
     seconds: float,
     step: float = STEP,
+    load: BaseLoad | None = None,
 ) -> list[Sampled]:
     stand = limb.specimen.stand
     rest = hanging(limb, parameters)
-    compiled = mujoco.MjModel.from_xml_string(swing_mjcf(limb, parameters, stand, rest, damping, muscle))
+    compiled = mujoco.MjModel.from_xml_string(swing_mjcf(limb, parameters, stand, rest, damping, muscle, load=load))
     result = []
     for axis, rates in starts:
         turn = Rotation.from_rotvec(rest.T @ axis).as_quat(scalar_first=True)

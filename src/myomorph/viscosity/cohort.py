@@ -41,6 +41,16 @@ class PublishedSpecimen:
         """What is printed, by quantity."""
         return {field.name: float(getattr(self, field.name)) for field in fields(self) if field.name != "name"}
 
+    @property
+    def first_moment_muscles_removed(self) -> float:
+        """Of what is printed, [kg m]."""
+        return self.mass_muscles_removed * self.com_muscles_removed
+
+    @property
+    def first_moment_intact(self) -> float:
+        """Of what is printed, [kg m]."""
+        return self.mass_intact * self.com_intact
+
 
 SPECIMENS = (
     PublishedSpecimen("01", 2.02, 0.425, 7.61e-2, 2.64, 0.347, 1.05e-1, 2.41e2, 0.614, 0.765),
@@ -70,9 +80,11 @@ class Quantity:
 QUANTITIES = (
     Quantity("mass_muscles_removed", "mass", "kg", 1),
     Quantity("com_muscles_removed", "COM", "m", 1),
+    Quantity("first_moment_muscles_removed", "mass times COM", "kg m", 1),
     Quantity("joint_viscosity", "joint viscosity", "Nms/rad", 1),
     Quantity("mass_intact", "mass", "kg", 2),
     Quantity("com_intact", "COM", "m", 2),
+    Quantity("first_moment_intact", "mass times COM", "kg m", 2),
     Quantity("total_viscosity", "total viscosity", "Nms/rad", 2),
     Quantity("muscle_viscosity", "muscle viscosity", "Ns/m", 2),
     Quantity("estimated_muscle_mass", "estimated muscles", "kg", 2),

@@ -104,8 +104,10 @@ class Solution:
 
     @property
     def estimates(self) -> Array:
-        """(4 + axes,) mass, mass center, one viscosity, that of the plate, and one an axis."""
-        return np.array([self.inertia.mass, self.inertia.com, self.joint.one, self.plate.one, *self.joint.axes])
+        """(6 + axes,) mass, mass center, first moment, viscosity, that of the plate, least mass, one an axis."""
+        inertia = self.inertia
+        limb = inertia.mass, inertia.com, inertia.first_moment
+        return np.array([*limb, self.joint.one, self.plate.one, inertia.least_mass, *self.joint.axes])
 
 
 @dataclass(frozen=True, eq=False)

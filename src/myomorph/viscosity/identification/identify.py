@@ -20,7 +20,13 @@ from myomorph.viscosity.identification.condition import (
     Solution,
     solve_condition,
 )
-from myomorph.viscosity.identification.inertia import InertiaOptions, Tare, limb_inertia
+from myomorph.viscosity.identification.inertia import (
+    InertiaOptions,
+    LimbInertia,
+    Tare,
+    least_mass,
+    limb_inertia,
+)
 from myomorph.viscosity.identification.torque import (
     counted_from,
     muscle_problem,
@@ -41,10 +47,10 @@ STATES = {"without": "muscles removed", "with": "muscles intact"}
 """What the two conditions of a specimen are called in texts."""
 
 QUANTITIES_OF = {
-    "without": ("mass_muscles_removed", "com_muscles_removed", "joint_viscosity"),
-    "with": ("mass_intact", "com_intact", "total_viscosity"),
+    "without": ("mass_muscles_removed", "com_muscles_removed", "first_moment_muscles_removed", "joint_viscosity"),
+    "with": ("mass_intact", "com_intact", "first_moment_intact", "total_viscosity"),
 }
-"""Mass, distance of the mass center and viscosity of a condition, as tables call them."""
+"""Mass, distance of the mass center, their product and viscosity of a condition, as tables call them."""
 
 NEUTRAL_ROUNDS = 3
 """How often the neutral position of a ball joint's spring is found again from angles counted from the last."""
@@ -56,7 +62,8 @@ class ViscosityOptions:
 
     Attributes
     ----------
-    tare : whether the plate's zero is known; where unknown, the mass hides and only its moment shows
+    tare : what the plate's zero leaves beside the limb: "known", nothing; "loaded", a constant load of the base, so
+        that the mass is at most what the constant force shows; "unknown": the mass hides and only its moment shows
     prior_sd : relative standard deviation of the prior of the limb's inertia, a slender cylinder
     instruments : find the inertia free of the noise of twice differentiated markers, by instruments; without,
         plain least squares as the paper writes them
@@ -72,7 +79,7 @@ class ViscosityOptions:
     level : of the intervals
     """
 
-    tare: Tare = "known"
+    tare: Tare = "loaded"
     prior_sd: float = 1.0
     instruments: bool = True
     stiffness: bool | None = None
@@ -104,8 +111,10 @@ class Condition:
     ----------
     recordings : what it was identified from
     parameters : (10,) of the limb as one link, about the joint's center ([D] order)
-    mass : [kg]
+    mass : [kg]; that of a load of the base included until `with_base_load` takes it off
     com : distance of the mass center from the joint's center [m]
+    first_moment : mass times that distance, which no load of the base changes [kg m]
+    least_mass : the least that a body of this first moment and inertia weighs [kg]
     viscosity : the one value over all axes, as the paper prints it [N m s/rad]; with muscles d_{M+J}
     axis_viscosity : one an axis
     excited : one an axis: whether the swings moved it enough to tell its viscosity
@@ -119,6 +128,8 @@ class Condition:
     parameters: Array
     mass: Estimate
     com: Estimate
+    first_moment: Estimate
+    least_mass: Estimate
     viscosity: Estimate
     axis_viscosity: tuple[Estimate, ...]
     excited: tuple[bool, ...]
@@ -163,6 +174,7 @@ class SpecimenViscosity:
     without, intact : muscles removed and intact; None where that condition is lacking or failed
     muscles : None unless both conditions are there
     muscle_mass : with less without [kg]
+    least_muscle_mass : the least that what muscles add to first moment and inertia weighs [kg]
     measured_muscle_mass : on a scale [kg], None where it was not weighed
     notes : warnings and what was left out, one line each
     """
@@ -174,6 +186,7 @@ class SpecimenViscosity:
     muscle_mass: Estimate | None
     measured_muscle_mass: float | None
     notes: tuple[str, ...] = ()
+    least_muscle_mass: Estimate | None = None
 
     @property
     def conditions(self) -> dict[str, Condition]:
@@ -186,7 +199,8 @@ class SpecimenViscosity:
         """What was estimated, by quantity as tables call it."""
         known: dict[str, Estimate] = {}
         for name, condition in self.conditions.items():
-            known |= dict(zip(QUANTITIES_OF[name], (condition.mass, condition.com, condition.viscosity), strict=True))
+            values = condition.mass, condition.com, condition.first_moment, condition.viscosity
+            known |= dict(zip(QUANTITIES_OF[name], values, strict=True))
         if self.muscles is not None:
             known["muscle_viscosity"] = self.muscles.common
         if self.muscle_mass is not None:
@@ -250,14 +264,14 @@ def identify_specimen(
         identified = {
             key: _condition(solution, recordings[key], options, int(key == "with")) for key, solution in solved.items()
         }
-        muscles = mass = None
+        muscles = mass = least = None
         if len(solved) == len(recordings):
             bare, full = solved["without"], solved["with"]
-            mass = _muscle_mass(bare, full, options)
+            mass, least = _muscle_mass(bare, full, options)
             muscles = _muscles(bare, full, pcsa, options) if full.sums.muscles else None
     notes += [f"{STATES[key]}: {warning}" for key, solution in solved.items() for warning in _warnings(solution)]
     conditions = identified.get("without"), identified.get("with")
-    return SpecimenViscosity(name, *conditions, muscles, mass, measured_muscle_mass, tuple(notes))
+    return SpecimenViscosity(name, *conditions, muscles, mass, measured_muscle_mass, tuple(notes), least)
 
 
 def _solved(recordings: Sequence[SwingRecording], options: ViscosityOptions) -> ConditionSolution | str:
@@ -291,12 +305,13 @@ def _condition(
     solved: ConditionSolution, recordings: Sequence[SwingRecording], options: ViscosityOptions, stream: int
 ) -> Condition:
     influences = solved.influences
-    mass, com, joint, plate, *axes = _estimates(influences, options, stream, np.zeros(len(influences.values)))
-    names = ("mass", "com", "viscosity", "plate_viscosity", *solved.sums.axes)
+    drawn = _estimates(influences, options, stream, np.zeros(len(influences.values)))
+    mass, com, moment, joint, plate, least, *axes = drawn
+    names = ("mass", "com", "first_moment", "viscosity", "plate_viscosity", "least_mass", *solved.sums.axes)
     excited = tuple(0.5 * (axis.high - axis.low) <= MAX_RELATIVE_WIDTH * joint.value for axis in axes)
     by_trial = tuple(name for name, by in zip(names, influences.by_trial, strict=True) if by)
     inertia = solved.whole.inertia
-    estimates = (mass, com, joint, tuple(axes), excited)
+    estimates = (mass, com, moment, least, joint, tuple(axes), excited)
     return Condition(tuple(recordings), inertia.parameters, *estimates, inertia.noise, plate, by_trial)
 
 
@@ -306,13 +321,17 @@ def _both(bare: ConditionSolution, full: ConditionSolution, values: Array, block
     return Influences(values, (values - blocks) / LACKING, trial, min(bare.sums.parted, full.sums.parted))
 
 
-def _muscle_mass(bare: ConditionSolution, full: ConditionSolution, options: ViscosityOptions) -> Estimate:
-    less, more = bare.whole.inertia.mass, full.whole.inertia.mass
-    blocks = [more - block.inertia.mass for block in bare.lacking] + [
-        block.inertia.mass - less for block in full.lacking
-    ]
-    influences = _both(bare, full, np.array([more - less]), np.array(blocks)[:, None])
-    return _estimates(influences, options, 2, np.array([-np.inf]))[0]
+def muscle_masses(bare: LimbInertia, full: LimbInertia) -> Array:
+    """(2,) mass of the muscles by the constant forces, and the least that their first moment and inertia weigh [kg]."""
+    return np.array([full.mass - bare.mass, least_mass(full.parameters - bare.parameters)])
+
+
+def _muscle_mass(bare: ConditionSolution, full: ConditionSolution, options: ViscosityOptions) -> list[Estimate]:
+    less, more = bare.whole.inertia, full.whole.inertia
+    blocks = [muscle_masses(block.inertia, more) for block in bare.lacking]
+    blocks += [muscle_masses(less, block.inertia) for block in full.lacking]
+    influences = _both(bare, full, muscle_masses(less, more), np.array(blocks))
+    return _estimates(influences, options, 2, np.array([-np.inf, 0.0]))
 
 
 def _muscles(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -14,7 +14,9 @@ from myomorph.model.inertia import inertia_matrices, parameters_of
 from myomorph.viscosity.swings.recording import PARAMETERS
 from myomorph.viscosity.swings.sums import ONE, PREDICTED, WRENCH, SwingSums, eliminated
 
-Tare = Literal["known", "unknown"]
+Tare = Literal["known", "loaded", "unknown"]
+"""What the plate's zero leaves in the wrench beside the limb: nothing; a constant load of the base, the same in all
+trials of a condition; a constant wrench of each trial, which hides the mass."""
 
 SLENDER = 0.1
 """Radius of the prior's cylinder as a share of its mass center's distance from the joint."""
@@ -29,21 +31,23 @@ class InertiaOptions:
 
     Attributes
     ----------
-    tare : "known": the plate's zero was set empty, so its force shows the mass; "unknown": a constant force and
-        moment of every trial are free, as a zero set with the limb on it leaves: the mass then hides
+    tare : "known": the constant wrench is the limb's alone; "loaded": a constant force and moment of the base are
+        free, and the constant force shows the mass of limb and base together (a hinge needs the constant moment for
+        the mass center along its axis, and is taken as "known"); "unknown": a constant force and moment
+        of every trial are free, as a zero set with the limb on it leaves: the mass then hides
     prior_sd : relative standard deviation of the prior, a uniform cylinder of the estimated mass from the joint
         through the estimated mass center to twice its distance, of a tenth of that distance as radius
     instruments : least squares as the rows see it that hold the acceleration predicted from the state, which the
         noise of twice differentiated markers does not bias; without, plain least squares on the rows themselves
     """
 
-    tare: Tare = "known"
+    tare: Tare = "loaded"
     prior_sd: float = 1.0
     instruments: bool = True
 
     def __post_init__(self) -> None:
-        if self.tare not in ("known", "unknown"):
-            raise BadData(f"unknown tare '{self.tare}': there are 'known', 'unknown'")
+        if self.tare not in get_args(Tare):
+            raise BadData(f"unknown tare '{self.tare}': there are {', '.join(map(repr, get_args(Tare)))}")
         if not self.prior_sd > 0.0:
             raise BadData(f"prior_sd of the limb's inertia is {self.prior_sd:g}: expected above 0")
 
@@ -51,9 +55,9 @@ class InertiaOptions:
 @read_only
 class LimbInertia:
     """The limb as one rigid link: `parameters` (10,) about the joint's center ([D] order), `noise` (6,) the root mean
-    square of measured less predicted wrench, by which its rows are weighted [N m], [N]. `hidden`: the mass hides behind
-    an unknown zero of the plate, parameters[0] is a guess; `possible`: a body can have the parameters that the wrench
-    shows, up to its noise.
+    square of measured less predicted wrench, by which its rows are weighted [N m], [N]. Mass is what the constant
+    force shows, a load of the base included. `hidden`: it hides behind an unknown zero of the plate, parameters[0] is a
+    guess; `possible`: a body can have the parameters that the wrench shows, up to its noise.
     """
 
     parameters: Array
@@ -70,7 +74,23 @@ class LimbInertia:
     @property
     def com(self) -> float:
         """Distance of the mass center from the joint's center [m]; NaN where the mass hides."""
-        return float("nan") if self.hidden else float(np.linalg.norm(self.parameters[1:4]) / self.parameters[0])
+        return float("nan") if self.hidden else self.first_moment / float(self.parameters[0])
+
+    @property
+    def first_moment(self) -> float:
+        """Mass times distance of the mass center, which needs no zero of the plate [kg m]."""
+        return float(np.linalg.norm(self.parameters[1:4]))
+
+    @property
+    def least_mass(self) -> float:
+        """The least that a body of this first moment and inertia weighs, [kg]."""
+        return least_mass(self.parameters)
+
+
+def least_mass(parameters: Array) -> float:
+    """|h|^2 / I [kg], below which no body has first moment h and largest inertia I about the joint; 0 without one."""
+    inertia = float(np.linalg.eigvalsh(inertia_matrices(parameters))[-1])
+    return float(parameters[1:4] @ parameters[1:4]) / inertia if inertia > 0.0 else 0.0
 
 
 def limb_inertia(
@@ -84,11 +104,13 @@ def limb_inertia(
     options = options or InertiaOptions()
     counts = np.ones(len(sums)) if counts is None else counts
     hidden = options.tare == "unknown"
+    free = hidden or (options.tare == "loaded" and len(sums.axes) > 1)
     products = sums.wrench_total(counts)
-    if hidden:
-        products = eliminated(products, [ONE])
+    whole = products.sum(axis=0)
+    if free:
+        products = eliminated(products if hidden else whole[None], [ONE])
     products = products.sum(axis=0)[:, :ONE, :ONE]
-    if hidden:
+    if free:
         for column in (0, PREDICTED):
             products[:, column] = products[:, :, column] = 0.0
     if not options.instruments:
@@ -98,13 +120,17 @@ def limb_inertia(
     if noise is None:
         noise = _noise(products, float(counts @ sums.frames))
     A, b = _equations(np.tensordot(noise**-2.0, products, axes=1))
+    if free and not hidden:
+        # The constant force along gravity, which limb and base share, is put down to the limb.
+        forces = whole[3:, 0].sum(axis=0) / (np.sqrt(whole[3:, 0, 0].sum()) * noise[3:].mean())
+        A, b = np.vstack([A, forces[:PARAMETERS]]), np.append(b, forces[WRENCH])
     reference = _cylinder(_least_norm(A, b), hidden)
     prior = PseudoInertiaOptions(mass_sd=options.prior_sd)
     fit = solve_pseudo_inertia(A, b, reference[None], options=prior)
     possible = fit.status == "closed form"
     if not possible:
-        free = solve_ridge(A, b, reference[None], options=prior)
-        possible = fit.misfit - free.misfit < 6.0 * IMPOSSIBLE * float(counts @ sums.frames)
+        unbound = solve_ridge(A, b, reference[None], options=prior)
+        possible = fit.misfit - unbound.misfit < 6.0 * IMPOSSIBLE * float(counts @ sums.frames)
     return LimbInertia(fit.parameters[0], noise, hidden, possible, options)
 
 

@@ -14,7 +14,13 @@ from myomorph.model.errors import MyomorphError
 from myomorph.model.provenance import Estimate
 from myomorph.viscosity.identification.budget import ErrorOptions, ErrorShare, disturbed, thinned
 from myomorph.viscosity.identification.condition import Solution, solve_whole
-from myomorph.viscosity.identification.identify import QUANTITIES_OF, Condition, SpecimenViscosity, ViscosityOptions
+from myomorph.viscosity.identification.identify import (
+    QUANTITIES_OF,
+    Condition,
+    SpecimenViscosity,
+    ViscosityOptions,
+    muscle_masses,
+)
 from myomorph.viscosity.identification.inertia import InertiaOptions
 from myomorph.viscosity.identification.instruments import Instruments
 from myomorph.viscosity.identification.torque import muscle_problem, torque_problem
@@ -61,13 +67,15 @@ def with_shared_errors(
 
     parts: dict[str, Any] = {}
     for key, condition in conditions.items():
-        mass, com, viscosity = QUANTITIES_OF[key]
+        mass, com, moment, viscosity = QUANTITIES_OF[key]
         axes = zip(condition.recordings[0].axes, condition.axis_viscosity, strict=True)
         plate = condition.plate_viscosity
         parts["without" if key == "without" else "intact"] = replace(
             condition,
             mass=wider(mass, condition.mass),
             com=wider(com, condition.com),
+            first_moment=wider(moment, condition.first_moment),
+            least_mass=wider(f"{mass} least", condition.least_mass),
             viscosity=wider(viscosity, condition.viscosity),
             plate_viscosity=None if plate is None else wider(f"plate {viscosity}", plate),
             axis_viscosity=tuple(wider(f"{axis} {viscosity}", estimate) for axis, estimate in axes),
@@ -77,6 +85,8 @@ def with_shared_errors(
         parts["muscles"] = replace(muscles, common=wider("muscle_viscosity", muscles.common))
     if specimen_viscosity.muscle_mass is not None:
         parts["muscle_mass"] = wider("estimated_muscle_mass", specimen_viscosity.muscle_mass)
+    if specimen_viscosity.least_muscle_mass is not None:
+        parts["least_muscle_mass"] = wider("least_muscle_mass", specimen_viscosity.least_muscle_mass)
     swings = {
         name: (estimate.high - estimate.low) / (2.0 * z)
         for name, estimate in specimen_viscosity.estimates.items()
@@ -120,16 +130,13 @@ def _values(
         inertial = InertiaOptions("unknown" if hidden else options.tare, options.prior_sd, options.instruments)
         sums = swing_sums(condition_recordings, options.block, options.min_relative_speed)
         whole = solve_whole(sums, inertial, options.stiffness is not False, conditions[key].residual)
-        mass, com, viscosity, plate, *axes = whole.estimates.tolist()
-        names = (
-            *QUANTITIES_OF[key],
-            f"plate {QUANTITIES_OF[key][2]}",
-            *(f"{axis} {QUANTITIES_OF[key][2]}" for axis in sums.axes),
-        )
-        known |= dict(zip(names, (mass, com, viscosity, plate, *axes), strict=True))
+        mass, *_, viscosity = QUANTITIES_OF[key]
+        names = (f"plate {viscosity}", f"{mass} least", *(f"{axis} {viscosity}" for axis in sums.axes))
+        known |= dict(zip((*QUANTITIES_OF[key], *names), whole.estimates.tolist(), strict=True))
         solved[key] = sums, whole
     if len(solved) == len(QUANTITIES_OF):
-        known["estimated_muscle_mass"] = known["mass_intact"] - known["mass_muscles_removed"]
+        masses = muscle_masses(solved["without"][1].inertia, solved["with"][1].inertia)
+        known |= dict(zip(("estimated_muscle_mass", "least_muscle_mass"), masses.tolist(), strict=True))
         if solved["with"][0].muscles:
             known["muscle_viscosity"] = _common(*solved["with"], solved["without"][1], options)
     return known

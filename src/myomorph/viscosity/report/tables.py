@@ -159,7 +159,7 @@ def _off(value: float, truth: float) -> str:
 def where(quantity: Quantity) -> str:
     """A quantity's label that tells the two masses apart."""
     words = quantity.label
-    if quantity.name in ("mass_muscles_removed", "com_muscles_removed", "mass_intact", "com_intact"):
+    if quantity.name.startswith(("mass_", "com_", "first_moment_")):
         words += ", without muscles" if quantity.table == 1 else ", with muscles"
     return words[:1].upper() + words[1:] if not words.startswith("COM") else words
 

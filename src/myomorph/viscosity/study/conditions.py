@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 from myomorph.model.errors import BadData, MyomorphError
 from myomorph.model.findings import Finding
+from myomorph.viscosity.identification.base_load import BaseLoad, with_base_load
 from myomorph.viscosity.identification.budget import ErrorOptions, ErrorShare
 from myomorph.viscosity.identification.identify import STATES, SpecimenViscosity, ViscosityOptions, identify_specimen
 from myomorph.viscosity.identification.instruments import Instruments, estimate_instruments
@@ -15,7 +16,7 @@ from myomorph.viscosity.specimen.model import Specimen
 from myomorph.viscosity.study.plan import CONDITIONS, SpecimenFiles, StudyOptions
 from myomorph.viscosity.swings.recording import SwingRecording
 from myomorph.viscosity.tracking.tracked import TrackedSpecimen, swing_recordings
-from myomorph.viscosity.trust.checks import TARED, recording_findings, tracking_findings
+from myomorph.viscosity.trust.checks import TARED, base_findings, recording_findings, tracking_findings
 from myomorph.viscosity.trust.cutoff import choose_cutoff
 from myomorph.viscosity.trust.models import PassiveComparison, PassiveOptions, compare_passive_laws
 from myomorph.viscosity.trust.moment_arms import with_attachments
@@ -65,15 +66,17 @@ def identify_conditions(
     """Identify a specimen from the tracked trials of one condition or both."""
     lost: list[str] = []
     cutoff, reason = _cutoff(options, tracked)
-    conditions = _equations(tracked, cutoff, options.identification.tare == "known", lost)
+    conditions = _equations(tracked, cutoff, options.identification.tare != "unknown", lost)
     if not conditions:
         raise BadData("; ".join(lost))
-    conditions, instruments = _corrected(conditions, options.errors)
+    conditions, instruments = _corrected(conditions, options.errors, options.identification.tare != "known")
+    conditions = _with_base(conditions, instruments, files.base_load)
     compared, conflicts = _compared(conditions, options.laws)
     options = _with_law(options, compared)
     by_swings = _identified(specimen, files, conditions, options.identification)
     shared, shares = with_shared_errors(by_swings, options.identification, options.errors, instruments)
     shared, shares = with_attachments(shared, shares, options.moment_arms, options.identification.level)
+    shared = with_base_load(shared, files.base_load)
     law = (conditions, options, compared, cutoff, reason)
     return Identified(shared, by_swings, shares, instruments, *law, tuple(lost), tuple(conflicts))
 
@@ -103,19 +106,33 @@ def _equations(conditions: Mapping[str, Prepared], cutoff: float, tared: bool, l
     return result
 
 
-def _corrected(conditions: Mapping[str, Prepared], options: ErrorOptions) -> tuple[dict[str, Prepared], Instruments]:
+def _corrected(
+    conditions: Mapping[str, Prepared], options: ErrorOptions, loaded: bool
+) -> tuple[dict[str, Prepared], Instruments]:
     """The conditions without the errors of instruments that their swings tell, and what is known of these."""
     if not options.estimate:
         return dict(conditions), Instruments.assumed(options)
-    hidden = [name for name, condition in conditions.items() if condition.hides_mass]
+    free = [name for name, condition in conditions.items() if loaded or condition.hides_mass]
     instruments = estimate_instruments(
-        {name: condition.recordings for name, condition in conditions.items()}, options, hidden
+        {name: condition.recordings for name, condition in conditions.items()}, options, free
     )
     corrected = {
         name: replace(condition, recordings=tuple(instruments.corrected(each) for each in condition.recordings))
         for name, condition in conditions.items()
     }
     return corrected, instruments
+
+
+def _with_base(conditions: Mapping[str, Prepared], instruments: Instruments, load: BaseLoad) -> dict[str, Prepared]:
+    """The conditions with a finding where the base carries a load that was not stated."""
+    result = dict(conditions)
+    for name, condition in conditions.items():
+        stated = load.removed[0] if name == "without" else load.intact[0]
+        if stated > 0.0 or any(finding.kind in (TARED, "zero") for finding in condition.findings):
+            continue
+        findings = base_findings(condition.recordings, instruments)
+        result[name] = replace(condition, findings=(*condition.findings, *findings))
+    return result
 
 
 def _compared(

@@ -27,6 +27,7 @@ from myomorph.store.study_file import (
 from myomorph.study.inputs.beside import plain_stem
 from myomorph.study.inputs.loads import loads_by_name
 from myomorph.viscosity.cohort import QUANTITIES
+from myomorph.viscosity.identification.base_load import UNKNOWN, BaseLoad
 from myomorph.viscosity.identification.budget import ErrorOptions
 from myomorph.viscosity.identification.identify import STATES, ViscosityOptions
 from myomorph.viscosity.study.calibration import PlateFiles, ScanFiles
@@ -94,6 +95,13 @@ class _Plate(Strict):
     name: str = ""
 
 
+class _BaseMass(Strict):
+    """Of the base and all that rests on it beyond the plate's zero [kg]: a number, or the least and the most."""
+
+    removed: float | tuple[float, float] = UNKNOWN
+    intact: float | tuple[float, float] = UNKNOWN
+
+
 class _Specimen(Strict):
     name: str
     model: str
@@ -108,6 +116,7 @@ class _Specimen(Strict):
     muscles: dict[str, list[str]] = Field(default_factory=dict)
     pcsa: dict[str, float] = Field(default_factory=dict)
     tare: str | None = None
+    base_mass: float | _BaseMass | None = None
     plate: _Plate | None = None
     ct: list[ScanFiles] = Field(default_factory=list)
     time: tuple[float, float] | None = None
@@ -141,6 +150,7 @@ class SpecimenFiles:
     muscles : strands of the model by the muscle's name, empty for the 11 of [S] figure 1
     pcsa : cross-section of each muscle, empty for shares of isometric force
     tare : forces of the plate with the fixture but without limb, None where it was set to zero so
+    base_load : what the base carries beyond the plate's zero
     plate : how its place among the markers is known, None where the C3D files know it
     ct : scanned bones and clusters, where the model's own markers are not to be used
     truth, paper : values of `QUANTITIES` that are known from elsewhere
@@ -164,6 +174,7 @@ class SpecimenFiles:
     truth: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
     paper: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
     up: Literal["x", "y", "z"] | None = None
+    base_load: BaseLoad = field(default_factory=BaseLoad)
 
     @property
     def recordings(self) -> dict[str, tuple[SwingFiles, ...]]:
@@ -295,9 +306,22 @@ def _specimen(specimen: _Specimen, folder: Path, problems: list[str], remarks: l
         tare=existing(folder, specimen.tare, f"{where}: tare", problems),
         plate=None if specimen.plate is None else _plate(specimen.plate, folder, f"{where}: plate", problems),
         ct=tuple(_scans(specimen.ct, folder, f"{where}: ct", problems)),
+        base_load=_base_load(specimen.base_mass, where, problems),
         **{name: getattr(specimen, name) for name in same},
         **maps,
     )
+
+
+def _base_load(base_mass: float | _BaseMass | None, where: str, problems: list[str]) -> BaseLoad:
+    table = base_mass if isinstance(base_mass, _BaseMass) else _BaseMass()
+    if isinstance(base_mass, float):
+        table = _BaseMass(removed=base_mass, intact=base_mass)
+    ends = ((mass, mass) if isinstance(mass, float) else mass for mass in (table.removed, table.intact))
+    try:
+        return BaseLoad(*ends)
+    except BadData as error:
+        problems.append(f"{where}: base_mass: {error}")
+        return BaseLoad()
 
 
 def _plate(plate: _Plate, folder: Path, where: str, problems: list[str]) -> PlateFiles | None:

@@ -19,6 +19,7 @@ from myomorph.report.charts.axis import number
 from myomorph.store.progress import Advance
 from myomorph.store.results import file_source
 from myomorph.viscosity.identification.identify import (
+    MAX_RELATIVE_WIDTH,
     QUANTITIES_OF,
     STATES,
     Condition,
@@ -300,8 +301,13 @@ def _judged(
         if any(finding.kind == TARED for finding in findings):
             lacking |= {*QUANTITIES_OF[name][:2], "estimated_muscle_mass"}
         if any(finding.kind == TOO_SMALL for finding in findings):
-            lacking |= {QUANTITIES_OF[name][2], "muscle_viscosity"}
-    muscles = None if "muscle_viscosity" in lacking else viscosity.muscles
+            lacking.add(QUANTITIES_OF[name][-1])
+    muscles = viscosity.muscles
+    if muscles is not None and by_swings.muscles is not None:
+        common = by_swings.muscles.common
+        if not common.high - common.low <= 2.0 * MAX_RELATIVE_WIDTH * common.value:
+            notes.append(f"the swings do not tell the muscles' viscosity: {common.low:.2g} to {common.high:.2g} N s/m")
+            lacking, muscles = lacking | {"muscle_viscosity"}, None
     notes += [
         note for condition in conditions.values() for note in condition.notes if not any(note in line for line in notes)
     ]

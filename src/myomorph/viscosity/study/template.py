@@ -23,6 +23,11 @@ SPECIMEN = (
     ("pcsa", "{ deltoid = 12.0 }", "cross-section of each muscle, any one unit"),
     ("tare", '"empty.mot"', "forces of the plate with the fixture alone"),
     (
+        "base_mass",
+        "{ removed = 0.25, intact = [0.25, 0.6] }",
+        "what the base carries beyond that and does not swing [kg]: a number, or the least and the most",
+    ),
+    (
         "plate",
         '{ placements = ["rod.c3d"], markers = ["top", "low"], axis = ["top", "low"], tip = 0.1 }',
         "calibrate the plate from a marked weight (mass, shares) or rod (axis, tip)",

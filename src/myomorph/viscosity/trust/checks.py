@@ -8,19 +8,29 @@ import numpy as np
 
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.findings import Finding
-from myomorph.model.inertia import inertia_matrices
+from myomorph.viscosity.identification.budget import disturbed, thinned
 from myomorph.viscosity.identification.identify import MAX_RELATIVE_WIDTH, Condition
-from myomorph.viscosity.identification.inertia import InertiaOptions, limb_inertia
+from myomorph.viscosity.identification.inertia import InertiaOptions, least_mass, limb_inertia
+from myomorph.viscosity.identification.instruments import Instruments
 from myomorph.viscosity.swings.recording import SwingRecording
 from myomorph.viscosity.swings.sums import SwingSums, swing_sums
 from myomorph.viscosity.tracking.tracked import TrackedSpecimen
 from myomorph.viscosity.trust.forward import sense
 
-TARED, TOO_SMALL = "tare", "small swing"
+TARED, TOO_SMALL, LOADED = "tare", "small swing", "base load"
 """Kinds of findings: the mass and its center cannot be known; the condition has no viscosity."""
 
 SPARE = 0.9
 """A mass below this share of the least that the motion allows cannot be the limb's."""
+RESTS = (
+    "something rests on the base, or the plate's zero is off; weigh it and give base_mass, or a tare recording with "
+    "the base and without the limb"
+)
+UNLIKELY = 18.4
+"""Squared distance of two normal numbers from zero, over their standard deviations, that chance passes once in 10,000
+times."""
+ROUNDED = 5e-4
+"""Share of the limb's own moment by which a constant moment is off for other reasons than instruments."""
 OFF = 0.05
 """A constant moment above this share of the limb's own, m g c, is not the noise of a plate."""
 LEAN = 0.1
@@ -66,9 +76,8 @@ def plate_zero(recordings: Sequence[SwingRecording], sums: SwingSums | None = No
     ]).mean(axis=0)  # fmt: skip
     gravity, h = recordings[0].gravity, float(np.linalg.norm(parameters[1:4]))
     g = float(np.linalg.norm(gravity))
-    inertia = float(np.linalg.eigvalsh(inertia_matrices(parameters))[-1])
-    mass = -sense(recordings[0]) * float(left[3:] @ gravity) / g**2
-    return PlateZero(mass, h**2 / inertia, left[:3], h * g, inertia / h)
+    mass, least = -sense(recordings[0]) * float(left[3:] @ gravity) / g**2, least_mass(parameters)
+    return PlateZero(mass, least, left[:3], h * g, h / least)
 
 
 def recording_findings(recordings: Sequence[SwingRecording]) -> tuple[Finding, ...]:
@@ -95,10 +104,33 @@ def recording_findings(recordings: Sequence[SwingRecording]) -> tuple[Finding, .
     elif float(np.linalg.norm(zero.moment)) > OFF * zero.own_moment:
         text = (
             f"a constant moment of {np.linalg.norm(zero.moment):.2f} N m is not the limb's ({zero.own_moment:.2f} N m "
-            "at most): the plate's zero, or the joint's center, is off; give a tare recording with the fixture alone"
+            f"at most): {RESTS}"
         )
         findings.append(Finding("zero", "plate", text))
     return tuple(findings)
+
+
+def base_findings(recordings: Sequence[SwingRecording], instruments: Instruments) -> tuple[Finding, ...]:
+    """A load of the base whose constant level moment is larger than errors of instruments leave: recordings rid of the
+    estimated ones.
+    """
+    thin = [thinned(recording) for recording in recordings]
+    zero = plate_zero(thin)
+    errors = zip(instruments.sources, instruments.prior, strict=True)
+    changes = [(plate_zero([disturbed(r, *source, size) for r in thin]).moment - zero.moment) / size
+               for source, size in errors if size > 0.0]  # fmt: skip
+    covariance = (ROUNDED * zero.own_moment) ** 2 * np.eye(3)
+    if changes:
+        covariance = covariance + np.array(changes).T @ instruments.covariance @ np.array(changes)
+    level = np.linalg.svd(recordings[0].gravity[None])[2][1:]
+    moment = level @ zero.moment
+    if moment @ np.linalg.solve(level @ covariance @ level.T, moment) < UNLIKELY:
+        return ()
+    text = (
+        f"a constant moment of {np.linalg.norm(moment):.2f} N m about the joint is not the limb's, and more than "
+        f"errors of the instruments explain: {RESTS}"
+    )
+    return (Finding(LOADED, "base", text),)
 
 
 def condition_findings(condition: Condition) -> tuple[Finding, ...]:
@@ -109,7 +141,14 @@ def condition_findings(condition: Condition) -> tuple[Finding, ...]:
     viscosity = condition.viscosity
     rates = np.concatenate([each.rates[each.used] for each in condition.recordings])
     size = np.sqrt(np.square(rates).mean(axis=0))
-    if not viscosity.high - viscosity.low <= 2.0 * MAX_RELATIVE_WIDTH * viscosity.value:
+    wide = not viscosity.high - viscosity.low <= 2.0 * MAX_RELATIVE_WIDTH * viscosity.value
+    if wide and "viscosity" in condition.by_trial:
+        text = (
+            f"one viscosity does not describe the trials: {viscosity.low:.2g} to {viscosity.high:.2g} N m s/rad; that "
+            "of single axes and of the muscles stand beside"
+        )
+        return (Finding("trials", "swings", text), *_misfit(condition))
+    if wide:
         text = (
             f"the swings are too small to identify the viscosity: {viscosity.low:.2g} to "
             f"{viscosity.high:.2g} N m s/rad at rates "
@@ -138,8 +177,7 @@ def _misfit(condition: Condition) -> tuple[Finding, ...]:
     """Whether the limb that was identified explains the wrench nearly as well as any ten numbers could."""
     rows = np.concatenate([recording.wrench_rows[recording.used] for recording in condition.recordings])
     wrench = np.concatenate([recording.wrench[recording.used] for recording in condition.recordings])
-    if not np.isfinite(condition.mass.value):
-        rows, wrench = rows - rows.mean(axis=0), wrench - wrench.mean(axis=0)
+    rows, wrench = rows - rows.mean(axis=0), wrench - wrench.mean(axis=0)
     left = wrench - rows @ condition.parameters
     scale = np.repeat([np.sqrt(np.square(left[:, part]).mean()) for part in (slice(3), slice(3, 6))], 3)
     A, b = (rows / scale[:, None]).reshape(-1, rows.shape[2]), (wrench / scale).ravel()

@@ -78,7 +78,7 @@ class PassiveOptions:
     horizon: float = 5.0
     draws: int = 500
     seed: int = 0
-    tare: Tare = "known"
+    tare: Tare = "loaded"
     prior_sd: float = 1.0
 
     def __post_init__(self) -> None:
@@ -211,7 +211,7 @@ def compare_passive_laws(
             options.draws, np.random.default_rng(options.seed)
         )
         errors = [
-            fold.errors(_predict(problem, terms, fold, p), options.tare == "unknown")
+            fold.errors(_predict(problem, terms, fold, p), options.tare != "known")
             for fold, p in zip(left_out, trained, strict=True)
         ]
         angle, moment, force = np.sqrt(np.mean(errors, axis=0)) if errors else np.full(3, np.nan)
