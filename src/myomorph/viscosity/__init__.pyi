@@ -1,6 +1,5 @@
 # The public names of `mm.viscosity`: recordings of swinging limbs, what they show, and studies of them.
 from .identification.base_load import BaseLoad as BaseLoad
-from .identification.base_load import with_base_load as with_base_load
 from .identification.identify import Condition as Condition
 from .identification.identify import MuscleViscosity as MuscleViscosity
 from .identification.identify import SpecimenViscosity as SpecimenViscosity

@@ -43,15 +43,6 @@ def with_base_load(specimen_viscosity: SpecimenViscosity, load: BaseLoad) -> Spe
     The constant force gives limb and base together, m + m_b. A body of first moment h and inertia I about the joint
     weighs at least |h|^2 / I, muscles by what they add to both, and the base carries no less with muscles than without.
     A value whose load is a range is the middle of its range.
-
-    Parameters
-    ----------
-    specimen_viscosity : of `identify_specimen`
-    load : of the base [kg]
-
-    Returns
-    -------
-    the specimen with other masses [kg], mass centers [m] and muscle mass [kg], and a note where they are ranges
     """
     notes = []
     ranges: dict[str, Range] = {}

@@ -111,7 +111,7 @@ class Condition:
     ----------
     recordings : what it was identified from
     parameters : (10,) of the limb as one link, about the joint's center ([D] order)
-    mass : [kg]; that of a load of the base included until `with_base_load` takes it off
+    mass : [kg]; a load of the base included (a study takes it off, as far as it is known)
     com : distance of the mass center from the joint's center [m]
     first_moment : mass times that distance, which no load of the base changes [kg m]
     least_mass : the least that a body of this first moment and inertia weighs [kg]
