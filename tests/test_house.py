@@ -6,9 +6,9 @@ import pytest
 from benchmarks.house import CHECKOUT, checkout_texts, count
 
 LIMITS = {
-    ("lines", "src"): 122_600,
+    ("lines", "src"): 122_850,
     ("lines", "benchmarks"): 24_750,
-    ("words", "documentation"): 101_650,
+    ("words", "documentation"): 101_950,
     ("vague", "src"): 6.5,
 }
 
