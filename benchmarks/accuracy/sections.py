@@ -77,6 +77,7 @@ PAGES: dict[str, dict[str, str]] = {
         "knee_where": "accuracy.knee:measure_where",
         "knee_cutoffs": "accuracy.knee:measure_cutoffs",
         "knee_arms": "accuracy.knee_activities:measure_arms",
+        "hip": "accuracy.hip:measure",
         "knee_activities": "accuracy.knee_activities:measure_forces",
     },
     "uncertainty": {

@@ -1,0 +1,115 @@
+"""Forces in hips of recordings with plates, by the commands that users have, beside those of instrumented hips.
+
+Ten people with instrumented hips (Bergmann et al. 2016), each person's mean force at its peak in % of body weight, in
+the frame of the femur's shaft, as Fischer et al. (2021) list them (RWTHmediTEC/HipJointForceModel, OrthoLoad data).
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+import myomorph as mm
+from myomorph.cli import main
+
+Row = dict[str, object]
+PUBLISHED = {
+    "walking": (247.1, 20.3, 16.0, 2.9, -5.7, 3.5),
+    "rising": (215.0, 68.5, 23.5, 4.4, -6.8, 4.5),
+}
+"""Mean and standard deviation over the people of the force [%], and of its angles to the femur's shaft, lateral and
+forward [degrees]."""
+SHAFT = 6.0
+"""Angle between the femur's shaft and the line from hip to knee, which models' frames have [degrees]."""
+SPREAD = 2.0
+"""A person lies inside within so many standard deviations."""
+OPENCAP, RAJAGOPAL, KNEE, GAIT = (
+    "opencap-subject4-multitask", "rajagopal-walk-emg", "knee-implant-walk", "opensim-gait-subject01/experiment",
+)  # fmt: skip
+OWN = {
+    "walk, Rajagopal": (
+        "walking", f"{RAJAGOPAL}/subject_walk_scaled.osim", f"{RAJAGOPAL}/coordinates.sto",
+        f"{RAJAGOPAL}/grf_walk.xml", "rl",
+    ),
+    "walk, OpenCap": (
+        "walking", f"{OPENCAP}/models/manually_scaled.osim", f"{OPENCAP}/ik_manual_scaling/walking1_ik.mot",
+        f"{OPENCAP}/grf/walking1_external_forces.xml", "rl",
+    ),
+    "walk, instrumented knee": (
+        "walking", f"{KNEE}/nominal.osim", f"{KNEE}/walk3_ik.mot", f"{KNEE}/walk3_grf.xml", "l",
+    ),
+}  # fmt: skip
+"""Activity, model, coordinates, forces, and the legs whose feet stand on plates all the time."""
+RAW = {
+    "walk, Rajagopal": ("walking", (f"{RAJAGOPAL}/markers_walk.trc",), 85.27, "rl"),
+    "walk, gait2354": ("walking", (f"{GAIT}/subject01_walk1.trc",), 72.6, "rl"),
+    "walk, OpenCap": ("walking", (f"{OPENCAP}/markers/walking1.trc", f"{OPENCAP}/markers/static1.trc"), 62.6, "rl"),
+    "walk, instrumented knee": ("walking", (f"{KNEE}/walk3.c3d",), 75.0, "l"),
+    "sit to stand, OpenCap": ("rising", (f"{OPENCAP}/markers/STS1.trc", f"{OPENCAP}/markers/static1.trc"), 62.6, "rl"),
+}
+"""Activity, recordings, mass of the body [kg] and legs."""
+
+
+def measure(folder: Path) -> Iterator[Row]:
+    """A row a leg: the peak force and its direction, and whether they lie inside the spread of the people."""
+    for name, (activity, model, motion, loads, legs) in OWN.items():
+        with tempfile.TemporaryDirectory() as home:
+            files = [str(folder / file) for file in (model, motion, loads)]
+            _run(
+                "tension",
+                "--model",
+                files[0],
+                "--motion",
+                files[1],
+                "--loads",
+                files[2],
+                "--reactions",
+                "child",
+                "--out",
+                home,
+            )
+            weight = 9.80665 * mm.read_model(files[0]).mass
+            yield from _rows(name, "the set's", activity, mm.read_sto(Path(home) / "joint_reactions.sto"), weight, legs)
+    for name, (activity, recordings, mass, legs) in RAW.items():
+        with tempfile.TemporaryDirectory() as home:
+            files = [str(folder / file) for file in recordings]
+            _run("analyze", *files, "--mass", str(mass), "--reactions", "child", "--out", home, "--workers", "1")
+            table = next(Path(home).glob("*/joint_reactions.sto"))
+            yield from _rows(name, "generic, analyze", activity, mm.read_sto(table), 9.80665 * mass, legs)
+
+
+def _run(*typed: str) -> None:
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+        assert main(list(typed)) == 0
+
+
+def _rows(name: str, model: str, activity: str, table: mm.model.Table, weight: float, legs: str) -> Iterator[Row]:
+    size, size_sd, lateral, lateral_sd, forward, forward_sd = PUBLISHED[activity]
+    for leg in legs:
+        column = next(title for title in table.names if f"_on_femur_{leg}_in_femur_{leg}_fx" in title)
+        force = np.stack([table[column[:-1] + axis] for axis in "xyz"], axis=1)
+        peak = force[np.nanargmax(np.linalg.norm(force, axis=1))]
+        outward = peak[2] if leg == "r" else -peak[2]
+        angles = np.degrees(np.arctan2([outward, peak[0]], -peak[1])) + (SHAFT, 0.0)
+        share = 100.0 * float(np.linalg.norm(peak)) / weight
+        yield {
+            "recording": name,
+            "model": model,
+            "activity": activity,
+            "leg": {"r": "right", "l": "left"}[leg],
+            "peak [% weight]": share,
+            "lateral [degrees]": angles[0],
+            "forward [degrees]": angles[1],
+            "measured peak": f"{size:.0f} ± {size_sd:.0f}",
+            "measured lateral": f"{lateral:.0f} ± {lateral_sd:.0f}",
+            "measured forward": f"{forward:.0f} ± {forward_sd:.0f}",
+            "peak inside": bool(abs(share - size) < SPREAD * size_sd),
+            "direction inside": bool(
+                abs(angles[0] - lateral) < SPREAD * lateral_sd and abs(angles[1] - forward) < SPREAD * forward_sd
+            ),
+        }
