@@ -48,13 +48,10 @@ muscles does. The model's own 10 N m would make lifting so dear that forces that
 class Recorded:
     """What the laboratory gives of one lift, in a ground whose y points up.
 
-    Attributes
-    ----------
-    markers : time from 0 [s]
-    plate, plate_point : (frames, 3) force of the plate on the feet [N] and its center of pressure [m]
-    unloaded : (frames, 3) force of the plate under the box on it, less that of the box at rest [N]
-    box : (frames, 3) of the box's center: forward, up [m], pitch [rad]
-    bottom_up, top_down : (frames, 3) moments at L5/S1 by the laboratory [N m]
+    `markers`: time from 0 [s]; `plate`, `plate_point`: (frames, 3) force of the plate on the feet [N] and its center of
+    pressure [m]; `unloaded`: (frames, 3) force of the plate under the box on it, less that of the box at rest [N];
+    `box`: (frames, 3) of the box's center: forward, up [m], pitch [rad]; `bottom_up`, `top_down`: (frames, 3) moments
+    at L5/S1 by the laboratory [N m].
     """
 
     markers: mm.Markers

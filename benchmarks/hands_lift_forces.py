@@ -40,11 +40,8 @@ LEAVES = 0.005
 class Lift:
     """What was found of one lift.
 
-    Attributes
-    ----------
-    hands : (frames, 3) force of both hands on the box [N]
-    feet : (frames, 3) force of the floor on both feet [N]
-    tension : None where nothing was solved
+    `hands`: (frames, 3) force of both hands on the box [N]; `feet`: (frames, 3) force of the floor on both feet [N];
+    `tension`: None where nothing was solved.
     """
 
     hands: Array

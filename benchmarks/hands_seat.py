@@ -33,15 +33,10 @@ UNLOADED, LOADED = 0.05, 0.10
 class Chair:
     """Standing up several times.
 
-    Attributes
-    ----------
-    feet : forces of the plates, by foot
-    seat : site on the pelvis
-    places : (frames, 3) of its middle [m]
-    soles : sites under the feet
-    ready : (frames, 1 + soles) how ready the seat and they are, by their height and speed alone
-    lean : (frames, soles, 3) which way the soles' forces lean
-    newton : (frames, 3) force that is left for the seat, and `moment` (frames, 3) about `places` [N], [N m]
+    `feet`: forces of the plates, by foot; `seat`: site on the pelvis; `places`: (frames, 3) of its middle [m]; `soles`:
+    sites under the feet; `ready`: (frames, 1 + soles) how ready the seat and they are, by their height and speed alone;
+    `lean`: (frames, soles, 3) which way the soles' forces lean; `newton`: (frames, 3) force that is left for the seat,
+    and `moment` (frames, 3) about `places` [N], [N m].
     """
 
     model: mm.Model
@@ -122,11 +117,8 @@ def solved(folder: Path, plates: bool, first: bool = False) -> Tension:
 class Leaving:
     """One time of leaving the seat (or of sitting down), as three signs tell it [s].
 
-    Attributes
-    ----------
-    motion : the seat's readiness falls below a half
-    force : what Newton's law leaves for it falls below `UNLOADED` of the weight
-    plates : the feet carry the weight
+    `motion`: the seat's readiness falls below a half; `force`: what Newton's law leaves for it falls below `UNLOADED`
+    of the weight; `plates`: the feet carry the weight.
     """
 
     rising: bool

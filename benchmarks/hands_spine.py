@@ -24,13 +24,9 @@ REGRESSED = (-0.335, -0.032)
 class Spine:
     """Where the moment is taken, and what passes there.
 
-    Attributes
-    ----------
-    rotations : (frames, 3, 3) of the pelvis
-    points : (frames, 3) L5/S1 in ground [m]
-    forces : (frames, 3) of the trunk on the pelvis, from below [N]
-    from_below, from_above : (frames, 3) moment of the trunk on the pelvis, in the pelvis's axes [N m]; from above
-        without what the hands carry
+    `rotations`: (frames, 3, 3) of the pelvis; `points`: (frames, 3) L5/S1 in ground [m]; `forces`: (frames, 3) of the
+    trunk on the pelvis, from below [N]; `from_below`, `from_above`: (frames, 3) moment of the trunk on the pelvis, in
+    the pelvis's axes [N m]; from above without what the hands carry.
     """
 
     rotations: Array

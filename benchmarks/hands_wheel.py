@@ -28,13 +28,9 @@ BEGINS, ENDS, SHORTEST = 2.0, 1.0, 0.1
 class Wheel:
     """A wheel's record, forward positive.
 
-    Attributes
-    ----------
-    time : (frames,) [s]
-    angle, rate, acceleration : (frames,) low-pass filtered [rad], [rad/s], [rad/s^2]
-    forces : (frames, 3) of the hand, the third along the axle [N]
-    moment : (frames,) of the hand about the axle [N m]
-    pushes : first frame of each push and the one behind its last
+    `time`: (frames,) [s]; `angle`, `rate`, `acceleration`: (frames,) low-pass filtered [rad], [rad/s], [rad/s^2];
+    `forces`: (frames, 3) of the hand, the third along the axle [N]; `moment`: (frames,) of the hand about the axle [N
+    m]; `pushes`: first frame of each push and the one behind its last.
     """
 
     name: str
@@ -87,10 +83,7 @@ def _wheel(name: str, time: Array, angle: Array, load: Array) -> Wheel:
 class Prediction:
     """A moment from the wheel's angle: inertia times acceleration plus resistance, tested where it was not fitted.
 
-    Attributes
-    ----------
-    inertia, resistance : mean of both halves [kg m^2], [N m]
-    predicted, measured : [N m]
+    `inertia`, `resistance`: mean of both halves [kg m^2], [N m]; `predicted`, `measured`: [N m].
     """
 
     inertia: float

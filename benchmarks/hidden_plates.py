@@ -49,12 +49,9 @@ Formulation = Literal["simultaneous", "sequential"]
 class HiddenCase:
     """A recording with force plates.
 
-    Attributes
-    ----------
-    seated : a chair carries too, which no plate measures: a seat is a contact, and every frame counts
-    calibrated : the model is generic: its lengths and markers' places are found from the recordings first
-    tracked : `markers` is a table of coordinates that somebody else found
-    span : start and end of what is used [s]
+    `seated`: a chair carries too, which no plate measures: a seat is a contact, and every frame counts; `calibrated`:
+    the model is generic: its lengths and markers' places are found from the recordings first; `tracked`: `markers` is a
+    table of coordinates that somebody else found; `span`: start and end of what is used [s].
     """
 
     name: str
@@ -92,14 +89,9 @@ CASES = (
 class Hidden:
     """A recording ready to be estimated.
 
-    Attributes
-    ----------
-    motion : filtered, with derivatives, over the times that the plates cover
-    measured : forces on the feet through the same filter, which no estimate sees
-    raw : the same unfiltered, at their own times
-    use : (frames,) in which the plates measure all that is compared
-    cutoff : of the filter [Hz]
-    floor : its height [m]
+    `motion`: filtered, with derivatives, over the times that the plates cover; `measured`: forces on the feet through
+    the same filter, which no estimate sees; `raw`: the same unfiltered, at their own times; `use`: (frames,) in which
+    the plates measure all that is compared; `cutoff`: of the filter [Hz]; `floor`: its height [m].
     """
 
     case: HiddenCase
@@ -223,11 +215,8 @@ def estimated(
 ) -> Tension:
     """Contact forces and tensions of a recording with the library's defaults.
 
-    Parameters
-    ----------
-    known : forces that act as they were measured
-    shared : forces known for several sites together
-    ready : activations to take instead
+    `known`: forces that act as they were measured; `shared`: forces known for several sites together; `ready`:
+    activations to take instead.
     """
     task = ContactTask(
         hidden.sites,

@@ -21,11 +21,8 @@ OFFSET, NOISE = 2e-3, 5e-4
 class Source:
     """A recording of the collection that trials are made of.
 
-    Attributes
-    ----------
-    start, end : between which its forces are known [s]
-    share : of the trials of a study
-    report : whether its trials get a page each, which takes as long as all other steps
+    `start`, `end`: between which its forces are known [s]; `share`: of the trials of a study; `report`: whether its
+    trials get a page each, which takes as long as all other steps.
     """
 
     name: str

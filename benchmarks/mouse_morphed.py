@@ -66,11 +66,7 @@ JOINTS = ("Hip_flexion", "Hip_adduction", "Hip_rotation", "Knee_flexion", "Ankle
 class Followed:
     """A recording on the morphed mouse, calibrated to it.
 
-    Attributes
-    ----------
-    trial : in the model's ground
-    used : its markers in crossings
-    seen : (frames,) in which any is used
+    `trial`: in the model's ground; `used`: its markers in crossings; `seen`: (frames,) in which any is used.
     """
 
     name: str
@@ -189,10 +185,7 @@ def whole_animal(name: str, strides: tuple[Animal, ...]) -> Animal:
 class OnOnePaw:
     """Frames in which a hind paw bears the force of the plate, and what its muscles do.
 
-    Attributes
-    ----------
-    side : "R" or "L"
-    motion, torques, tension : in these frames
+    `side`: "R" or "L"; `motion`, `torques`, `tension`: in these frames.
     """
 
     side: str
@@ -256,9 +249,7 @@ class OnOnePaw:
 def on_one_paw(one: Followed, at_toes: bool = False) -> OnOnePaw | None:
     """The longest run of loaded frames in which by geometry one hind paw bears the plate's force.
 
-    Parameters
-    ----------
-    at_toes : the force acts at the toes' joint, not at the plate's center of pressure
+    `at_toes`: the force acts at the toes' joint, not at the plate's center of pressure.
     """
     if not one.trial.plates:
         return None

@@ -23,9 +23,7 @@ STATES = ("fiber_length", "normalized_tendon_force")
 class SliderMuscles:
     """The muscles of a model on sliders.
 
-    Attributes
-    ----------
-    forces_state : (muscles,) whether a muscle's state is its normalized tendon force, rather than its fiber length
+    `forces_state`: (muscles,) whether a muscle's state is its normalized tendon force, rather than its fiber length.
     """
 
     def __init__(self, model_path: Path, muscles: tuple[str, ...]):
@@ -77,10 +75,8 @@ def forward_forces(
 ) -> Array:
     """Tendon forces (frames, muscles) [N] that OpenSim's muscles give from their states `start` at the first frame.
 
-    Parameters
-    ----------
-    lengths, speeds : (frames, muscles) of the paths [m], [m/s], cubic between frames
-    activations : (frames - 1, muscles) in the middle between frames, straight between them
+    `lengths`, `speeds`: (frames, muscles) of the paths [m], [m/s], cubic between frames; `activations`: (frames - 1,
+    muscles) in the middle between frames, straight between them.
     """
     length = CubicHermiteSpline(time, lengths, speeds)
     clock = np.concatenate([time[:1], 0.5 * (time[1:] + time[:-1]), time[-1:]])

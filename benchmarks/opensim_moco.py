@@ -32,13 +32,9 @@ MESH, TOLERANCE = 0.02, 1e-3
 class MocoFound:
     """What MocoInverse found.
 
-    Attributes
-    ----------
-    activations, forces : (times, muscles), the latter normalized tendon forces
-    model : file of the model that it solved, but with paths around bones instead of the functions fitted to them,
-        which Myomorph does not read
-    seconds : of the solution alone
-    success : whether its solver converged
+    `activations`, `forces`: (times, muscles), the latter normalized tendon forces; `model`: file of the model that it
+    solved, but with paths around bones instead of the functions fitted to them, which Myomorph does not read;
+    `seconds`: of the solution alone; `success`: whether its solver converged.
     """
 
     time: Array
@@ -54,10 +50,8 @@ class MocoFound:
 def moco_inverse(folder: Path, start: float, end: float, dynamics: bool = False) -> MocoFound:
     """Solve `rajagopal-walk-emg` from `start` to `end` [s] by MocoInverse, or read what was found before.
 
-    Parameters
-    ----------
-    folder : of the recording
-    dynamics : whether activations follow excitations; the cost is then that of excitations
+    `folder`: of the recording; `dynamics`: whether activations follow excitations; the cost is then that of
+    excitations.
     """
     kept = os.environ.get("MYOMORPH_MOCO_RESULTS")
     root = Path(kept) if kept else Path(tempfile.gettempdir()) / "myomorph-moco"

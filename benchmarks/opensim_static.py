@@ -22,9 +22,7 @@ opensim.Logger.setLevelString("Off")
 class StaticResult:
     """What the analysis wrote.
 
-    Attributes
-    ----------
-    activations, forces : (frames, actuators), reserves included, in the order of `names`
+    `activations`, `forces`: (frames, actuators), reserves included, in the order of `names`.
     """
 
     time: np.ndarray
@@ -74,11 +72,8 @@ def static_optimization(
 ) -> StaticResult:
     """Run AnalyzeTool with StaticOptimization on a coordinates file.
 
-    Parameters
-    ----------
-    cutoff : low-pass filter of the coordinates [Hz], -1 for none
-    interval : frames between two solutions
-    tolerance : its `optimizer_convergence_criterion`
+    `cutoff`: low-pass filter of the coordinates [Hz], -1 for none; `interval`: frames between two solutions;
+    `tolerance`: its `optimizer_convergence_criterion`.
     """
     with tempfile.TemporaryDirectory() as folder:
         model = opensim.Model(str(model_path))
@@ -138,9 +133,7 @@ def reaction_force(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Run AnalyzeTool with JointReaction on what the static optimization found.
 
-    Returns
-    -------
-    times (frames,) [s] and the force on the joint's child in its axes (frames, 3) [N]
+    Returns times (frames,) [s] and the force on the joint's child in its axes (frames, 3) [N].
     """
     with tempfile.TemporaryDirectory() as folder:
         forces, setup = Path(folder) / "forces.sto", Path(folder) / "setup.xml"

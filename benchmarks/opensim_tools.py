@@ -100,9 +100,7 @@ def imu_inverse_kinematics(
 ) -> ToolResult:
     """Sensors placed by a calibration pose, and their inverse kinematics; the placed model is `placed.osim`.
 
-    Parameters
-    ----------
-    base : sensor that tells the heading, and its axis that points forward
+    `base`: sensor that tells the heading, and its axis that points forward.
     """
     turned = opensim.Vec3(-np.pi / 2, 0, 0)
     placer = opensim.IMUPlacer()

@@ -15,13 +15,8 @@ from myomorph.io.trc import read_trc
 class Recording:
     """Files of a recording, below the data collection; "" for those that there are not.
 
-    Attributes
-    ----------
-    model, generic : scaled to the subject, and not
-    motion : coordinates that somebody else found
-    loads : external loads or a table of forces
-    tasks : weights of markers
-    mass : of the subject [kg]
+    `model`, `generic`: scaled to the subject, and not; `motion`: coordinates that somebody else found; `loads`:
+    external loads or a table of forces; `tasks`: weights of markers; `mass`: of the subject [kg].
     """
 
     model: str

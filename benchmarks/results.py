@@ -33,10 +33,7 @@ def path_of(table: str) -> Path:
 def load(table: str) -> Table:
     """Rows of a table.
 
-    Raises
-    ------
-    FileNotFoundError
-        where no command has written it
+    Raises FileNotFoundError where no command has written it.
     """
     with path_of(table).open(encoding="utf-8", newline="") as file:
         return list(csv.DictReader(file))

@@ -161,11 +161,8 @@ def sized_architecture(
 ) -> Mapping[str, Architecture]:
     """Fibers and forces of the man's muscles in the mouse by the tables of `human-mouse`.
 
-    Parameters
-    ----------
-    leave_out : muscles of the first table, by the anatomist's names, that it shall not have
-    only : a species, whose tables alone are taken
-    bones : maps; muscles on bodies that have none are left out
+    `leave_out`: muscles of the first table, by the anatomist's names, that it shall not have; `only`: a species, whose
+    tables alone are taken; `bones`: maps; muscles on bodies that have none are left out.
     """
     table = read_species("human-mouse")
     given = [one for one in table.architecture if not only or one.species == only]
@@ -183,12 +180,10 @@ def sized_architecture(
 class Alignment:
     """The anatomist's bodies laid on the skeleton's bones, both hanging straight down.
 
-    Parameters
-    ----------
-    rule : "joints" as above; "frames" takes the frames' directions for all segments, and for the size of each its own
-        joints; "pelvis by joints" lays the pelvis by both hips and the lumbosacral joint; "onto bones" then moves each
-        segment, without turning it, so that its attachments come nearest to the surface of its bone
-    surfaces : of the skeleton's bones, for "onto bones"
+    `rule`: "joints" as above; "frames" takes the frames' directions for all segments, and for the size of each its own
+    joints; "pelvis by joints" lays the pelvis by both hips and the lumbosacral joint; "onto bones" then moves each
+    segment, without turning it, so that its attachments come nearest to the surface of its bone; `surfaces`: of the
+    skeleton's bones, for "onto bones".
     """
 
     def __init__(

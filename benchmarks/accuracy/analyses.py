@@ -45,11 +45,8 @@ LOADS = """<?xml version="1.0"?><OpenSimDocument Version="40000"><ExternalLoads 
 class Case:
     """A model, a motion or states, and a time [s].
 
-    Attributes
-    ----------
-    kind : "coordinates" or "states"
-    balanced : whether muscles are put into equilibrium
-    muscles : how the model's muscles are changed: "", "degroote", or "undamped and rigid"
+    `kind`: "coordinates" or "states"; `balanced`: whether muscles are put into equilibrium; `muscles`: how the model's
+    muscles are changed: "", "degroote", or "undamped and rigid".
     """
 
     name: str

@@ -35,14 +35,10 @@ Reference = Callable[[Path, float], mm.Series]
 class Case:
     """A recording of the collection.
 
-    Attributes
-    ----------
-    files : as typed, below the collection
-    options : as typed besides `--mass`; a text that ends in .c3d, .trc or .osim is a file of the collection
-    trial : whose results are compared, as its folder is called
-    reference : the set's own moments, positive as those of OpenSim's Rajagopal model; None for none
-    source : of that reference, in words
-    begins : frame of the recording at which the reference's times begin at 0; None where both have one clock
+    `files`: as typed, below the collection; `options`: as typed besides `--mass`; a text that ends in .c3d, .trc or
+    .osim is a file of the collection; `trial`: whose results are compared, as its folder is called; `reference`: the
+    set's own moments, positive as those of OpenSim's Rajagopal model; None for none; `source`: of that reference, in
+    words; `begins`: frame of the recording at which the reference's times begin at 0; None where both have one clock.
     """
 
     name: str
@@ -98,10 +94,7 @@ def own_dynamics(
 ) -> Reference:
     """Moments of a set's own model and angles, by our inverse dynamics, which agrees with OpenSim's.
 
-    Parameters
-    ----------
-    sides : of the legs whose forces the loads hold
-    joints : what the set's model calls a joint
+    `sides`: of the legs whose forces the loads hold; `joints`: what the set's model calls a joint.
     """
 
     def found(folder: Path, mass: float) -> mm.Series:

@@ -42,9 +42,7 @@ HAMNER_PAIRS = (
 class Split:
     """Recordings to calibrate from and others to test on.
 
-    Attributes
-    ----------
-    peer : the model to do better than, and who made it
+    `peer`: the model to do better than, and who made it.
     """
 
     name: str

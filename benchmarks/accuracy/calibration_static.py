@@ -89,14 +89,9 @@ IMPLANT_NAMES = {
 class Standing:
     """A subject with a standing trial and a motion.
 
-    Attributes
-    ----------
-    file : of the generic model
-    generic : with the markers that both methods get
-    roles : marker of each role of `MEASURED`
-    chosen : whether settings were chosen with this subject in view
-    weights : of markers in ScaleTool's pose, where no marker is called fixed
-    expert : model of the same person that an expert scaled
+    `file`: of the generic model; `generic`: with the markers that both methods get; `roles`: marker of each role of
+    `MEASURED`; `chosen`: whether settings were chosen with this subject in view; `weights`: of markers in ScaleTool's
+    pose, where no marker is called fixed; `expert`: model of the same person that an expert scaled.
     """
 
     name: str

@@ -42,9 +42,7 @@ SIMULATED = ("gait2354 walk", "Rajagopal walk")
 class Scaled:
     """A recording and a model of the same person that an expert scaled.
 
-    Attributes
-    ----------
-    chosen : whether settings were chosen with this recording in view
+    `chosen`: whether settings were chosen with this recording in view.
     """
 
     name: str

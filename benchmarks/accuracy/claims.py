@@ -18,13 +18,8 @@ LIKE_OURS = "OpenSim 4.6, coordinates and loads filtered as by our default"
 class Claim:
     """One line of the front page.
 
-    Attributes
-    ----------
-    text : what is claimed
-    table : of results that has the rows
-    number : from the rows to what is printed
-    target : "" where none was set
-    against : what it is compared with
+    `text`: what is claimed; `table`: of results that has the rows; `number`: from the rows to what is printed;
+    `target`: "" where none was set; `against`: what it is compared with.
     """
 
     text: str

@@ -44,14 +44,9 @@ Row = dict[str, object]
 class Movement:
     """A recorded motion that is made smooth and then taken as truth.
 
-    Attributes
-    ----------
-    name, recording : of it; a recording of `RECORDINGS`, or of a mouse
-    cutoff : of the filter that makes it smooth [Hz]
-    span : what is used of it [s]
-    faster : times it is played faster: a run becomes a sprint
-    size : of the errors, over those of a human's markers
-    chosen : whether the rule's two numbers were chosen with it
+    `name`, `recording`: of it; a recording of `RECORDINGS`, or of a mouse; `cutoff`: of the filter that makes it smooth
+    [Hz]; `span`: what is used of it [s]; `faster`: times it is played faster: a run becomes a sprint; `size`: of the
+    errors, over those of a human's markers; `chosen`: whether the rule's two numbers were chosen with it.
     """
 
     name: str

@@ -147,12 +147,9 @@ def raw_emg(path: Path) -> mm.Series:
 class HeldOut:
     """One channel left out: how its muscles' activation fits its envelope, and what the others had to give.
 
-    Attributes
-    ----------
-    correlation, rms : of the mean activation with the envelope; RMS in shares of the channel's largest value,
-        the activation scaled to fit best
-    tracking : RMS distance of the used muscles from what EMG told them [activation]
-    reserve : largest torque of a reserve of a joint [N m]
+    `correlation`, `rms`: of the mean activation with the envelope; RMS in shares of the channel's largest value, the
+    activation scaled to fit best; `tracking`: RMS distance of the used muscles from what EMG told them [activation];
+    `reserve`: largest torque of a reserve of a joint [N m].
     """
 
     channel: str

@@ -27,9 +27,7 @@ Row = dict[str, object]
 class Recorded:
     """Inputs of a trial, any of which a fault may change.
 
-    Attributes
-    ----------
-    markers : None where only forces are looked at
+    `markers`: None where only forces are looked at.
     """
 
     name: str
@@ -43,10 +41,8 @@ class Recorded:
 class Fault:
     """A fault and what finds it.
 
-    Attributes
-    ----------
-    kinds : of findings that name it
-    change : from clean inputs to faulty ones; None where the recording cannot have it
+    `kinds`: of findings that name it; `change`: from clean inputs to faulty ones; None where the recording cannot have
+    it.
     """
 
     name: str
@@ -58,10 +54,7 @@ class Fault:
 class Walk:
     """Files of a recording with forces: model, motion and forces, below the data collection.
 
-    Attributes
-    ----------
-    time : start and end [s], None for all
-    mass : what its plates carry, where the model weighs something else [kg]
+    `time`: start and end [s], None for all; `mass`: what its plates carry, where the model weighs something else [kg].
     """
 
     name: str

@@ -44,12 +44,8 @@ FEET = {"R_ground_force_": "calcn_r", "L_ground_force_": "calcn_l"}
 class Subject:
     """A subject of the collection.
 
-    Attributes
-    ----------
-    model : file, scaled or, where it is `calibrated` first, generic
-    trials : by name, marker file and force file
-    static : recording of standing still, for the calibration
-    tasks : weights of markers
+    `model`: file, scaled or, where it is `calibrated` first, generic; `trials`: by name, marker file and force file;
+    `static`: recording of standing still, for the calibration; `tasks`: weights of markers.
     """
 
     name: str

@@ -102,9 +102,7 @@ PUBLISHED = ("madgwick", "mahony")
 def _errors(found: np.ndarray, optics: np.ndarray, headed: bool) -> tuple[float, float, float]:
     """RMS of the whole error, of heading and of inclination [deg], as BROAD computes them.
 
-    Parameters
-    ----------
-    headed : else the heading of the filter begins anywhere, and its mean error is taken off
+    `headed`: else the heading of the filter begins anywhere, and its mean error is taken off.
     """
     error = rotation_from_quaternion(found) @ np.swapaxes(rotation_from_quaternion(optics), 1, 2)
     q = quaternion_from_rotation(error)

@@ -66,13 +66,9 @@ CHANNELS = {
 class Way:
     """One way to ask for the tensions.
 
-    Attributes
-    ----------
-    settings : of `myomorph tension`, beside the files and `--contact-points auto`
-    emg : whether EMG is given
-    own_angles : coordinates by `myomorph ik` from the markers instead of the study's
-    personal : the model as `myomorph personalize` fits it to the other stride
-    model : of the data set
+    `settings`: of `myomorph tension`, beside the files and `--contact-points auto`; `emg`: whether EMG is given;
+    `own_angles`: coordinates by `myomorph ik` from the markers instead of the study's; `personal`: the model as
+    `myomorph personalize` fits it to the other stride; `model`: of the data set.
     """
 
     name: str

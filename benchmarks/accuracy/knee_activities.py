@@ -46,9 +46,7 @@ BUFF = {10.0: 1.0 / 0.86, 70.0: 1.0 / 1.55}
 class Activity:
     """A recording of the person.
 
-    Attributes
-    ----------
-    implants : greatest force in instrumented knees, mean of five persons [BW] (Kutzner et al. 2010); "" for none
+    `implants`: greatest force in instrumented knees, mean of five persons [BW] (Kutzner et al. 2010); "" for none.
     """
 
     name: str

@@ -44,12 +44,10 @@ def _moved(model: mm.Model, path: Path) -> mm.Motion:
 class ArmCounts:
     """What comparing moment arms found, in metres.
 
-    Attributes
-    ----------
-    same : greatest difference where OpenSim's forces of the path fit its length
-    moving, two : greatest difference where they do not: a point that moves, two surfaces at once
-    slope : greatest difference of ours from the slope of length, over at most one surface that is no ellipsoid
-    rough : the same of the other paths, which OpenSim's rules do not make shortest
+    `same`: greatest difference where OpenSim's forces of the path fit its length; `moving`, `two`: greatest difference
+    where they do not: a point that moves, two surfaces at once; `slope`: greatest difference of ours from the slope of
+    length, over at most one surface that is no ellipsoid; `rough`: the same of the other paths, which OpenSim's rules
+    do not make shortest.
     """
 
     pairs: int = 0

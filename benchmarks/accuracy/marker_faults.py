@@ -33,10 +33,8 @@ ABOUT_THE_MODEL = ("undetermined", "at its bound")
 class MarkerFault:
     """A fault and what names it.
 
-    Attributes
-    ----------
-    kinds : of findings that name it; () where nothing is to be named, for joint angles come out the same
-    change : from clean markers to faulty ones; None where the recording cannot have it
+    `kinds`: of findings that name it; () where nothing is to be named, for joint angles come out the same; `change`:
+    from clean markers to faulty ones; None where the recording cannot have it.
     """
 
     name: str

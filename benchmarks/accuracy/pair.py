@@ -36,12 +36,9 @@ WORKERS = 2
 class Knowledge:
     """What an estimate is told beside the motion and which foot stands.
 
-    Attributes
-    ----------
-    plates : fighters under whose feet everything is measured
-    directed : whether the grips are known to pull only, and about where to
-    emg : of "none", "16" channels a fighter, or "all" muscles
-    gains : of EMG: "given", as envelopes are activations but for their errors, or "default", as the library finds them
+    `plates`: fighters under whose feet everything is measured; `directed`: whether the grips are known to pull only,
+    and about where to; `emg`: of "none", "16" channels a fighter, or "all" muscles; `gains`: of EMG: "given", as
+    envelopes are activations but for their errors, or "default", as the library finds them.
     """
 
     words: str
@@ -206,9 +203,7 @@ TOLD = {"motion alone": KNOWN[0], "directions, 16 channels": KNOWN[3]}
 def measure_emg(count: int = 1) -> Iterable[Row]:
     """One row for each knowledge with EMG: errors with gains that are given, and with those that are found.
 
-    Parameters
-    ----------
-    count : of bouts
+    `count`: of bouts.
     """
     pairs = simulated(*(PairOptions(kind, seed) for kind, seed in BOUTS[:count]))
     for known in (KNOWN[2], KNOWN[3], KNOWN[4], KNOWN[6]):

@@ -49,16 +49,10 @@ PLANAR = {
 class Case:
     """People and what is recorded of them.
 
-    Attributes
-    ----------
-    model : file
-    ranges : of the swings, by coordinate
-    errors, gain_spread : of the recordings, and what `personalize` is told of gains
-    count, seconds : of the recordings
-    passive : whether passive torques are measured
-    most : of activations
-    measured : muscles with EMG, None for all
-    other_muscles : whether people differ in what is not estimated as well
+    `model`: file; `ranges`: of the swings, by coordinate; `errors`, `gain_spread`: of the recordings, and what
+    `personalize` is told of gains; `count`, `seconds`: of the recordings; `passive`: whether passive torques are
+    measured; `most`: of activations; `measured`: muscles with EMG, None for all; `other_muscles`: whether people differ
+    in what is not estimated as well.
     """
 
     model: str

@@ -29,11 +29,8 @@ EVERY = 4
 class Curve:
     """The passive torque of one joint over its angle, the others held.
 
-    Attributes
-    ----------
-    joint : "hip", "knee" or "ankle"
-    angles : (poses, 3) of hip, knee and ankle [degrees]
-    torques : (poses,) about the joint [N m]
+    `joint`: "hip", "knee" or "ankle"; `angles`: (poses, 3) of hip, knee and ankle [degrees]; `torques`: (poses,) about
+    the joint [N m].
     """
 
     joint: str

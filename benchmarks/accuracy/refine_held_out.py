@@ -45,9 +45,7 @@ Row = dict[str, object]
 class Recorded:
     """A subject's generic model and recordings.
 
-    Attributes
-    ----------
-    use : what it was used for: "priors chosen on it", "defaults were seen on it" or "not seen before"
+    `use`: what it was used for: "priors chosen on it", "defaults were seen on it" or "not seen before".
     """
 
     name: str

@@ -54,11 +54,9 @@ LENGTHS = (
 class ScaleCase:
     """Files of the data collection, copied into one folder, and the setup that is run there.
 
-    Attributes
-    ----------
-    outputs : names of the scaled model, the model with placed markers, and the pose
-    tasks : where the benchmark writes the setup itself, the file whose weights it takes
-    edits : changes of the setup, so that both steps and the pose are written
+    `outputs`: names of the scaled model, the model with placed markers, and the pose; `tasks`: where the benchmark
+    writes the setup itself, the file whose weights it takes; `edits`: changes of the setup, so that both steps and the
+    pose are written.
     """
 
     name: str
@@ -299,11 +297,8 @@ def largest_distance(ours: mm.Model, theirs: mm.Model) -> float:
 class ToolCase:
     """A setup file run in a copy of its folder, and the table that another version of OpenSim wrote of it.
 
-    Attributes
-    ----------
-    files : beside those of its folder
-    outputs : ours, relative to the setup's folder, and the expected tables of the collection
-    tag : what the setup calls its tool, where that has to be corrected
+    `files`: beside those of its folder; `outputs`: ours, relative to the setup's folder, and the expected tables of the
+    collection; `tag`: what the setup calls its tool, where that has to be corrected.
     """
 
     name: str

@@ -34,13 +34,10 @@ EXPERIMENT = f"{GAIT}experiment/"
 class Needs:
     """What a setup names and its folder lacks.
 
-    Attributes
-    ----------
-    files : from the collection to where the setup looks, relative to it
-    made : results of other setups of the collection, as OpenSim makes them, in the same folder
-    folders : for results, which OpenSim's inverse kinematics does not make
-    edits : in the setup
-    expected : tables of the collection that hold the result, by the name of ours, where OpenSim 4.6 gives none
+    `files`: from the collection to where the setup looks, relative to it; `made`: results of other setups of the
+    collection, as OpenSim makes them, in the same folder; `folders`: for results, which OpenSim's inverse kinematics
+    does not make; `edits`: in the setup; `expected`: tables of the collection that hold the result, by the name of
+    ours, where OpenSim 4.6 gives none.
     """
 
     files: tuple[tuple[str, str], ...] = ()

@@ -45,10 +45,7 @@ SETTINGS: Mapping[str, mm.TensionOptions] = {
 class Abduction:
     """The recording.
 
-    Attributes
-    ----------
-    frames : in which the arm passes `ANGLES`
-    weight : of the man, from his arm's mass [N]
+    `frames`: in which the arm passes `ANGLES`; `weight`: of the man, from his arm's mass [N].
     """
 
     model: mm.Model

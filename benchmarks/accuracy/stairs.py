@@ -37,10 +37,7 @@ BENT = {"Hip_flexion": 0.3, "Knee_extension": -1.6, "Ankle_flexion": 0.3, "MTP_f
 class Climb:
     """A mouse that climbs, and what acts on it.
 
-    Attributes
-    ----------
-    forces, points : by paw, (frames, 3) in ground
-    rung : by paw, (frames,) which one it stands on, -1 in swing
+    `forces`, `points`: by paw, (frames, 3) in ground; `rung`: by paw, (frames,) which one it stands on, -1 in swing.
     """
 
     model: mm.Model

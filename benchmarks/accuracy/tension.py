@@ -31,12 +31,9 @@ from myomorph.tension.terms.actuators import default_reserves
 class TensionCase:
     """A model, a motion and loads, every `interval`-th frame of [start, end] seconds.
 
-    Attributes
-    ----------
-    loads : an external loads file, or a table of forces with `feet`
-    feet : (body, force, point, torque) name beginnings of each force in the table
-    actuators : an actuator file; "" for default reserves, "none" for nothing
-    kind : class that all muscles are turned into, "" for their own
+    `loads`: an external loads file, or a table of forces with `feet`; `feet`: (body, force, point, torque) name
+    beginnings of each force in the table; `actuators`: an actuator file; "" for default reserves, "none" for nothing;
+    `kind`: class that all muscles are turned into, "" for their own.
     """
 
     name: str

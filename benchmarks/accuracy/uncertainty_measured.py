@@ -105,9 +105,7 @@ intervals = {intervals}
 class Held:
     """A truth beside what was found of it: values (samples,) each.
 
-    Attributes
-    ----------
-    low, high : limits as drawn
+    `low`, `high`: limits as drawn.
     """
 
     truth: Array

@@ -29,9 +29,7 @@ CARRIED = re.compile(r"the plates carry ([\d.]+) kg")
 class Raw:
     """A recording as a laboratory has it.
 
-    Attributes
-    ----------
-    mass : of the subject where the set says it, else a guess that the plates correct [kg]
+    `mass`: of the subject where the set says it, else a guess that the plates correct [kg].
     """
 
     name: str

@@ -86,11 +86,8 @@ RAW = (
 class Result:
     """What the commands made of a recording.
 
-    Attributes
-    ----------
-    model, motion : None where a command refused it
-    findings : of the checks, or one of the kind "refused" with the last line
-    said : all that was printed
+    `model`, `motion`: None where a command refused it; `findings`: of the checks, or one of the kind "refused" with the
+    last line; `said`: all that was printed.
     """
 
     model: mm.Model | None

@@ -30,12 +30,9 @@ def page(
 ) -> Iterator[tuple[Figure, np.ndarray]]:
     """A figure and its axes as `plt.subplots` gives them; at the end laid out and written.
 
-    Parameters
-    ----------
-    file : whose name seeds the identifiers in it, so that the same numbers give the same bytes
-    size : width and height [in]
-    below, above : where the axes begin and end, as shares of the height
-    shared : further ones of `plt.subplots`
+    `file`: whose name seeds the identifiers in it, so that the same numbers give the same bytes; `size`: width and
+    height [in]; `below`, `above`: where the axes begin and end, as shares of the height; `shared`: further ones of
+    `plt.subplots`.
     """
     plt.rcParams.update({"svg.hashsalt": file.stem, "svg.fonttype": "none", "font.size": 9})
     figure, axes = plt.subplots(rows, columns, figsize=size, **shared)

@@ -189,11 +189,7 @@ def general_size(name: str, points: int) -> Iterator[Row | None]:
 class Program:
     """minimise |B u - t|^2 / 2 + |u|^2 / 2 subject to u >= low, u the masses from the reference over their prior SD.
 
-    Attributes
-    ----------
-    B : (rows, points) a column for each point
-    t : (rows,)
-    low, sd : (points,)
+    `B`: (rows, points) a column for each point; `t`: (rows,); `low`, `sd`: (points,).
     """
 
     B: np.ndarray

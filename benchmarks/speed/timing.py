@@ -43,9 +43,7 @@ def alternate(
 ) -> dict[str, float]:
     """Median seconds of each program, run in turn `rounds` times after one round to warm up.
 
-    Parameters
-    ----------
-    patience : a program that has taken longer has no further round [s]
+    `patience`: a program that has taken longer has no further round [s].
     """
     for program in programs.values():
         program()

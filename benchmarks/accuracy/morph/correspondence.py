@@ -130,9 +130,7 @@ def carried(
 def measure(what: str, seeds: range = SEEDS, bones: tuple[str, ...] = BONES) -> Iterator[Row]:
     """A row a bone, and one for all.
 
-    Parameters
-    ----------
-    what : "affine", "smooth", or "landmarks": smooth with three landmarks
+    `what`: "affine", "smooth", or "landmarks": smooth with three landmarks.
     """
     every: list[tuple[np.ndarray, ...]] = []
     beside: list[tuple[np.ndarray, ...]] = []

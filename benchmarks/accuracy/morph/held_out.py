@@ -46,10 +46,7 @@ DEFAULT = MorphOptions(joints="mapped", fibers="keep", force="keep")
 class Leg:
     """The leg in the template's bones.
 
-    Attributes
-    ----------
-    morph : from Rajagopal's model
-    nodes : (n, 3) of the template, by body [m]
+    `morph`: from Rajagopal's model; `nodes`: (n, 3) of the template, by body [m].
     """
 
     morph: Morph

@@ -57,12 +57,9 @@ MAPS = {
 class Attachments:
     """Muscle points on a bone.
 
-    Attributes
-    ----------
-    corners : (k, 3) nodes of the triangle that each is on
-    shares : (k, 3) of the triangle's corners
-    around : (k, n) nodes whose normals say which way is out, 1 for each
-    axes : (3, 3) of the leg model's body, as columns in the shape's frame
+    `corners`: (k, 3) nodes of the triangle that each is on; `shares`: (k, 3) of the triangle's corners; `around`: (k,
+    n) nodes whose normals say which way is out, 1 for each; `axes`: (3, 3) of the leg model's body, as columns in the
+    shape's frame.
     """
 
     corners: Indices
@@ -219,11 +216,9 @@ def every_map() -> dict[str, Maker]:
 class Errors:
     """Of carried points.
 
-    Attributes
-    ----------
-    on, beside : (points,) at the attachments and `HEIGHT` above them [m]
-    apart : (points,) from the nearest landmark, in the template [m]
-    inverted : share of the points beside the bone at which the map turns space inside out
+    `on`, `beside`: (points,) at the attachments and `HEIGHT` above them [m]; `apart`: (points,) from the nearest
+    landmark, in the template [m]; `inverted`: share of the points beside the bone at which the map turns space inside
+    out.
     """
 
     on: Array

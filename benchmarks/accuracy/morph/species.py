@@ -41,11 +41,7 @@ POINTS = 30
 class Ground:
     """Where two sets of muscles are compared.
 
-    Attributes
-    ----------
-    posture : of the skeleton both are on
-    coordinates : by word, the skeleton's
-    lengths : of bones by body [m]
+    `posture`: of the skeleton both are on; `coordinates`: by word, the skeleton's; `lengths`: of bones by body [m].
     """
 
     posture: Mapping[str, float]
@@ -57,10 +53,8 @@ class Ground:
 class Compared:
     """One muscle of both.
 
-    Attributes
-    ----------
-    origin, insertion, path : errors in shares of the bones' lengths
-    arms : by coordinate, (2, steps) moment arms of transfer and anatomist [m]
+    `origin`, `insertion`, `path`: errors in shares of the bones' lengths; `arms`: by coordinate, (2, steps) moment arms
+    of transfer and anatomist [m].
     """
 
     name: str
