@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 import myomorph as mm
+from benchmarks.errors import rms_known
 from myomorph.cli import main
 from myomorph.model.arrays import Array
 from myomorph.model.frozen_map import FrozenMap
@@ -189,7 +190,7 @@ def measure(folder: Path) -> Iterator[Row]:
                 "trials": len(results),
                 "markers, RMS [mm]": float("nan")
                 if found is None or found.fit is None
-                else 1e3 * _rms(found.fit.errors),
+                else 1e3 * rms_known(found.fit.errors),
                 **{f"{NAMES[joint]}, r": agreement.get(joint, ("", ""))[0] for joint in JOINTS},
                 **{f"{NAMES[joint]}, RMS [N m/kg]": agreement.get(joint, ("", ""))[1] for joint in JOINTS},
                 "reference": case.source,
@@ -242,10 +243,6 @@ def _protocol(text: str) -> str:
     return after.partition(";")[0] if after else "common names"
 
 
-def _rms(errors: Array) -> float:
-    return float(np.sqrt(np.nanmean(errors**2)))
-
-
 def _agreement(found: mm.TrialResult, case: Case, folder: Path, mass: float) -> dict[str, tuple[float, float]]:
     """By joint: correlation and root mean square difference [N m/kg] over frames in which the foot is on a plate."""
     assert case.reference is not None
@@ -272,7 +269,7 @@ def _agreement(found: mm.TrialResult, case: Case, folder: Path, mass: float) -> 
     return {
         joint: (
             float(np.corrcoef(*(np.concatenate(part) for part in zip(*own, strict=True)))[0, 1]),
-            _rms(np.concatenate([one - other for one, other in own])) / mass,
+            rms_known(np.concatenate([one - other for one, other in own])) / mass,
         )
         for joint, own in pairs.items()
         if own

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.errors import rms
 from benchmarks.hands_lift import LIFTS, hands_measured, lifter, recorded
 from benchmarks.hands_lift_forces import WAYS, found, holding, left_floor, left_open
 from benchmarks.hands_lift_forces import task as lift_task
@@ -37,12 +38,12 @@ def measure_lift(folder: Path) -> Iterator[Row]:
             yield {
                 "lift": lift,
                 "known": words,
-                **{f"up, {phase} [N]": _rms(error[then, 1]) for phase, then in during.items()},
-                "forward, off the floor [N]": _rms(error[free, 0]),
-                "sideways [N]": _rms(error[free, 2]),
+                **{f"up, {phase} [N]": rms(error[then, 1]) for phase, then in during.items()},
+                "forward, off the floor [N]": rms(error[free, 0]),
+                "sideways [N]": rms(error[free, 2]),
                 "mean up, off the floor [N]": float(one.hands[free, 1].mean()),
                 "measured [N]": float(truth[free, 1].mean()),
-                "feet, up [N]": _rms((one.feet - recorded(folder, lift).plate)[:, 1]),
+                "feet, up [N]": rms((one.feet - recorded(folder, lift).plate)[:, 1]),
             }
 
 
@@ -99,13 +100,13 @@ def measure_spine(folder: Path) -> Iterator[Row]:
             yield {
                 "lift": lift,
                 "moment": words,
-                "bending, RMS [N m]": _rms(error[:, 2]),
+                "bending, RMS [N m]": rms(error[:, 2]),
                 "mean error": float(error[:, 2].mean()),
                 "peak": float(np.abs(moment[during, 2]).max()),
                 "laboratory's peak": float(np.abs(below[during, 2]).max()),
                 "correlation": float(np.corrcoef(moment[during, 2], below[during, 2])[0, 1]),
-                "sideways, RMS": _rms(error[:, 0]),
-                "twisting, RMS": _rms(error[:, 1]),
+                "sideways, RMS": rms(error[:, 0]),
+                "twisting, RMS": rms(error[:, 1]),
             }
 
 
@@ -119,7 +120,7 @@ def measure_spine_point(folder: Path) -> Iterator[Row]:
         yield {
             "lift": lift,
             "best point: forward, up, right [mm]": _millimetres(best),
-            "left, sideways, twisting, bending [N m]": ", ".join(f"{_rms(one):.1f}" for one in left.T),
+            "left, sideways, twisting, bending [N m]": ", ".join(f"{rms(one):.1f}" for one in left.T),
             "regressed L5/S1 [mm]": _millimetres(regressed),
             "apart [mm]": 1e3 * float(np.linalg.norm(best - regressed)),
             "model's lumbar joint [mm]": _millimetres(joint),
@@ -174,12 +175,12 @@ def measure_seat(folder: Path) -> Iterator[Row]:
                 "phase": phase,
                 "seat by": words,
                 "up, mean [N]": float(force[during, 1].mean()),
-                "up, RMS error [N]": _rms(error[:, 1]),
+                "up, RMS error [N]": rms(error[:, 1]),
                 "forward, mean [N]": float(force[during, 0].mean()),
-                "forward, RMS error [N]": _rms(error[:, 0]),
+                "forward, RMS error [N]": rms(error[:, 0]),
                 "feet up by plates, mean [N]": float(one.feet.forces[during, :, 1].sum(axis=1).mean()),
                 "weight [N]": one.weight,
-                "residual forces, RMS [N]": _rms(_residuals(solution)[during]) if solution else "",
+                "residual forces, RMS [N]": rms(_residuals(solution)[during]) if solution else "",
                 "off the middle, to the right [mm]": _millimetre(place[during, 1]) if during is sitting else "",
             }
 
@@ -230,10 +231,6 @@ def measure_seat_times(folder: Path) -> Iterator[Row]:
             "force later than plates, mean [ms]": 1e3 * float(plates.mean()),
             "largest, plates": 1e3 * float(np.abs(plates).max()),
         }
-
-
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(np.square(values))))
 
 
 def _millimetres(point: Array) -> str:

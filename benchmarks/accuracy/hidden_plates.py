@@ -1,7 +1,10 @@
-"""Measured ground forces hidden and estimated, with all plates hidden and with some of what they measured."""
+"""Measured ground forces hidden and estimated: with all plates, some, or one plate under both feet hidden."""
 
 from __future__ import annotations
 
+import contextlib
+import io
+import tempfile
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -9,9 +12,13 @@ from pathlib import Path
 import numpy as np
 
 import myomorph as mm
+from benchmarks.errors import rms
 from benchmarks.hidden_plates import CASES, Hidden, estimated, feet_of, foot_wrench, opened
+from myomorph.cli import main
 from myomorph.contact.shared import SharedOptions, shared_wrenches
 from myomorph.contact.states import ActivationOptions, ContactStateOptions, contact_activations, hysteresis, steady
+from myomorph.model.arrays import Array
+from myomorph.model.series import Table
 from myomorph.tension.tension import Tension
 
 AXES = ("fore-aft", "vertical", "lateral")
@@ -146,11 +153,6 @@ def _events(state: np.ndarray, time: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return time[1:][change > 0], time[1:][change < 0]
 
 
-def rms(values: np.ndarray) -> float:
-    """Root mean square."""
-    return float(np.sqrt(np.mean(values**2)))
-
-
 def _chosen(wrenches: mm.Wrenches, columns: list[int]) -> mm.Wrenches:
     names = tuple(wrenches.names[k] for k in columns)
     bodies = tuple(wrenches.bodies[k] for k in columns)
@@ -201,3 +203,74 @@ def tension_of(folder: Path, number: int) -> tuple[Hidden, Tension]:
     """One recording and its simultaneous estimate, for figures."""
     hidden = opened(folder, CASES[number])
     return hidden, estimated(hidden)
+
+
+OPENCAP, RAJAGOPAL = "opencap-subject4-multitask", "rajagopal-walk-emg"
+ONE_PLATE_CASES = {
+    "walk, Rajagopal": (
+        f"{RAJAGOPAL}/subject_walk_scaled.osim", f"{RAJAGOPAL}/coordinates.sto",
+        f"{RAJAGOPAL}/grf_walk.xml", (0.6, 1.4),
+    ),
+    "walk, OpenCap": (
+        f"{OPENCAP}/models/manually_scaled.osim", f"{OPENCAP}/ik_manual_scaling/walking1_ik.mot",
+        f"{OPENCAP}/grf/walking1_external_forces.xml", (0.3, 1.2),
+    ),
+    "sit to stand, OpenCap": (
+        f"{OPENCAP}/models/manually_scaled.osim", f"{OPENCAP}/ik_manual_scaling/STS1_ik.mot",
+        f"{OPENCAP}/grf/STS1_external_forces.xml", (1.0, 6.0),
+    ),
+}  # fmt: skip
+"""Model, coordinates, forces of two plates, and the time [s]."""
+WAYS = {"nearest foot": (), "shared": ("--contacts", "auto", "--measured", "shared")}
+FOOT_LOADED = 20.0
+"""Force from which on there is a center of pressure [N]."""
+
+
+def measure_one_plate(folder: Path) -> Iterator[dict[str, object]]:
+    """Rows: errors of each foot's force and of activations, against those of two plates."""
+    for name, (model_file, motion_file, loads_file, span) in ONE_PLATE_CASES.items():
+        model = mm.read_model(folder / model_file)
+        motion = mm.read_motion(folder / motion_file, model)
+        plates = mm.read_loads(folder / loads_file, model, motion)
+        common = ("--model", folder / model_file, "--motion", folder / motion_file, "--cutoff", 6, "--time", *span)
+        with tempfile.TemporaryDirectory() as place:
+            home = Path(place)
+            one = home / "one.mot"
+            mm.write_sto(_added(plates), one)
+            truth = _tension(home / "truth", *common, "--loads", folder / loads_file)
+            for way, more in WAYS.items():
+                activations = _tension(home / "found", *common, "--loads", one, *more)
+                found = mm.read_loads(home / "found" / "contact_forces.xml" if more else one, model, motion)
+                row: dict[str, object] = {"recording": name, "one plate's force": way}
+                for side in ("right", "left"):
+                    error = _foot(found, side, truth.time) - _foot(plates, side, truth.time)
+                    row[f"{side}, vertical, RMS [N]"] = float(np.sqrt(np.mean(error[:, 1] ** 2)))
+                    row[f"{side}, fore-aft, RMS [N]"] = float(np.sqrt(np.mean(error[:, 0] ** 2)))
+                row["activations, RMS"] = float(np.sqrt(np.mean((activations.values - truth.values) ** 2)))
+                yield row
+
+
+def _tension(out: Path, *typed: object) -> Table:
+    """Activations of the command."""
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+        assert main(["tension", "--out", str(out), *map(str, typed)]) == 0
+    return mm.read_sto(out / "activations.sto")
+
+
+def _added(plates: mm.Wrenches) -> Table:
+    """The force of all plates as one plate at height 0 would have it."""
+    forces, points, torques = (np.nan_to_num(part) for part in (plates.forces, plates.points, plates.torques))
+    force, moment = forces.sum(axis=1), (torques + np.cross(points, forces)).sum(axis=1)
+    loaded = force[:, 1] > FOOT_LOADED
+    vertical = np.where(loaded, force[:, 1], 1.0)
+    center = np.stack([moment[:, 2] / vertical, np.zeros(len(force)), -moment[:, 0] / vertical], axis=1)
+    values = np.hstack([force, center, moment - np.cross(center, force)]) * loaded[:, None]
+    names = [f"ground_{part}{axis}" for part in ("force_v", "force_p", "torque_") for axis in "xyz"]
+    return Table(plates.time, tuple(names), values)
+
+
+def _foot(wrenches: mm.Wrenches, side: str, time: Array) -> Array:
+    """(frames, 3) force on a foot [N]."""
+    columns = [k for k, body in enumerate(wrenches.bodies) if body.endswith(f"_{side[0]}")]
+    force = np.nan_to_num(wrenches.forces[:, columns]).sum(axis=1)
+    return np.stack([np.interp(time, wrenches.time, part) for part in force.T], axis=1)

@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 import myomorph as mm
+from benchmarks.errors import rms
 from myomorph.cli import main
 from myomorph.io.formats import read_trial
 from myomorph.io.loads import read_external_loads, write_external_loads
@@ -315,11 +316,6 @@ def _at(motion: mm.Motion, time: Array) -> mm.Motion:
 def at_times(loads: mm.Series, time: Array) -> Array:
     """Loads (samples, 3) between frames [N]."""
     return np.column_stack([np.interp(time, loads.time, column) for column in loads.values.T])
-
-
-def rms(values: Array) -> float:
-    """Root of the mean square."""
-    return float(np.sqrt(np.mean(values**2)))
 
 
 def _numbers(found: list[mm.Series], folder: Path) -> Row:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 import myomorph as mm
+from benchmarks.errors import rms_known
 from myomorph.live.chain import SOLVED, ChainFrame, ChainOptions, LiveChain
 from myomorph.live.loop import follow
 from myomorph.live.sources import Replay, open_recording
@@ -84,21 +85,17 @@ def measure(folder: Path) -> Iterator[Row]:
                 "live cutoff [Hz]": cutoff,
                 "delay [ms]": 1e3 * chain.filter.delay,
                 "ahead cutoff [Hz]": ahead,
-                "angles: rms [deg]": np.rad2deg(_rms(angle)),
+                "angles: rms [deg]": np.rad2deg(rms_known(angle)),
                 "largest [deg]": np.rad2deg(np.abs(angle).max()),
-                "joint torques: rms [N m]": _rms(torque),
+                "joint torques: rms [N m]": rms_known(torque),
                 "largest [N m]": float(np.abs(torque).max()),
                 "peak torque [N m]": float(np.abs(torques.values[:, joints]).max()),
-                "activations: rms": _rms(activation),
+                "activations: rms": rms_known(activation),
             }
 
 
 def _at(motion: mm.Motion, values: Array, time: Array) -> Array:
     return np.stack([np.interp(time, motion.time, column) for column in values.T], axis=1)
-
-
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.nanmean(values**2)))
 
 
 def measure_losses(folder: Path) -> Iterator[Row]:

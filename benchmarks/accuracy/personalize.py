@@ -12,7 +12,7 @@ from scipy.io import loadmat
 
 import myomorph as mm
 from benchmarks.accuracy.emg import WALKS, Walk
-from myomorph.model.arrays import Array
+from benchmarks.errors import rms
 from myomorph.motion.emg_delay import USUAL
 from myomorph.tension.emg_targets import EmgOptions, emg_targets
 from myomorph.tension.personal.generic_map import map_generic
@@ -194,18 +194,14 @@ def measure_walks(folder: Path, seconds: float = 4.0) -> Iterator[Row]:
                 "emg": "with" if with_emg else "without",
                 "score, generic": checked.score_generic,
                 "score": checked.score,
-                "left, generic [N m]": _rms(checked.left_generic),
-                "left [N m]": _rms(checked.left),
+                "left, generic [N m]": rms(checked.left_generic),
+                "left [N m]": rms(checked.left),
                 "groups kept": ", ".join(checked.kept) or "none",
                 "lengths identified": sum(one.identifiable == "yes" for one in lengths),
                 "partly": sum(one.identifiable == "partly" for one in lengths),
                 "of lengths": len(lengths),
                 "seconds": took,
             }
-
-
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(np.square(values))))
 
 
 def measure_map(folder: Path) -> Iterator[Row]:

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.io import loadmat
 
 import myomorph as mm
+from benchmarks.errors import rms_known
 from myomorph.model.arrays import Array
 from truths.simulated_muscles import resting_torques
 
@@ -112,10 +113,6 @@ def measure(folder: Path) -> Iterator[Row]:
     for name, found in rows.items():
         yield {
             "muscles": name,
-            **{f"{joint} [N m]": _rms(found[joint][0]) for joint in JOINTS},
-            **{f"{joint}, walking [N m]": _rms(found[joint][0][found[joint][1]]) for joint in JOINTS},
+            **{f"{joint} [N m]": rms_known(found[joint][0]) for joint in JOINTS},
+            **{f"{joint}, walking [N m]": rms_known(found[joint][0][found[joint][1]]) for joint in JOINTS},
         }
-
-
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.nanmean(np.square(values))))

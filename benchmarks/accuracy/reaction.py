@@ -13,6 +13,7 @@ import pinocchio as pin
 
 import myomorph as mm
 from benchmarks.accuracy.tension import ENTRY, FEET, LOADS
+from benchmarks.errors import rms
 from benchmarks.opensim_static import write_actuators
 from myomorph.io.loads import read_external_loads
 from myomorph.io.osim.actuators import read_actuators
@@ -308,11 +309,6 @@ def measure_loads(folder: Path) -> Iterator[Row]:
                 "correlation of sizes": float(np.corrcoef(np.linalg.norm(ours, axis=1), size)[0, 1]),
                 "RMS of components [BW]": rms(ours - theirs),
             }
-
-
-def rms(difference: Array) -> float:
-    """Root of the mean square."""
-    return float(np.sqrt(np.mean(difference**2)))
 
 
 def mean_correlation(one: Array, other: Array) -> float:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 import myomorph as mm
+from benchmarks.errors import rms
 from myomorph.model.arrays import Array
 from myomorph.tension.recruitment import recruitment_terms
 from myomorph.tension.tension import Tension
@@ -93,9 +94,9 @@ def measure_programs(folder: Path) -> Iterator[dict[str, object]]:
             "frames": len(found),
             "optimal": int(found.optimal.sum()),
             "activations apart at most": float(np.abs(found.activations - theirs).max()),
-            "RMS": _rms(found.activations - theirs),
+            "RMS": rms(found.activations - theirs),
             "cost above the program's": _above(made, by, found.activations, theirs),
-            "forces apart, RMS [N]": _rms(found.forces - theirs * one.F),
+            "forces apart, RMS [N]": rms(found.forces - theirs * one.F),
             "greatest activation, mean": float(found.activations.max(axis=1).mean()),
             "the program's": float(theirs.max(axis=1).mean()),
             "knee force, mean [BW]": float(np.linalg.norm(_knee(one, found.forces), axis=1).mean()),
@@ -133,18 +134,14 @@ def _noisy(one: Walk, torques: mm.Series) -> mm.Series:
     values, draw = np.array(torques.values), np.random.default_rng(0)
     for name in one.rows:
         k = torques.names.index(name)
-        values[:, k] += NOISE * _rms(values[:, k]) * draw.standard_normal(len(values))
+        values[:, k] += NOISE * rms(values[:, k]) * draw.standard_normal(len(values))
     return mm.Series(torques.time, torques.names, values)
 
 
 def _errors(one: Walk, found: Tension, activations: Array) -> str:
     apart = np.linalg.norm(_knee(one, found.forces) - _knee(one, activations * one.F), axis=1)
-    return f"{_rms(found.activations - activations):.4f} / {_rms(apart):.3f}"
+    return f"{rms(found.activations - activations):.4f} / {rms(apart):.3f}"
 
 
 def _knee(one: Walk, forces: Array) -> Array:
     return loads_of(one, forces, (KNEE,))[:, 0]
-
-
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(np.square(values))))

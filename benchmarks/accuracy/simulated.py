@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 import myomorph as mm
+from benchmarks.errors import rms
 from data_collection import data_folder
 from myomorph.identify import base
 from myomorph.identify.recordings import RecordingOptions, Usable, usable
@@ -178,10 +179,10 @@ def _length_facts(model: mm.Model, subject: Subject) -> Facts:
     yield "distances between joints of a segment", len(error), ""
     yield (
         "their error on the generic model, RMS and largest [mm]",
-        _listed(1e3 * np.array([_rms(before), before.max()])),
+        _listed(1e3 * np.array([rms(before), before.max()])),
         "",
     )
-    yield "their error on the found model, RMS [mm]", 1e3 * _rms(error), ""
+    yield "their error on the found model, RMS [mm]", 1e3 * rms(error), ""
     yield f"largest [mm] ({' to '.join(worst)})", 1e3 * float(error.max()), "<= 2"
 
 
@@ -196,7 +197,7 @@ def _marker_facts(model: mm.Model, person: mm.Model, shift: tuple[Array, Array])
     for name, error in (("in the body's own frame", raw), ("on the body", aligned)):
         yield (
             f"marker positions {name}: error, RMS and largest [mm]",
-            _listed(1e3 * np.array([_rms(error), max(error)])),
+            _listed(1e3 * np.array([rms(error), max(error)])),
             "",
         )
         yield (
@@ -234,7 +235,7 @@ def _base_facts(name: str, fit: base.BaseFit, truth: Array) -> Facts:
     yield f"{name}: base parameters within 3 standard deviations [%]", 100.0 * float(np.mean(error < 3.0)), ">= 95"
     known = np.abs(error[fit.identifiable])
     yield f"{name}: the same of the identifiable ones [%]", 100.0 * float(np.mean(known < 3.0)), ">= 95"
-    yield f"{name}: error / standard deviation, RMS", _rms(error), ""
+    yield f"{name}: error / standard deviation, RMS", rms(error), ""
 
 
 def _held_out_facts(got: Trials, model: mm.Model, tables: Mapping[str, Array], other: base.Recording) -> Facts:
@@ -246,22 +247,18 @@ def _held_out_facts(got: Trials, model: mm.Model, tables: Mapping[str, Array], o
         for name, table in tables.items()
     }
     floor = next(iter(found.values()))
-    for name, rms in found.items():
+    for name, errors in found.items():
         judged = name in ("base parameters", "identify")
-        yield f"held-out wrench by {name}: RMS error, moments [N m]", _listed(rms[:3]), ""
-        yield f"held-out wrench by {name}: RMS error, forces [N]", _listed(rms[3:]), ""
+        yield f"held-out wrench by {name}: RMS error, moments [N m]", _listed(errors[:3]), ""
+        yield f"held-out wrench by {name}: RMS error, forces [N]", _listed(errors[3:]), ""
         if judged:
-            yield f"held-out wrench by {name}: forces / plate noise", float((rms / sigma)[3:].max()), "<= 2"
-            yield f"held-out wrench by {name}: moments / plate noise", float((rms / sigma)[:3].max()), ""
+            yield f"held-out wrench by {name}: forces / plate noise", float((errors / sigma)[3:].max()), "<= 2"
+            yield f"held-out wrench by {name}: moments / plate noise", float((errors / sigma)[:3].max()), ""
             yield (
                 f"held-out wrench by {name}: largest ratio to the true masses' error",
-                float((rms / floor).max()),
+                float((errors / floor).max()),
                 "<= 2",
             )
-
-
-def _rms(values: Sequence[float] | Array) -> float:
-    return float(np.sqrt(np.mean(np.square(values))))
 
 
 def _listed(values: Sequence[float] | Array) -> str:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 import myomorph as mm
+from benchmarks.errors import rms
 from myomorph.contact.feet_on_steps import feet_on_steps, stair_wrenches
 from myomorph.contact.stairs import COMPONENTS, Step, step_loads
 from myomorph.model.arrays import Array
@@ -195,9 +196,9 @@ def _row(made: Climb, axes: str, noise: float, away: float, found: mm.Wrenches) 
         "noise [% of weight]": 100.0 * noise,
         "paw misplaced [mm]": 1000.0 * away,
         "force on its paw [%]": 100.0 * right / total,
-        "vertical, RMS [% of weight]": 100.0 * _rms(np.concatenate(vertical)) / weight,
-        "level, RMS [% of weight]": 100.0 * _rms(np.concatenate(level)) / weight,
-        "place, RMS [mm]": 1000.0 * _rms(np.concatenate(place)),
+        "vertical, RMS [% of weight]": 100.0 * rms(np.concatenate(vertical)) / weight,
+        "level, RMS [% of weight]": 100.0 * rms(np.concatenate(level)) / weight,
+        "place, RMS [mm]": 1000.0 * rms(np.concatenate(place)),
     } | _torques(made, exact, found)
 
 
@@ -208,9 +209,5 @@ def _torques(made: Climb, exact: mm.Wrenches, found: mm.Wrenches) -> Row:
     for joint, name in (("hip", "Hip_flexion"), ("knee", "Knee_extension"), ("ankle", "Ankle_flexion")):
         columns = [truth.names.index(f"{name}_{side}") for side in "rl"]
         values = truth.values[:, columns]
-        row[f"{joint} torque, RMS [% of peak]"] = 100.0 * _rms(told.values[:, columns] - values) / np.abs(values).max()
+        row[f"{joint} torque, RMS [% of peak]"] = 100.0 * rms(told.values[:, columns] - values) / np.abs(values).max()
     return row
-
-
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2)))

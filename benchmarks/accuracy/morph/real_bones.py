@@ -10,13 +10,18 @@ from pathlib import Path
 import numpy as np
 
 import myomorph as mm
+from benchmarks.accuracy.morph.demo import demo_morph
 from data_collection import data_folder
 from myomorph.io.landmarks import read_landmarks
 from myomorph.morph.checks.checks import check_morph
-from myomorph.morph.checks.warnings import MorphChecks
+from myomorph.morph.checks.clearance import WEIGHT, Clearance, clear_paths
+from myomorph.morph.checks.moment_arms import compared_coordinates
+from myomorph.morph.checks.path_changes import path_changes
+from myomorph.morph.checks.path_moves import Ground
+from myomorph.morph.checks.warnings import CheckOptions, MorphChecks
 from myomorph.morph.maps.fields import BoneMap, FeaturePoints, MapOptions, fit_map
 from myomorph.morph.maps.linear import procrustes
-from myomorph.morph.morphed import Morph
+from myomorph.morph.morphed import Morph, MorphOptions
 from myomorph.morph.transfer.body_transfer import Transfer
 from myomorph.study.subject.morph_files import source_bones
 from myomorph.study.subject.morphing import MorphSettings, map_bones
@@ -251,3 +256,54 @@ if __name__ == "__main__":
 
     for part in (measure_pairs, measure, measure_arms, measure_depths):
         print_rows(list(part(data_folder())))
+
+
+Row = dict[str, object]
+
+WAYS = {"least move": 0.0, "least change": WEIGHT}
+
+
+def measure_clearing(folder: Path) -> Iterator[Row]:
+    """A row for each leg and way."""
+    legs = [("demo, known deformation", demo_morph(), False)]
+    legs += [(one.name, one.morph, True) for one in persons(folder)]
+    for name, morph, together in legs:
+        mapped = mm.morph_model(
+            morph.source, morph.bones, MorphOptions(clear=False, fibers="keep", force="keep"), together=together
+        )
+        pairs = compared_coordinates(mapped.source, mapped.model)
+        ground = Ground.of(mapped.source, mapped.model, mapped.bones.values(), pairs, CheckOptions())
+        if ground is None:
+            continue
+        for way, weight in WAYS.items():
+            yield {"leg": name, "way": way} | changes(clear_paths(mapped.model, ground, weight), ground, mapped)
+
+
+def changes(found: Clearance, ground: Ground, mapped: Morph) -> Row:
+    """What was too deep before and after, what was moved, and what this changed; moves beyond intervals."""
+    changed = path_changes(found.start, found.model, ground.poses)
+    # A wrap object that grows changes only some of the muscles that run around it.
+    odd = {name: one for name, one in changed.items() if max(one.length, one.arm) > 1e-6}
+    within = {(one.owner, one.name): one.within for one in mapped.points}
+    shifts = found.shifts
+    worst = max(odd, key=lambda name: odd[name].arm, default="")
+    lengths, arms = (1e3 * np.array([getattr(one, what) for one in odd.values()]) for what in ("length", "arm"))
+    return {
+        "muscles too deep": len(found.before),
+        "after": len(found.after),
+        "sum of depths [mm]": 1e3 * sum(found.before.values()),
+        "after [mm]": 1e3 * sum(found.after.values()),
+        "points moved": len(shifts),
+        "furthest [mm]": 1e3 * max(shifts.values(), default=0.0),
+        "beyond their interval": sum(shift > within[name] for name, shift in shifts.items()),
+        "wrap objects grown": len(found.grown),
+        "lengths changed, rms [mm]": _rms(lengths),
+        "most [mm]": float(lengths.max(initial=0.0)),
+        "moment arms changed, rms [mm]": _rms(arms),
+        "at most [mm]": float(arms.max(initial=0.0)),
+        "of": worst,
+    }
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0

@@ -6,13 +6,15 @@ from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 
 import myomorph as mm
 from benchmarks.accuracy.morph import species_arm
-from benchmarks.accuracy.morph.species import ANATOMIST, Ground, Muscles, on_skeleton
-from benchmarks.species_cases import BONES, MAN, MOUSE, anatomist_on_skeleton
+from benchmarks.accuracy.morph.species import ANATOMIST, Ground, Muscles, on_skeleton, percent
+from benchmarks.species_cases import BONES, MAN, MOUSE, anatomist_on_skeleton, bones_of_man
+from myomorph.morph.maps.fields import FeaturePoints, MapKind, MapOptions, fit_map
 from myomorph.morph.morphed import Morph
 from myomorph.morph.species.counterparts import MuscleHomology
 from myomorph.study.subject.morphing import Morphed, MorphSettings
@@ -92,3 +94,34 @@ def _row(away: np.ndarray, within: np.ndarray) -> dict[str, object]:
         "interval, median [mm]": 1e3 * float(np.median(within[known])),
         "intervals hold [%]": 100.0 * float(np.mean(away[known] <= within[known])),
     }
+
+
+def measure_relative(data: Path) -> Iterator[dict[str, object]]:
+    """A row a bone: errors of landmarks left out, by kind of map, in percent of the landmarks' extent."""
+    if not (data / MOUSE).is_file():
+        return
+    bones = bones_of_man(data, "landmarks").bones
+    for relative in read_species("human-mouse").relatives:
+        marks = bones[relative.body].features
+        assert marks is not None
+        theirs = dict(zip(marks.names, marks.target, strict=True))
+        names = tuple(name for name in relative.landmarks if name in theirs)
+        source, target = (np.array([each[name] for name in names]) for each in (relative.landmarks, theirs))
+        row: dict[str, object] = {"bone": relative.body, "landmarks": len(names)}
+        for kind in get_args(MapKind):
+            row[f"{kind} [%]"] = _left_out(names, source, target, MapOptions(kind))
+        yield row
+
+
+def _left_out(names: tuple[str, ...], source: np.ndarray, target: np.ndarray, options: MapOptions) -> str:
+    """Median and worst error, or that the others make no map."""
+    errors = []
+    for k in range(len(names)):
+        kept = np.arange(len(names)) != k
+        others = tuple(name for i, name in enumerate(names) if i != k)
+        try:
+            found = fit_map(FeaturePoints(others, source[kept], target[kept]), options).apply(source[k])
+        except mm.BadData:
+            return "none"
+        errors.append(float(np.linalg.norm(found - target[k]) / np.ptp(target, axis=0).max()))
+    return percent(errors)
