@@ -14,23 +14,26 @@ from benchmarks.results import save
 
 COMPARISONS = {
     "opensim": ("benchmarks.speed.opensim", "speed of every step against OpenSim 4.6, both in one run"),
-    "mujoco": ("benchmarks.speed.mujoco", "speed of tendon lengths and moment arms against MuJoCo"),
+    "mujoco": ("benchmarks.speed.opensim:run_mujoco", "speed of tendon lengths and moment arms against MuJoCo"),
     "size": ("benchmarks.speed.size", "36,000 frames of the 520-muscle model: time and memory"),
     "start": ("benchmarks.speed.start", "import, first command with compilation, later commands"),
     "qp": ("benchmarks.speed.qp", "our tension solver against maintained QP solvers"),
     "elastic": ("benchmarks.speed.elastic", "tensions on elastic tendons: a stride, and 60 s of walking"),
     "identify": ("benchmarks.speed.identify", "base parameters of 36,000 frames: time and memory, sequential rate"),
     "live-delay": ("benchmarks.speed.live_delay", "how late angles, torques and tensions are while frames arrive"),
-    "live": ("benchmarks.speed.live", "frames a second that live identification can take"),
+    "live": ("benchmarks.speed.live_delay:run_identification", "frames a second that live identification can take"),
     "morph": ("benchmarks.speed.morph", "997 elements with 3,000 points over 53 bones of 2,000 features: seconds"),
-    "registration": ("benchmarks.speed.registration", "non-rigid registration of a femur of 20,000 vertices"),
+    "registration": ("benchmarks.speed.morph:run_registration", "non-rigid registration of a femur of 20,000 vertices"),
     "matching": ("benchmarks.matching_methods", "ways to match bones: accuracy, seconds"),
     "masspoints": ("benchmarks.speed.masspoints", "the mass-point problem at full size, and general QP solvers"),
     "calibrate": ("benchmarks.speed.calibrate", "kinematic identification of 50 to 2,000 frames: time and memory"),
-    "grid": ("benchmarks.speed.grid", "grid of mass points of an adult at 5 mm, with weights: time and memory"),
+    "grid": (
+        "benchmarks.speed.masspoints:run_grid",
+        "grid of mass points of an adult at 5 mm, with weights: time and memory",
+    ),
     "viscosity": ("benchmarks.speed.viscosity", "one specimen of the shoulder experiment, and runs on both cores"),
     "contacts": ("benchmarks.speed.contacts", "tensions and contact forces in one problem, and general QP solvers"),
-    "species": ("benchmarks.speed.species", "a whole human leg to a mouse: bones, muscles, files"),
+    "species": ("benchmarks.speed.morph:run_species", "a whole human leg to a mouse: bones, muscles, files"),
     "view": (
         "benchmarks.speed.view",
         "results in a page: from the command to the first pose, frames a second of playback",
@@ -39,7 +42,6 @@ COMPARISONS = {
     "study": ("benchmarks.speed.study", "1,000 short trials: workers side by side, memory, what a trial costs"),
     "results": ("benchmarks.speed.results", "writing the file of a trial, beside h5netcdf"),
     "fuzz": ("benchmarks.fuzz", "readers of files given wrong ones: inputs tried, and what came out"),
-    "trial_path": ("benchmarks.trial_path", "through how many files the inputs of a trial pass; --tree PATH"),
     "house": ("benchmarks.house", "lines by room, words of documentation, vague names; --before REVISION"),
     "release": ("benchmarks.release", "sdist and wheel: contents, and the wheel alone in a fresh environment"),
     "mutants": ("benchmarks.mutants", "small wrong changes of the science rooms: how many their own tests notice"),
@@ -56,11 +58,12 @@ def main() -> None:
     parser.add_argument("--json", type=Path, help="write the rows to this file too")
     parser.add_argument("--save", action="store_true", help="write the rows to docs/results/performance")
     options, rest = parser.parse_known_args()
-    comparison = importlib.import_module(COMPARISONS[options.name][0])
+    module, _, function = COMPARISONS[options.name][0].partition(":")
+    comparison = importlib.import_module(module)
     parser = argparse.ArgumentParser(prog=f"python -m benchmarks {options.name}", add_help=False)
-    if hasattr(comparison, "add_options"):
+    if not function and hasattr(comparison, "add_options"):
         comparison.add_options(parser)
-    rows = comparison.run(**vars(parser.parse_args(rest)))
+    rows = getattr(comparison, function or "run")(**vars(parser.parse_args(rest)))
     print_rows(rows)
     if options.json:
         options.json.write_text(json.dumps(rows, indent=1, default=float))

@@ -1,8 +1,4 @@
-"""The morphed mouse on recordings of mice: a man's leg muscles on both sides of the skeleton, with its marker tables.
-
-The model is what `myomorph morph --species human-mouse --mirror --mass 0.025 --protocol NAME` makes, from maps that the
-sections of another species share.
-"""
+"""The morphed mouse on recordings of mice: a man's leg muscles on both sides of it, with its marker tables."""
 
 from __future__ import annotations
 

@@ -1,13 +1,9 @@
 """Mutation run: how many small wrong changes of the science rooms their own tests notice, with cosmic-ray.
 
-`python -m benchmarks mutants [--count N] [--seed S] [--rooms morph ...] [--work FOLDER] [--save]`. Each mutant is one
-change of one line in a copy of the tree; then the test files of its room run that import the changed module, nearest
-first, as many as take `--budget` seconds without a change. FOLDER keeps the copy, its compiled kernels, the seconds of
-test files and cosmic-ray's session: a run that was stopped goes on there. An hour for forty on one core; not for
-Windows. Needs the extra `mutants`.
-
-Not drawn, as no test should tell them: constants of modules, defaults, annotations, decorators, texts, and what is
-raised or asserted. `<` becomes `>=`, not `<=`, which differs only where two numbers of a measurement are equal.
+`python -m benchmarks mutants [--count N] [--seed S] [--rooms morph ...] [--work FOLDER] [--save]`. A mutant is a change
+of one line in a copy of the tree; the tests of its room that import the module run, nearest first, within `--budget`
+seconds. FOLDER keeps what a stopped run goes on from. An hour for forty; not for Windows; extra `mutants`.
+Not drawn: constants, defaults, annotations, decorators, texts, what is raised or asserted, and `<` to `<=`.
 """
 
 from __future__ import annotations

@@ -1,8 +1,4 @@
-"""OpenSim's own fiber dynamics, integrated under given activations and path lengths.
-
-Every muscle pulls between the ground and a body of its own on a slider, so that the slider's coordinate is the length
-of its path: what is compared is the muscle alone, whatever its path wraps around.
-"""
+"""OpenSim's own fiber dynamics, integrated under given activations and path lengths, each muscle on a slider."""
 
 from __future__ import annotations
 

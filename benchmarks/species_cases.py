@@ -1,8 +1,7 @@
 """A man's leg, a mouse's skeleton, and the anatomist's muscles of the mouse laid on that skeleton.
 
-The anatomist's table has no bones, so its frames are aligned with the skeleton's by joints alone: each segment's
-joints lie on the skeleton's, its flexion axis points as the skeleton's. Toes and pelvis have one joint in common; they
-take the directions of the frames, which both files give by the anatomy, and the size of the whole leg.
+The anatomist's table has no bones: its frames are aligned by joints, each segment's joints and flexion axis on the
+skeleton's. Toes and pelvis take the directions of the frames and the size of the whole leg.
 """
 
 from __future__ import annotations

@@ -1,8 +1,4 @@
-"""Tables of accuracy: `python -m benchmarks.validation [TABLE ...]` measures some, or all, and writes them.
-
-They lie in docs/results/validation; the pages of docs/validation show them. `docs/results/claims.csv`, the table of the
-front page, is computed from the others.
-"""
+"""Tables of accuracy: `python -m benchmarks.validation [TABLE ...]` measures some, or all, and writes them."""
 
 from __future__ import annotations
 

@@ -12,8 +12,7 @@ import numpy as np
 
 import myomorph as mm
 from benchmarks import opensim_tools
-from benchmarks.cases import FORCE_CASES, MARKER_CASES, ForceCase, MarkerCase
-from benchmarks.recordings import read_markers
+from benchmarks.recordings import FORCE_CASES, MARKER_CASES, ForceCase, MarkerCase, read_markers
 from myomorph.io.loads import read_external_loads
 from myomorph.io.osim.setup_parts import read_ik_tasks
 from myomorph.io.sto import table_from_motion

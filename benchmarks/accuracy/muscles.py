@@ -1,8 +1,7 @@
 """Muscle lengths, lengthening speeds and moment arms against OpenSim, on recorded motions and random poses.
 
-OpenSim's moment arms are about its speeds u, which in ball and scapulothoracic joints are not the rates
-of the coordinates q: there ours, about q, are carried over by qdot = N u. Where a moment arm still differs,
-a finite difference of OpenSim's own length along u decides whose it fits better.
+OpenSim's moment arms are about its speeds u; ours, about q, are carried over by qdot = N u. Where one still differs, a
+finite difference of OpenSim's own length along u decides whose it fits better.
 """
 
 from __future__ import annotations

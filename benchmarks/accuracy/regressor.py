@@ -14,7 +14,7 @@ from test_real_models import middling
 from test_regressor import root_forces
 
 import myomorph as mm
-from benchmarks.cases import FORCE_CASES, ForceCase
+from benchmarks.recordings import FORCE_CASES, ForceCase
 from benchmarks.speed.identify import RATE, other_masses, simulated
 from data_collection import data_folder
 from floating import PINOCCHIO_ORDER, mujoco_states, pinocchio_states, root_rates

@@ -1,7 +1,6 @@
 """Muscle tensions without passive force against OpenSim's static optimization, on the same frames.
 
-OpenSim gets every coordinate in its file: where one is missing, AnalyzeTool 4.6 takes accelerations
-from the wrong columns (residual forces of hundreds of newtons in a walk that needs ten).
+OpenSim gets every coordinate: where one is missing, AnalyzeTool 4.6 takes accelerations from the wrong columns.
 """
 
 from __future__ import annotations

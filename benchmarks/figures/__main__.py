@@ -9,19 +9,21 @@ from pathlib import Path
 from benchmarks.figures.page import IMAGES
 
 FIGURES = {
-    "contact-intervals": "certificates",
-    "hands-lift": "hands",
-    "hidden-plates": "hidden_plates",
-    "knee-force": "knee",
-    "morph-shapes": "morph_shapes",
-    "mouse-lengths": "mouse",
-    "passive-tensions": "passive",
-    "species-leg": "species",
+    "contact-intervals": "contacts:draw_intervals",
+    "hands-lift": "contacts:draw_lift",
+    "hidden-plates": "contacts:draw",
+    "knee-force": "muscles:draw",
+    "morph-shapes": "bones:draw_errors",
+    "mouse-lengths": "muscles:draw_lengths",
+    "passive-tensions": "muscles:draw_passive",
+    "species-leg": "bones:draw",
 }
 
 parser = argparse.ArgumentParser(prog="python -m benchmarks.figures", description=__doc__)
 parser.add_argument("name", choices=FIGURES)
 parser.add_argument("file", nargs="?", type=Path)
 options = parser.parse_args()
-figure = importlib.import_module(f"benchmarks.figures.{FIGURES[options.name]}")
-figure.draw(options.file or IMAGES / f"{options.name}.svg")
+module, function = FIGURES[options.name].split(":")
+getattr(importlib.import_module(f"benchmarks.figures.{module}"), function)(
+    options.file or IMAGES / f"{options.name}.svg"
+)

@@ -1,8 +1,7 @@
 """Speed of muscle tensions and contact forces in one problem, and of maintained QP solvers on the same problems.
 
-`python -m benchmarks contacts` prints, for every case, frames a second of the QP step alone (matrices ready) and of
-everything from coordinates to tensions, on all cores (MYOMORPH_THREADS), then milliseconds a frame on one core beside
-those of other solvers. The frames of the walk are recorded, with the plates hidden; the other motion is simulated.
+`python -m benchmarks contacts`: frames a second of the QP step alone and of everything from coordinates to tensions, on
+all cores, then milliseconds a frame on one core beside other solvers. Walks are recorded, their plates hidden.
 """
 
 from __future__ import annotations

@@ -1,8 +1,6 @@
 """What limits of results cost: a walk of 10 s with 92 muscles, its tensions alone and with 200 draws.
 
-`python -m benchmarks draws`: `myomorph tension` on the treadmill walk of `ceinms-emg-walk`, from coordinates to
-tensions and joint loads, each in a process of its own with kernels compiled before. Memory is that of the process and
-those that it starts together.
+Each is a process of its own with kernels compiled before; memory is that of the process and those that it starts.
 """
 
 from __future__ import annotations

@@ -1,8 +1,6 @@
 """Tensions on elastic tendons: a stride of 110 frames and 60 s of walking, 80 muscles; seconds, memory, programs.
 
-The walk is Rajagopal's (rajagopal-walk-emg), 1.1 s of it at 100 Hz. The long recording is that stride again and
-again, made to close; its torques are those of the stride. Times are on the cores of
-MYOMORPH_THREADS, everything from coordinates and torques on.
+The long recording is the stride of rajagopal-walk-emg again and again, made to close, with the torques of the stride.
 """
 
 from __future__ import annotations

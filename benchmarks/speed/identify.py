@@ -1,8 +1,6 @@
-"""Base parameters of 36,000 frames: seconds and peak memory of the batch, frames a second of the recursion.
+"""Base parameters of 36,000 simulated frames: seconds and peak memory of the batch, frames a second of the recursion.
 
-The bodies are a synthetic tree of the paper's size (53 links, 155 degrees of freedom) and the real one of 80
-bodies and 171 coordinates. Their motions are simulated, with the wrench that a body of other masses needs and
-noise of 0.5 N and 0.5 N m.
+The bodies are a synthetic tree of the paper's size (53 links, 155 degrees of freedom) and the real one of 80 bodies.
 """
 
 from __future__ import annotations

@@ -1,10 +1,7 @@
-"""The mass-point problem of [D] eq. 3.10 at full size, and general QP solvers as far as they get.
+"""The mass-point problem of [D] eq. 3.10 at full size, general QP solvers as far as they get, and grids of points.
 
-A made body: an ellipsoid of 70 kg, 53 links with random frames along it, 430 rows of random
-combinations of their parameters with noise. `python -m benchmarks masspoints` solves it for grids of
-1,000 to 530,000 points in one run, every solver in a process of its own, so that its memory is its own and running
-out of it ends nothing else. General solvers get the matrix of eq. 3.12, or its square root as rows where they
-take the problem so; they are given up where one size takes more than a minute or `MEMORY`.
+A made body: an ellipsoid of 70 kg, 53 links, 430 rows of random combinations of their parameters with noise. Every
+solver has a process of its own, and is given up where one size takes more than a minute or `MEMORY`.
 """
 
 from __future__ import annotations
@@ -19,9 +16,13 @@ import numpy as np
 from scipy import sparse
 from scipy.spatial.transform import Rotation
 
-from benchmarks.speed.timing import MEGABYTE, clocked, resident
-from myomorph.identify.body.points import Links, MassPoints, point_moments
-from myomorph.identify.body.weights import WeightMap, bone_weights, cog_weights, nearest_weights
+import myomorph as mm
+from benchmarks.speed.timing import MEGABYTE, clocked, in_own_process, resident
+from data_collection import data_folder
+from myomorph.identify.body.fit_pose import pose_model_to_skin
+from myomorph.identify.body.points import SPACING, Links, MassPoints, fill, links_of, point_moments
+from myomorph.identify.body.shape import body_shape
+from myomorph.identify.body.weights import WeightMap, bone_weights, cog_weights, links_with_mass, nearest_weights
 from myomorph.identify.mass_points import MassPointOptions, prior_variances, solve_mass_points
 from myomorph.identify.pseudo_inertia import solve_pseudo_inertia
 
@@ -289,3 +290,40 @@ GENERAL: dict[str, Callable[[Program], np.ndarray]] = {
     "clarabel, misses as variables": by_clarabel_rows,
     "proxqp, dense matrix": by_proxqp,
 }
+
+
+GRID_MODEL = "fullbody-many-muscles/cyclistFullBodyMuscle.osim"
+
+
+def run_grid() -> list[dict[str, object]]:
+    """Rows of the steps, measured in a process of its own so that memory is theirs alone."""
+    return in_own_process(_steps)
+
+
+def _steps() -> list[dict[str, object]]:
+    model = mm.read_model(data_folder() / GRID_MODEL)
+    posed = pose_model_to_skin(model, body_shape(1.822, 0.870, 66.8, "male"))
+    links, taking = links_of(model, posed.motion), links_with_mass(model)
+    # What is compiled and loaded on first use is not timed.
+    bone_weights(fill(posed.skin, 0.05), links, taking=taking)
+    grid = clocked(lambda: fill(posed.skin, SPACING))
+    points = grid.result
+    weighted = clocked(lambda: bone_weights(points, links, taking=taking))
+    table = weighted.result
+    steps = {
+        "grid inside the skin": (grid, points.nbytes),
+        f"weights by bone of {int(np.sum(taking))} links": (
+            weighted,
+            table.data.nbytes + table.indices.nbytes + table.indptr.nbytes,
+        ),
+    }
+    return [
+        {
+            "step": step,
+            "points": len(points),
+            "s": taken.seconds,
+            "CPU s": taken.cpu,
+            "peak beyond start and results [MB]": taken.peak - size / MEGABYTE,
+        }
+        for step, (taken, size) in steps.items()
+    ]

@@ -1,7 +1,6 @@
 """The tension problem by our dual Newton and by maintained QP solvers: same frames, one process, alternating.
 
-`python -m benchmarks qp` prints milliseconds a frame, ratios and the distance from our solution. Set-up
-of matrices is not timed; every solver gets the matrices in the form it likes best.
+Set-up of matrices is not timed; every solver gets the matrices in the form it likes best.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """A study of 1,000 short trials: workers side by side, memory over the run, and what a trial costs beside its steps.
 
-`python -m benchmarks study`: a recorded walk cut into short recordings, each a little different, through inverse
-kinematics and inverse dynamics; by one worker, by two, once more where nothing has changed, and by two workers of a
-Dask cluster on the same machine.
+A recorded walk is cut into short recordings, each a little different; by one worker, by two, once more where nothing
+has changed, and by two workers of a Dask cluster on the same machine.
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
-"""How fast results are shown: from the command to the first pose in a browser, and frames a second while they play.
+"""Seconds from the command to the first pose in a browser, and frames a second while the demo's jump plays.
 
-`python -m benchmarks view`: the demo's jump (86 muscles), in a browser without a window and without a graphics card, so
-that its frames are drawn by the processor that the program runs on too. Without a browser its rows are left out.
+The browser has no window and no graphics card. Without a browser its rows are left out.
 """
 
 from __future__ import annotations

@@ -1,9 +1,7 @@
 """One specimen of the shoulder experiment from raw recordings to its row of tables, and runs of virtual joints.
 
-The specimen is simulated in MuJoCo (not timed): four releases of 30 s without muscles and four with them, 15 markers
-at 200 Hz, the wrench at 2000 Hz on a clock of its own. Timed are the motion of the bones from the markers with the
-clocks, the choice of the cutoff, the equations of the swings with moment arms, and the identification with a
-bootstrap of 500. Then 16 runs of the virtual joint, simulation and all, in one process and in two.
+The specimen is simulated in MuJoCo (not timed). Timed are tracking with the clocks, the cutoff, the equations of the
+swings with moment arms, and the identification with a bootstrap of 500; then 16 virtual joints, in one process and two.
 """
 
 from __future__ import annotations

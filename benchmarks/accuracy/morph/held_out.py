@@ -1,8 +1,7 @@
-"""A leg carried into the bones of persons who are held out: attachments and moment arms of our maps and of others.
+"""A leg carried into deformed bones and into bones of persons who are held out: attachments and moment arms.
 
-The leg is first laid on the mean of other persons of LLP26. From there to a person the truth is known, for nodes
-correspond: it is the model that the map through all nodes makes. The persons' bones do not share a frame, so joints go
-by the maps.
+The leg is laid on the mean of other persons of LLP26. From there the truth is the model that the map through all
+corresponding nodes makes. The persons' bones do not share a frame, so joints go by the maps.
 """
 
 from __future__ import annotations

@@ -1,11 +1,9 @@
-"""The figure of docs/morphing.md: a man's leg and a mouse's with homologous muscles in one color.
-
-`python -m benchmarks.figures species-leg`
-"""
+"""Figures of bones: `python -m benchmarks.figures species-leg`, `morph-shapes`."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -14,7 +12,8 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 
 import myomorph as mm
-from benchmarks.figures.page import page
+from benchmarks.accuracy.morph.shapes import PLACES, carried, cases, every_map, foreseen
+from benchmarks.figures.page import legend, page
 from benchmarks.species_cases import Bodies, anatomist_on_skeleton, from_man, man, mouse
 from data_collection import data_folder
 from myomorph.morph.species.counterparts import Posed
@@ -98,3 +97,32 @@ def _leg(
             flat = root_pose.apply(points[np.isfinite(points[:, 0])]) @ side.T
             axes.plot(flat[:, 0], flat[:, 1], color=colors[name], lw=1.6, solid_capstyle="round")
     axes.autoscale_view()
+
+
+COUNTS = (4, 6, 8, 12, 16, 24, 36)
+MAPS = {
+    "per-axis scaling, distances": ("per-axis scaling", "#777777", "-"),
+    "affine": ("affine", "#e08214", "-"),
+    "RBF, r": ("RBF, r", "#2166ac", "-"),
+    "SSD": ("SSD", "#b2182b", "-"),
+}
+
+
+def draw_errors(file: Path) -> None:
+    """Mean error of attachments over the number of landmarks, in both places."""
+    with page(file, 1, len(PLACES), (8.4, 3.6), sharey=True, above=0.92) as (figure, axes):
+        makers = every_map()
+        for axis, (where, landmarks) in zip(axes, PLACES.items(), strict=True):
+            for name, (words, color, style) in MAPS.items():
+                errors = [carried(makers[name], partial(landmarks, count=n), cases("mean")).on.mean() for n in COUNTS]
+                axis.plot(COUNTS, 1e3 * np.array(errors), style, color=color, marker="o", ms=3, lw=1.4, label=words)
+                if words == "per-axis scaling":
+                    axis.plot(COUNTS, 5e2 * np.array(errors), ":", color=color, lw=1.0, label="half of it")
+            told = [1e3 * foreseen(partial(landmarks, count=n)) for n in COUNTS]
+            axis.plot(COUNTS, told, "--", color="#1b7837", lw=1.2, label="regression on other persons")
+            axis.set_title(f"landmarks {where}" if where.startswith("at") else f"landmarks at {where}", fontsize=9)
+            axis.set_xlabel("landmarks on each bone")
+            axis.set_xticks(COUNTS, [str(n) for n in COUNTS])
+        axes[0].set_ylabel("mean error of attachments [mm]")
+        axes[0].set_ylim(0.0, 6.5)
+        legend(figure, axes[0], 6, fontsize=8)
