@@ -40,7 +40,6 @@ COMPARISONS = {
     ),
     "draws": ("benchmarks.speed.draws", "limits of results: 200 draws of a 10 s walk beside the walk alone"),
     "study": ("benchmarks.speed.study", "1,000 short trials: workers side by side, memory, what a trial costs"),
-    "results": ("benchmarks.speed.results", "writing the file of a trial, beside h5netcdf"),
     "fuzz": ("benchmarks.fuzz", "readers of files given wrong ones: inputs tried, and what came out"),
     "house": ("benchmarks.house", "lines by room, words of documentation, vague names; --before REVISION"),
     "release": ("benchmarks.release", "sdist and wheel: contents, and the wheel alone in a fresh environment"),
