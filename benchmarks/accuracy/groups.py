@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 from scipy import stats
 
-from myomorph.analysis.conditions import FAR, modified_z
+from myomorph.analysis.conditions import OUTLIER_SCORE, modified_z
 from myomorph.analysis.permutations import (
     g_interval,
     hedges_g,
@@ -170,11 +170,11 @@ def measure_outliers() -> Iterator[Row]:
         for _ in range(repeats):
             values = rng.standard_normal(n)
             values[:wrong] += 6.0
-            called = np.abs(modified_z(values)) > FAR
+            called = np.abs(modified_z(values)) > OUTLIER_SCORE
             good += int(called[wrong:].sum())
             found += int(called[:wrong].sum())
-            plain += int((np.abs(stats.zscore(values, ddof=1)) > FAR)[:wrong].sum())
-            skewed += int((np.abs(modified_z(np.exp(0.5 * rng.standard_normal(n)))) > FAR).sum())
+            plain += int((np.abs(stats.zscore(values, ddof=1)) > OUTLIER_SCORE)[:wrong].sum())
+            skewed += int((np.abs(modified_z(np.exp(0.5 * rng.standard_normal(n)))) > OUTLIER_SCORE).sum())
         yield {
             "trials": n,
             "of them 6 SD away": wrong,

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 import myomorph as mm
-from myomorph.model.passive_dynamics import strand_viscosity, with_passive_dynamics
+from myomorph.model.passive_dynamics import line_viscosity, with_passive_dynamics
 from myomorph.rigid.closed_motion import closed_motion
 from myomorph.rigid.dynamics import rates_of
 from myomorph.rigid.tree import compile_tree
@@ -69,7 +69,7 @@ def matching_viscosity(lift: Lift, strands: Mapping[str, tuple[str, ...]]) -> fl
     coordinates, rates = rates_of(tree, lift.motion)
     E, _, moving = joint_jacobian(tree, *JOINT, coordinates)
     omega = np.einsum("fak,fk->fa", E, rates[:, moving])
-    shares = strand_viscosity(dict.fromkeys(strands, 1.0), strands)
+    shares = line_viscosity(dict.fromkeys(strands, 1.0), strands)
     lengthening = mm.muscle_kinematics(lift.model, lift.motion, moment_arms=False).velocities
     assert lengthening is not None
     each = np.array([shares.get(name, 0.0) for name in lift.model.muscle_names])
@@ -83,7 +83,7 @@ def variants(lift: Lift) -> Iterator[tuple[str, mm.Model]]:
     bushing = joint_bushing(lift.model, *JOINT, MEAN.joint_viscosity, lift.motion).bushing
     yield f"d_J {MEAN.joint_viscosity:g}", with_passive_dynamics(lift.model, bushings=(bushing,))
     for value in (matching_viscosity(lift, strands), MEAN.muscle_viscosity):
-        shared = strand_viscosity(dict.fromkeys(strands, value), strands)
+        shared = line_viscosity(dict.fromkeys(strands, value), strands)
         made = with_passive_dynamics(lift.model, viscosity=shared, bushings=(bushing,))
         yield f"d_J {MEAN.joint_viscosity:g}, d_M {value:.3g}", made
 
