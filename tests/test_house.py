@@ -7,8 +7,8 @@ from benchmarks.house import CHECKOUT, checkout_texts, count
 
 LIMITS = {
     ("lines", "src"): 122_850,
-    ("lines", "benchmarks"): 24_850,
-    ("words", "documentation"): 99_050,
+    ("lines", "benchmarks"): 24_100,
+    ("words", "documentation"): 99_000,
     ("vague", "src"): 6.5,
 }
 
