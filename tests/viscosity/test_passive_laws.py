@@ -60,6 +60,7 @@ def test_the_law_that_acted_is_chosen_and_its_coefficients_found(ball, name, cho
     assert best.name == chosen
     assert best.law.coefficients == pytest.approx(law(**LAWS[name]).coefficients, abs=2e-5, rel=1e-3)
     assert best.angle_error < 1e-3
+    assert (comparison.friction is not None) == (name == "friction")
     assert best.angle_error <= comparison.viscous.angle_error
     kinds = [{term.removesuffix(" by axis") for term in one.terms} for one in comparison.fits]
     acted = set(LAWS[name]) - {"rest_moment"}

@@ -33,11 +33,9 @@ def with_passive_dynamics(
     muscle's viscosity what it had. All of it is written into `.osim` in forms that OpenSim honours
     (SpringGeneralizedForce, BushingForce, ExpressionBasedPathForce) and read back.
 
-    `damping`: of coordinates [N m s/rad or N s/m]; `identify.coordinate_damping.coordinate_damping` makes them from the
-    damping of a ball joint; `stiffness`, `rest`: of coordinates [N m/rad or N/m], [rad or m]; at rest by default where
-    the coordinate's default is; `viscosity`: of muscles [N s/m]; see `line_viscosity`; `bushings`:
-    `identify.joint_bushing.joint_bushing` makes one of the damping of a ball joint, which expresses it better than
-    dampers of coordinates.
+    `damping`: of coordinates [N m s/rad or N s/m]; `stiffness`, `rest`: of coordinates [N m/rad or N/m], [rad or m]; at
+    rest by default where the coordinate's default is; `viscosity`: of muscles [N s/m]; see `line_viscosity`;
+    `bushings`: `viscosity.identified_model.joint_bushing` makes one of the damping of a ball joint.
     """
     for what, values in (("damping", damping), ("stiffness", stiffness), ("viscosity", viscosity)):
         for name, value in values.items():

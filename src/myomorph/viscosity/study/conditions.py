@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from myomorph.model.errors import BadData, MyomorphError
 from myomorph.model.findings import Finding
+from myomorph.model.provenance import Estimate
 from myomorph.viscosity.identification.base_load import BaseLoad, with_base_load
 from myomorph.viscosity.identification.budget import ErrorOptions, ErrorShare
 from myomorph.viscosity.identification.identify import STATES, SpecimenViscosity, ViscosityOptions, identify_specimen
@@ -76,7 +79,7 @@ def identify_conditions(
     by_swings = _identified(specimen, files, conditions, options.identification)
     shared, shares = with_shared_errors(by_swings, options.identification, options.errors, instruments)
     shared, shares = with_attachments(shared, shares, options.moment_arms, options.identification.level)
-    shared = with_base_load(shared, files.base_load)
+    shared = _with_friction(with_base_load(shared, files.base_load), compared)
     law = (conditions, options, compared, cutoff, reason)
     return Identified(shared, by_swings, shares, instruments, *law, tuple(lost), tuple(conflicts))
 
@@ -149,6 +152,25 @@ def _compared(
         if comparisons[name].conflict:
             notes.append(f"{STATES[name]}: {comparisons[name].conflict}")
     return comparisons, notes
+
+
+def _with_friction(
+    specimen_viscosity: SpecimenViscosity, compared: Mapping[str, PassiveComparison]
+) -> SpecimenViscosity:
+    """The specimen with the joint's viscosity beside dry friction, where its swings without muscles show that."""
+    law = compared["without"].friction if "without" in compared else None
+    condition = specimen_viscosity.without
+    if law is None or condition is None:
+        return specimen_viscosity
+    plain, beside, friction = condition.viscosity, law.coefficients["viscosity"], law.coefficients["coulomb"]
+    low = beside.value - float(np.hypot(beside.value - beside.low, plain.value - plain.low))
+    high = beside.value + float(np.hypot(beside.high - beside.value, plain.high - plain.value))
+    note = (
+        f"{STATES['without']}: dry friction of {friction.value:.2g} N m ({friction.low:.2g} to {friction.high:.2g}) in "
+        f"the joint: the viscosity beside it, {beside.value:.3g}, is used; alone it is {plain.value:.3g} N m s/rad"
+    )
+    condition = replace(condition, viscosity=Estimate(beside.value, max(low, 0.0), high))
+    return replace(specimen_viscosity, without=condition, notes=(*specimen_viscosity.notes, note))
 
 
 def _with_law(options: StudyOptions, compared: Mapping[str, PassiveComparison]) -> StudyOptions:

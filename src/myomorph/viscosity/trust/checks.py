@@ -167,7 +167,7 @@ def condition_findings(condition: Condition) -> tuple[Finding, ...]:
             continue
         text = (
             f"axis '{axis}' is not excited, its viscosity not identifiable: rates of {rate:.3g} rad/s (root mean "
-            f"square), {why}; release the limb with a turn about that axis"
+            f"square), {why}; spin the limb about that axis as it is released (turned and let go it hardly rotates)"
         )
         findings.append(Finding("axis", axis, text))
     return (*findings, *_misfit(condition))
