@@ -22,6 +22,7 @@ PAGES: dict[str, dict[str, str]] = {
         "loops": "accuracy.loops:measure_constraints",
         "loops_trees": "accuracy.loops:measure_trees",
         "loop_arms": "accuracy.loop_forces:measure_arms",
+        "mujoco": "accuracy.mujoco_models:measure",
     },
     "kinematics-and-dynamics": {
         "inverse_kinematics": "accuracy.kinematics:measure_inverse_kinematics",

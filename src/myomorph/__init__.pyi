@@ -98,6 +98,9 @@ from .motion.sync import cut as cut
 from .motion.sync import resample_wrenches as resample_wrenches
 from .motion.tasks.coordinates import CoordinateTask as CoordinateTask
 from .motion.tasks.task import Task as Task
+from .mujoco_tools.certificate import Certificate as Certificate
+from .mujoco_tools.certificate import Difference as Difference
+from .mujoco_tools.export import write_mjcf as write_mjcf
 from .muscles.kinematics import MuscleKinematics as MuscleKinematics
 from .muscles.kinematics import default_path_lengths as default_path_lengths
 from .muscles.kinematics import muscle_kinematics as muscle_kinematics

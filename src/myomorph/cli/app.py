@@ -14,7 +14,7 @@ PANELS = {
     "Main job": ("demo", "analyze", "run", "report", "view"),
     "The body": ("calibrate", "morph", "refine", "identify", "transfer", "personalize", "viscosity"),
     "The movement and its forces": ("ik", "id", "muscles", "tension", "uncertainty", "live"),
-    "Files": ("info", "convert", "run-tool"),
+    "Files": ("info", "convert", "export", "run-tool"),
 }
 """Panels of commands in the program's help."""
 
@@ -53,6 +53,11 @@ COMMANDS = {
         "convert",
         "A recording as other files: C3D to TRC, MOT with external loads and STO, and back.",
         "myomorph convert walk1.c3d --out walk1",
+    ),
+    "export": Command(
+        "export",
+        "A model for MuJoCo, with a certificate of lengths, moment arms, masses and torques.",
+        "myomorph export subject.osim --mjcf subject.xml",
     ),
     "calibrate": Command(
         "calibrate",

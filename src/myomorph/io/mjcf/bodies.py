@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
+from myomorph.io.mjcf.couplings import coupler_of_text
 from myomorph.model.arrays import Array
 from myomorph.model.errors import quoted
 from myomorph.model.functions import PiecewisePolynomial, linear
@@ -268,6 +269,8 @@ def couplers_and_loops(
             _join(m, names, e, couplers, locked, lost)
         elif kind in (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD)):
             loops.append(_loop(m, names, e, word))
+        elif (coupler := _curve(m, names, name)) is not None:
+            couplers[coupler.dependent] = coupler
         else:
             lost.append(Kept(f"{word} equality", name, "it is not kept: the model moves without it", "", "equality"))
     held = [replace(c, default=locked[c.name], locked=True) if c.name in locked else c for c in coordinates]
@@ -297,6 +300,21 @@ def _join(
         return
     function = PiecewisePolynomial(np.array([x0]), coefficients[None])
     couplers[follower] = Coupler(name, follower, function, (leader,))
+
+
+def _curve(m: Any, names: MjcfNames, name: str) -> Coupler | None:
+    """The coupler that the file holds, as text, for an equality of tendons: see `couplings.Cam`."""
+    number = mujoco.mj_name2id(m, mujoco.mjtObj.mjOBJ_TEXT, name)
+    if number < 0:
+        return None
+    start = int(m.text_adr[number])
+    text = bytes(m.text_data[start : start + int(m.text_size[number])]).rstrip(b"\0").decode("utf-8", "replace")
+    follower, _, curve = text.partition(";")
+    try:
+        coupler = coupler_of_text(name, follower, curve)
+    except ValueError:
+        return None
+    return coupler if {follower, *coupler.independents} <= set(names.joints) else None
 
 
 def _follows(leader: str, follower: str, couplers: dict[str, Coupler]) -> bool:

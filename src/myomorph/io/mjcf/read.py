@@ -20,6 +20,8 @@ from myomorph.io.formats import COMPOSED
 from myomorph.io.mjcf.bodies import MjcfNames, bodies_and_joints, couplers_and_loops, geom_mesh, left_out, pose_of
 from myomorph.io.mjcf.compile import DEFAULT_TIME_LIMIT, compile_guarded, silent_mujoco
 from myomorph.io.mjcf.muscles import actuators_of, muscles_of
+from myomorph.io.mjcf.original import original_of
+from myomorph.io.mjcf.write import MARKERS
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, BadFile, BadModel
 from myomorph.model.model import Frame, Kept, Marker, Mesh, Model
@@ -45,11 +47,15 @@ def read_mjcf(
     existing file outside. A mesh that is missing is left out with its geoms and listed in
     `Model.kept`.
 
+    A file that `write_mjcf` wrote gives the model that it was written from, unless it was edited since or
+    `marker_sites` is given: then it is read as MuJoCo has it.
+
     Parameters
     ----------
     path : the MJCF file
     root : top folder of the model's tree, where the rule above does not find it
-    marker_sites : regular expression; sites whose whole name matches become markers too
+    marker_sites : regular expression; sites whose whole name matches become markers too, instead of those of a tuple
+        named "markers"
     time_limit : most seconds that MuJoCo may take to compile the model [s]
 
     Raises
@@ -58,6 +64,9 @@ def read_mjcf(
     BadModel : what it describes cannot be a tree of joints
     """
     path = Path(path)
+    original = original_of(path) if marker_sites is None else None
+    if original is not None:
+        return original
     compiled, missing = compile_guarded(path, None if root is None else Path(root), time_limit)
     return model_from_mujoco(compiled, source=str(path), marker_sites=marker_sites, kept=missing)
 
@@ -133,14 +142,15 @@ def _frames(m: Any, names: MjcfNames) -> tuple[Frame, ...]:
 
 
 def _markers(m: Any, names: MjcfNames, pattern: str | None) -> tuple[Marker, ...]:
-    if pattern is None:
-        return ()
-    wanted = re.compile(pattern)
-    return tuple(
-        Marker(names.sites[i], names.bodies[m.site_bodyid[i]], m.site_pos[i])
-        for i in range(m.nsite)
-        if wanted.fullmatch(names.sites[i])
-    )
+    if pattern is not None:
+        wanted = re.compile(pattern)
+        sites = [i for i in range(m.nsite) if wanted.fullmatch(names.sites[i])]
+    else:
+        number = mujoco.mj_name2id(m, mujoco.mjtObj.mjOBJ_TUPLE, MARKERS)
+        first = int(m.tuple_adr[number]) if number >= 0 else 0
+        members = range(first, first + int(m.tuple_size[number])) if number >= 0 else ()
+        sites = [int(m.tuple_objid[i]) for i in members if m.tuple_objtype[i] == int(mujoco.mjtObj.mjOBJ_SITE)]
+    return tuple(Marker(names.sites[i], names.bodies[m.site_bodyid[i]], m.site_pos[i]) for i in sites)
 
 
 def _ground_meshes(m: Any, names: MjcfNames, source: str) -> tuple[Mesh, ...]:

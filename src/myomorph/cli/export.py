@@ -1,0 +1,44 @@
+"""`export`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+
+def export_command(
+    model: Annotated[Path, Parameter(help="Model (.osim or .xml), or one of myo-sim by name (myo-sim:myoarm).")],
+    /,
+    *,
+    mjcf: Annotated[
+        Path,
+        Parameter(
+            help="File of MuJoCo to write (.xml); meshes and tables (what differs, the muscles' curves) go beside it."
+        ),
+    ],
+    geometry: Annotated[
+        Path | None,
+        Parameter(help="Folder of the model's meshes; those beside its file and in Geometry there by default."),
+    ] = None,
+) -> int:
+    """A model for MuJoCo 3 and 4, with a certificate: which muscle differs, where and by how much."""
+    # Imported by the command that needs it: --help and the others start without.
+    from myomorph.cli.output import said
+    from myomorph.io.formats import read_model
+    from myomorph.model.errors import BadFile
+    from myomorph.mujoco_tools.export import write_mjcf
+    from myomorph.mujoco_tools.tables import write_tables
+
+    if mjcf.suffix.lower() != ".xml":
+        raise BadFile(mjcf, f"is no name for MuJoCo's file: it ends in '{mjcf.suffix}'", "expected .xml")
+    if geometry is not None and not geometry.is_dir():
+        raise BadFile(geometry, "is not a folder", "give the folder of the model's meshes")
+    read = read_model(model)
+    certificate = write_mjcf(read, mjcf, () if geometry is None else (geometry,))
+    for line in certificate.lines:
+        said(line)
+    tables = write_tables(read, certificate, mjcf)
+    said(f"wrote {mjcf}, {', '.join(path.name for path in tables)}")
+    return 0

@@ -1,0 +1,255 @@
+"""What MuJoCo's copy of a model differs by from the model, over the ranges of its coordinates."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from myomorph.model.arrays import Array
+from myomorph.model.errors import quoted
+from myomorph.model.model import Model
+from myomorph.model.series import Motion
+from myomorph.mujoco_tools.copy import MujocoCopy
+from myomorph.muscles.path import Paths, compile_paths
+from myomorph.rigid.dynamics import inverse_dynamics, motion_arrays
+from myomorph.rigid.tree import compile_tree
+
+TOLERANCE = 1e-4
+"""By which lengths [m] and moment arms [m/rad] may differ."""
+
+SLOPE_STEP = 1e-4
+FRAMES = 20
+STEPS = 20
+
+
+@dataclass(frozen=True, eq=False)
+class Difference:
+    """Where one muscle of MuJoCo differs most from ours.
+
+    Attributes
+    ----------
+    muscle : its name
+    length, arm : largest differences, each coordinate moved alone [m], [m/rad or m/m]
+    length_at, arm_at : coordinate and its value where that is [rad or m]
+    arm_about : coordinate of that moment arm
+    own : difference there of our moment arm from the slope of our length, which OpenSim's rules do not keep equal
+        [m/rad or m/m]
+    length_together, arm_together : largest differences, all coordinates moved together
+    share : of those poses, the share in which length and moment arms are within the tolerance
+    force : largest difference of isometric force, over the muscle's strength
+    """
+
+    muscle: str
+    length: float
+    length_at: tuple[str, float]
+    arm: float
+    arm_at: tuple[str, float]
+    arm_about: str
+    own: float
+    length_together: float
+    arm_together: float
+    share: float
+    force: float
+
+    @property
+    def within(self) -> bool:
+        """Whether the muscle is within the tolerance wherever one coordinate moves alone."""
+        return max(self.length, self.arm) <= TOLERANCE
+
+
+@dataclass(frozen=True, eq=False)
+class Certificate:
+    """How far MuJoCo's copy of a model is the model.
+
+    Attributes
+    ----------
+    version : of MuJoCo
+    poses : compared
+    differences : one a muscle
+    mass : difference of the whole mass [kg]
+    torque, largest_torque : largest difference of inverse dynamics in made motions, and its largest value [N m or N]
+    steps : whether MuJoCo's copy steps from its default pose without a warning and with finite values
+    notes : what is otherwise than in the model, one line each
+    """
+
+    version: str
+    poses: int
+    differences: tuple[Difference, ...]
+    mass: float
+    torque: float
+    largest_torque: float
+    steps: bool
+    notes: tuple[str, ...] = ()
+
+    @property
+    def rows(self) -> list[dict[str, str | float]]:
+        """A row a muscle, as the table beside the file has it [mm]."""
+        return [
+            {
+                "muscle": one.muscle,
+                "length [mm]": 1e3 * one.length,
+                "length at": f"{one.length_at[0]} {one.length_at[1]:.3f}",
+                "moment arm [mm]": 1e3 * one.arm,
+                "moment arm about": one.arm_about,
+                "moment arm at": f"{one.arm_at[0]} {one.arm_at[1]:.3f}",
+                "own moment arm off slope [mm]": 1e3 * one.own,
+                "length together [mm]": 1e3 * one.length_together,
+                "moment arm together [mm]": 1e3 * one.arm_together,
+                "share of poses within": one.share,
+                "isometric force": one.force,
+            }
+            for one in self.differences
+        ]
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """The certificate in words; its first line says where lengths or moment arms are not the model's."""
+        beyond = sorted((one for one in self.differences if not one.within), key=lambda one: -max(one.length, one.arm))
+        lines = []
+        if beyond:
+            one = beyond[0]
+            lines.append(
+                f"{len(beyond)} of {len(self.differences)} muscles differ by more than {1e3 * TOLERANCE:g} mm: most "
+                f"'{one.muscle}', length by {1e3 * one.length:.2f} mm at {one.length_at[0]} {one.length_at[1]:.2f}, "
+                f"moment arm about {one.arm_about} by {1e3 * one.arm:.2f} mm at {one.arm_at[0]} {one.arm_at[1]:.2f}"
+            )
+            if len(beyond) > 1:
+                others = [f"{one.muscle} {1e3 * one.length:.2f} and {1e3 * one.arm:.2f}" for one in beyond[1:]]
+                lines.append(f"the others, length and moment arm [mm]: {quoted(others, 8)}")
+        elif self.differences:
+            lines.append(
+                f"lengths and moment arms of all {len(self.differences)} muscles are within {1e3 * TOLERANCE:g} mm, "
+                "each coordinate moved over its range"
+            )
+        own = [one for one in beyond if one.length <= TOLERANCE and one.arm <= one.own + TOLERANCE]
+        if own:
+            lines.append(
+                f"in {len(own)} of them lengths agree, but OpenSim's moment arms are not the slopes of its lengths, as "
+                f"MuJoCo's are: {quoted([one.muscle for one in own], 4)}"
+            )
+        together = [one for one in self.differences if one.share < 1.0]
+        if together:
+            one = min(together, key=lambda one: one.share)
+            lines.append(
+                f"all coordinates moved together: {len(together)} muscles leave {1e3 * TOLERANCE:g} mm somewhere, "
+                f"'{one.muscle}' in {100.0 * (1.0 - one.share):.0f} % of poses"
+            )
+        lines.append(
+            f"MuJoCo {self.version}: mass differs by {self.mass:.1e} kg, inverse dynamics by {self.torque:.1e} of "
+            f"{self.largest_torque:.0f} N m; it {'steps' if self.steps else 'does not step'} from its default pose"
+        )
+        strengths = [one for one in self.differences if one.force > 0.0]
+        if strengths:
+            one = max(strengths, key=lambda one: one.force)
+            lines.append(
+                f"MuJoCo's muscle curves differ by up to {100.0 * one.force:.0f} % of a muscle's strength "
+                f"('{one.muscle}'): the table of curves has ours"
+            )
+        return (*lines, *self.notes)
+
+
+def certify(
+    model: Model,
+    copy: MujocoCopy,
+    coordinates: Array,
+    copied: Array,
+    swept: Array,
+    forces: Array,
+    notes: tuple[str, ...] = (),
+) -> Certificate:
+    """Compare MuJoCo's copy with the model.
+
+    Parameters
+    ----------
+    coordinates, copied : the poses (poses, coordinates) in the model's coordinates and in those of the copy
+    swept : (poses,) as of `poses_over_ranges`
+    forces : (muscles,) as of `mujoco_muscles`
+    """
+    differences = _differences(model, copy, coordinates, copied, swept, forces) if model.muscles else ()
+    torque, largest = _torques(copy, copied)
+    mass = float(copy.m.body_mass.sum()) - model.mass
+    return Certificate(
+        mujoco.__version__, len(coordinates), differences, mass, torque, largest, copy.steps(STEPS), notes
+    )
+
+
+def _differences(
+    model: Model, copy: MujocoCopy, coordinates: Array, copied: Array, swept: Array, forces: Array
+) -> tuple[Difference, ...]:
+    paths = compile_paths(model)
+    lengths, _, pairs = paths.evaluate(coordinates)
+    theirs, their_arms = copy.lengths_and_arms(copied)
+    dense = np.zeros((*lengths.shape, len(model.coordinates)))
+    dense[:, paths.arm_muscle, paths.arm_coordinate] = pairs
+    free = [i for i, name in enumerate(copy.free) if name in model.coordinate_names]
+    ours = dense[:, :, [model.coordinate_names.index(copy.free[i]) for i in free]]
+    off = np.abs(theirs - lengths)
+    arms_off = np.abs(their_arms[:, :, free] - ours)
+    alone, together = np.flatnonzero(swept >= 0), swept < 0
+    places = [
+        np.unravel_index(np.argmax(arms_off[alone, m]), (len(alone), len(free))) for m in range(len(model.muscles))
+    ]
+    arms_at, about = alone[[int(pose) for pose, _ in places]], [int(index) for _, index in places]
+    columns = [model.coordinate_names.index(copy.free[free[index]]) for index in about]
+    muscles = np.arange(len(model.muscles))
+    own = _off_slopes(paths, coordinates[arms_at], columns, ours[arms_at, muscles, about])
+    result = []
+    for m, muscle in enumerate(model.muscles):
+        at, arm_at = alone[np.argmax(off[alone, m])], arms_at[m]
+        within = (off[together, m] <= TOLERANCE) & (arms_off[together, m].max(axis=1) <= TOLERANCE)
+        result.append(
+            Difference(
+                muscle.name,
+                float(off[at, m]),
+                _place(model, coordinates, swept, int(at)),
+                float(arms_off[arm_at, m, about[m]]),
+                _place(model, coordinates, swept, int(arm_at)),
+                copy.free[free[about[m]]],
+                float(own[m]),
+                float(off[together, m].max(initial=0.0)),
+                float(arms_off[together, m].max(initial=0.0)),
+                float(within.mean()),
+                float(forces[m]),
+            )
+        )
+    return tuple(result)
+
+
+def _off_slopes(paths: Paths, poses: Array, columns: list[int], arms: Array) -> Array:
+    """(muscles,) by how much each muscle's moment arm in its own pose differs from the slope of its length.
+
+    Parameters
+    ----------
+    poses : (muscles, coordinates)
+    columns : the coordinate of each moment arm
+    arms : (muscles,) moment arms
+    """
+    step = np.zeros_like(poses)
+    every = np.arange(len(poses))
+    step[every, columns] = SLOPE_STEP
+    slopes = []
+    for sign in (1.0, -1.0):
+        change = paths.evaluate(poses + sign * step)[0] - paths.evaluate(poses)[0]
+        slopes.append(np.abs(arms + sign * change[every, every] / SLOPE_STEP))
+    # At an end of a range, or where a path changes, one side counts.
+    return np.asarray(np.minimum(*slopes))
+
+
+def _place(model: Model, coordinates: Array, swept: Array, pose: int) -> tuple[str, float]:
+    return model.coordinate_names[swept[pose]], float(coordinates[pose, swept[pose]])
+
+
+def _torques(copy: MujocoCopy, copied: Array) -> tuple[float, float]:
+    """Largest difference of inverse dynamics in made motions, and the largest generalized force [N m or N]."""
+    poses = copied[-FRAMES:]
+    random = np.random.default_rng(0)
+    speeds, accelerations = random.standard_normal((2, *poses.shape))
+    for _, _, at, _ in copy.turning:
+        columns = slice(at, at + 3)
+        speeds[:, columns], accelerations[:, columns] = 0.0, 0.0
+    motion = Motion(np.arange(len(poses), dtype=np.float64), copy.model.coordinate_names, poses, speeds, accelerations)
+    ours = inverse_dynamics(copy.model, motion).values[:, copy.columns]
+    theirs = copy.generalized_forces(*motion_arrays(compile_tree(copy.model), motion))
+    return float(np.abs(theirs - ours).max(initial=0.0)), float(np.abs(ours).max(initial=0.0))

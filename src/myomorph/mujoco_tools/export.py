@@ -1,0 +1,127 @@
+"""A model to MuJoCo: its joints, paths and muscles made MuJoCo's, written, and certified."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from myomorph.io.mesh import read_surfaces
+from myomorph.io.mjcf.couplings import Cam
+from myomorph.io.mjcf.original import put_original
+from myomorph.io.mjcf.write import MjcfDocument, mjcf_document
+from myomorph.io.osim.document import write_document
+from myomorph.model.arrays import Array
+from myomorph.model.errors import quoted
+from myomorph.model.model import Mesh, Model
+from myomorph.mujoco_tools.cams import cams_of
+from myomorph.mujoco_tools.certificate import Certificate, certify
+from myomorph.mujoco_tools.copy import MujocoCopy
+from myomorph.mujoco_tools.joints import mujoco_joints
+from myomorph.mujoco_tools.muscle_forces import mujoco_muscles
+from myomorph.mujoco_tools.ranges import poses_over_ranges
+from myomorph.mujoco_tools.tendon_paths import tendon_paths
+from myomorph.rigid.coordinates import couple_frames
+from myomorph.rigid.tree import compile_tree
+
+FITTED_POSES = 200
+CERTIFIED_POSES = 300
+FITTED_SEED, CERTIFIED_SEED = 0, 1
+
+
+def write_mjcf(
+    model: Model, path: str | os.PathLike[str], geometry: Sequence[str | os.PathLike[str]] = ()
+) -> Certificate:
+    """Write a model as MJCF for MuJoCo 3 and 4, and say how far MuJoCo's copy is the model.
+
+    Masses, inertias, joints and points of paths are the model's; what MuJoCo lacks (joints that follow splines, points
+    that move, surfaces, curves of muscles) is replaced, and the certificate holds the result against the model over
+    the coordinates' ranges. Meshes go into a folder beside the file.
+
+    Source: Todorov, Erez and Tassa 2012, MuJoCo.
+
+    Parameters
+    ----------
+    model : to write
+    path : of the new file (.xml), replaced where it exists
+    geometry : folders of its meshes, besides those beside the model's own file
+
+    Returns
+    -------
+    differences of each muscle's length [m] and moment arms [m/rad], of mass [kg] and of inverse dynamics [N m]
+
+    Raises
+    ------
+    BadModel
+        a joint cannot be MuJoCo's
+    BadFile
+        a file cannot be written
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> certificate = mm.write_mjcf(mm.read_model("arm.osim"), "arm.xml")
+    >>> certificate.steps, [difference.muscle for difference in certificate.differences]
+    (True, ['flexor', 'extensor'])
+    """
+    path = Path(path)
+    copied, cams, forces, notes = mujoco_model(model)
+    folders = [Path(folder) for folder in geometry]
+    if model.source:
+        beside = Path(model.source).parent
+        folders += [folder for folder in (beside, beside / "Geometry", beside / "geometry") if folder.is_dir()]
+    surfaces, _ = read_surfaces(model, folders) if folders else ({}, ())
+    document = mjcf_document(copied, path, cams, surfaces)
+    if not any(muscle.kind == "mujoco" for muscle in model.muscles):
+        notes += tuple(f"read back: {line}" for line in put_original(document.root, _drawn_by(model, document)))
+    write_document(document.root, path)
+    coordinates, swept = poses_over_ranges(model, CERTIFIED_POSES, CERTIFIED_SEED)
+    copy = MujocoCopy(path, copied)
+    there = in_copy(copied, model, coordinates)
+    return certify(model, copy, coordinates, there, swept, forces, (*notes, *document.warnings))
+
+
+def _drawn_by(model: Model, document: MjcfDocument) -> Model:
+    """The model with the meshes that were written for MuJoCo."""
+
+    def drawn(mesh: Mesh) -> Mesh:
+        file = document.meshes.get(mesh.file)
+        return mesh if file is None else replace(mesh, file=f"{document.folder}/{file}")
+
+    bodies = tuple(replace(body, meshes=tuple(map(drawn, body.meshes))) for body in model.bodies)
+    return replace(model, bodies=bodies, ground_meshes=tuple(map(drawn, model.ground_meshes)))
+
+
+def mujoco_model(model: Model) -> tuple[Model, tuple[Cam, ...], Array, tuple[str, ...]]:
+    """The model as MuJoCo can hold it, its cams, differences of its muscles' forces, and notes."""
+    jointed = mujoco_joints(model)
+    coordinates, _ = poses_over_ranges(model, FITTED_POSES, FITTED_SEED)
+    notes = []
+    made, changed = tendon_paths(jointed, in_copy(jointed, model, coordinates))
+    if changed:
+        lines = [f"{muscle} without {what}" for muscle, what in changed.items()]
+        notes.append(f"paths of {len(changed)} muscles have fewer surfaces in MuJoCo: {quoted(lines, 3)}")
+    muscles, forces = mujoco_muscles(model)
+    muscles = tuple(replace(muscle, path=other.path) for muscle, other in zip(muscles, made.muscles, strict=True))
+    cams, polynomials = cams_of(jointed)
+    if polynomials:
+        names = [coupler.dependent for coupler in polynomials]
+        notes.append(
+            f"coordinates that follow by a polynomial of degree four instead of their curve: {quoted(names, 3)}"
+        )
+    by_name = {coupler.name: coupler for coupler in polynomials}
+    couplers = tuple(by_name.get(coupler.name, coupler) for coupler in made.couplers)
+    return replace(made, muscles=muscles, couplers=couplers), cams, forces, tuple(notes)
+
+
+def in_copy(copied: Model, model: Model, coordinates: Array) -> Array:
+    """Poses (poses, coordinates) of a model in the coordinates of one of `mujoco_joints`."""
+    result = np.tile([coordinate.default for coordinate in copied.coordinates], (len(coordinates), 1))
+    for i, name in enumerate(copied.coordinate_names):
+        if name in model.coordinate_names:
+            result[:, i] = coordinates[:, model.coordinate_names.index(name)]
+    couple_frames(compile_tree(copied).arrays, result)
+    return result

@@ -1,0 +1,184 @@
+"""Joints as MuJoCo has them: each axis one hinge or slide with a coordinate of its own.
+
+An axis that moves by a function of a coordinate gets a coordinate that follows the first, and so does each direction in
+which a path point moves: such a point becomes a body without mass. Nothing is approximated here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+
+from myomorph.model.errors import BadModel
+from myomorph.model.functions import Function, SineProduct, linear
+from myomorph.model.model import Axis, Body, Coordinate, Coupler, Joint, Model
+from myomorph.model.paths import MovingPathPoint, Muscle, PathPoint
+from myomorph.model.spatial import Transform, axis_rotation
+
+MAX_AXES = 6
+"""Degrees of freedom that MuJoCo allows a body."""
+
+OWN_KINDS = {"free", "ball", "hinge", "slide", "weld"}
+"""Joints of models that were read from MuJoCo's files, which stay as they are."""
+
+
+def mujoco_joints(model: Model) -> Model:
+    """The model with joints that MuJoCo can hold: unit axes, one coordinate each, in the child's frame.
+
+    The amount of each axis is its coordinate less that coordinate's default, so the default pose is MuJoCo's `qpos0`. A
+    coordinate that moves no axis one to one stays, without an axis, for those that follow it.
+
+    Raises
+    ------
+    BadModel
+        an independent coordinate moves no axis one to one, an axis moves by two coordinates, or a body by too many
+    """
+    coordinates = {coordinate.name: coordinate for coordinate in _at_defaults(model)}
+    points = _PointBodies(coordinates)
+    muscles = tuple(points.with_bodies(muscle) for muscle in model.muscles)
+    joints: list[Joint] = []
+    followers = list(points.followers)
+    for joint in model.joints:
+        new, more = _joint(joint, coordinates, set(model.dependent_coordinates))
+        joints.append(new)
+        followers += more
+    joints += points.joints
+    made = {follower.name: follower for follower, _ in followers}
+    order = [name for joint in joints for name in joint.coordinates]
+    order += [name for name in coordinates if name not in order]
+    return replace(
+        model,
+        bodies=(*model.bodies, *points.bodies),
+        joints=tuple(joints),
+        muscles=muscles,
+        coordinates=tuple(coordinates.get(name) or made[name] for name in order),
+        couplers=(*model.couplers, *(coupler for _, coupler in followers)),
+    )
+
+
+class _PointBodies:
+    """Bodies without mass that carry the path points that move."""
+
+    def __init__(self, coordinates: dict[str, Coordinate]):
+        self.coordinates = coordinates
+        self.bodies: list[Body] = []
+        self.joints: list[Joint] = []
+        self.followers: list[tuple[Coordinate, Coupler]] = []
+
+    def with_bodies(self, muscle: Muscle) -> Muscle:
+        """The muscle with each point that moves fixed to a body that does."""
+        points = tuple(
+            self._fixed(muscle, point) if isinstance(point, MovingPathPoint) else point for point in muscle.path.points
+        )
+        return replace(muscle, path=replace(muscle.path, points=points))
+
+    def _fixed(self, muscle: Muscle, point: MovingPathPoint) -> PathPoint:
+        body = f"{muscle.name}_{point.name}"
+        axes, names, place = [], [], np.zeros(3)
+        for i, (function, leader) in enumerate(zip(point.functions, point.coordinates, strict=True)):
+            place[i] = float(function(self.coordinates[leader].default if leader else 0.0))
+            if leader and slope_of(function) != 0.0:
+                names.append(f"{body}_{'xyz'[i]}")
+                axes.append(Axis("translation", np.eye(3)[i], linear(1.0, -place[i]), (names[-1],)))
+                self.followers.append(_follower(names[-1], "translation", place[i], function, leader))
+        self.bodies.append(Body(body, 0.0, np.zeros(3), np.zeros((3, 3))))
+        frame = Transform(np.eye(3), place)
+        kind = "+".join("slide" for _ in axes) or "weld"
+        self.joints.append(Joint(body, kind, point.body, body, frame, Transform.identity(), tuple(axes), tuple(names)))
+        return PathPoint(point.name, body, np.zeros(3))
+
+
+def _follower(name: str, kind: str, value: float, function: Function, leader: str) -> tuple[Coordinate, Coupler]:
+    motion: Literal["rotational", "translational"] = "rotational" if kind == "rotation" else "translational"
+    return Coordinate(name, motion, default=value), Coupler(f"{name}_follows", name, function, (leader,))
+
+
+def _at_defaults(model: Model) -> list[Coordinate]:
+    """Coordinates with defaults that keep to the couplers; MuJoCo's own stay, as their joints start from them."""
+    values = {coordinate.name: coordinate.default for coordinate in model.coordinates}
+    own = {name for joint in model.joints if _is_own(joint) for name in joint.coordinates}
+    for coupler in model.couplers:
+        if coupler.dependent in own:
+            continue
+        values[coupler.dependent] = _value(coupler.function, [values[name] for name in coupler.independents])
+    return [replace(coordinate, default=values[coordinate.name]) for coordinate in model.coordinates]
+
+
+def _is_own(joint: Joint) -> bool:
+    return set(joint.kind.split("+")) <= OWN_KINDS
+
+
+def slope_of(function: Function) -> float | None:
+    """Slope of a function that is a line, else None."""
+    if isinstance(function, SineProduct) or len(function.breaks) > 1:
+        return None
+    coefficients = function.coefficients[0]
+    if coefficients[2:].any():
+        return None
+    return float(coefficients[1]) if len(coefficients) > 1 else 0.0
+
+
+def _joint(
+    joint: Joint, coordinates: dict[str, Coordinate], dependent: set[str]
+) -> tuple[Joint, list[tuple[Coordinate, Coupler]]]:
+    """A joint with an axis a coordinate, and the coordinates that it has besides its own."""
+    if _is_own(joint):
+        return joint, []
+    leading: dict[str, int] = {}
+    for index, axis in enumerate(joint.axes):
+        name = axis.coordinates[0] if len(axis.coordinates) == 1 else ""
+        if name in joint.coordinates and name not in leading and abs(slope_of(axis.function) or 0.0) == 1.0:
+            leading[name] = index
+    missing = [name for name in joint.coordinates if name not in leading and name not in dependent]
+    if missing:
+        raise BadModel(f"coordinate '{missing[0]}' of joint '{joint.name}' moves no axis one to one, as MuJoCo needs")
+    made: list[Axis] = []
+    followers: list[tuple[Coordinate, Coupler]] = []
+    # What comes after an axis at the defaults: the axis is moved through it into the child's frame.
+    after = joint.child_frame.inverse()
+    for index in reversed(range(len(joint.axes))):
+        axis = joint.axes[index]
+        sign, name, amount = 1.0, "", _default_amount(axis, coordinates)
+        if index in leading.values():
+            name = axis.coordinates[0]
+            sign, reference = slope_of(axis.function) or 1.0, coordinates[name].default
+        elif axis.function.arity and slope_of(axis.function) != 0.0:
+            if axis.function.arity > 1:
+                raise BadModel(
+                    f"joint '{joint.name}' has an axis that moves by two coordinates, {axis.coordinates[0]} and "
+                    f"{axis.coordinates[1]}, which MuJoCo cannot hold"
+                )
+            name, reference = f"{joint.name}_{axis.kind[0]}{index}", amount
+            followers.insert(0, _follower(name, axis.kind, amount, axis.function, axis.coordinates[0]))
+        if name:
+            vector, origin = sign * after.rotation.T @ axis.vector, after.inverse().apply(axis.origin)
+            made.insert(0, Axis(axis.kind, vector, linear(1.0, -reference), (name,), origin))
+        after = moved(axis, amount) @ after
+    if len(made) > MAX_AXES:
+        raise BadModel(f"joint '{joint.name}' has {len(made)} axes that move, and MuJoCo allows {MAX_AXES} a body")
+    kind = "+".join("hinge" if axis.kind == "rotation" else "slide" for axis in made) or "weld"
+    names = tuple(axis.coordinates[0] for axis in made)
+    frame = joint.parent_frame @ after
+    return Joint(
+        joint.name, kind, joint.parent, joint.child, frame, Transform.identity(), tuple(made), names
+    ), followers
+
+
+def moved(axis: Axis, amount: float) -> Transform:
+    """What an axis does at an amount of motion [rad or m]."""
+    if axis.kind == "translation":
+        return Transform(np.eye(3), amount * axis.vector)
+    rotation = axis_rotation(axis.vector, amount)
+    return Transform(rotation, axis.origin - rotation @ axis.origin)
+
+
+def _default_amount(axis: Axis, coordinates: dict[str, Coordinate]) -> float:
+    return _value(axis.function, [coordinates[name].default for name in axis.coordinates])
+
+
+def _value(function: Function, arguments: list[float]) -> float:
+    if isinstance(function, SineProduct):
+        return float(function(*arguments))
+    return float(function(arguments[0] if arguments else 0.0))
