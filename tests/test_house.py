@@ -6,9 +6,9 @@ import pytest
 from benchmarks.house import CHECKOUT, checkout_texts, count
 
 LIMITS = {
-    ("lines", "src"): 122_900,
-    ("lines", "benchmarks"): 24_100,
-    ("words", "documentation"): 99_150,
+    ("lines", "src"): 125_200,
+    ("lines", "benchmarks"): 24_150,
+    ("words", "documentation"): 99_950,
     ("vague", "src"): 6.5,
 }
 
