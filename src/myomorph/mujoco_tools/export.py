@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 import numpy as np
 
@@ -89,7 +89,7 @@ def _drawn_by(model: Model, document: MjcfDocument) -> Model:
 
     def drawn(mesh: Mesh) -> Mesh:
         file = document.meshes.get(mesh.file)
-        return mesh if file is None else replace(mesh, file=f"{document.folder}/{file}")
+        return mesh if file is None else replace(mesh, file=str(PurePosixPath(document.folder, file)))
 
     bodies = tuple(replace(body, meshes=tuple(map(drawn, body.meshes))) for body in model.bodies)
     return replace(model, bodies=bodies, ground_meshes=tuple(map(drawn, model.ground_meshes)))
