@@ -6,12 +6,12 @@ site: the path catches on it as soon as it would pass on the other side.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.model import Model, index_of
 from myomorph.model.paths import Muscle, Path, PathPoint, PathWrap, TendonWrap, WrapObject
 from myomorph.model.spatial import Transform
@@ -133,7 +133,7 @@ def _of_version(muscle: Muscle, version: int) -> Muscle:
     return replace(muscle, path=replace(muscle.path, wraps=wraps))
 
 
-@dataclass(frozen=True)
+@read_only
 class _Touch:
     """Where a surface touches a path: behind which fixed point, and in each pose the node and both ends in ground."""
 

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.functions import PiecewisePolynomial
 from myomorph.model.model import Coupler, Model
 
 
-@dataclass(frozen=True, eq=False)
+@read_only
 class Branch:
     """A distance between two sites in a cam.
 
@@ -29,7 +27,7 @@ class Branch:
     place_2: Array
 
 
-@dataclass(frozen=True, eq=False)
+@read_only
 class Cam:
     """A sum of weighted distances that stays what it is; the positive ones are one tendon, the negative ones another.
 
