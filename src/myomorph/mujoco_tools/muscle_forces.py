@@ -8,11 +8,11 @@ curves are parabolas through the points where ours are half as strong, come to r
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.paths import Muscle
@@ -32,7 +32,7 @@ TIME_CONSTANTS = (0.01, 0.04)
 """Activation and deactivation [s]."""
 
 
-@dataclass(frozen=True)
+@read_only
 class MuscleCurves:
     """Curves of muscles by fiber length along the tendon and velocity, over the strength at optimal length.
 

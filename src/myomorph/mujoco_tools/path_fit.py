@@ -6,11 +6,11 @@ gives the derivative in one parameter of every muscle.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.model import Model
 from myomorph.model.paths import PathPoint, WrapObject
 from myomorph.model.spatial import Transform
@@ -24,7 +24,7 @@ RADII = (0.6, 1.5)
 """Over those of the surfaces, from which spheres begin besides."""
 
 
-@dataclass(frozen=True)
+@read_only
 class Movable:
     """What of a muscle's path the fit may move.
 
