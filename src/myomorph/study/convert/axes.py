@@ -22,8 +22,8 @@ WALKED = 0.5
 
 def axes_of_text(text: str) -> Array:
     """Rotation (3, 3) from a text as "x,z,-y": the new axes along the old ones, each once, of a right-handed frame."""
-    parts = [one.strip() for one in text.lower().split(",")]
-    if len(parts) != 3 or not all(re.fullmatch(r"[+-]?[xyz]", one) for one in parts):
+    parts = [part.strip() for part in text.lower().split(",")]
+    if len(parts) != 3 or not all(re.fullmatch(r"[+-]?[xyz]", part) for part in parts):
         raise BadData(f"--axes {text}: expected three axes as x,z,-y: where the new x, y and z point in the old frame")
     matrix = np.zeros((3, 3))
     for row, part in enumerate(parts):
@@ -57,14 +57,14 @@ def vertical(recording: Recording) -> str:
     return ""
 
 
-def turned(found: Recording, up: Up, forward: Forward, axes: str) -> Recording:
+def turned(recording: Recording, up: Up, forward: Forward, axes: str) -> Recording:
     """The recording with other axes: the one that points `up` afterwards and the one that the walk goes along, "" (or
     "keep") for as it is; or, instead of both, `axes` in the old frame, as "x,z,-y".
     """
     if axes:
-        return rotated(found, axes_of_text(axes), f"axes were changed to {axes}")
+        return rotated(recording, axes_of_text(axes), f"axes were changed to {axes}")
     if up in ("y", "z"):
-        is_up = vertical(found)
+        is_up = vertical(recording)
         if not is_up:
             raise BadData(
                 "which way is up cannot be seen from markers or plates: give --axes, as x,z,-y for z up to y up"
@@ -73,10 +73,10 @@ def turned(found: Recording, up: Up, forward: Forward, axes: str) -> Recording:
             matrix = {"zy": Z_UP_TO_Y_UP, "yz": Z_UP_TO_Y_UP.T}.get(is_up + up)
             if matrix is None:
                 raise BadData(f"{is_up} points up: give --axes")
-            found = rotated(found, matrix, f"{is_up} points up in the recording: it was turned to {up} up")
+            recording = rotated(recording, matrix, f"{is_up} points up in the recording: it was turned to {up} up")
     if forward:
-        found = _facing(found, forward)
-    return found
+        recording = _facing(recording, forward)
+    return recording
 
 
 def _facing(recording: Recording, forward: Forward) -> Recording:

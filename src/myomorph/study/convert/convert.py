@@ -75,19 +75,19 @@ def convert(paths: Sequence[Path], out: Path, options: ConvertOptions | None = N
         )
     if options.units not in METERS:
         raise BadData(f"--units {options.units}: expected mm, cm or m")
-    found = read_parts(paths)
+    recording = read_parts(paths)
     if options.time is not None:
-        found = between(found, *options.time)
-    found = labelled(found, options.labels)
-    found = turned(found, _up(found, options, ending), options.forward, options.axes)
+        recording = between(recording, *options.time)
+    recording = labelled(recording, options.labels)
+    recording = turned(recording, _up(recording, options, ending), options.forward, options.axes)
     if ending == ".c3d":
-        write_trial(out, c3d_trial(found))
-        held = [f"{len(found.markers.names)} markers" if found.markers else "no markers"]
-        held += [f"{len(found.wrenches.names)} plates"] if found.wrenches is not None else []
-        return Converted(((out, ", ".join(held)),), found.notes)
+        write_trial(out, c3d_trial(recording))
+        held = [f"{len(recording.markers.names)} markers" if recording.markers else "no markers"]
+        held += [f"{len(recording.wrenches.names)} plates"] if recording.wrenches is not None else []
+        return Converted(((out, ", ".join(held)),), recording.notes)
     if ending:
-        return _one_file(found, out, options)
-    return _folder(found, out, options)
+        return _one_file(recording, out, options)
+    return _folder(recording, out, options)
 
 
 def _up(recording: Recording, options: ConvertOptions, ending: str) -> Up:
@@ -207,7 +207,7 @@ def c3d_trial(recording: Recording) -> Trial:
     clocks += [recording.analog.time] if recording.analog is not None else []
     if not clocks:
         return Trial(markers=markers, events=recording.events)
-    fastest = max(1.0 / float(np.median(np.diff(one))) for one in clocks if len(one) > 1)
+    fastest = max(1.0 / float(np.median(np.diff(clock))) for clock in clocks if len(clock) > 1)
     every = max(1, round(fastest / markers.rate))
     step = 1.0 / (markers.rate * every)
     clock = markers.time[0] + step * np.arange(len(markers) * every)
@@ -246,10 +246,10 @@ def _at(time: Array, values: Array, clock: Array) -> Array:
     after = np.clip(np.searchsorted(time, clock), 1, len(time) - 1)
     nearest = np.where(clock - time[after - 1] < time[after] - clock, after - 1, after)
     if np.all(np.abs(time[nearest] - clock)[inside] < SAME):
-        found = values[nearest]
+        columns = values[nearest]
     else:
-        found = np.column_stack([np.interp(clock, time, column) for column in values.T])
-    return np.asarray(np.where(inside[:, None], found, 0.0))
+        columns = np.column_stack([np.interp(clock, time, column) for column in values.T])
+    return np.asarray(np.where(inside[:, None], columns, 0.0))
 
 
 def _plate(wrenches: Wrenches, number: int, clock: Array, up: Array) -> PlateRecording:
@@ -291,33 +291,33 @@ def on_feet(wrenches: Wrenches, markers: Markers | None, bodies: Sequence[str] =
         if len(bodies) > len(wrenches.names):
             raise BadData(f"{len(bodies)} bodies are given, but the forces are {', '.join(wrenches.names)}")
         chosen = [index for index, body in enumerate(bodies) if body]
-        return _some(wrenches, chosen, tuple(bodies[k] for k in chosen))
+        return _some(wrenches, chosen, tuple(bodies[index] for index in chosen))
     size = np.nan_to_num(np.linalg.norm(wrenches.forces, axis=2))
     used = [index for index in range(len(wrenches.names)) if size[:, index].max(initial=0.0) > LOADED]
     idle = [name for index, name in enumerate(wrenches.names) if index not in used]
     notes = (*wrenches.notes, *((f"nobody steps on {', '.join(idle)}: left out",) if idle else ()))
-    wrenches = replace(_some(wrenches, used, tuple(wrenches.bodies[k] for k in used)), notes=notes)
+    wrenches = replace(_some(wrenches, used, tuple(wrenches.bodies[index] for index in used)), notes=notes)
     places = {} if markers is None else foot_places(markers, wrenches.time)
     if all(wrenches.bodies) or len(places) < 2 or not used:
         return wrenches
-    found = assign_bodies(wrenches, places)
-    kept = [index for index, body in enumerate(found.wrenches.bodies) if body]
-    bodies = tuple(found.wrenches.bodies[k] for k in kept)
-    return replace(_some(found.wrenches, kept, bodies), notes=(*notes, *found.warnings))
+    assigned = assign_bodies(wrenches, places)
+    kept = [index for index, body in enumerate(assigned.wrenches.bodies) if body]
+    bodies = tuple(assigned.wrenches.bodies[index] for index in kept)
+    return replace(_some(assigned.wrenches, kept, bodies), notes=(*notes, *assigned.warnings))
 
 
 def foot_places(markers: Markers, time: Array) -> dict[str, Array]:
     """Positions (frames, markers, 3) of the markers on each foot at some times, by the feet's bodies."""
-    found: dict[str, list[int]] = {}
-    for k, name in enumerate(markers.names):
+    by_foot: dict[str, list[int]] = {}
+    for index, name in enumerate(markers.names):
         side = side_of(name)
         if FOOT_MARKER.search(name) and side:
-            found.setdefault(FEET[side], []).append(k)
+            by_foot.setdefault(FEET[side], []).append(index)
     places = {}
-    for body, columns in found.items():
+    for body, columns in by_foot.items():
         parts = []
-        for k in columns:
-            values = markers.values[:, k]
+        for column in columns:
+            values = markers.values[:, column]
             seen = np.isfinite(values).all(axis=1)
             if seen.sum() < 2:
                 continue

@@ -78,16 +78,16 @@ def _with_recording(recording: Recording, path: Path) -> Recording:
     trial = read_recording(path)
     if recording.markers is not None and trial.markers is not None:
         raise BadData(f"{path}: a second file with markers: convert one recording at a time")
-    plates = {name for one in trial.plate_recordings for name in one.channel_names}
+    plates = {name for plate in trial.plate_recordings for name in plate.channel_names}
     others = None
     if trial.analog is not None:
         kept = [index for index, name in enumerate(trial.analog.names) if name not in plates]
         units = trial.analog.units or ("",) * len(trial.analog.names)
         others = Analog(
             trial.analog.time,
-            tuple(trial.analog.names[k] for k in kept),
+            tuple(trial.analog.names[index] for index in kept),
             trial.analog.values[:, kept],
-            units=tuple(units[k] for k in kept),
+            units=tuple(units[index] for index in kept),
         )
     notes = [f"{path.name}: {text}" for text in trial.warnings]
     if trial.other_points is not None:
@@ -158,14 +158,14 @@ def labelled(recording: Recording, labels: Mapping[str, str]) -> Recording:
     if analog is not None:
         names, kept = _renamed(analog.names, labels)
         units = analog.units or ("",) * len(analog.names)
-        analog = Analog(analog.time, names, analog.values[:, kept], units=tuple(units[k] for k in kept))
+        analog = Analog(analog.time, names, analog.values[:, kept], units=tuple(units[index] for index in kept))
     emg = tuple(labels.get(name, name) for name in recording.emg if labels.get(name, name))
     return replace(recording, markers=markers, analog=analog, emg=emg)
 
 
 def _renamed(names: Sequence[str], labels: Mapping[str, str]) -> tuple[tuple[str, ...], list[int]]:
     kept = [index for index, name in enumerate(names) if labels.get(name, name)]
-    renamed = tuple(labels.get(names[k], names[k]) for k in kept)
+    renamed = tuple(labels.get(names[index], names[index]) for index in kept)
     twice = next((name for name in renamed if renamed.count(name) > 1), "")
     if twice:
         raise BadData(f"two labels would be '{twice}'")

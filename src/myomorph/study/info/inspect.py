@@ -76,20 +76,20 @@ def _inspect_loads(path: Path) -> Inspection:
 
     entries = read_load_entries(path)
     facts = [("forces", str(len(entries)))]
-    found = []
+    warnings = []
     for entry in entries:
         facts.append((entry.name, f"on '{entry.body}', columns '{entry.force}*' and '{entry.point}*' of {entry.data}"))
     for data in dict.fromkeys(entry.data for entry in entries):
         if not data.exists():
-            found.append(f"the table {data} does not exist")
+            warnings.append(f"the table {data} does not exist")
             continue
         table = read_sto(data)
-        found += [f"{data.name}: {line}" for line in table.warnings]
+        warnings += [f"{data.name}: {line}" for line in table.warnings]
         for entry in entries:
             for prefix in (entry.force, entry.point, entry.torque):
                 if entry.data == data and prefix and not any(name.startswith(prefix) for name in table.names):
-                    found.append(f"{data.name} has no column that begins with '{prefix}'")
-    return Inspection("OpenSim external loads", tuple(facts), tuple(found))
+                    warnings.append(f"{data.name} has no column that begins with '{prefix}'")
+    return Inspection("OpenSim external loads", tuple(facts), tuple(warnings))
 
 
 def inspect_model(model: Model) -> Inspection:
@@ -112,11 +112,11 @@ def inspect_model(model: Model) -> Inspection:
     passive = [*(torque.name for torque in model.passive_torques), *(bushing.name for bushing in model.bushings)]
     if passive:
         facts.append(("springs, limits and bushings", _list(passive)))
-    viscous = [one.name for one in model.muscles if one.viscosity]
+    viscous = [muscle.name for muscle in model.muscles if muscle.viscosity]
     if viscous:
         facts.append(("muscles with viscosity", _list(viscous)))
     modelled = {name.removesuffix("_upper").removesuffix("_lower") for name in passive}
-    kept = [one.kind for one in model.kept if one.name not in modelled]
+    kept = [part.kind for part in model.kept if part.name not in modelled]
     if kept:
         facts.append(("kept, not modelled", _counted(kept)))
     return Inspection("model", tuple(facts), (*model.warnings, *_model_warnings(model), *_arm_warnings(model)))

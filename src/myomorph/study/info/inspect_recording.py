@@ -25,43 +25,43 @@ NOT_ANGLE = re.compile(r"force|torque|moment|activation|fiber|_t[xyz]\b|/speed$|
 def inspect_trial(trial: Trial, kind: str) -> Inspection:
     """Markers, gaps, plates, analog channels and events of a recording."""
     facts: list[tuple[str, str]] = []
-    found: list[str] = list(trial.warnings)
+    warnings: list[str] = list(trial.warnings)
     size = float("nan")
     if trial.markers is not None:
-        size = _marker_findings(trial.markers, facts, found)
+        size = _marker_findings(trial.markers, facts, warnings)
     else:
-        found.append("no markers")
+        warnings.append("no markers")
     if trial.other_points is not None:
         facts.append(("computed quantities", f"{len(trial.other_points.names)}: {_names(trial.other_points.names)}"))
     if trial.plate_recordings or trial.plates:
-        _plate_findings(trial, size, facts, found)
+        _plate_findings(trial, size, facts, warnings)
     if trial.analog is not None:
-        _analog_findings(trial, facts, found)
+        _analog_findings(trial, facts, warnings)
     if trial.events:
         events = [f"{event.side} {event.label} {event.time:.2f}".strip() for event in trial.events]
         facts.append(("events", f"{len(events)}: {', '.join(events)} s"))
     facts += [(label, text) for label, text in trial.facts.items() if label not in ("point rate", "analog rate")]
-    return Inspection(kind, tuple(facts), tuple(found))
+    return Inspection(kind, tuple(facts), tuple(warnings))
 
 
-def _marker_findings(markers: Markers, facts: list[tuple[str, str]], found: list[str]) -> float:
+def _marker_findings(markers: Markers, facts: list[tuple[str, str]], warnings: list[str]) -> float:
     """Facts and warnings of markers; returns the size of the marker cloud [m]."""
     facts.append(("markers", f"{len(markers.names)}: {_names(markers.names)}"))
     facts.append(("frames", _clock(markers)))
-    found += _time_gaps(markers)
+    warnings += _time_gaps(markers)
     hidden = np.isnan(markers.values.sum(axis=2))
     share = hidden.mean(axis=0)
     facts.append(("missing", f"{100 * hidden.mean():.1f} % of positions, {np.count_nonzero(share)} markers with gaps"))
     never = [name for name, part in zip(markers.names, share, strict=True) if part == 1.0]
     if never:
-        found.append(f"{len(never)} markers are never seen: {_names(never)}")
+        warnings.append(f"{len(never)} markers are never seen: {_names(never)}")
     if SELDOM < hidden.mean() < 1.0:
         spans = crossings(markers)
         shown = ", ".join(f"{start:.2f} to {end:.2f}" for start, end in spans[:SHOWN])
         more = f", ... ({len(spans)} in all)" if len(spans) > SHOWN else ""
         facts.append(("most markers seen", f"{shown}{more} s" if spans else "nowhere for long"))
     order = np.argsort(-share, kind="stable")
-    gappy = [int(one) for one in order if 0.0 < share[one] < 1.0]
+    gappy = [int(column) for column in order if 0.0 < share[column] < 1.0]
     for index in gappy[:SHOWN]:
         gaps = runs(hidden[:, index])
         longest = max(stop - start for start, stop in gaps) / markers.rate
@@ -75,19 +75,19 @@ def _marker_findings(markers: Markers, facts: list[tuple[str, str]], found: list
         facts.append(("more gaps", f"in {_count(len(gappy) - SHOWN, 'other marker')}"))
     seen = np.flatnonzero(~hidden.all(axis=1))
     if not len(seen):
-        found.append("no marker is ever seen")
+        warnings.append("no marker is ever seen")
         return float("nan")
     values = markers.values[seen]
     extent = np.nanmedian(np.nanmax(values, axis=1) - np.nanmin(values, axis=1), axis=0)
     size = float(np.linalg.norm(extent))
-    facts.append(("spread", f"{' x '.join(f'{one:.3g}' for one in extent)} m (x, y, z)"))
+    facts.append(("spread", f"{' x '.join(f'{length:.3g}' for length in extent)} m (x, y, z)"))
     if len(markers.names) > 2 and size > 15.0:
-        found.append(f"the markers spread over {size:.0f} m: are the positions in another unit than the file says?")
+        warnings.append(f"the markers spread over {size:.0f} m: are the positions in another unit than the file says?")
     if len(markers.names) > 2 and 0.0 < size < 0.005:
-        found.append(
+        warnings.append(
             f"the markers spread over {1000 * size:.2g} mm: are the positions in another unit than the file says?"
         )
-    found += _jumps(markers, size)
+    warnings += _jumps(markers, size)
     return size
 
 
@@ -109,9 +109,9 @@ def _time_gaps(series: Series) -> list[str]:
     if len(wide) > 0.2 * len(steps):
         return [f"the time step varies from {steps.min():.3g} to {steps.max():.3g} s: resample before filtering"]
     lines = [
-        f"{_count(round(steps[k] / median - 1), 'frame')} missing between {series.time[k]:.4g} and "
-        f"{series.time[k + 1]:.4g} s"
-        for k in wide[:3]
+        f"{_count(round(steps[step] / median - 1), 'frame')} missing between {series.time[step]:.4g} and "
+        f"{series.time[step + 1]:.4g} s"
+        for step in wide[:3]
     ]
     return lines + ([f"frames are missing at {len(wide) - 3} more places"] if len(wide) > 3 else [])
 
@@ -138,7 +138,7 @@ def _jumps(markers: Markers, size: float) -> list[str]:
     return lines
 
 
-def _plate_findings(trial: Trial, size: float, facts: list[tuple[str, str]], found: list[str]) -> None:
+def _plate_findings(trial: Trial, size: float, facts: list[tuple[str, str]], warnings: list[str]) -> None:
     """Facts and warnings of force plates."""
     total = np.zeros(len(trial.plate_time))
     for plate in trial.plates:
@@ -157,19 +157,19 @@ def _plate_findings(trial: Trial, size: float, facts: list[tuple[str, str]], fou
         )
     if not total.any():
         if trial.plates:
-            found.append("no force plate carries a load")
+            warnings.append("no force plate carries a load")
         return
     usual = float(np.median(total[total > 0.5 * np.median(total[total > 0])]))
     facts.append(("load", f"the plates usually carry {usual:.4g} N in all: {usual / 9.81:.3g} kg, if the whole body"))
     # A body of size h weighs about 22 kg/m^2 h^2 (body mass index), from mice to men.
     if np.isfinite(size) and size > 0 and not 0.1 < usual / (9.81 * 22.0 * size**2) < 10.0:
-        found.append(
+        warnings.append(
             f"a load of {usual:.3g} N does not fit markers that spread over {size:.2g} m: "
             "check the plates' scale and units"
         )
 
 
-def _analog_findings(trial: Trial, facts: list[tuple[str, str]], found: list[str]) -> None:
+def _analog_findings(trial: Trial, facts: list[tuple[str, str]], warnings: list[str]) -> None:
     """Facts and warnings of analog channels."""
     analog = trial.analog
     if analog is None:
@@ -184,7 +184,7 @@ def _analog_findings(trial: Trial, facts: list[tuple[str, str]], found: list[str
         facts.append(("probably EMG", _names(emg)))
     flat = [name for name, column in zip(analog.names, analog.values.T, strict=True) if _flat(column)]
     if flat:
-        found.append(f"{len(flat)} analog channels never change: {_names(flat)}")
+        warnings.append(f"{len(flat)} analog channels never change: {_names(flat)}")
 
 
 def _flat(column: Array) -> bool:
@@ -200,17 +200,17 @@ def inspect_table(table: Table) -> Inspection:
         ("angles", "degrees" if table.in_degrees else "radians, or none"),
     ]
     facts += [(label, text) for label, text in table.facts.items() if text]
-    found = list(table.warnings)
-    found += _time_gaps(table)
+    warnings = list(table.warnings)
+    warnings += _time_gaps(table)
     missing = np.isnan(table.values).sum(axis=0)
     if missing.any():
-        worst = [table.names[k] for k in np.argsort(-missing, kind="stable")[:SHOWN] if missing[k]]
-        found.append(
+        worst = [table.names[column] for column in np.argsort(-missing, kind="stable")[:SHOWN] if missing[column]]
+        warnings.append(
             f"{missing.sum()} values are NaN ({100 * missing.sum() / table.values.size:.1f} %), "
             f"in {np.count_nonzero(missing)} columns: {_names(worst)}"
         )
-    found += _unit_warnings(table)
-    return Inspection("table", tuple(facts), tuple(found))
+    warnings += _unit_warnings(table)
+    return Inspection("table", tuple(facts), tuple(warnings))
 
 
 def _unit_warnings(table: Table) -> list[str]:

@@ -212,15 +212,15 @@ def leave_mark(folder: Path) -> tuple[Path, str]:
     return path, content
 
 
-def unfit(found: Fitness, mark: tuple[Path, str] | None) -> str:
+def unfit(fit: Fitness, mark: tuple[Path, str] | None) -> str:
     """Why a process may not be given jobs, "" where it may."""
     here = fitness()
-    if found.version != here.version:
-        return f"has Myomorph {found.version}, this program is {here.version}: install the same version on both"
-    if found.python != here.python:
-        return f"has Python {found.python}, this program runs in {here.python}: use the same version on both"
-    if found.system != here.system:
-        return f"runs on {found.system}, this program on {here.system}: use one operating system"
-    if mark is not None and not found.sees:
+    if fit.version != here.version:
+        return f"has Myomorph {fit.version}, this program is {here.version}: install the same version on both"
+    if fit.python != here.python:
+        return f"has Python {fit.python}, this program runs in {here.python}: use the same version on both"
+    if fit.system != here.system:
+        return f"runs on {fit.system}, this program on {here.system}: use one operating system"
+    if mark is not None and not fit.sees:
         return f"does not see {mark[0].parent}: give --out a folder that all machines share under the same name"
     return ""

@@ -59,9 +59,9 @@ class CalibrationFiles:
     def sources(self) -> tuple[Source, ...]:
         """The files by their hashes."""
         named = (("static", self.static), ("marker set", self.marker_set), ("tasks", self.tasks))
-        given = [("model", self.model), *(("markers", path) for path in self.markers)]
-        given += [(role, path) for role, path in named if path is not None]
-        return tuple(file_source(role, path) for role, path in given)
+        files = [("model", self.model), *(("markers", path) for path in self.markers)]
+        files += [(role, path) for role, path in named if path is not None]
+        return tuple(file_source(role, path) for role, path in files)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

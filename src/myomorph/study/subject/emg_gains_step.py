@@ -46,21 +46,21 @@ def subject_gains(trials: Sequence[TrialInputs]) -> tuple[SubjectGains, Mapping[
     scale = common_scale([whole.scale for whole in recorded_emg.values()])
     emg_trials, maxima = [], dict[str, float]()
     for trial in used:
-        own, motion = recorded_emg[trial.name], trial.get(RecordedMotion)
+        recorded_channels, motion = recorded_emg[trial.name], trial.get(RecordedMotion)
         with progress(f"{trial.name}: EMG and torques", 1, "trials") as advance:
             recorded = solve_kinematics(trial).fit.motion if motion is None else motion.motion
             dynamics = solve_dynamics(trial, recorded)
-            emg = rescaled(own.emg, own.scale, scale)
+            emg = rescaled(recorded_channels.emg, recorded_channels.scale, scale)
             emg_trials.append(EmgTrial(dynamics.motion, dynamics.torques, emg))
-            for name, maximum in own.maxima.items():
+            for name, maximum in recorded_channels.maxima.items():
                 # Of the same contractions, in the units that all trials have now.
-                maxima[name] = maximum * own.scale.get(name, 1.0) / scale.get(name, 1.0)
+                maxima[name] = maximum * recorded_channels.scale.get(name, 1.0) / scale.get(name, 1.0)
             advance(1)
     first = used[0]
     tension = first.options[TensionOptions]
     beside = first.get(Actuators)
     actuators = added_reserves(first.model, tension) if beside is None else beside.actuators
-    largest = {name: one for name, one in maxima.items() if name in muscles}
+    largest = {name: maximum for name, maximum in maxima.items() if name in muscles}
     emg_options = first.options[EmgOptions]
     calibration = calibrate_emg(first.model, emg_trials, muscles, emg_options, tension, actuators, largest)
     return SubjectGains(calibration, scale), parts

@@ -64,12 +64,12 @@ class PersonalFiles:
 
     def sources(self) -> tuple[Source, ...]:
         """The files by their hashes."""
-        found = [file_source("model", self.model)]
+        sources = [file_source("model", self.model)]
         for role in ("motion", "loads", "torques", "emg", "passive"):
             for path in getattr(self, role):
-                found.append(file_source("passive torques" if role == "passive" else role, path))
-                found += load_tables(path) if role == "loads" else []
-        return (*found, *(() if self.generic is None else (file_source("generic model", self.generic),)))
+                sources.append(file_source("passive torques" if role == "passive" else role, path))
+                sources += load_tables(path) if role == "loads" else []
+        return (*sources, *(() if self.generic is None else (file_source("generic model", self.generic),)))
 
     def check(self) -> None:
         """Raise `BadData` where recordings lack a part."""

@@ -64,17 +64,17 @@ def fiber_work(
     Frames near an end of the recording (`Fibers.transient`) and unsolved ones are left out; a stride with less than two
     others is left out itself.
     """
-    found = []
+    result = []
     for m, name in enumerate(muscles):
-        own = [(index, stride.start, stride.stop) for index, stride in enumerate(own_strides(name, strides), 1)]
-        for number, start, stop in own or [(0, float(time[0]), float(time[-1]))]:
+        spans = [(index, stride.start, stride.stop) for index, stride in enumerate(own_strides(name, strides), 1)]
+        for number, start, stop in spans or [(0, float(time[0]), float(time[-1]))]:
             inside = (time >= start - 1e-9) & (time <= stop + 1e-9) & ~fibers.transient
             known = np.flatnonzero(inside & np.isfinite(fibers.fiber_powers[:, m]))
             if len(known) < 2:
                 continue
             fiber, tendon = fibers.fiber_powers[known, m], fibers.tendon_powers[known, m]
             lengths = fibers.lengths[known, m] / optimal[name]
-            found.append(
+            result.append(
                 FiberWork(
                     *(name, number, start, stop),
                     *_work(time[known], fiber),
@@ -83,13 +83,13 @@ def fiber_work(
                     *(float(lengths.min()), float(lengths.max())),
                 )
             )
-    return tuple(found)
+    return tuple(result)
 
 
 def _work(time: Array, power: Array) -> tuple[float, float]:
     """Positive and negative work [J], the latter as a positive number."""
     each = (np.maximum(power, 0.0), np.maximum(-power, 0.0))
-    done, absorbed = (float(0.5 * (one[1:] + one[:-1]) @ np.diff(time)) for one in each)
+    done, absorbed = (float(0.5 * (part[1:] + part[:-1]) @ np.diff(time)) for part in each)
     return done, absorbed
 
 
@@ -127,15 +127,15 @@ def fiber_notes(tension: Tension, model: Model) -> tuple[str, ...]:
     if fibers is None:
         return ()
     notes = list(_unsolved(tension))
-    for one in fibers.unreachable[:MAX_NAMED]:
+    for fiber in fibers.unreachable[:MAX_NAMED]:
         why = (
             "the path is shorter than the slack tendon"
-            if one.worst <= 0.0
-            else f"fibers would be {one.worst:.2f} optimal lengths long"
+            if fiber.worst <= 0.0
+            else f"fibers would be {fiber.worst:.2f} optimal lengths long"
         )
-        at = f"{tension.time[one.frame]:.3f} s (frame {one.frame})"
-        notes.append(f"{one.muscle}: {why}, first at {at}; it is solved with a rigid tendon")
-    left = [one.muscle for one in fibers.unreachable[MAX_NAMED:]]
+        at = f"{tension.time[fiber.frame]:.3f} s (frame {fiber.frame})"
+        notes.append(f"{fiber.muscle}: {why}, first at {at}; it is solved with a rigid tendon")
+    left = [fiber.muscle for fiber in fibers.unreachable[MAX_NAMED:]]
     if left:
         notes.append(f"fibers of {len(left)} more muscles cannot reach; solved with rigid tendons: {', '.join(left)}")
     every = solved_every(tension.time)

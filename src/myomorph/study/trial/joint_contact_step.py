@@ -42,8 +42,8 @@ def _half_distances(points: JointPoints) -> dict[str, float]:
     """Of each joint's points from their middle, the mean of squares [m]."""
     result = {}
     for joint in dict.fromkeys(point.joint for point in points.points):
-        own = np.array([point.point for point in points.points if point.joint == joint], dtype=np.float64)
-        result[joint] = float(np.sqrt(((own - own.mean(axis=0)) ** 2).sum(axis=1).mean()))
+        places = np.array([point.point for point in points.points if point.joint == joint], dtype=np.float64)
+        result[joint] = float(np.sqrt(((places - places.mean(axis=0)) ** 2).sum(axis=1).mean()))
     return result
 
 
@@ -60,11 +60,11 @@ def lift_off_notes(joint_contact_forces: JointContactForces, half: dict[str, flo
         bad = loaded & (moment > LEFT * force * half[joint]) & (half[joint] > 0.0)
         if bad.any():
             worst = int(np.argmax(np.where(bad, moment, -1.0)))
-            own = [k for k, name in enumerate(joint_contact_forces.joint_of) if name == joint]
+            columns = [column for column, name in enumerate(joint_contact_forces.joint_of) if name == joint]
             up = ", ".join(
-                joint_contact_forces.points[k]
-                for k in own
-                if joint_contact_forces.forces[worst, k] <= 1e-6 * force[worst]
+                joint_contact_forces.points[column]
+                for column in columns
+                if joint_contact_forces.forces[worst, column] <= 1e-6 * force[worst]
             )
             notes.append(
                 f"{joint}: in {int(bad.sum())} of {len(bad)} frames a contact point of the loaded joint would have "
@@ -110,11 +110,14 @@ def joint_contact_numbers(stored: Stored, strides: TrialStrides | None) -> Itera
         joint_contacts.loads(), None
     )
     for name in joint_contacts.loads().names:
-        own = [one for one in each if one.load == name]
-        ending = ", mean of strides" if any(one.stride for one in own) else ""
-        if own:
-            peak = float(np.mean([one.peak for one in own])) / joint_contacts.weight
+        strides_of_load = [stride for stride in each if stride.load == name]
+        ending = ", mean of strides" if any(stride.stride for stride in strides_of_load) else ""
+        if strides_of_load:
+            peak = float(np.mean([stride.peak for stride in strides_of_load])) / joint_contacts.weight
             yield Value("tension", f"{name}{ENDING}, peak{ending}", peak, "body weight")
             yield Value(
-                "tension", f"{name}{ENDING}, impulse{ending}", float(np.mean([one.impulse for one in own])), "N s"
+                "tension",
+                f"{name}{ENDING}, impulse{ending}",
+                float(np.mean([stride.impulse for stride in strides_of_load])),
+                "N s",
             )

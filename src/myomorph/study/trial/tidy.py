@@ -174,8 +174,8 @@ def read_curves(path: Path, only: tuple[str, ...] = ()) -> tuple[str, dict[str, 
         values = np.loadtxt(stream, delimiter=",", usecols=columns, ndmin=2)
     families: dict[str, list[int]] = {}
     names = [_family_and_name(head[column]) for column in columns[1:]]
-    for k, (family, _) in enumerate(names):
-        families.setdefault(family, []).append(k)
+    for place, (family, _) in enumerate(names):
+        families.setdefault(family, []).append(place)
     return head[0], {
         family: Series(
             values[:, 0], tuple(names[column][1] for column in columns), values[:, [column + 1 for column in columns]]

@@ -88,12 +88,14 @@ def together_of(
     if len(table.trials) + len(table.object) < 2:
         problems.append(f"{where}: has one trial and no object: expected two parts or more")
     for subject, trial in table.trials.items():
-        own = [trial.name for trial in trials if trial.subject == subject]
-        if not own:
+        names_of_trials = [trial.name for trial in trials if trial.subject == subject]
+        if not names_of_trials:
             subjects = tuple(dict.fromkeys(trial.subject for trial in trials))
             problems.append(f"{where}: no subject '{subject}': there are {listing(subject, subjects)}")
-        elif trial not in own:
-            problems.append(f"{where}: subject '{subject}' has no trial '{trial}': there are {listing(trial, own)}")
+        elif trial not in names_of_trials:
+            problems.append(
+                f"{where}: subject '{subject}' has no trial '{trial}': there are {listing(trial, names_of_trials)}"
+            )
     if table.name in {trial.subject for trial in trials}:
         problems.append(f"{where}: a subject has that name: give it another")
     objects, names = [], list(table.trials)

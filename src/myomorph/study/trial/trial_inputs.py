@@ -244,8 +244,8 @@ def options_of(settings: Settings) -> OptionSet:
     result = OptionSet()
     for name in (*STEPS["trial"], REPORT):
         if settings.get(name):
-            own = step_head(name).options
-            result = result.having(*(with_settings(result[kind], settings[name]) for kind in own))
+            kinds = step_head(name).options
+            result = result.having(*(with_settings(result[kind], settings[name]) for kind in kinds))
     if result[ReportOptions].preset:
         preset_of(result[ReportOptions].preset)
     return result

@@ -68,11 +68,11 @@ class TrialStrides:
     def numbers(self, step: str) -> Iterator[Value]:
         """How many there are of each limb, and the means of their parameters, as found by a step."""
         for limb in self.limbs:
-            own = self.of(limb)
-            yield Value(step, f"strides, {limb}", float(len(own)), "1")
+            strides = self.of(limb)
+            yield Value(step, f"strides, {limb}", float(len(strides)), "1")
             for label, attribute in PARAMETERS:
                 name, _, unit = label.partition(" [")
-                values = np.array([getattr(one, attribute) for one in own])
+                values = np.array([getattr(stride, attribute) for stride in strides])
                 if np.isfinite(values).any():
                     yield Value(step, f"{name}, {limb}", float(np.nanmean(values)), unit.removesuffix("]") or "1")
 
@@ -113,11 +113,11 @@ def _common_ancestor(model: Model, bodies: Sequence[str]) -> str:
 
 
 def _below(model: Model, body: str) -> tuple[str, ...]:
-    found: list[str] = []
+    result: list[str] = []
     for joint in model.joints:
-        if joint.parent in (body, *found):
-            found.append(joint.child)
-    return tuple(found)
+        if joint.parent in (body, *result):
+            result.append(joint.child)
+    return tuple(result)
 
 
 def trial_strides(stored: Stored, model: Model, plan: StridePlan) -> TrialStrides:
@@ -202,19 +202,19 @@ def animal_of(name: str, results: Sequence[tuple[Stored, Model, TrialStrides]]) 
     scalars: dict[str, list[Array]] = {}
     curves: dict[str, list[Cycles]] = {}
     count = 0
-    for found, model, strides in results:
+    for stored, model, strides in results:
         count += strides.count
         for limb in strides.limbs:
-            own = strides.of(limb)
+            of_limb = strides.of(limb)
             for label, attribute in PARAMETERS:
-                values = np.array([getattr(one, attribute) for one in own])
+                values = np.array([getattr(stride, attribute) for stride in of_limb])
                 if np.isfinite(values).any():
                     scalars.setdefault(f"{label.partition(' [')[0]}, {limb}{_unit(label)}", []).append(values)
             if limb != strides.limbs[0]:
                 phase = np.concatenate([part.phases.get(limb, np.zeros(0)) for part in strides.parts] or [np.zeros(0)])
                 if np.isfinite(phase).any():
                     scalars.setdefault(f"{PHASE}{limb} after {strides.limbs[0]}", []).append(phase)
-        for family, series in _signals(found, model).items():
+        for family, series in _signals(stored, model).items():
             cycles = by_side(series, strides)
             if cycles is not None:
                 curves.setdefault(family, []).append(cycles)
@@ -231,16 +231,16 @@ def in_one_turn(animals: Sequence[Animal]) -> tuple[Animal, ...]:
     middle of all animals, each by the direction of its own mean, is put between -0.25 and 0.75; the phases of an animal
     are within half a turn of its own mean, and that within half a turn of the middle.
     """
-    found = [dict(animal.scalars) for animal in animals]
-    for name in dict.fromkeys(name for table in found for name in table if name.startswith(PHASE)):
+    tables = [dict(animal.scalars) for animal in animals]
+    for name in dict.fromkeys(name for table in tables for name in table if name.startswith(PHASE)):
         means = {
-            index: _direction(np.exp(2j * np.pi * table[name])) for index, table in enumerate(found) if name in table
+            index: _direction(np.exp(2j * np.pi * table[name])) for index, table in enumerate(tables) if name in table
         }
         middle = (_direction(np.exp(2j * np.pi * np.array(list(means.values())))) + 0.25) % 1.0 - 0.25
-        for k, mean in means.items():
-            own = mean - np.round(mean - middle)
-            found[k][name] = found[k][name] - np.round(found[k][name] - own)
-    return tuple(replace(animal, scalars=table) for animal, table in zip(animals, found, strict=True))
+        for index, mean in means.items():
+            nearest = mean - np.round(mean - middle)
+            tables[index][name] = tables[index][name] - np.round(tables[index][name] - nearest)
+    return tuple(replace(animal, scalars=table) for animal, table in zip(animals, tables, strict=True))
 
 
 def _direction(turns: np.ndarray) -> float:
@@ -258,11 +258,13 @@ def _signals(stored: Stored, model: Model) -> dict[str, Series]:
     motion = store.get_motion(stored)
     turning = [index for index, name in enumerate(motion.names) if model.coordinate(name).motion == "rotational"]
     values = np.degrees(motion.values[:, turning])
-    signals = {ANGLES: Series(motion.time, tuple(motion.names[k] for k in turning), values)}
+    signals = {ANGLES: Series(motion.time, tuple(motion.names[index] for index in turning), values)}
     torques = store.get_torques(stored)
     if torques is not None:
-        own = [index for index, name in enumerate(torques.names) if name in signals[ANGLES].names]
-        signals[TORQUES] = Series(torques.time, tuple(torques.names[k] for k in own), torques.values[:, own])
+        columns = [index for index, name in enumerate(torques.names) if name in signals[ANGLES].names]
+        signals[TORQUES] = Series(
+            torques.time, tuple(torques.names[column] for column in columns), torques.values[:, columns]
+        )
     if "muscle_length" in stored.values:
         signals[LENGTHS] = Series(stored.time, stored.names["muscle"], 1000.0 * stored.values["muscle_length"])
     if "muscle_force" in stored.values:
@@ -273,27 +275,27 @@ def _signals(stored: Stored, model: Model) -> dict[str, Series]:
 
 def _moving(series: Series) -> Series:
     """Columns that are known and change."""
-    own = (
+    columns = (
         [index for index in range(len(series.names)) if np.nanstd(series.values[:, index]) > 1e-9]
         if len(series)
         else []
     )
-    return Series(series.time, tuple(series.names[k] for k in own), series.values[:, own])
+    return Series(series.time, tuple(series.names[column] for column in columns), series.values[:, columns])
 
 
 def by_side(series: Series, strides: TrialStrides) -> Cycles | None:
     """Each signal over the cycles of its limb; as many rows as the limb with most cycles, the others NaN."""
     sides = {split_side(limb)[1]: limb for limb in reversed(strides.limbs)}
-    spans = {limb: [(one.start, one.stop) for one in strides.of(limb)] for limb in strides.limbs}
+    spans = {limb: [(stride.start, stride.stop) for stride in strides.of(limb)] for limb in strides.limbs}
     most = max((len(span) for span in spans.values()), default=0)
     if not most:
         return None
     limbs = [sides.get(split_side(name)[1], strides.limbs[0]) for name in series.names]
     values = np.full((most, SAMPLES, len(series.names)), np.nan)
     for limb in dict.fromkeys(limbs):
-        own = [index for index, one in enumerate(limbs) if one == limb]
-        columns = Series(series.time, tuple(series.names[k] for k in own), series.values[:, own])
-        values[: len(spans[limb]), :, own] = over_cycles(columns, spans[limb]).values
+        indices = [index for index, other in enumerate(limbs) if other == limb]
+        columns = Series(series.time, tuple(series.names[column] for column in indices), series.values[:, indices])
+        values[: len(spans[limb]), :, indices] = over_cycles(columns, spans[limb]).values
     return Cycles(series.names, values)
 
 

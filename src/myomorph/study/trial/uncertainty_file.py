@@ -36,39 +36,36 @@ def read_sizes(path: Path) -> dict[str, Any]:
 def drawn_settings(draws: int | None, path: Path | None, workers: int | None = None) -> dict[str, dict[str, Any]]:
     """Settings of the step 'uncertainty' from options of a command; none without `--draws` and `--uncertainty`."""
     options = {"draws": draws, "workers": workers}
-    given = {name: value for name, value in options.items() if value is not None}
+    settings = {name: value for name, value in options.items() if value is not None}
     if draws is None and path is None:
-        for name, value in given.items():
+        for name, value in settings.items():
             raise BadData(f"--{name} {value} without --draws: say how many draws there are to be (--draws 200)")
         return {}
     if workers is not None and workers < 1:
         raise BadData(f"--workers {workers}: expected 1 or more")
-    return {STEP: ({} if path is None else read_sizes(path)) | given}
+    return {STEP: ({} if path is None else read_sizes(path)) | settings}
 
 
 def limits_summary(results: StepResults) -> str:
     """How limits of results were found, as the end of a line; "" where nothing was drawn."""
-    found = results.get(Uncertainty)
-    return "" if found is None else f"; {found.summary}"
+    uncertainty = results.get(Uncertainty)
+    return "" if uncertainty is None else f"; {uncertainty.summary}"
 
 
 def with_uncertainty(raw: Mapping[str, Any], default_steps: tuple[str, ...]) -> tuple[Mapping[str, Any], list[str]]:
-    """Tables of a study file with `[uncertainty]` where it means: among the options, and as a step of all subjects.
-
-    Returns
-    -------
-    tables, and remarks on keys of version 0.1 that are gone
+    """Tables of a study file with `[uncertainty]` where it means: among the options, and as a step of all subjects; and
+    remarks on keys of version 0.1 that are gone.
     """
-    given = raw.get(STEP)
-    if not isinstance(given, dict):
+    sizes = raw.get(STEP)
+    if not isinstance(sizes, dict):
         return raw, []
-    remarks = [f"[{STEP}]: '{RETIRED}' is not used: inputs are drawn, whatever it says"] if RETIRED in given else []
-    given = {name: value for name, value in given.items() if name != RETIRED}
+    remarks = [f"[{STEP}]: '{RETIRED}' is not used: inputs are drawn, whatever it says"] if RETIRED in sizes else []
+    sizes = {name: size for name, size in sizes.items() if name != RETIRED}
     options = dict(raw.get("options", {}))
-    options[STEP] = given | options.get(STEP, {})
+    options[STEP] = sizes | options.get(STEP, {})
     subjects = []
-    for one in raw.get("subject", []):
-        steps = one.get("steps", list(default_steps)) if isinstance(one, dict) else None
-        subjects.append(one | {"steps": [*steps, STEP]} if isinstance(steps, list) else one)
+    for subject in raw.get("subject", []):
+        steps = subject.get("steps", list(default_steps)) if isinstance(subject, dict) else None
+        subjects.append(subject | {"steps": [*steps, STEP]} if isinstance(steps, list) else subject)
     tables = {name: table for name, table in raw.items() if name != STEP} | {"options": options, "subject": subjects}
     return tables, remarks

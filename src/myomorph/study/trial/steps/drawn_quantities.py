@@ -66,8 +66,8 @@ def torque_quantity(trial: TrialInputs, torques: Torques) -> Quantity:
     def table(values: Array) -> Table:
         return torque_table(Series(shown.time, shown.names, values), trial.model)
 
-    given = (shown.time, shown.names, shown.values)
-    return Quantity("torques", *given, table, "N m or N", units, np.ones(len(units)))
+    shown_columns = (shown.time, shown.names, shown.values)
+    return Quantity("torques", *shown_columns, table, "N m or N", units, np.ones(len(units)))
 
 
 def quantity_of(name: str, time: Array, names: tuple[str, ...], values: Array, unit: str) -> Quantity:

@@ -207,8 +207,8 @@ class Chain:
         def coordinates(values: Array) -> Table:
             return table_from_motion(Motion(shown.time, shown.names, values), model)
 
-        given = (shown.time, shown.names, shown.values)
-        made = [Quantity("coordinates", *given, coordinates, "rad or m", units, factors)]
+        shown_columns = (shown.time, shown.names, shown.values)
+        made = [Quantity("coordinates", *shown_columns, coordinates, "rad or m", units, factors)]
         if torques is None:
             return made
         if self.trial.get(RecordedTorques) is None:
@@ -345,7 +345,7 @@ def acts(sources: Sources, groups: tuple[str, ...]) -> bool:
 
 def alone(sources: Sources, group: str) -> Sources:
     """Only the sources of one group."""
-    return _without(sources, tuple(one for one in GROUPS if one != group))
+    return _without(sources, tuple(other for other in GROUPS if other != group))
 
 
 def frozen(sources: Sources, group: str) -> Sources:

@@ -119,12 +119,12 @@ def every_frame(step: int, motion: Motion) -> Motion:
 
 def solve_dynamics(trial: TrialInputs, recorded: Motion, step: int = 1) -> Torques:
     """Inverse dynamics, forces filtered as the motion, of one in `step` frames; or the torques that a file gives."""
-    given, loads = trial.get(RecordedTorques), trial.get(ExternalLoads)
-    if given is not None:
+    recorded_torques, loads = trial.get(RecordedTorques), trial.get(ExternalLoads)
+    if recorded_torques is not None:
         motion, notes = with_derivatives(trial, recorded)
         motion = every_frame(step, motion)
         notes = (*notes, "joint torques are those of the file that was given: no inverse dynamics was computed")
-        return Torques(motion, torques_at(given.torques, motion), None, notes)
+        return Torques(motion, torques_at(recorded_torques.torques, motion), None, notes)
     has_mass(trial.model, "inverse dynamics")
     motion, notes = with_derivatives(trial, recorded)
     motion = every_frame(step, motion)
@@ -219,7 +219,7 @@ def _ground_forces(wrenches: Wrenches | None, model: Model) -> Sequence[Signals]
         return ()
     bodies = tuple(dict.fromkeys(wrenches.bodies))
     upward = np.nan_to_num(wrenches.forces @ np.asarray(model.up))
-    sums = [upward[:, [body == one for one in wrenches.bodies]].sum(axis=1) for body in bodies]
+    sums = [upward[:, [body == other for other in wrenches.bodies]].sum(axis=1) for body in bodies]
     series = Series(wrenches.time, bodies, np.column_stack(sums))
     made = all_drawn("id", series, "_vertical_force", "N", ("maximum", "mean"), "vertical force [body weight]")
     return (replace(made, factor=made.factor / model.weight),)

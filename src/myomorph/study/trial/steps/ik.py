@@ -107,9 +107,9 @@ def sensor_table(fit: KinematicsFit) -> Table:
 
 
 def _run(trial: TrialInputs, output: StepOutput) -> Poses:
-    given = trial.get(RecordedMotion)
-    if given is not None:
-        return _given(trial, given.motion, output)
+    recorded_motion = trial.get(RecordedMotion)
+    if recorded_motion is not None:
+        return _given(trial, recorded_motion.motion, output)
     checked, writer = solve_kinematics(trial), output.writer
     notes = tuple(map(str, checked.findings))
     if checked.sensors is not None:
@@ -249,13 +249,13 @@ def put_fit_beside(writer: ResultWriter, motion: Path, model: Model, time: Array
         return False
     try:
         stored = read_result(beside)
-        fit, given = store.get_fit(stored), read_motion(motion, model)
+        fit, table = store.get_fit(stored), read_motion(motion, model)
     except (MyomorphError, OSError, KeyError, ValueError):
         return False
-    if fit is None or len(fit.motion) != len(given) or set(fit.motion.names) != set(given.names):
+    if fit is None or len(fit.motion) != len(table) or set(fit.motion.names) != set(table.names):
         return False
-    columns = [fit.motion.names.index(name) for name in given.names]
-    if not np.allclose(fit.motion.values[:, columns], given.values, atol=SAME, equal_nan=True):
+    columns = [fit.motion.names.index(name) for name in table.names]
+    if not np.allclose(fit.motion.values[:, columns], table.values, atol=SAME, equal_nan=True):
         # The table was changed, or is of another recording.
         return False
     frames = np.searchsorted(fit.motion.time, time - 1e-6)

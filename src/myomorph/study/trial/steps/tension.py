@@ -225,7 +225,11 @@ def _hashed(trial: TrialInputs) -> Sequence[object]:
         None if trial.get(ContactPlan) is None else options.get(ContactOptions),
         None if trial.get(RecordedEmg) is None else options.get(EmgOptions),
     )
-    return *(one for one in chosen if one is not None), options[EmgUse], options[TensionTables]
+    return (
+        *(options_of_step for options_of_step in chosen if options_of_step is not None),
+        options[EmgUse],
+        options[TensionTables],
+    )
 
 
 def _show(report_input: ReportInput, stored: Stored) -> ReportInput:

@@ -134,18 +134,20 @@ def _run(
                 "is too weak for the motion: state smaller errors"
             )
         spreads = {
-            one.name: draws.spread(one.name, part.time, one.names).over(one.time, part.values, one.values)
-            for one, part in zip(whole, quantities, strict=True)
+            quantity.name: draws.spread(quantity.name, part.time, quantity.names).over(
+                quantity.time, part.values, quantity.values
+            )
+            for quantity, part in zip(whole, quantities, strict=True)
         }
         shares = _shares(quantities, draws, groups, jobs[chosen.draws :], results, advance) if groups else {}
-    factors = {one.name: FACTORS.get(one.name, 1.0) if chosen.widened else 1.0 for one in whole}
+    factors = {quantity.name: FACTORS.get(quantity.name, 1.0) if chosen.widened else 1.0 for quantity in whole}
     spreads = {name: widened(name, spread, factors[name]) for name, spread in spreads.items()}
     notes, used = _notes(failed, weak, chosen.draws), source_sizes(sources, sizes)
     wider = widened_errors(errors, np.array([factors[name] for name in numbers.tables]))
     values = ValueErrors(numbers.names, wider)
     uncertainty = Uncertainty(spreads, shares, chosen.draws, failed + weak, notes, factors, used)
-    for one in whole:
-        _write_limits(one, spreads[one.name], output.folder)
+    for quantity in whole:
+        _write_limits(quantity, spreads[quantity.name], output.folder)
     _write_table(whole, uncertainty, output.folder / TABLE)
     _write_sources(used, output.folder / SOURCE_TABLE)
     put_uncertainty(output.writer, uncertainty, {quantity.name: quantity.unit for quantity in quantities})
@@ -256,7 +258,7 @@ def _found_sizes(trial: TrialInputs) -> ErrorSizes:
 
 
 def _digest(error_sizes: ErrorSizes) -> str:
-    rows = sorted(one for item in error_sizes.items.values() for one in item.values())
+    rows = sorted(size for item in error_sizes.items.values() for size in item.values())
     return sha256(repr(rows).encode()).hexdigest()[:16]
 
 
