@@ -25,7 +25,7 @@ name = "skate"
 body = "calcn_r"
 points = [[0.1, 0.0, 0.0]]
 friction = 0.6
-law = "ellipse"
+law = "flat_ellipse"
 law_options = {{ {option} = 0.1 }}
 """
 
@@ -34,7 +34,7 @@ law_options = {{ {option} = 0.1 }}
 def ellipse(monkeypatch):
     """The one line, forgotten after the test."""
     monkeypatch.setattr(model_contacts, "CONTACT_LAWS", dict(model_contacts.CONTACT_LAWS))
-    register_law("ellipse", FrictionEllipse)
+    register_law("flat_ellipse", FrictionEllipse)
 
 
 def test_forces_of_a_walk_stay_inside_the_ellipse_and_do_not_inside_another(data, ellipse):
@@ -70,7 +70,7 @@ def test_a_contact_file_takes_it_with_its_options(data, tmp_path, ellipse):
 def test_results_keep_it_and_those_before_know_pyramids(ellipse):
     site = Site("skate", "calcn_r", np.zeros((1, 3)), FrictionEllipse(friction=0.6, across=0.1))
     plain = json.loads(json.dumps(_plain_site(site)))
-    assert plain["cone"]["law"] == "ellipse"
+    assert plain["cone"]["law"] == "flat_ellipse"
     again = _site(plain).cone
     assert (type(again), again.across) == (FrictionEllipse, 0.1)
     np.testing.assert_array_equal(again.direction, site.cone.direction)
@@ -88,14 +88,14 @@ def test_results_keep_it_and_those_before_know_pyramids(ellipse):
 
 
 def test_an_unknown_law_is_answered_with_those_that_exist():
-    with pytest.raises(UnknownName, match=r"ellipse.*pyramid"):
-        contact_law("ellipse")
+    with pytest.raises(UnknownName, match=r"flat_ellipse.*pyramid"):
+        contact_law("flat_ellipse")
     with pytest.raises(BadData, match=r"FrictionEllipse.*pyramid"):
         FrictionEllipse().plain()
 
 
 def test_a_name_is_given_once(ellipse):
-    register_law("ellipse", FrictionEllipse)
+    register_law("flat_ellipse", FrictionEllipse)
     with pytest.raises(BadData, match=r"pyramid.*FrictionEllipse"):
         register_law("pyramid", FrictionEllipse)
     assert contact_law("pyramid") is Cone
