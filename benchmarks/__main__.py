@@ -42,6 +42,7 @@ COMPARISONS = {
     "study": ("benchmarks.speed.study", "1,000 short trials: workers side by side, memory, what a trial costs"),
     "fuzz": ("benchmarks.fuzz", "readers of files given wrong ones: inputs tried, and what came out"),
     "house": ("benchmarks.house", "lines by room, words of documentation, vague names; --before REVISION"),
+    "trial_path": ("benchmarks.trial_path", "through how many files the inputs of a trial pass; --tree PATH"),
     "release": ("benchmarks.release", "sdist and wheel: contents, and the wheel alone in a fresh environment"),
     "mutants": ("benchmarks.mutants", "small wrong changes of the science rooms: how many their own tests notice"),
     "wheels": ("benchmarks.wheels", "dependencies without a wheel for Windows, macOS and Linux on ARM"),

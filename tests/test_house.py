@@ -7,7 +7,7 @@ from benchmarks.house import CHECKOUT, checkout_texts, count
 
 LIMITS = {
     ("lines", "src"): 125_200,
-    ("lines", "benchmarks"): 24_150,
+    ("lines", "benchmarks"): 24_250,
     ("words", "documentation"): 99_950,
     ("vague", "src"): 6.5,
 }
