@@ -54,6 +54,7 @@ def test_there_are_commands():
         "tension",
         "report",
         "convert",
+        "export",
         "tension",
         "personalize",
         "tension",
