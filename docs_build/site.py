@@ -32,6 +32,7 @@ ROOMS = (
     "live",
     "viscosity",
     "opensim_tools",
+    "mujoco_tools",
     "study",
     "store",
     "viewer",

@@ -220,7 +220,8 @@ def identify_specimen(
 
     A condition that is lacking or that fails is None and named in the notes; the other is still identified.
     The intervals hold what swings and trials scatter; what all trials share (the joint's center, the plate's
-    place and gain, the held pose, moment arms) they cannot know.
+    place and gain, the held pose, moment arms) they cannot know. Masses and centers are those of limb and base load
+    together, as the constant force shows them; a study gives the range that the limb's can have.
 
     Source: [S] section II.
 
