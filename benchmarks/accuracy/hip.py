@@ -55,32 +55,41 @@ RAW = {
 """Activity, recordings, mass of the body [kg] and legs."""
 
 
+SETTINGS = {
+    "default": (),
+    "exponent 3": ("--exponent", "3"),
+    "loads of all joints, 0.1": ("--joint-load", "0.1", "--joint-load-joints", "all"),
+}
+"""Of `tension` on a set's own model."""
+
+
 def measure(folder: Path) -> Iterator[Row]:
     """A row a leg: the peak force and its direction, and whether they lie inside the spread of the people."""
-    for name, (activity, model, motion, loads, legs) in OWN.items():
+    for name, (activity, *files, legs) in OWN.items():
+        model, motion, loads = (str(folder / file) for file in files)
+        weight = 9.80665 * mm.read_model(model).mass
+        for way, more in SETTINGS.items():
+            with tempfile.TemporaryDirectory() as home:
+                typed = ("--model", model, "--motion", motion, "--loads", loads, "--reactions", "child", "--out", home)
+                _run("tension", *typed, *more)
+                table = mm.read_sto(Path(home) / "joint_reactions.sto")
+                yield from _rows(name, "the set's", way, activity, table, weight, legs)
+    for name, (activity, recordings, mass, legs) in RAW.items():
         with tempfile.TemporaryDirectory() as home:
-            files = [str(folder / file) for file in (model, motion, loads)]
             _run(
-                "tension",
-                "--model",
-                files[0],
-                "--motion",
-                files[1],
-                "--loads",
-                files[2],
+                "analyze",
+                *(str(folder / file) for file in recordings),
+                "--mass",
+                str(mass),
                 "--reactions",
                 "child",
                 "--out",
                 home,
+                "--workers",
+                "1",
             )
-            weight = 9.80665 * mm.read_model(files[0]).mass
-            yield from _rows(name, "the set's", activity, mm.read_sto(Path(home) / "joint_reactions.sto"), weight, legs)
-    for name, (activity, recordings, mass, legs) in RAW.items():
-        with tempfile.TemporaryDirectory() as home:
-            files = [str(folder / file) for file in recordings]
-            _run("analyze", *files, "--mass", str(mass), "--reactions", "child", "--out", home, "--workers", "1")
             table = next(Path(home).glob("*/joint_reactions.sto"))
-            yield from _rows(name, "generic, analyze", activity, mm.read_sto(table), 9.80665 * mass, legs)
+            yield from _rows(name, "generic, analyze", "default", activity, mm.read_sto(table), 9.80665 * mass, legs)
 
 
 def _run(*typed: str) -> None:
@@ -88,7 +97,9 @@ def _run(*typed: str) -> None:
         assert main(list(typed)) == 0
 
 
-def _rows(name: str, model: str, activity: str, table: mm.model.Table, weight: float, legs: str) -> Iterator[Row]:
+def _rows(
+    name: str, model: str, way: str, activity: str, table: mm.model.Table, weight: float, legs: str
+) -> Iterator[Row]:
     size, size_sd, lateral, lateral_sd, forward, forward_sd = PUBLISHED[activity]
     for leg in legs:
         column = next(title for title in table.names if f"_on_femur_{leg}_in_femur_{leg}_fx" in title)
@@ -100,6 +111,7 @@ def _rows(name: str, model: str, activity: str, table: mm.model.Table, weight: f
         yield {
             "recording": name,
             "model": model,
+            "settings": way,
             "activity": activity,
             "leg": {"r": "right", "l": "left"}[leg],
             "peak [% weight]": share,

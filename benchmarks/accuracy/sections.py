@@ -290,4 +290,6 @@ def measurement(table: str) -> Callable[[], Iterable[Row]]:
     """
     module, function = next(tables[table] for tables in PAGES.values() if table in tables).split(":")
     measure = getattr(importlib.import_module(f"benchmarks.{module}"), function)
-    return (lambda: measure(data_folder())) if "folder" in inspect.signature(measure).parameters else measure
+    # What has no default is the folder of the data collection.
+    needs_data = any(part.default is part.empty for part in inspect.signature(measure).parameters.values())
+    return (lambda: measure(data_folder())) if needs_data else measure

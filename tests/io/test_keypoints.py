@@ -50,7 +50,7 @@ def test_names_beside_the_recording(tmp_path):
     assert read_keypoints(tmp_path / "a.h5").markers.names == NAMES
     assert read_keypoint_names(tmp_path / "a.json").bodies == {"nose": "Head"}
     (tmp_path / "a.yaml").write_text("[one, two, three]\n")
-    with pytest.raises(BadFile, match="does not tell its unit"):
+    with pytest.raises(BadFile, match="does not state its unit"):
         read_keypoints(tmp_path / "a.h5")
     (tmp_path / "b.txt").write_text("nose\nhip\n\ntail\n")
     assert read_keypoint_names(tmp_path / "b.txt").names == NAMES

@@ -32,7 +32,7 @@ class StrideLoad:
 
 
 def own_strides(name: str, strides: Strides | None) -> tuple[Stride, ...]:
-    """Strides of the leg on whose side a name is; those of the first leg where it tells no side."""
+    """Strides of the leg on whose side a name is; those of the first leg where it has no side."""
     if strides is None or not strides.strides:
         return ()
     limbs, side = tuple(strides.strikes), split_side(name)[1]

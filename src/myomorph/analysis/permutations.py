@@ -33,7 +33,7 @@ SAME = 1e-9  # Two |t| are equal within this share
 
 @read_only
 class PermutationTest:
-    """What relabelling tells."""
+    """What relabelling shows."""
 
     statistic: Array  # (...) the first group less the second, see above
     p: Array  # (...) corrected for all numbers looked at together

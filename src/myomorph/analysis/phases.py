@@ -42,7 +42,7 @@ class Measure:
 class Movement:
     """What a recording shows."""
 
-    kind: str = ""  # "gait", "jump", "contact" or "" where no force tells
+    kind: str = ""  # "gait", "jump", "contact" or "" where no force shows it
     events: tuple[Event, ...] = ()  # in order of time
     measures: tuple[Measure, ...] = ()  # numbers that usually go with such a movement
 

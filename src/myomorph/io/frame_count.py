@@ -24,8 +24,8 @@ class FrameCount:
     """What a recording says of its length."""
 
     frames: int | None = None  # None where its first bytes do not tell
-    rate: float | None = None  # frames a second [Hz], None where they do not tell
-    start: float | None = None  # time of the first frame [s], None where they do not tell
+    rate: float | None = None  # frames a second [Hz], None where they do not show it
+    start: float | None = None  # time of the first frame [s], None where they do not show it
 
     def within(self, time: tuple[float, float] | None) -> int | None:
         """Frames of a part of the recording, from start to end [s]; at most those that there are."""

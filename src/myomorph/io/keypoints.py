@@ -35,7 +35,7 @@ HINT = "expected an HDF5 file with a dataset 'tracks' of (frames, animals, point
 
 @dataclass(frozen=True)
 class KeypointNames:
-    """What a file of names tells of the points of a recording."""
+    """What a file of names says of the points of a recording."""
 
     names: tuple[str, ...] = ()  # of the points, in the order of the recording; () where not specified
     # point to the body of a model it belongs to
@@ -54,7 +54,7 @@ def read_keypoints(
     What is not specified here is taken from the file itself (`node_names`, attributes `units` and `rate`), then from
     the file of names beside it: the recording's own name with .yaml, .json or .txt, or the only file of its folder with
     so many names, which the warnings report. `names`: of the points, in order; `units`: "m", "cm", "mm" or "in";
-    `rate`: frames per second [Hz]; where nothing tells it, times are frame numbers, with a warning; `animal`: which
+    `rate`: frames per second [Hz]; where nothing states it, times are frame numbers, with a warning; `animal`: which
     one, where the file holds several.
     """
     path = Path(path)
@@ -74,7 +74,7 @@ def read_keypoints(
     if len(header.names) != tracks.shape[1]:
         raise BadFile(path, f"has {tracks.shape[1]} points, but {len(header.names)} names were given", HINT)
     if header.unit is None:
-        raise BadFile(path, "does not tell its unit", f"put 'units: mm' (m, cm, in) into {path.stem}.yaml")
+        raise BadFile(path, "does not state its unit", f"put 'units: mm' (m, cm, in) into {path.stem}.yaml")
     if header.rate is None:
         notes.append(f"no frame rate is specified: times are frame numbers; put 'rate: HZ' into {path.stem}.yaml")
     elif not 0.0 < header.rate < 1e6:

@@ -112,7 +112,7 @@ def run_live_chain(
 
 
 def open_source(model: Model, live_files: LiveFiles | LiveStreams) -> tuple[Source, tuple[Input, ...]]:
-    """Frames to come, and what provenance tells of them."""
+    """Frames to come, and what provenance says of them."""
     if isinstance(live_files, LiveStreams):
         if live_files.up not in ("y", "z"):
             raise BadData(f"--up {live_files.up}: expected y or z")

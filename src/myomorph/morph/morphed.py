@@ -12,7 +12,7 @@ from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.morph.maps.fields import BoneMap
 
-UNKNOWN = float("nan"), float("nan")  # An interval that nothing tells.
+UNKNOWN = float("nan"), float("nan")  # An interval that nothing determines.
 
 
 @dataclass(frozen=True)

@@ -50,7 +50,7 @@ class JumpStudy:
     # window, cutoff: what to use of the recording [s], low-pass of motion and forces [Hz]
     window: tuple[float, float]
     cutoff: float
-    # (samples,) share of the right foot in the load that the center of pressure tells, NaN in flight; 0.5 is assumed
+    # (samples,) share of the right foot in the load that the center of pressure shows, NaN in flight; 0.5 is assumed
     share: Array
     # real, assumed: sentences for the first lines of a report
     real: tuple[str, ...]

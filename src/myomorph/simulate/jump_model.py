@@ -89,7 +89,7 @@ def mirrored_name(name: str) -> str:
 
 
 def shared_wrenches(trial: Trial) -> tuple[Wrenches, Array]:
-    """Half of plate 1 on the right foot, its mirror image on the left, and the share that the plate tells. The force on
+    """Half of plate 1 on the right foot, its mirror image on the left, and the share that the plate shows. The force on
     the right foot acts as far forward as the center of pressure of the plate, on the line from the heel through the
     ankle's center. Were the left foot as far from the middle of the hips as the right one, the center of pressure would
     divide their distance by the shares of the feet.
@@ -234,7 +234,7 @@ def fitted_model(model: Model, quiet: Markers, mass: float) -> tuple[Model, dict
 
 def calibrated(model: Model, quiet: Markers) -> Model:
     """The model with all markers where quiet standing shows them. Its pose there: joint centers and bony landmarks by
-    inverse kinematics, the sole level (the jumper wears shoes, so heights of foot markers tell nothing), the trunk
+    inverse kinematics, the sole level (the jumper wears shoes, so heights of foot markers show nothing), the trunk
     upright. The mirrored markers lie on the left leg as their originals on the right one.
     """
     tree = compile_tree(model)

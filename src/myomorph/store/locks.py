@@ -56,7 +56,7 @@ def read_mark(folder: Path) -> RunMark | None:
         return None
     except (ValueError, KeyError, TypeError) as error:
         raise BadFile(
-            path, f"does not tell which run wrote here ({error})", "remove it, or give --out another"
+            path, f"does not show which run wrote here ({error})", "remove it, or give --out another"
         ) from None
 
 

@@ -103,7 +103,7 @@ def _texts_of() -> Callable[[Any, str, str], None]:
 
 
 class _Disk:
-    """A file for HDF5, which ends the whole process where a write fails: the first failure is kept and told after."""
+    """A file for HDF5, which ends the whole process where a write fails: the first failure is reported after."""
 
     def __init__(self, path: str | os.PathLike[str]):
         # Without a buffer of Python's: what fails must fail here and not when the file is closed.

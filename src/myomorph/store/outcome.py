@@ -95,7 +95,7 @@ class Conditions:
 
 
 def failed(outcome: Outcome, error: BaseException, step: str = "") -> Outcome:
-    """The outcome of a trial that an error ended, in a step if any; of several errors, the first is told."""
+    """The outcome of a trial that an error ended, in a step if any; of several errors, the first is reported."""
     text = " ".join(str(error).split())
     full = disk_full(error, outcome.folder)
     fault = not full and not isinstance(error, MyomorphError | OSError | MemoryError)

@@ -43,7 +43,7 @@ class ContactSetting:
 
 @read_only
 class Measurements:
-    """What a recording tells of contacts beside the motion."""
+    """What a recording shows of contacts beside the motion."""
 
     recorded: Motion  # the motion before it was filtered
     wrenches: Wrenches | None = None  # forces of plates on bodies, at the motion's times
@@ -56,7 +56,7 @@ class Measurements:
 def set_contacts(
     plan: ContactPlan, model: Model, motion: Motion, known: Measurements, options: ContactOptions
 ) -> ContactSetting:
-    """Sites, touches and activations of a motion, and what measured forces tell of them."""
+    """Sites, touches and activations of a motion, and what measured forces show of them."""
     measured = known.wrenches
     if plan.stairs is not None:
         return _on_stairs(plan.stairs, plan, model, motion, measured, options)

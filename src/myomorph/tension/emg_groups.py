@@ -1,6 +1,6 @@
 """Groups of muscles that share joints: synergies of their channels, and a fit of gains as a calibration.
 
-Gains of EMG that torques do not tell are usual ones, and so is the level of all where only priors would move it.
+Gains of EMG that torques do not show are usual ones, and so is the level of all where only priors would move it.
 """
 
 from __future__ import annotations
@@ -107,7 +107,7 @@ def kept_level(tracking: TorqueTracking, level: Prior, delays: Array, shapes: Ar
 
 
 def settled_fit(tracking: TorqueTracking, prior: Prior, delays: Array, shapes: Array) -> Fit:
-    """The most probable gains, where those that torques do not tell are the usual ones beside those that they do.
+    """The most probable gains, where those that torques do not show are the usual ones beside those that they do.
     `prior`: that of `kept_level`; deviations are by that of `tracking`, whose common level is not known.
     """
     deviation, fit = tracking.fit(delays, shapes).deviation, tracking.fit(delays, shapes, prior)

@@ -84,7 +84,7 @@ WEIGHTS = ((10.0, 1.0), (3.0, 1.0), (1.0, 1.0), (0.3, 1.0), (0.1, 1.0), (0.1, 0.
 """Weights that are tried, the firmest first: of soft targets, and of what synergies say of muscles without EMG."""
 ALONE_WEIGHT = 1.0  # The weight where there is but one channel, so that none can be left out
 WORSE = 0.05  # Fall of a held-out channel's correlation that is too much
-MARGIN = 0.5  # Share of it that is allowed where a weight is chosen: muscles that no channel tells of may fare worse
+MARGIN = 0.5  # Share of it that is allowed where a weight is chosen: muscles that no channel measures may fare worse
 HELD_FRAMES = 150  # About how many frames of all trials together channels are left out on
 
 

@@ -104,7 +104,7 @@ def emg_targets(
 
 
 def mapped_muscles(emg: Emg, channels: ChannelMap, model: Model) -> tuple[str, ...]:
-    """Muscles that the channels tell of, in the model's order."""
+    """Muscles that the channels measure, in the model's order."""
     told: set[str] = set()
     for channel, names in channels.items():
         index_of("EMG channel", channel, emg.names, "the EMG")

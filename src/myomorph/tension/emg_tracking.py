@@ -103,7 +103,7 @@ def action_cosines(frames: Sequence[TrackedFrames]) -> Array:
 
 def alike(frames: Sequence[TrackedFrames], muscles: np.ndarray, tells: Array) -> Array:
     """(muscles, channels) shares in which channels stand for unmeasured muscles: by what these do at the joints.
-    `tells` (all muscles, channels) True where a channel tells of a muscle.
+    `tells` (all muscles, channels) True where a channel measures a muscle.
     """
     cosine = np.maximum(action_cosines(frames)[muscles], 0.0)
     near = (cosine @ tells) / np.maximum(tells.sum(axis=0), 1.0)
@@ -113,7 +113,7 @@ def alike(frames: Sequence[TrackedFrames], muscles: np.ndarray, tells: Array) ->
 
 class TorqueTracking:
     """The regression over all trials.
-    `frames`: of all trials; `tells` (muscles, channels) True where a channel tells of a muscle; `groups`: synergies for
+    `frames`: of all trials; `tells` (muscles, channels) True where a channel measures a muscle; `groups`: synergies for
     unmeasured muscles; `prior`: of the gains; `offsets`: whether channels may have an activation at rest; `errors`: of
     the torques, and what a frame is worth, where they are known from elsewhere; `noise` (channels,) standard deviation
     of noise in the envelopes; it makes gains smaller unless that is corrected.

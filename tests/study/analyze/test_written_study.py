@@ -13,11 +13,11 @@ from made_standing import standing
 from myomorph.io.formats import read_model
 from myomorph.io.sto import write_sto
 from myomorph.io.trc import write_trc
-from myomorph.model.errors import BadData, BadFile
+from myomorph.model.errors import BadData, BadFile, UnknownName
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.series import Table
 from myomorph.motion.measurements import default_markers
-from myomorph.study.analyze.analyze import prepare_request
+from myomorph.study.analyze.analyze import prepare_request, prepare_study
 from myomorph.study.analyze.recorded_trial import AnalyzeRequest
 from myomorph.study.inputs.by_type import ByType
 from myomorph.study.inputs.contact_points import ContactPointsFile
@@ -170,3 +170,18 @@ def test_a_plate_under_two_feet_is_shared(tmp_path: Path) -> None:
         prepared = prepare_request(AnalyzeRequest((tmp_path / "walk.trc",), 70.0), tmp_path / f"{under}")
         assert read_plan(prepared.study).trials[0].get(ContactsFile) == contacts
         assert any("Two feet share a plate" in text for text in prepared.assumed) == (under == 0.5)
+
+
+def test_keys_from_python_are_those_of_study_files(tmp_path: Path) -> None:
+    write_trc(standing(0.3), tmp_path / "walk.trc")
+    loads = forces_of(np.full(20, 690.0), tmp_path / "plates.mot")
+    keys = {"loads": str(loads), "emg_side": "left", "contact_points": "auto", "time": (0.05, 0.15)}
+    prepared = prepare_study([tmp_path / "walk.trc"], tmp_path / "out", 70.0, keys=keys)
+    trial = read_plan(prepared.study).trials[0]
+    assert trial.get(LoadsFile).loads.resolve() == loads
+    assert (trial.get(EmgFiles).emg_side, trial.get(ContactPointsFile).contact_points) == ("left", "auto")
+    assert trial.get(TimeSpan).time == (0.05, 0.15)
+    with pytest.raises(UnknownName, match="emg_side"):
+        prepare_study([tmp_path / "walk.trc"], tmp_path / "out", 70.0, keys={"emgside": "left"})
+    with pytest.raises(BadData, match=r"none\.mot"):
+        prepare_study([tmp_path / "walk.trc"], tmp_path / "out", 70.0, keys={"loads": "none.mot"})

@@ -19,7 +19,7 @@ from myomorph.model.model import Body, Model
 from myomorph.model.series import Motion
 from myomorph.model.surface import Surface, signed_volume
 
-TISSUE = 1050.0  # Density of solids whose size the inertia does not tell [kg/m^3]
+TISSUE = 1050.0  # Density of solids whose size the inertia does not show [kg/m^3]
 PLAUSIBLE = (400.0, 3000.0)
 """Densities between which a body's inertia is believed to be that of its soft tissue [kg/m^3]."""
 MIN_MASS = 1e-3  # Bodies below this mass are frames between joints and get no points [kg]

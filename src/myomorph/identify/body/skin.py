@@ -25,7 +25,7 @@ class Skin:
     surface: Surface  # consistently oriented, outward, holes filled where they could be [m]
     watertight: bool  # whether every edge has a face on both sides, after repair
     crossing: bool = False  # whether it passes through itself, or its pieces through each other
-    # axis of the surface that points from feet to head or back, "x", "y", "z"; "" where the shape does not tell
+    # axis of the surface that points from feet to head or back, "x", "y", "z"; "" where the shape does not show it
     up: str = ""
     notes: tuple[str, ...] = ()  # what was repaired or left out, one line each
 

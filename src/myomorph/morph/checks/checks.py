@@ -35,7 +35,7 @@ from myomorph.morph.checks.warnings import (
 from myomorph.morph.maps.fields import BoneMap, inverted, muscle_sizes
 from myomorph.morph.morphed import Morph
 
-PARTS = 4  # Of which progress is told.
+PARTS = 4  # Of which progress is reported.
 
 
 def check_morph(

@@ -127,7 +127,7 @@ SAME_PLACE = 1e-6  # Features of the source nearer to each other than this share
 
 def fit_map(features: FeaturePoints, options: MapOptions | None = None) -> PointMap:
     """The map through feature points, or nearest to them. Features at the same place are taken together. What the
-    features do not tell (across the plane of flat ones) is that of the similarity nearest to them; `feature_warnings`
+    features do not show (across the plane of flat ones) is that of the similarity nearest to them; `feature_warnings`
     says when.
     """
     options = options or MapOptions()

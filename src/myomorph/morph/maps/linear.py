@@ -125,7 +125,7 @@ def _warnings(
 
 
 FLAT = 0.02
-"""Points whose spread along a direction is below this share of their greatest tell nothing about that direction."""
+"""Points whose spread along a direction is below this share of their greatest show nothing about that direction."""
 
 FOLDS = 24  # Parts in which many features are left out in turn.
 

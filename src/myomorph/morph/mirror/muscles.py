@@ -23,13 +23,13 @@ SEATED = 1e-6  # Frames that differ by less are the same [m or rad].
 def with_other_muscles(model: Model, axis: str | ArrayLike = "z") -> tuple[Model, tuple[str, ...]]:
     """The model with the mirror image of each muscle and marker that has no counterpart on the other side, and what
     looks wrong. Where they lie is mirrored in ground with all coordinates at zero; bodies of the other side are the
-    model's own, in whatever frames it has them. Of a muscle whose name tells no side, its bodies tell it: `DELT1` on
+    model's own, in whatever frames it has them. Of a muscle whose name has no side, its bodies tell it: `DELT1` on
     the right arm gets the counterpart `DELT1_l`.
     """
     copy = mirrored_parts(model, _naming_by_bodies(model, other_side_of(model, axis)))
     new = [muscle for muscle in copy.muscles if muscle.name not in model.muscle_names]
     if not new:
-        raise BadModel(f"model '{model.name}': every muscle has its counterpart, or tells no side: nothing to mirror")
+        raise BadModel(f"model '{model.name}': every muscle has its counterpart, or has no side: nothing to mirror")
     known = {GROUND, *model.body_names}
     missing = {point.body for muscle in new for point in muscle.path.points} - known
     if missing:
@@ -59,7 +59,7 @@ def with_other_muscles(model: Model, axis: str | ArrayLike = "z") -> tuple[Model
 
 
 def _naming_by_bodies(model: Model, side: OtherSide) -> OtherSide:
-    """The other side, with names for muscles and wrap objects that tell no side but lie on bodies that do."""
+    """The other side, with names for muscles and wrap objects that have no side but lie on bodies that do."""
     ends: dict[tuple[str, str], str] = {}
     for muscle in model.muscles:
         sides = {split_side(point.body)[1] for point in muscle.path.points} - {""}

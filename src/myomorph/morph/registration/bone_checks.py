@@ -46,7 +46,7 @@ def check_bone(
     start: Similarity | None = None,
 ) -> list[str]:
     """What looks odd in a target's bone, one line each; a bone that cannot be what it is said to be is refused. The
-    target is as `repaired_bone` gives it, in its file's frame; `start`: roughly, where landmarks do not tell it.
+    target is as `repaired_bone` gives it, in its file's frame; `start`: roughly, where landmarks do not show it.
     """
     _check_size(body, target, source)
     notes: list[str] = []

@@ -101,7 +101,7 @@ ROUGH = 0.06  # Root mean square distance, as a share of the radius, above which
 COVERED = 0.12
 """Share of the sphere (a cap of 40 degrees) below which center and radius cannot be told apart on a bone."""
 
-TURNED = 0.15  # Share of a cylinder's turn (54 degrees) below which its axis cannot be told.
+TURNED = 0.15  # Share of a cylinder's turn (54 degrees) below which its axis cannot be determined.
 BENT = 0.35  # Least bend of a surface, over that of the sphere, below which it is no sphere but a shaft or an edge.
 UNSURE = 0.1  # Standard deviation of a center, as a share of the radius, above which it is not one to go by.
 LEANING = 0.82  # Cosine of the angle (35 degrees) by which a cylinder's axis may lean from the one given.

@@ -1,6 +1,6 @@
 """Digits: a tendon belongs to one ray, from its metatarsal to its toe, and passes their joint on its own side.
 
-A source whose toes are one body does not tell which toe a tendon goes to, and on a small foot the nearest toe is
+A source whose toes are one body does not show which toe a tendon goes to, and on a small foot the nearest toe is
 another one for every point. So a species table names the ray of each muscle, and whether it extends or flexes. What
 lies on the toes, or beside their joint on the foot, goes to that ray: about the joint, along the ray, in the
 size of its toe. Extensors stay dorsal of the joint by half of the toe's thickness, flexors plantar; the foot's points

@@ -23,7 +23,7 @@ says more of the feature points nearby than of the bone."""
 BESIDE = 0.13
 """What the map adds to the radius of a point, over its distance from the bone's surface. Beyond 1 % of a bone's length
 90 % of the muscle points of five bones were off by 0.12 to 0.16 of it, in the deformations 100 to 109 of
-`benchmarks/accuracy/morph/correspondence.py`; bones of persons tell nothing of what is beside them."""
+`benchmarks/accuracy/morph/correspondence.py`; bones of persons show nothing of what is beside them."""
 
 SAMPLES = 150  # Of a bone's vertices or features tell what becomes of the bone as a whole.
 UNKNOWN_LENGTH = 0.1

@@ -170,7 +170,7 @@ def _heading(model: Model, poses: Poses, up: Array) -> tuple[Array, Array]:
         across = poses.origins[:, r] - poses.origins[:, left]
         across = across - np.outer(across @ up, up)
         lengths = np.linalg.norm(across, axis=1, keepdims=True)
-        # Pairs that start in one point (hips in one pelvis frame) tell nothing.
+        # Pairs that start in one point (hips in one pelvis frame) show nothing.
         right += np.where(lengths > 1e-6, across / np.maximum(lengths, 1e-9), 0.0).mean(axis=0)
     if np.linalg.norm(right) < 0.3 * max(len(couples), 1):
         ahead = np.array([1.0, 0.0, 0.0])

@@ -27,7 +27,7 @@ WIDE = 1.2
 
 def report_page(results: ReportInput) -> str:
     """One self-contained HTML page: no network, every style, script and picture inside. A section appears where its
-    part is given; what is absent is told in one sentence each. Works without scripts; with them, values are read under
+    part is given; what is absent has a sentence each. Works without scripts; with them, values are read under
     the pointer and the skeleton plays.
     """
     return prepared_page(prepare(results))

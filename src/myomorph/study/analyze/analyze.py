@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from myomorph.io.osim.write import write_osim
-from myomorph.model.errors import BadData, BadFile, listing
+from myomorph.model.errors import BadData, BadFile, UnknownName, listing
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.series import Markers
@@ -36,6 +36,7 @@ from myomorph.study.inputs.labels import Labels
 from myomorph.study.inputs.laboratory import AS_RECORDED
 from myomorph.study.inputs.loads import LoadsFile
 from myomorph.study.inputs.mass import BodyMass
+from myomorph.study.inputs.place import Notes, Place
 from myomorph.study.inputs.reading import cut_to, open_model
 from myomorph.study.inputs.table import all_keys, settings_of_keys
 from myomorph.study.plan.plan import Plan
@@ -119,10 +120,22 @@ def prepare_study(
         height,
         None if static is None else Path(static),
         None if model is None else Path(model),
-        inputs=settings_of_keys(keys),
+        inputs=_inputs_of(keys),
         options=FrozenMap(options),
     )
     return prepare_request(request, Path(out))
+
+
+def _inputs_of(keys: Mapping[str, object]) -> ByType:
+    """Settings of inputs from keys as a study file beside the program would have them."""
+    known, place = all_keys(), Place(Path(), "keys", Notes())
+    for name in keys:
+        if name not in known:
+            raise UnknownName("key", name, known, "a study file")
+    values = {name: known[name][1].kind.located(name, value, place) for name, value in keys.items()}
+    if place.notes.problems:
+        raise BadData("; ".join(place.notes.problems))
+    return settings_of_keys(values)
 
 
 def prepare_request(request: AnalyzeRequest, out: Path) -> PreparedStudy:

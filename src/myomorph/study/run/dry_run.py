@@ -22,7 +22,7 @@ FRESH = "everything is asked for anew"
 
 @dataclass(frozen=True)
 class Row:
-    """One job of a dry run: how many frames of recordings it uses, None where the files do not tell at once; by step,
+    """One job of a dry run: how many frames of recordings it uses, None where files do not show it at once; by step,
     why it would be computed, () where it would be reused; seconds that this machine has learned of the computed steps,
     and those whose time is `unknown`; what keeps it from being looked at.
     """

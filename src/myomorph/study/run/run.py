@@ -224,7 +224,7 @@ def run_graph(
     workers: Workers | None = None,
     report: Callable[[Outcome], None] = lambda outcome: None,
 ) -> list[Outcome]:
-    """Do all jobs of a study, then what is done for the whole study, which tells of failures, too. Outcomes come in the
+    """Do all jobs of a study, then what is done for the whole study, which reports failures, too. Outcomes come in the
     order of the study file, those of the whole study last; `graph_of` is from the run to what it has to do in its
     folder.
     """

@@ -73,7 +73,7 @@ class Work:
         return Job(self.key, self, self.needs, self.model, self.after, reused)
 
     def frames(self, count: Callable[[Path], FrameCount] = count_frames) -> int | None:
-        """Frames that are used of its recordings, None where the files do not tell at once."""
+        """Frames that are used of its recordings, None where the files do not show it at once."""
         counts = [count(recording.path).within(recording.time) for recording in self.recordings]
         known = [frames for frames in counts if frames is not None]
         if not counts or len(known) < len(counts):

@@ -151,7 +151,7 @@ def model_of(stored: Stored, demo_model: ModelMaker | None = None) -> Model:
         )
     )
     if not sources:
-        raise BadFile(stored.path, "does not tell which model it was made with", "run the steps again")
+        raise BadFile(stored.path, "does not show which model it was made with", "run the steps again")
     parts = json.loads(stored.facts.get("parts", "{}"))
     if not parts:
         return _source_model(sources[0], stored, demo_model)

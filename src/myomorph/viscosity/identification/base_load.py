@@ -38,7 +38,7 @@ class BaseLoad:
 
 
 def with_base_load(specimen_viscosity: SpecimenViscosity, load: BaseLoad) -> SpecimenViscosity:
-    """The specimen with masses rid of the base's load, each with the range that it can have.
+    """The specimen with masses without the base's load, each with the range that it can have.
 
     The constant force gives limb and base together, m + m_b. A body of first moment h and inertia I about the joint
     weighs at least |h|^2 / I, muscles by what they add to both, and the base carries no less with muscles than without.

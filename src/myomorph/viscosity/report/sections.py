@@ -360,7 +360,7 @@ def _error_grid(specimen_report: SpecimenReport) -> list[Grid]:
 
 
 def _instrument_grid(specimen_report: SpecimenReport) -> list[Grid]:
-    """Errors of instruments as assumed and as the swings tell them."""
+    """Errors of instruments as assumed and as the swings show them."""
     if specimen_report.instruments is None:
         return []
     rows = []

@@ -45,7 +45,7 @@ class Identified:
     """What the conditions of one specimen come to: `found` with intervals that hold errors which all swings share, and
     those of attachments; `by_swings` of swings alone, by which a swing is judged too small.
 
-    `conditions` are rid of the shared errors that the swings tell (`instruments`); `options` have the law of the
+    `conditions` are rid of the shared errors that the swings show (`instruments`); `options` have the law of the
     passive torque decided; `reason` is why the cut-off is what it is; `lost` and `conflicts` name conditions that could
     not be used, and criteria of a law that disagree.
     """

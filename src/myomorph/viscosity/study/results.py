@@ -114,7 +114,7 @@ BY_SPECIMEN: dict[str, tuple[tuple[str, ...], Callable[[SpecimenReport], Iterabl
         ("quantity", "source", "prior_sd", "sd_of_result", "share_of_variance"),
         lambda specimen: map(ERROR, sorted(specimen.errors, key=lambda error: (error.quantity, -error.share))),
     ),
-    # Errors of instruments as assumed and as the swings tell them, in SI units.
+    # Errors of instruments as assumed and as the swings show them, in SI units.
     INSTRUMENTS: (
         ("source", "axis", "prior_sd", "error", "sd_left"),
         lambda specimen: () if specimen.instruments is None else specimen.instruments.rows,

@@ -137,7 +137,7 @@ def touched_frames(
     While nobody touches the limb, force = rows phi + constant with one phi over all trials. A robust fit finds phi from
     the frames that agree, which must be the most; frames whose mismatch, averaged over `WINDOW`, passes both `OUTLYING`
     of its usual size and a `share` of what the swing's force varies are touched, and neighbors within `reach` [s].
-    Moments tell nothing: a joint carries hardly any, whether the limb is held or not.
+    Moments show nothing: a joint carries hardly any, whether the limb is held or not.
     """
     mismatch, largest = force_mismatch([Y[:, 3:, :4] for Y in rows], [wrench[:, 3:] for wrench in wrenches], candidates)
     result = []
