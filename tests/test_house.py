@@ -8,7 +8,7 @@ from benchmarks.house import CHECKOUT, checkout_texts, count
 LIMITS = {
     ("lines", "src"): 125_250,
     ("lines", "benchmarks"): 24_250,
-    ("words", "documentation"): 100_000,
+    ("words", "documentation"): 99_050,
     ("vague", "src"): 6.5,
 }
 

@@ -194,3 +194,11 @@ def test_what_a_study_does_not_use_is_reported(plate):
     with pytest.raises(BadFile, match="passive") as told:
         read_plan(path)
     assert "none.osim" in str(told.value)
+
+
+def test_every_file_that_was_read_is_hashed(plate, command):
+    more = ("--motion", plate.motion, "--loads", plate.loads, "--emg", plate.emg, "--emg-mvc", plate.emg)
+    told = command(*given(plate, *more))
+    assert told.status == 0, told.err
+    made = json.loads((plate.folder / "own_personalization" / "provenance.json").read_text())
+    assert {source["role"] for source in made["sources"]} >= {"model", "motion", "loads", "emg", "emg mvc"}

@@ -13,7 +13,7 @@ from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.errors import BadData
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
-from myomorph.model.provenance import Provenance, Source
+from myomorph.model.provenance import Provenance
 from myomorph.model.series import Motion, Series
 from myomorph.motion.emg_delay import USUAL
 from myomorph.report.page.parts import Note, PageHead
@@ -25,7 +25,6 @@ from myomorph.study.inputs import reading
 from myomorph.study.inputs.by_type import ByType
 from myomorph.study.inputs.emg import EmgFiles, RecordedEmg
 from myomorph.study.inputs.error_size_tables import write_error_sizes
-from myomorph.study.inputs.external_forces import load_tables
 from myomorph.study.inputs.loads import ExternalLoads, LoadsFile
 from myomorph.study.inputs.motion import MotionFile, RecordedMotion
 from myomorph.study.inputs.time_span import TimeSpan
@@ -62,15 +61,6 @@ class PersonalFiles:
     generic: Path | None = None
     inputs: ByType = field(default_factory=ByType)
 
-    def sources(self) -> tuple[Source, ...]:
-        """The files by their hashes."""
-        sources = [file_source("model", self.model)]
-        for role in ("motion", "loads", "torques", "emg", "passive"):
-            for path in getattr(self, role):
-                sources.append(file_source("passive torques" if role == "passive" else role, path))
-                sources += load_tables(path) if role == "loads" else []
-        return (*sources, *(() if self.generic is None else (file_source("generic model", self.generic),)))
-
     def check(self) -> None:
         """Raise `BadData` where recordings lack a part."""
         if self.loads and self.torques:
@@ -98,7 +88,7 @@ def personalize_files(
     )
     cutoff = {name: v for name, v in settings.items() if name in settings_fields and v is not None}
     warnings = list(model.warnings)
-    trials = []
+    sources, trials = [file_source("model", files.model)], []
     named, channels = files.inputs.or_default(LoadsFile), files.inputs.or_default(EmgFiles)
     for index, motion in enumerate(files.motion):
         recorded = files.inputs.having(
@@ -108,16 +98,18 @@ def personalize_files(
         )
         trial = open_trial(TrialFiles(files.model, inputs=recorded), {"tension": cutoff}, model)
         warnings += [text for text in trial.warnings if text not in warnings]
+        sources += [source for source in trial.sources if source not in sources]
         table = files.torques[index] if files.torques else None
+        sources += [] if table is None else [file_source("torques", table)]
         trials.append(_trial(trial, recorded_poses(trial).recorded, motion.stem, table))
     trials += [read_passive(path, model) for path in files.passive]
     generic = None if files.generic is None else reading.open_model(files.generic)
     with reading.about(files.model), progress("muscles of the person", STEPS, "steps") as advance:
         personalized = personalize(model, trials, options, generic=generic, advance=advance)
-    time = files.inputs.or_default(TimeSpan).time
-    used = plain_settings(options) | cutoff | {"time": time, "emg_side": channels.emg_side}
-    used |= {"emg_muscles": sorted(channels.emg_muscles.items())} if channels.emg_muscles else {}
-    return Made(personalized, provenance_of("personalize", files.sources(), used), tuple(warnings))
+    used = plain_settings(options) | cutoff | {"time": files.inputs.or_default(TimeSpan).time}
+    sources += [file_source("passive torques", path) for path in files.passive]
+    sources += [] if files.generic is None else [file_source("generic model", files.generic)]
+    return Made(personalized, provenance_of("personalize", sources, used), tuple(warnings))
 
 
 def _trial(trial: TrialInputs, recorded: Motion, name: str, table: Path | None = None) -> PersonalTrial:
