@@ -66,12 +66,14 @@ def test_a_table_of_the_user_adds_a_protocol_and_a_landmark() -> None:
     [protocols.ours.labels]
     "#ADD" = "thigh.adductor"
     LKNE = ""
+    "#TIB" = ""
     """
     table = protocol_table(text, "ours.toml", protocols())
     ours = table.protocols["ours"]
     assert ours.site("x:radd").landmark == "adductor tubercle"  # type: ignore[union-attr]
     assert ours.site("LKNE") is None
     assert ours.site("RKNE") is not None
+    assert ours.site("LTIB") is ours.site("RTIB") is None
 
 
 @pytest.mark.parametrize(

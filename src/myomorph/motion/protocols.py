@@ -196,7 +196,7 @@ def _protocol(
                 f"{where}: unknown protocol '{other}' in 'also': before it are {listing(other, list(before))}"
             )
         labels |= before[other].labels
-    dropped = {label for label, key in raw.get("labels", {}).items() if not key}
+    dropped = {name for label, key in raw.get("labels", {}).items() if not key for name, _ in _sided(label)}
     labels = {label: site for label, site in labels.items() if label not in dropped}
     labels |= _labels(raw.get("labels", {}), landmarks, where)
     title, origin = (str(raw.get(key, "")) for key in ("title", "source"))
@@ -213,12 +213,16 @@ def _labels(raw: Mapping[str, str], landmarks: Mapping[str, tuple[str, Kind]], w
             raise BadData(f"{where}: unknown landmark '{key}': there are {listing(key, list(landmarks))}")
         words, kind = landmarks[key]
         segment = key.split(".")[0]
-        for letter, side in SIDES.items() if "#" in label else (("", ""),):
-            name = label.replace("#", letter)
+        for name, side in _sided(label):
             if name in result:
                 raise BadData(f"{where}: label '{name}' is there twice")
             result[name] = Site(segment, words, side, key, kind)
     return result
+
+
+def _sided(label: str) -> Iterable[tuple[str, str]]:
+    """The labels that one of a table stands for, and their sides."""
+    return [(label.replace("#", letter), side) for letter, side in SIDES.items()] if "#" in label else [(label, "")]
 
 
 def _plain(label: str, loose: bool, endings: Sequence[str] = ()) -> str:
