@@ -206,17 +206,18 @@ def _protocol(
 def _labels(raw: Mapping[str, str], landmarks: Mapping[str, tuple[str, Kind]], where: str) -> dict[str, Site]:
     """Labels with their sides, and what they lie on."""
     result: dict[str, Site] = {}
-    for label, key in raw.items():
-        if not key:
+    for label, value in raw.items():
+        if not (key := value):
             continue
-        if key not in landmarks:
-            raise BadData(f"{where}: unknown landmark '{key}': there are {listing(key, list(landmarks))}")
+        stated, _, key = key.rpartition(" ")
+        if key not in landmarks or stated not in ("", *SIDES.values()):
+            raise BadData(f"{where}: unknown landmark '{value}': there are {listing(key, list(landmarks))}")
         words, kind = landmarks[key]
         segment = key.split(".")[0]
         for name, side in _sided(label):
             if name in result:
                 raise BadData(f"{where}: label '{name}' is there twice")
-            result[name] = Site(segment, words, side, key, kind)
+            result[name] = Site(segment, words, stated or side, key, kind)
     return result
 
 

@@ -17,6 +17,7 @@ from myomorph.motion.protocols import labels_between
 from myomorph.motion.sync import cut
 from myomorph.muscles.published_arms import arm_warnings
 from myomorph.study.analyze.generic_model import generic_model
+from myomorph.study.analyze.proposed_protocol import proposed_sites, proposed_table
 from myomorph.study.analyze.recorded_trial import AnalyzeRequest, in_a_row, laboratory_of, recorded_trial
 from myomorph.study.analyze.recordings import (
     Recording,
@@ -25,9 +26,10 @@ from myomorph.study.analyze.recordings import (
     look_at,
     sites_of,
     standing_height,
+    stands_still,
     static_beside,
 )
-from myomorph.study.analyze.unfit_markers import unfit_markers
+from myomorph.study.analyze.unfit_markers import is_arm, unfit_markers
 from myomorph.study.analyze.weighing import weighed
 from myomorph.study.inputs.assumed import Assumed
 from myomorph.study.inputs.by_type import ByType
@@ -45,7 +47,7 @@ from myomorph.study.subject.subject_files import SubjectFiles
 from myomorph.study.trial.trial_files import TrialFiles
 from myomorph.study.trial.uncertainty_file import STEP as UNCERTAINTY
 
-STUDY, GENERIC, SUBJECT = "study.toml", "generic.osim", "subject"
+STUDY, GENERIC, SUBJECT, PROPOSED = "study.toml", "generic.osim", "subject", "protocol.toml"
 STEPS = ("calibrate", "ik", "id", "muscles", "tension", "report")
 MIN_FRAMES = 6
 """Frames in a row that derivatives need."""
@@ -156,7 +158,7 @@ def prepare_request(request: AnalyzeRequest, out: Path) -> PreparedStudy:
         moving = [replace(moving[0], near=FrozenMap({**moving[0].near, "loads": loads}))]
     for recording in moving:
         if request.model is None:
-            _check_markers(recording)
+            _check_markers(recording, [*looked, *([static] if static is not None else [])], out)
         assert recording.trial.markers is not None
         body = recording.found.sites if request.model is None else recording.trial.markers.names
         _check_time(recording.path, recording.trial.markers, tuple(body), request.time)
@@ -258,15 +260,35 @@ def _static(looked: list[Recording], request: AnalyzeRequest) -> tuple[Recording
     return None, looked, "There is no static trial (--static FILE): segment lengths come from the motion alone."
 
 
-def _check_markers(recording: Recording) -> None:
-    """Raise `BadData` where the labels that are known do not show a pelvis and a leg, and say what the markers are."""
+def _check_markers(recording: Recording, everyone: Sequence[Recording], out: Path) -> None:
+    """Raise `BadData` where the labels that are known do not show a pelvis and a leg: what the markers are, and a table
+    of what they may lie on where somebody stands still with them.
+    """
     segments = {site.segment for site in recording.found.sites.values()}
     lacking = [name for name in NEEDED if name not in segments]
     if len(recording.found.sites) >= MIN_MARKERS and not lacking:
         return
     if not recording.found.sites and not recording.found.unknown:
         raise BadData(f"{recording.path}: holds no marker that is ever seen: give the recording of the markers")
-    raise BadData(f"{recording.path}: {unfit_markers(recording.found, lacking)}")
+    why = unfit_markers(recording.found, lacking)
+    standing = None if is_arm(recording.found) else next(filter(_all_still, everyone), None)
+    proposals = proposed_sites(standing.trial.markers) if standing is not None and standing.trial.markers else ()
+    if standing is None or not proposals:
+        raise BadData(f"{recording.path}: {why}")
+    table = out / PROPOSED
+    if not table.exists():
+        out.mkdir(parents=True, exist_ok=True)
+        table.write_text(proposed_table(proposals, standing.path.name), encoding="utf-8")
+    raise BadData(
+        f"{recording.path}: {why}. What {len(proposals)} markers of {standing.path.name} may lie on, by geometry, is in "
+        f"{table}: check each line, then give it (--protocol {table})"
+    )
+
+
+def _all_still(recording: Recording) -> bool:
+    """Whether somebody stands still, by all markers."""
+    markers = recording.trial.markers
+    return markers is not None and stands_still(np.moveaxis(markers.values, 1, 0))
 
 
 def _check_time(path: Path, markers: Markers, labels: Sequence[str], time: tuple[float, float] | None) -> None:

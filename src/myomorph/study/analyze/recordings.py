@@ -87,7 +87,7 @@ def look_at(path: Path, name: str = "", table: ProtocolTable | None = None) -> R
         Laboratory(up, turn),
         why_up,
         why_turn,
-        _is_still(trial, places),
+        stands_still(places.values()),
         FrozenMap({name: file for name, file in near.items() if file is not None}),
     )
 
@@ -176,10 +176,10 @@ def _turn(upright: Laboratory, recognized: Recognized, places: dict[str, Array])
     return turn, f"{what} {abs(faces):.0f}° to the {'left' if faces > 0.0 else 'right'} of the x axis"
 
 
-def _is_still(trial: Trial, places: dict[str, Array]) -> bool:
-    """Whether somebody stands still: no marker of the body leaves its place."""
+def stands_still(places: Iterable[Array]) -> bool:
+    """Whether somebody stands still: no marker (frames, 3) of the body leaves its place."""
     ways = []
-    for place in places.values():
+    for place in places:
         seen = place[np.isfinite(place).all(axis=1)]
         if len(seen):
             ways.append(float(np.linalg.norm(np.ptp(np.percentile(seen, (5.0, 95.0), axis=0), axis=0))))
