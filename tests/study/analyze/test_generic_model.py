@@ -36,7 +36,7 @@ def test_every_protocol_shows_pelvis_and_legs(name: str) -> None:
     for side in "rl":
         assert {"pelvis", f"femur_{side}", f"tibia_{side}", f"calcn_{side}"} <= bodies
     assert {protocols().protocols[name].labels[label].segment for label in without} <= {
-        "head", "upper_arm", "forearm", "hand",
+        "head", "scapula", "upper_arm", "forearm", "hand",
     }  # fmt: skip
 
 

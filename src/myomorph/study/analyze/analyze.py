@@ -280,8 +280,8 @@ def _check_markers(recording: Recording, everyone: Sequence[Recording], out: Pat
         out.mkdir(parents=True, exist_ok=True)
         table.write_text(proposed_table(proposals, standing.path.name), encoding="utf-8")
     raise BadData(
-        f"{recording.path}: {why}. What {len(proposals)} markers of {standing.path.name} may lie on, by geometry, is in "
-        f"{table}: check each line, then give it (--protocol {table})"
+        f"{recording.path}: {why}. What {len(proposals)} markers of {standing.path.name} may lie on, by geometry, is "
+        f"in {table}: check each line, then give it (--protocol {table})"
     )
 
 

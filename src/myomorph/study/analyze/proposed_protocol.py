@@ -1,4 +1,4 @@
-"""What unknown markers of somebody who stands may lie on, found by geometry and symmetry: a table for the user to check."""
+"""What unknown markers of somebody who stands may lie on, by geometry: a table for the user to check."""
 
 from __future__ import annotations
 
@@ -83,21 +83,21 @@ def proposed_sites(markers: Markers) -> tuple[Proposal, ...]:
     fit = min((fit for fit in fits if _is_body([sites[column] for column in fit.landmarks])), key=_misfit, default=None)
     if fit is None:
         return ()
-    found = {
-        labels[row]: Proposal(labels[row], sites[column], fit.size * float(np.linalg.norm(fit.pose[column] - fit.placed[row])))
-        for row, column in zip(fit.markers, fit.landmarks, strict=True)
-    }
-    for row, label in enumerate(labels):
-        away = np.where(bony, np.inf, np.linalg.norm(fit.pose - fit.placed[row], axis=1))
-        if label not in found and away.min() < CAP:
-            found[label] = Proposal(label, sites[int(away.argmin())], fit.size * float(away.min()))
-    return tuple(found[label] for label in labels if label in found)
+    apart = np.linalg.norm(fit.placed[:, None] - fit.pose[None], axis=2)
+    bones = dict(zip(fit.markers.tolist(), fit.landmarks.tolist(), strict=True))
+    skin = np.where(bony, np.inf, apart).argmin(axis=1)
+    of_rows = ((row, bones.get(row, int(skin[row]))) for row in range(len(labels)))
+    return tuple(
+        Proposal(labels[row], sites[column], fit.size * float(apart[row, column]))
+        for row, column in of_rows
+        if row in bones or apart[row, column] < CAP
+    )
 
 
 def proposed_table(proposals: Sequence[Proposal], source: str) -> str:
     """A table of `--protocol` with every proposal on a line that says what it means and how far off it is."""
     lines = [
-        f"# What markers of {source} may lie on, by geometry and symmetry. Check each line; correct or delete what is wrong.",
+        f"# What markers of {source} may lie on, by geometry. Check each line; correct or delete what is wrong.",
         "[protocols.proposed]",
         'title = "Proposed by geometry, then checked"',
         f'source = "{source}"',
@@ -130,7 +130,7 @@ def _candidates() -> Iterator[Site]:
 
 
 def _ways(places: Array, pose: Array, bony: Array) -> Iterator[tuple[float, Array, float]]:
-    """Ways in which the markers may stand on the model's ground: how far off, places on the model, and the body's size."""
+    """Ways in which markers may stand on the model's ground: how far off, places on the model, the body's size."""
     extent = np.ptp(places, axis=0)
     tree = cKDTree(pose)
     low = pose[:, 1] < FOOT

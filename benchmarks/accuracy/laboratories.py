@@ -1,0 +1,142 @@
+"""`myomorph analyze` on recordings of many laboratories in public repositories, each as it was published.
+
+They lie in a folder that the environment variable MYOMORPH_LABORATORIES names, as OWNER+NAME/PATH for the file PATH of
+the repository OWNER/NAME on GitHub; those that are absent are left out.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import io
+import os
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+import myomorph as mm
+from benchmarks.errors import rms_known
+from myomorph.cli import main
+from myomorph.model.errors import MyomorphError
+from myomorph.motion.protocols import recognize
+
+Row = dict[str, object]
+FOLDER = "MYOMORPH_LABORATORIES"
+TABLE = Path(__file__).with_suffix(".csv")
+GUESSED = 70.0
+"""Mass where neither the set nor its plates say one [kg]."""
+ANGLES = {"hip_flexion": (-50.0, 130.0), "knee_angle": (-25.0, 160.0), "ankle_angle": (-70.0, 55.0)}
+"""Angles that people reach [deg]."""
+MOMENT = 6.0
+"""Net flexion moments in walking and running stay below this [N m/kg]."""
+ERROR = 0.03
+"""Root mean square of markers beyond which a fit says little [m]."""
+
+
+class Recording(NamedTuple):
+    """A recording of a repository: its files, the part that is used [s], the mass of the set [kg], None for guessed."""
+
+    laboratory: str
+    repository: str
+    file: str
+    static: str = ""
+    span: tuple[float, float] | None = None
+    mass: float | None = None
+
+
+def recordings() -> list[Recording]:
+    """Those of `laboratories.csv`."""
+    with TABLE.open(encoding="utf-8", newline="") as file:
+        return [
+            Recording(
+                row["laboratory"],
+                row["repository"],
+                row["file"],
+                row["static"],
+                (float(row["begin"]), float(row["end"])) if row["end"] else None,
+                float(row["mass"]) if row["mass"] else None,
+            )
+            for row in csv.DictReader(file)
+        ]
+
+
+def measure() -> Iterator[Row]:
+    """A row a recording: labels known, what `analyze` ends with, whether the result can be a person's."""
+    home = os.environ.get(FOLDER)
+    for recording in recordings() if home is not None else ():
+        folder = Path(home or "") / recording.repository.replace("/", "+")
+        if (folder / recording.file).is_file():
+            yield _row(recording, folder)
+
+
+def _row(recording: Recording, folder: Path) -> Row:
+    names = mm.read_recording(folder / recording.file).markers
+    recognized = recognize(names.names if names is not None else ())
+    row: Row = {
+        "laboratory": recording.laboratory,
+        "recording": f"{recording.repository}: {recording.file}",
+        "static trial": Path(recording.static).name,
+        "labels": len(recognized.sites) + len(recognized.unknown),
+        "known": len(recognized.sites),
+        "label set": recognized.protocol.title if recognized.protocol else "",
+    }
+    typed = ["analyze", str(folder / recording.file), "--workers", "1"]
+    if recording.static:
+        typed += ["--static", str(folder / recording.static)]
+    if recording.span is not None:
+        typed += ["--time", *(f"{second:g}" for second in recording.span)]
+    if recording.mass is not None:
+        typed += ["--mass", f"{recording.mass:g}"]
+    started = time.monotonic()
+    with tempfile.TemporaryDirectory() as name:
+        out = Path(name) / "out"
+        status, said = _run([*typed, "--out", str(out)])
+        guessed = status != 0 and "--mass" in said.splitlines()[-1]
+        if guessed:
+            status, said = _run([*typed, "--mass", f"{GUESSED:g}", "--out", str(out)])
+        row |= {"time [s]": time.monotonic() - started, "ends with": "report" if status == 0 else "one line"}
+        row |= _result(out) if status == 0 else {"implausible": ""}
+        said = said.replace(str(folder), "").replace(name, "")
+    lines = [line.strip() for line in said.splitlines()]
+    warnings = [line for line in lines if "warning" in line.lower()]
+    row["mass"] = "guessed" if guessed else "of the set" if recording.mass else "of the plates"
+    row["warnings"] = len(warnings)
+    first = next((line for line in lines if "marker protocol" in line), "") if status == 0 else lines[-1]
+    row["says"] = first.removeprefix("error: ")[:300]
+    return row
+
+
+def _run(typed: list[str]) -> tuple[int, str]:
+    said = io.StringIO()
+    with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+        try:
+            status = main(typed)
+        except MyomorphError as error:
+            return 2, str(error)
+    return status, said.getvalue()
+
+
+def _result(out: Path) -> Row:
+    """How well the markers fit, ranges of angles and largest moments, and which of them no person has."""
+    (trial,) = mm.load(out).values()
+    assert trial.fit is not None
+    assert trial.motion is not None
+    assert trial.torques is not None
+    mass = mm.read_model(out / "calibrated.osim").mass
+    error = rms_known(trial.fit.errors)
+    odd = ["markers"] if error > ERROR else []
+    row: Row = {"markers, RMS [mm]": 1e3 * error}
+    for joint, (low, high) in ANGLES.items():
+        angles = np.degrees([trial.motion[f"{joint}_{side}"] for side in "rl"])
+        moment = max(float(np.nanmax(np.abs(trial.torques[f"{joint}_{side}"]))) for side in "rl") / mass
+        row[f"{joint} [deg]"] = f"{np.nanmin(angles):.0f} to {np.nanmax(angles):.0f}"
+        row[f"{joint}, largest [N m/kg]"] = moment
+        if np.nanmin(angles) < low or np.nanmax(angles) > high:
+            odd.append(joint)
+        if moment > MOMENT:
+            odd.append(f"{joint} moment")
+    return {**row, "implausible": ", ".join(odd)}
