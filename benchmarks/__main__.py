@@ -21,6 +21,7 @@ COMPARISONS = {
     "elastic": ("benchmarks.speed.elastic", "tensions on elastic tendons: a stride, and 60 s of walking"),
     "identify": ("benchmarks.speed.identify", "base parameters of 36,000 frames: time and memory, sequential rate"),
     "live-delay": ("benchmarks.speed.live_delay", "how late angles, torques and tensions are while frames arrive"),
+    "live-sensors": ("benchmarks.speed.live_delay:run_sensors", "the same by inertial sensors in the place of markers"),
     "live": ("benchmarks.speed.live_delay:run_identification", "frames a second that live identification can take"),
     "morph": ("benchmarks.speed.morph", "997 elements with 3,000 points over 53 bones of 2,000 features: seconds"),
     "registration": ("benchmarks.speed.morph:run_registration", "non-rigid registration of a femur of 20,000 vertices"),

@@ -133,10 +133,10 @@ def cutoff_of(model: mm.Model, motion: mm.Motion) -> float:
 def opened(folder: Path, case: HiddenCase) -> Hidden:
     """Kinematics, contacts and activations of a recording; the plates tell the height of the floor and nothing else."""
     model = subject_model(folder, case.model, case.mass, case.calibrated)
-    tracked = _tracked(folder, case, model)
+    recorded = tracked(folder, case, model)
     raw = _forces(folder / case.forces)
-    cutoff = cutoff_of(model, tracked)
-    whole = mm.differentiate(tracked, cutoff)
+    cutoff = cutoff_of(model, recorded)
+    whole = mm.differentiate(recorded, cutoff)
     feet, floor = rest_on_floor(model, whole, foot_sites(model), plate_height(model, raw))
     contacts = mm.find_contacts(model, whole, feet, ContactStateOptions(floor=floor.height))
     ready = contact_activations(model, whole, feet, contacts, ActivationOptions(floor=floor.height))
@@ -152,7 +152,7 @@ def opened(folder: Path, case: HiddenCase) -> Hidden:
     at = np.isin(whole.time, motion.time)
     owned = assign_feet(model, motion, feet, mm.resample_wrenches(raw, motion.time, 3.0 * cutoff)).wrenches
     raw = replace(raw, bodies=_bodies(owned, raw))
-    found = usable(model, tracked, raw, mass=case.mass, options=RecordingOptions(cutoff=cutoff))
+    found = usable(model, recorded, raw, mass=case.mass, options=RecordingOptions(cutoff=cutoff))
     use = found.use if not case.seated else _inside(motion, cutoff)
     measured = mm.resample_wrenches(raw, motion.time, cutoff)
     return Hidden(
@@ -170,7 +170,7 @@ def opened(folder: Path, case: HiddenCase) -> Hidden:
     )
 
 
-def _tracked(folder: Path, case: HiddenCase, model: mm.Model) -> mm.Motion:
+def tracked(folder: Path, case: HiddenCase, model: mm.Model) -> mm.Motion:
     """Coordinates of a recording, unfiltered."""
     if case.tracked:
         return cut(mm.read_motion(folder / case.markers, model), *case.span)

@@ -42,6 +42,7 @@ PAGES: dict[str, dict[str, str]] = {
         "inertial_fusion": "accuracy.inertial:measure_fusion",
         "inertial_hidden": "accuracy.inertial:measure_hidden",
         "inertial_intervals": "accuracy.inertial:measure_intervals",
+        "inertial_forces": "accuracy.inertial_forces:measure",
     },
     "raw-recordings": {
         "analyze": "accuracy.analyze:measure",

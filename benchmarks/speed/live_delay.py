@@ -12,6 +12,7 @@ import time
 from collections.abc import Iterator, Sequence
 
 import numpy as np
+from tests.truths.simulated_sensors import NO_ERRORS, simulated_sensors
 from threadpoolctl import threadpool_limits
 
 import myomorph as mm
@@ -24,6 +25,8 @@ from myomorph.live.loop import Delays, Output, Spread, follow
 from myomorph.live.page import LivePage
 from myomorph.live.sources import LiveRecording, Replay, Source, open_recording
 from myomorph.live.streams import LabOutlet, LabStreams
+from myomorph.motion.sensors.mounting import SensorMounting
+from myomorph.motion.sensors.sensor_kinematics import SensorRecording, sensor_kinematics
 from myomorph.report.scene.body_view import BodyView
 
 SECONDS = 12.0
@@ -81,11 +84,12 @@ def measured(
     outputs: Sequence[Output] = (),
     late: Sequence[Output] = (),
     draws: int = 0,
+    mounting: SensorMounting | None = None,
 ) -> Row:
     """Play all sources, each with a new chain, and put their delays together."""
     sessions = []
     for source in sources:
-        chain = LiveChain(model, source, ChainOptions(), limits=LimitOptions(draws))
+        chain = LiveChain(model, source, ChainOptions(), limits=LimitOptions(draws), mounting=mounting)
         sessions.append(follow(chain, source, outputs, late))
     return row_of(name, model, sources[0].rate, [one.delays for one in sessions], sessions[0].filter_delay)
 
@@ -115,6 +119,27 @@ def with_limits(model: mm.Model, markers: mm.Markers, wrenches: mm.Wrenches) -> 
     plays = max(1, round(SECONDS / (markers.time[-1] - markers.time[0])))
     sources = [Replay(markers, wrenches) for _ in range(plays)]
     return measured(f"walk, {DRAWS} draws", model, sources, draws=DRAWS)
+
+
+BODIES = ("pelvis", "torso", "femur_r", "tibia_r", "calcn_r", "femur_l", "tibia_l", "calcn_l")
+"""Of sensors, as sets for walking have them."""
+
+
+def run_sensors() -> list[Row]:
+    """The walk by simulated sensors in the place of markers, at 100 and 200 Hz."""
+    _, model_path, path, loads = CASES[0]
+    data = data_folder()
+    model = mm.read_model(data / model_path)
+    markers, wrenches = open_recording(model, data / path, (data / path).with_name(loads))
+    assert isinstance(markers, mm.Markers)
+    rows = []
+    for recording in (markers, doubled(markers)):
+        made = simulated_sensors(model, mm.inverse_kinematics(model, recording).motion, BODIES, NO_ERRORS)
+        mounting = sensor_kinematics(model, SensorRecording(made.sensors, pose=made.pose)).mounting
+        plays = max(1, round(SECONDS / (recording.time[-1] - recording.time[0])))
+        sources = [Replay(made.sensors, wrenches) for _ in range(plays)]
+        rows.append(measured(f"walk, {len(BODIES)} sensors", model, sources, mounting=mounting))
+    return rows
 
 
 def with_page(model: mm.Model, markers: mm.Markers, wrenches: mm.Wrenches) -> Row:

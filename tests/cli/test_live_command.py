@@ -26,10 +26,12 @@ def test_a_recording_is_followed_and_its_delays_told(
 @pytest.mark.parametrize(
     ("given", "told"),
     [
-        ([], "either a recording (--markers FILE) or a stream (--lsl-markers NAME)"),
+        ([], "either a recording (--markers FILE, --imu FILE ...) or a stream"),
         (["--markers", "walk.trc", "--lsl-markers", "Cameras"], "either a recording"),
         (["--lsl-markers", "Cameras", "--loads", "grf.xml"], "give --lsl-forces NAME"),
         (["--markers", "walk.trc", "--lsl-forces", "Plates"], "give --loads FILE"),
+        (["--markers", "walk.trc", "--lsl-imu", "Sensors"], "either a recording"),
+        (["--imu", "walk.mvnx"], "--imu-pose FILE"),
         (["--markers", "nowhere.trc"], "nowhere.trc"),
         (["--markers", "MARKERS", "--loads", "TABLE"], "no columns of a force"),
         (["--markers", "MARKERS", "--cutoff", "-1"], "cutoff -1"),

@@ -16,8 +16,9 @@ from myomorph.model.spatial import (
     vector_from_rotation,
 )
 from myomorph.motion.ik import inverse_kinematics
-from myomorph.motion.sensors.mounting import SensorOptions, bodies_of_sensors
+from myomorph.motion.sensors.mounting import SensorOptions
 from myomorph.motion.sensors.sensor_kinematics import SensorRecording, sensor_kinematics
+from myomorph.motion.sensors.sensor_names import bodies_of_sensors, named_bodies
 from myomorph.rigid.kinematics import marker_positions
 from myomorph.rigid.tree import compile_tree
 from stick_figure import stick_figure
@@ -192,6 +193,17 @@ def test_bodies_by_names():
         bodies_of_sensors(model, ("a",), {"c": "femur_r"})
     with pytest.raises(BadData, match="left out"):
         bodies_of_sensors(model, ("a",), {"a": ""})
+
+
+def test_makers_words_name_bodies():
+    model = stick_figure()
+    xsens = ("Pelvis", "L5", "T8", "RightUpperLeg", "RightLowerLeg", "RightFoot", "RightToe", "LeftUpperLeg")
+    assert named_bodies(model, xsens) == {
+        "Pelvis": "pelvis", "T8": "torso", "RightUpperLeg": "femur_r", "RightLowerLeg": "tibia_r",
+        "RightFoot": "foot_r", "LeftUpperLeg": "femur_l",
+    }  # fmt: skip
+    apdm = ("Lumbar", "Sternum", "Right Upper Leg", "Left Lower Leg", "Left Foot")
+    assert tuple(named_bodies(model, apdm).values()) == ("pelvis", "torso", "femur_r", "tibia_l", "foot_l")
 
 
 def test_without_pose_or_markers_the_mounting_is_asked_for(walking):

@@ -17,18 +17,19 @@ from myomorph.model.spatial import (
     rotation_from_vector,
     vector_from_rotation,
 )
-from myomorph.motion.filters import natural_spline
+from myomorph.motion.filters import differentiate, natural_spline
 from myomorph.motion.sensors.mounting import earth_to_ground
 from myomorph.motion.turns import floating_coordinates
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.loops import free_coordinates
-from myomorph.rigid.tree import compile_tree
+from myomorph.rigid.tree import Tree, compile_tree
 from myomorph.uncertainty.bodies import Draw, drawn_model
 from myomorph.uncertainty.normals import Normals
 from myomorph.uncertainty.sources import GROUPS, Sources
 
 FIELD = (0.0, 0.4, -0.9)  # Magnetic field in the earth: east along x, north along y, z up.
 GRAVITY = 9.80665
+SMOOTH, ACCELEROMETER = 15.0, 0.1  # Low-pass of recorded motion before it is differentiated [Hz], and noise [m/s^2].
 
 
 @dataclass(frozen=True)
@@ -69,8 +70,11 @@ def simulated_sensors(
     errors: SensorErrors | None = None,
     seed: int = 0,
     mounted: Array | None = None,
+    accelerometers: bool = False,
 ) -> SimulatedSensors:
-    """Sensors named BODY_imu on bodies that move; `mounted`: (sensors, 3, 3) from sensors to bodies, by default any."""
+    """Sensors named BODY_imu on bodies that move; `mounted`: (sensors, 3, 3) from sensors to bodies, by default any;
+    `accelerometers`: they measure acceleration too, at a place on the body that nobody knows.
+    """
     errors, rng = errors or SensorErrors(), np.random.default_rng(seed)
     off: dict[str, float] = {name: 0.0 for group in GROUPS.values() for name in group}
     sources = Sources(**{**off, "joint_axis": errors.axes})
@@ -90,7 +94,7 @@ def simulated_sensors(
     following = (moving @ gains).reshape(frames, count, 3)
     following /= np.maximum(following.std(axis=0), 1e-9)
     skin = np.sqrt(0.5) * errors.skin * (following + _process(rng, frames, count, errors.skin_time * rate))
-    skin += errors.noise * _process(rng, frames, count, errors.noise_time * rate)
+    filtered = errors.noise * _process(rng, frames, count, errors.noise_time * rate)
     walk = rng.normal(size=(frames, count)).cumsum(axis=0) * errors.drift / np.sqrt(60.0 * rate)
     headings = common + errors.heading * rng.normal(size=count) + walk
 
@@ -101,7 +105,7 @@ def simulated_sensors(
         return np.asarray(earth_to_ground(model).T @ away @ seen)
 
     names = tuple(f"{body}_imu" for body in bodies)
-    measured = earth(values, skin, headings)
+    measured = earth(values, skin + filtered, headings)
     stance = np.tile(tree.defaults, (int(rate), 1))
     stance[:, joints] += errors.pose * rng.normal(size=len(joints))
     for j in joints:
@@ -110,13 +114,28 @@ def simulated_sensors(
             stance[:, j] = np.clip(stance[:, j], *coordinate.range)
     still = earth(tree.coordinates_of(Motion(np.arange(len(stance)) / rate, model.coordinate_names, stance)),
                   np.zeros((len(stance), count, 3)), np.tile(headings[0], (len(stance), 1)))  # fmt: skip
+    felt = None
+    if accelerometers:
+        felt = _accelerations(rng, tree, values, motion.time, columns) - np.asarray(model.gravity)
+        turned = forward_kinematics(tree, values).rotations[:, columns] @ rotation_from_vector(skin) @ mounted
+        felt = np.einsum("fsji,fsj->fsi", turned, felt) + ACCELEROMETER * rng.normal(size=felt.shape)
     return SimulatedSensors(
-        InertialSensors(motion.time, names, quaternion_from_rotation(measured)),
+        InertialSensors(motion.time, names, quaternion_from_rotation(measured), accelerations=felt),
         InertialSensors(np.arange(len(stance)) / rate, names, quaternion_from_rotation(still)),
         mounted,
         headings,
         person,
     )
+
+
+def _accelerations(rng: np.random.Generator, tree: Tree, values: Array, time: Array, columns: list[int]) -> Array:
+    """(frames, sensors, 3) of points on bodies some centimetres from their origins, in ground [m/s^2]."""
+    poses = forward_kinematics(tree, values)
+    places = poses.points(np.array(columns), 0.05 * rng.normal(size=(len(columns), 3)))
+    names = tuple(map(str, range(3 * len(columns))))
+    moving = differentiate(Motion(time, names, places.reshape(len(time), -1)), SMOOTH)
+    assert moving.accelerations is not None
+    return np.array(moving.accelerations).reshape(places.shape)
 
 
 def raw_signals(

@@ -22,7 +22,7 @@ from myomorph.cli.output import said
 from myomorph.study.step.step import step_of
 from myomorph.study.trial.uncertainty_file import drawn_settings
 
-INPUTS = ("tasks", "laboratory", "loads", "emg", "contacts", "contact points", "actuators", "time")
+INPUTS = ("imu", "tasks", "laboratory", "loads", "emg", "contacts", "contact points", "actuators", "time")
 STEPS = tuple(map(step_of, ("ik", "id", "muscles", "tension")))
 AnalyzeInputs = inputs_class(*INPUTS)
 AnalyzeOptions = options_class(*(kind for step in STEPS for kind in step.options))
@@ -31,7 +31,11 @@ AnalyzeOptions = options_class(*(kind for step in STEPS for kind in step.options
 def analyze_command(
     recordings: Annotated[
         tuple[Path, ...],
-        Parameter(help="Recordings (.c3d, .trc) or folders of them, those of OpenCap and Pose2Sim too.", negative=()),
+        Parameter(
+            help="Recordings of markers (.c3d, .trc) or inertial sensors (.sto, .mvnx, .h5, .csv, .txt), or folders of "
+            "them, those of OpenCap and Pose2Sim too.",
+            negative=(),
+        ),
     ],
     /,
     *,
@@ -78,7 +82,7 @@ def analyze_command(
     from myomorph.study.plan.plan import read_plan
 
     if not recordings:
-        raise BadData("no recording: give one or more recordings (.c3d, .trc) or folders of them")
+        raise BadData("no recording: give one or more recordings (.c3d, .trc, .mvnx, ...) or folders of them")
     if mass is not None and not mass > 0.0:
         raise BadData(f"--mass {mass:g}: expected the subject's mass [kg]")
     use_threads(threads)

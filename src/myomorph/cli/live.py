@@ -20,11 +20,12 @@ from myomorph.cli.output import said, warn
 from myomorph.live.chain import ChainOptions
 from myomorph.live.limits import LimitOptions
 from myomorph.model.errors import BadData
+from myomorph.study.inputs.imu import ImuFiles
 from myomorph.study.inputs.labels import Labels
 from myomorph.tension.tension import TensionOptions
 
 LiveSettings = options_class(ChainOptions, TensionOptions, LimitOptions, leave_out=("draw_seed", "widened"))
-LiveInputs = inputs_class("labels")
+LiveInputs = inputs_class("labels", "imu")
 
 
 def live_command(
@@ -43,6 +44,9 @@ def live_command(
     inputs: LiveInputs | None = None,  # type: ignore[valid-type]
     speed: Annotated[float, Parameter(help="Of the recording, times real time; 0 as fast as it goes.")] = 1.0,
     lsl_markers: Annotated[str, Parameter(help="Stream of markers of the Lab Streaming Layer.")] = "",
+    lsl_imu: Annotated[
+        str, Parameter(help="Stream of orientations of inertial sensors; --imu plays a recording of them.")
+    ] = "",
     lsl_forces: Annotated[str, Parameter(help="Stream of forces of the Lab Streaming Layer.")] = "",
     up: Annotated[
         Literal["y", "z"], Parameter(help="Vertical axis of the streams' laboratory; the model's is y.")
@@ -57,21 +61,29 @@ def live_command(
 ) -> int:
     """Joint angles, torques and muscle activations while frames arrive."""
     # Imported by the command that needs it: --help and the others start without.
-    from myomorph.live.run import LiveFiles, LiveOutputs, LiveStreams, run_live_chain
+    from myomorph.live.run import LiveFiles, LiveOutputs, LiveSensors, LiveStreams, run_live_chain
     from myomorph.store.settings import with_settings
     from myomorph.study.trial.uncertainty_file import read_sizes
     from myomorph.uncertainty.sources import Sources
 
-    if (markers is None) == (not lsl_markers):
-        raise BadData("live needs either a recording (--markers FILE) or a stream (--lsl-markers NAME)")
-    if lsl_markers and loads is not None:
+    given = inputs_of_flags(inputs, near=True)
+    sensors, labels = given.or_default(ImuFiles), given.or_default(Labels).labels
+    if sum(map(bool, (markers, lsl_markers, sensors.imu, lsl_imu))) != 1:
+        raise BadData(
+            "live needs either a recording (--markers FILE, --imu FILE ...) or a stream (--lsl-markers NAME, --lsl-imu "
+            "NAME)"
+        )
+    if (lsl_markers or lsl_imu) and loads is not None:
         raise BadData("--loads belongs to a recording: with --lsl-markers give --lsl-forces NAME")
-    if markers is not None and lsl_forces:
+    if not lsl_markers and lsl_forces:
         raise BadData("--lsl-forces belongs to --lsl-markers: with --markers give --loads FILE")
-    labels = inputs_of_flags(inputs).or_default(Labels).labels
-    if lsl_markers and labels:
+    if markers is None and labels:
         raise BadData("--labels belongs to a recording (--markers): a stream names its channels itself")
-    frames = LiveStreams(lsl_markers, lsl_forces, up) if markers is None else LiveFiles(markers, loads, speed, labels)
+    frames: LiveFiles | LiveStreams | LiveSensors = LiveSensors(sensors, lsl_imu, loads, speed)
+    if markers is not None:
+        frames = LiveFiles(markers, loads, speed, labels)
+    elif lsl_markers:
+        frames = LiveStreams(lsl_markers, lsl_forces, up)
     settings = settings_dict(options)
     sizes = {} if uncertainty is None else read_sizes(uncertainty)
     drawn = sizes | ({"draws": settings["draws"]} if settings.get("draws") else {})

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from myomorph.contact.assign import OnlineFeet
+from myomorph.contact.foot_path import OnlineFootPath, root_places
 from myomorph.live.limits import FrameLimits, Instant, LimitOptions, LiveLimits
 from myomorph.live.loop import GAP, HELD, NO_FORCE, SETTLING, SOLVED, UNSOLVED
 from myomorph.live.sources import Source
@@ -16,7 +17,8 @@ from myomorph.model.errors import BadData
 from myomorph.model.model import Model, index_of
 from myomorph.motion.causal import CausalFilter, CausalStream
 from myomorph.motion.measurements import default_markers
-from myomorph.motion.online import OnlineKinematics
+from myomorph.motion.online import OnlineKinematics, OnlineOrientations
+from myomorph.motion.sensors.mounting import SensorMounting
 from myomorph.motion.steady_pose import BLEND, SteadyFrame, SteadyKinematics
 from myomorph.rigid.dynamics import OnlineDynamics
 from myomorph.tension.dual import MISSING, OPTIMAL
@@ -69,21 +71,28 @@ class ChainFrame:
 
 
 class Poses:
-    """The pose of each frame: inverse kinematics of its markers (`marker_names`: those that model and source share), or
-    its coordinates as they come. `blend`: time constant with which the jump of a lost or found marker is given back
-    [s].
+    """The pose of each frame: inverse kinematics of its markers (`marker_names`: those that model and source share) or
+    of its sensors, whose mounting is known, or its coordinates as they come. `blend`: time constant with which the jump
+    of a lost or found marker is given back [s].
     """
 
-    def __init__(self, model: Model, source: Source, blend: float | None = None):
-        self._model, self._names, self._blend = model, source.names, blend
+    def __init__(
+        self, model: Model, source: Source, blend: float | None = None, mounting: SensorMounting | None = None
+    ):
+        self._model, self._names, self._blend, self._mounting = model, source.names, blend, mounting
         self._rest = np.array([coordinate.default for coordinate in model.coordinates])
-        self._kinematics = self._solver() if source.markers else None
+        self._kinematics = self._solver() if source.markers or mounting is not None else None
+        self._path = OnlineFootPath(model) if mounting is not None and root_places(model) else None
         self.marker_names = () if self._kinematics is None else self._kinematics.marker_names
-        self._columns = (
-            [] if source.markers else [index_of("coordinate", name, model.coordinate_names) for name in source.names]
-        )
+        self._columns = list[int]()
+        if mounting is not None:
+            self._columns = [index_of("sensor", name, source.names, "the source") for name in mounting.sensors]
+        elif not source.markers:
+            self._columns = [index_of("coordinate", name, model.coordinate_names) for name in source.names]
 
     def _solver(self) -> SteadyKinematics | OnlineKinematics:
+        if self._mounting is not None:
+            return OnlineOrientations(self._model, self._mounting)
         if self._blend is None:
             return OnlineKinematics(self._model, self._names)
         return SteadyKinematics(self._model, self._names, blend=self._blend)
@@ -93,6 +102,11 @@ class Poses:
         if self._kinematics is None:
             return
         solver = self._solver()
+        if self._mounting is not None:
+            still = np.tile([1.0, 0.0, 0.0, 0.0], (len(self._columns), 1))
+            solver.solve(0.0, still)
+            solver.solve(0.01, still)
+            return
         tracked = [self._names.index(name) for name in solver.marker_names]
         positions = np.full((len(self._names), 3), np.nan)
         positions[tracked] = default_markers(self._model, solver.marker_names)
@@ -101,7 +115,13 @@ class Poses:
         solver.solve(0.01, positions)
 
     def solve(self, time: float, row: Array) -> SteadyFrame:
-        """Pose of a frame: markers (markers, 3) [m], or coordinates of the source's names [rad or m]."""
+        """Pose of a frame: markers (markers, 3) [m], quaternions (sensors, 4), or coordinates of the source's names."""
+        if isinstance(self._kinematics, OnlineOrientations):
+            quaternions = row[self._columns]
+            coordinates, _ = self._kinematics.solve(time, quaternions)
+            seen = int(np.isfinite(quaternions).all(axis=1).sum())
+            placed = coordinates if self._path is None else self._path.placed(coordinates)
+            return SteadyFrame(placed, float("nan"), seen, False, 0.0)
         if isinstance(self._kinematics, SteadyKinematics):
             return self._kinematics.solve(time, row)
         if self._kinematics is not None:
@@ -115,7 +135,8 @@ class Poses:
 class LiveChain:
     """From markers and forces to coordinates, torques, activations. `filter_delay`: how much older torques and tensions
     are than their frame [s]; `max_age`: frames older than that are dropped [s]; `bodies`: that external forces act on;
-    `limits`: how limits of results are drawn, with errors of the sizes `sources`; None for no limits.
+    `limits`: how limits of results are drawn, with errors of the sizes `sources`; None for no limits; `mounting`: of
+    the source's inertial sensors, None for none.
     """
 
     def __init__(
@@ -126,11 +147,12 @@ class LiveChain:
         tension: TensionOptions | None = None,
         limits: LimitOptions | None = None,
         sources: Sources | None = None,
+        mounting: SensorMounting | None = None,
     ):
         self.model, self.options = model, options or ChainOptions()
         self.filter = CausalFilter(self.options.cutoff)
         self.filter_delay, self.max_age = self.filter.delay, self.options.max_age
-        self.poses = Poses(model, source, self.options.blend)
+        self.poses = Poses(model, source, self.options.blend, mounting)
         self.feet = OnlineFeet(model, source.plates, source.bodies)
         self.bodies = self.feet.bodies
         self.dynamics = OnlineDynamics(model, self.bodies)
@@ -149,6 +171,8 @@ class LiveChain:
         self._unshared = TensionFrame(nothing, nothing, no_reserves, no_torques, MISSING, float("nan"))
         self._names = source.names if source.markers else None
         self.limits: LiveLimits | None = None
+        if limits is not None and limits.draws and mounting is not None:
+            raise BadData("limits while frames arrive are of markers and coordinates: ik --imu FILE --draws has those")
         if limits is not None and limits.draws:
             arguments = (self._names, self.bodies, self.filter, source.rate, self.feet.up, limits, sources, tension)
             self.limits = LiveLimits(model, *arguments)

@@ -12,12 +12,13 @@ from typing import IO
 
 import numpy as np
 
+from myomorph.io.inertial.read import read_inertial
 from myomorph.io.sto import table_from_motion, write_sto
 from myomorph.live.chain import ChainFrame, ChainOptions, LiveChain
 from myomorph.live.limits import TABLES, LimitOptions
 from myomorph.live.loop import STATES, Delays, LiveSession, Output, follow
 from myomorph.live.page import LivePage
-from myomorph.live.sources import Replay, Source, open_recording
+from myomorph.live.sources import Replay, Source, open_recording, read_forces_of
 from myomorph.live.streams import LabOutlet, LabStreams
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
@@ -25,11 +26,15 @@ from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.provenance import Source as Input
 from myomorph.model.series import Z_UP_TO_Y_UP, Motion, Series, Table, Wrenches
+from myomorph.motion.sensors.mounting import SensorMounting, with_orientations
+from myomorph.motion.sensors.sensor_kinematics import SensorRecording, sensor_kinematics
 from myomorph.store import stored as store
 from myomorph.store.results import STORED, file_source, new_result, provenance_of, value_source, whole_folder
 from myomorph.store.settings import plain_settings
 from myomorph.store.uncertainty_store import put_uncertainty
 from myomorph.study.inputs import reading
+from myomorph.study.inputs.imu import ImuFiles
+from myomorph.study.inputs.imu_files import NONE
 from myomorph.study.trial.reporting import surfaces_of
 from myomorph.study.trial.steps.id import torque_table
 from myomorph.tension.tension import Tension, TensionOptions
@@ -60,6 +65,19 @@ class LiveStreams:
 
 
 @dataclass(frozen=True)
+class LiveSensors:
+    """Inertial sensors of files that are played, or of a stream (`stream`, its name). Their mounting and headings are
+    found on a recording that begins with the calibration pose (`settings.imu_pose`), walking behind it where headings
+    are not named.
+    """
+
+    settings: ImuFiles
+    stream: str = ""
+    loads: Path | None = None
+    speed: float = 1.0
+
+
+@dataclass(frozen=True)
 class LiveOutputs:
     """Where results go, beside the end's summary."""
 
@@ -70,7 +88,7 @@ class LiveOutputs:
 
 def run_live_chain(
     model: Path,
-    live_files: LiveFiles | LiveStreams,
+    live_files: LiveFiles | LiveStreams | LiveSensors,
     outputs: LiveOutputs | None = None,
     options: ChainOptions | None = None,
     tension: TensionOptions | None = None,
@@ -84,8 +102,9 @@ def run_live_chain(
     outputs = outputs or LiveOutputs()
     opened = reading.open_model(model)
     reading.has_mass(opened, "live")
+    mounting = sensor_mounting(opened, live_files.settings) if isinstance(live_files, LiveSensors) else None
     source, read = open_source(opened, live_files)
-    chain = LiveChain(opened, source, options, tension, limits, sources)
+    chain = LiveChain(opened, source, options, tension, limits, sources, mounting)
     delays = Delays()
     direct: list[Output] = []
     late: list[Output] = []
@@ -111,8 +130,44 @@ def run_live_chain(
     return session
 
 
-def open_source(model: Model, live_files: LiveFiles | LiveStreams) -> tuple[Source, tuple[Input, ...]]:
+def sensor_mounting(model: Model, settings: ImuFiles) -> SensorMounting:
+    """How sensors are mounted, by the recording of their calibration."""
+    if not settings.imu_pose:
+        raise BadData(
+            "live sensors need their calibration: a recording that begins with the default pose of the model, and "
+            "walking behind it or --imu-heading (--imu-pose FILE)"
+        )
+    bodies = {name: "" if body.lower() in NONE else body for name, body in settings.imu_bodies.items()}
+    recording = SensorRecording(
+        read_inertial(settings.imu_pose), FrozenMap(bodies), None, settings.imu_pose_time, settings.imu_heading
+    )
+    return sensor_kinematics(model, recording).mounting
+
+
+def _played_sensors(model: Model, live: LiveSensors) -> tuple[Source, tuple[Input, ...]]:
+    """Files of sensors as a source; raw signals through a filter that knows no future."""
+    files = live.settings.imu
+    recorded = read_inertial(files)
+    if recorded.orientations is None and recorded.magnetic_fields is None:
+        raise BadData(
+            f"{recorded.source}: holds neither orientations nor magnetic fields: headings would not be those of the "
+            "calibration"
+        )
+    still = Motion(recorded.time[:1], (), np.zeros((1, 0)))
+    wrenches = None if live.loads is None else read_forces_of(model, live.loads, still)
+    named = [file_source("imu", path) for path in (*files, *live.settings.imu_pose)]
+    loads = [file_source("loads", live.loads)] if live.loads else []
+    return Replay(with_orientations(recorded, causal=True), wrenches, live.speed), (*named, *loads)
+
+
+def open_source(model: Model, live_files: LiveFiles | LiveStreams | LiveSensors) -> tuple[Source, tuple[Input, ...]]:
     """Frames to come, and what provenance says of them."""
+    if isinstance(live_files, LiveSensors):
+        if not live_files.stream:
+            return _played_sensors(model, live_files)
+        stream = LabStreams(live_files.stream, "", orientations=True)
+        pose = (file_source("imu", path) for path in live_files.settings.imu_pose)
+        return stream, (value_source("stream", live_files.stream, live_files.stream), *pose)
     if isinstance(live_files, LiveStreams):
         if live_files.up not in ("y", "z"):
             raise BadData(f"--up {live_files.up}: expected y or z")

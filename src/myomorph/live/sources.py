@@ -13,6 +13,7 @@ from myomorph.contact.plates import wrenches_from_plates
 from myomorph.identify.online import total_wrench
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
+from myomorph.model.inertial_sensors import InertialSensors
 from myomorph.model.model import GROUND, Model
 from myomorph.model.series import Markers, Motion, Series, Wrenches
 from myomorph.motion.sync import cut
@@ -27,7 +28,7 @@ CHUNK = 0.05  # Time that a recording played as fast as it goes gives at once [s
 class Arrived:
     """What came since the last look."""
 
-    # motion_time, motion: (frames,) [s] and (frames, coordinates) or (frames, markers, 3) [m]
+    # motion_time, motion: (frames,) [s] and (frames, coordinates), (frames, markers, 3) [m] or (frames, sensors, 4)
     motion_time: Array
     motion: Array
     # force_time, forces: (samples,) [s] and (samples, plates, 6) moment about the ground's origin and force of each
@@ -37,9 +38,9 @@ class Arrived:
 
 
 class Source(Protocol):
-    """Frames of markers or coordinates, and forces."""
+    """Frames of markers, coordinates or orientations of sensors, and forces."""
 
-    names: tuple[str, ...]  # of markers or coordinates
+    names: tuple[str, ...]  # of markers, coordinates or sensors
     markers: bool  # whether they are markers
     # plates, bodies: names of the plates, and of the bodies that they act on, "" where not known
     plates: tuple[str, ...]
@@ -65,13 +66,13 @@ class Source(Protocol):
 
 
 class Replay:
-    """A recording of markers or coordinates, and external forces in ground, at `speed` times real time, 0 as fast as it
-    goes.
+    """A recording of markers, coordinates or sensors with orientations, and external forces in ground, at `speed` times
+    real time, 0 as fast as it goes.
     """
 
     def __init__(
         self,
-        motion: Markers | Motion,
+        motion: Markers | Motion | InertialSensors,
         wrenches: Wrenches | None,
         speed: float = 1.0,
         now: Callable[[], float] = clock.perf_counter,
@@ -83,7 +84,12 @@ class Replay:
             raise BadData(f"{len(motion)} frames{samples} cannot be played: two are needed")
         self.names, self.markers = motion.names, isinstance(motion, Markers)
         self.rate = motion.rate
-        self.played, self._motion, self._time = motion, motion.values, motion.time
+        if isinstance(motion, InertialSensors):
+            assert motion.orientations is not None
+            self._motion = motion.orientations
+        else:
+            self._motion = motion.values
+        self.played, self._time = motion, motion.time
         first, last = float(motion.time[0]), float(motion.time[-1])
         self._take_forces(wrenches, first, last)
         self.duration: float | None = last - first
@@ -175,6 +181,11 @@ def open_recording(
         if loads is None and trial.plates:
             wrenches = wrenches_from_plates(trial.plates, trial.plate_time)
     if loads is not None:
-        wrenches = force_table(loads) if loads.suffix.lower() in TABLES else read_loads(loads, model, posed)
+        wrenches = read_forces_of(model, loads, posed)
     span = reading.cut_to(time, series, motion)
     return LiveRecording(series if span is None else cut(series, *span), wrenches)
+
+
+def read_forces_of(model: Model, loads: Path, posed: Motion) -> Wrenches:
+    """The forces of a table of plates or of external loads; `posed` moves bodies in whose frames these are."""
+    return force_table(loads) if loads.suffix.lower() in TABLES else read_loads(loads, model, posed)

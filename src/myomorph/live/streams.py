@@ -15,7 +15,7 @@ from myomorph.live.sources import Arrived, Source
 from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadData, MyomorphError, UnknownName
 
-_AXIS = re.compile(r"^(.*?)[ _.:-]?([xyz])$", re.IGNORECASE)
+_AXIS = re.compile(r"^(.*?)[ _.:-]?([wxyz])$", re.IGNORECASE)
 _FORCE = re.compile(r"^(.*?)[ _.:-]?([fptm])[ _.:-]?([xyz])$", re.IGNORECASE)
 _UNITS: Mapping[str, float] = {
     "m": 1.0, "meter": 1.0, "meters": 1.0, "metre": 1.0, "metres": 1.0, "": 1.0,
@@ -24,25 +24,34 @@ _UNITS: Mapping[str, float] = {
 }  # fmt: skip
 
 
-def marker_channels(labels: Sequence[str], units: Sequence[str]) -> tuple[tuple[str, ...], np.ndarray, float]:
-    """Names of markers, (markers, 3) their channels, and the factor to metres."""
+def marker_channels(
+    labels: Sequence[str], units: Sequence[str], axes: str = "xyz"
+) -> tuple[tuple[str, ...], np.ndarray, float]:
+    """Names of markers, (markers, 3) their channels, and the factor to metres; of sensors, with the axes wxyz, the same
+    of quaternions, whose factor is 1.
+    """
+    kind = "markers" if axes == "xyz" else "sensors"
     channels: dict[str, dict[str, int]] = {}
     for i, label in enumerate(labels):
         match = _AXIS.match(label)
         if match and match[1]:
             channels.setdefault(match[1], {})[match[2].lower()] = i
     if not channels:
+        expected = ", ".join(f"NAME_{axis}" for axis in axes)
         raise BadData(
-            f"the markers' stream has channels {', '.join(labels[:6]) or 'without labels'}: expected NAME_x, NAME_y, "
-            "NAME_z for every marker"
+            f"the {kind}' stream has channels {', '.join(labels[:6]) or 'without labels'}: expected {expected} for each"
         )
-    for name, axes in channels.items():
-        if set(axes) != set("xyz"):
-            raise BadData(f"marker '{name}' of the stream has only {', '.join(sorted(axes))}: expected x, y and z")
-    used = {units[i].strip().lower() for axes in channels.values() for i in axes.values()}
+    for name, own in channels.items():
+        if set(own) != set(axes):
+            raise BadData(
+                f"'{name}' of the {kind}' stream has only {', '.join(sorted(own))}: expected {', '.join(axes)}"
+            )
+    columns = np.array([[own[axis] for axis in axes] for own in channels.values()])
+    if kind == "sensors":
+        return tuple(channels), columns, 1.0
+    used = {units[i].strip().lower() for i in columns.ravel()}
     if len(used) != 1 or not used <= set(_UNITS):
         raise BadData(f"the markers' stream is in '{', '.join(sorted(used))}': expected one of m, mm, cm")
-    columns = np.array([[axes[axis] for axis in "xyz"] for axes in channels.values()])
     return tuple(channels), columns, _UNITS[used.pop()]
 
 
@@ -103,18 +112,28 @@ class LabStreams:
     channels a plate, NAME_Fx Fy Fz (force on the subject [N]), NAME_Px Py Pz (point of application [m]), NAME_Tx Ty Tz
     (free torque about it [N m]), or six, NAME_Fx Fy Fz and NAME_Mx My Mz (moment about the laboratory's origin [N m]).
     Both are in the model's ground axes. `turn`: (3, 3) rows are the ground's axes in the laboratory; `library`:
-    `pylsl`, or something that behaves like it.
+    `pylsl`, or something that behaves like it; `orientations`: the stream is of inertial sensors, four channels each,
+    NAME_w, NAME_x, NAME_y, NAME_z, quaternions to an earth whose z axis points up.
     """
 
-    markers = True
     duration: float | None = None
     speed = 0.0
 
-    def __init__(self, markers: str, forces: str, wait: float = WAIT, turn: Array | None = None, library: Any = None):
+    def __init__(
+        self,
+        markers: str,
+        forces: str,
+        wait: float = WAIT,
+        turn: Array | None = None,
+        library: Any = None,
+        orientations: bool = False,
+    ):
+        self.markers = not orientations
         self._lsl = lsl = library or streaming_library()
         self._turn = None if turn is None else np.asarray(turn, dtype=np.float64)
-        self._markers = _Stream(lsl, markers, "markers", wait)
-        self.names, self._columns, self._scale = marker_channels(*self._markers.channels)
+        self._markers = _Stream(lsl, markers, "sensors" if orientations else "markers", wait)
+        (labels, units), axes = self._markers.channels, "wxyz" if orientations else "xyz"
+        self.names, self._columns, self._scale = marker_channels(labels, units, axes)
         self.rate = self._markers.rate
         self._forces: _Stream | None = None
         self.plates: tuple[str, ...] = ()
@@ -141,7 +160,7 @@ class LabStreams:
         time, rows = self._markers.pulled()
         if len(time) or self._last is None:
             self._last = clock.monotonic()
-        positions = rows[:, self._columns] * self._scale if len(rows) else np.zeros((0, len(self.names), 3))
+        positions = rows[:, self._columns] * self._scale if len(rows) else np.zeros((0, *self._columns.shape))
         if self._turn is not None:
             positions = positions @ self._turn.T
             wrenches = np.concatenate([wrenches[..., :3] @ self._turn.T, wrenches[..., 3:] @ self._turn.T], axis=-1)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -12,10 +12,13 @@ from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion
+from myomorph.model.spatial import rotation_from_quaternion, rotation_from_vector
 from myomorph.motion.ik import InverseKinematicsOptions, coordinate_targets, pose_problem, tracked_markers
 from myomorph.motion.newton import Settings, frames_shown, solve_poses
 from myomorph.motion.pose_problem import PoseProblem
+from myomorph.motion.sensors.mounting import SensorMounting, SensorOptions, earth_to_ground, orientation_tasks
 from myomorph.motion.starts import scout_poses
+from myomorph.motion.tasks.orientations import OrientationArrays
 from myomorph.rigid.tree import compile_tree
 
 REACH = 4.0
@@ -192,8 +195,48 @@ class OnlineKinematics:
 
     def _settle(self, problem: PoseProblem, start: Array) -> tuple[Array, float]:
         solved = solve_poses(self._tree, problem, start[None], self._settings)
-        return solved.values[0], float(np.sqrt(np.nanmean(problem.markers.errors**2)))
+        return solved.values[0], float(np.sqrt(np.nanmean(self._errors(problem) ** 2)))
+
+    def _errors(self, problem: PoseProblem) -> Array:
+        """Residuals that say how well a frame is solved."""
+        return problem.markers.errors
 
     @property
     def _settings(self) -> Settings:
         return self._options.settings
+
+
+class OnlineOrientations(OnlineKinematics):
+    """The same of inertial sensors whose mounting is known: frames of quaternions (sensors, 4) to the earth, NaN where
+    one is missing, errors in radians. Headings stay as the mounting has them last; joints without a sensor stay where
+    they were last.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        mounting: SensorMounting,
+        options: InverseKinematicsOptions | None = None,
+        sizes: SensorOptions | None = None,
+    ):
+        plain, unseen = options or InverseKinematicsOptions(), np.full((1, len(mounting.sensors), 3, 3), np.nan)
+        tasks = orientation_tasks(mounting, unseen, np.zeros(1), sizes or SensorOptions())
+        super().__init__(model, (), replace(plain, tasks=(*plain.tasks, *tasks)))
+        nothing = Markers(np.zeros(1), (), np.empty((1, 0, 3)))
+        self._problem = pose_problem(self._tree, (), np.empty(0), self._options, nothing)
+        self._place = next(i for i, task in enumerate(self._problem.tasks) if isinstance(task, OrientationArrays))
+        turned = rotation_from_vector(mounting.headings[-1][:, None] * mounting.up)
+        self._earth, self._mounted = turned @ earth_to_ground(model), np.swapaxes(mounting.rotations, 1, 2)
+
+    def _frame(self, time: float, positions: Array) -> PoseProblem:
+        tasks = list(self._problem.tasks)
+        rotation = self._earth @ rotation_from_quaternion(positions) @ self._mounted
+        tasks[self._place] = tasks[self._place]._replace(
+            rotation=np.ascontiguousarray(rotation[None]), errors=np.full((1, len(rotation)), np.nan)
+        )
+        targets = coordinate_targets(self._tree, np.array([time]), self._options)
+        problem = self._problem._replace(tasks=tuple(tasks)).with_coordinates(value=targets)._replace(fixed=targets)
+        return problem._replace(posture=self._before[-1]) if self._before else problem
+
+    def _errors(self, problem: PoseProblem) -> Array:
+        return problem.tasks[self._place].errors

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -10,8 +11,9 @@ from pathlib import Path
 from myomorph.io.c3d.read import read_c3d
 from myomorph.io.formats import Format
 from myomorph.io.inertial.channels import sensors_of_channels
-from myomorph.model.errors import BadData, BadFile
+from myomorph.model.errors import BadData, BadFile, MyomorphError
 from myomorph.model.inertial_sensors import InertialSensors, beside
+from myomorph.model.series import Trial
 
 SENSORS: tuple[Format, ...] = (
     Format("OpenSim orientations", (".sto",), "myomorph.io.inertial.tables:read_orientations"),
@@ -22,6 +24,35 @@ SENSORS: tuple[Format, ...] = (
     Format("C3D channels", (".c3d",), "myomorph.io.inertial.read:read_c3d_sensors"),
 )
 """Each reader gives `InertialSensors`."""
+SETS = (".txt", ".csv")
+"""Endings of files of one sensor each; those of one recording share their names up to the last underscore."""
+HEAD = 4096
+"""Bytes in which a table states that it holds orientations."""
+
+
+def sensor_files(path: Path) -> tuple[Path, ...]:
+    """The files of the recording of sensors alone that a file belongs to; () where it is none."""
+    ending = path.suffix.lower()
+    if ending == ".c3d" or not any(ending in kind.endings for kind in SENSORS):
+        return ()
+    if ending == ".sto":
+        with path.open("rb") as stream:
+            return (path,) if b"quaternion" in stream.read(HEAD).lower() else ()
+    if not _holds_sensors(path):
+        return ()
+    stem = path.stem.rpartition("_")[0]
+    if ending not in SETS or not stem:
+        return (path,)
+    alike = re.compile(re.escape(stem) + r"_[^_]+" + re.escape(path.suffix))
+    beside = [other for other in sorted(path.parent.iterdir()) if alike.fullmatch(other.name)]
+    return tuple(other for other in beside if other == path or _holds_sensors(other))
+
+
+def _holds_sensors(path: Path) -> bool:
+    try:
+        return len(_read(path)) > 0
+    except MyomorphError:
+        return False
 
 
 def read_inertial(paths: Sequence[str | os.PathLike[str]] | str | os.PathLike[str]) -> InertialSensors:
@@ -76,12 +107,18 @@ def _read(path: Path) -> InertialSensors:
 
 def read_c3d_sensors(path: Path) -> InertialSensors:
     """The inertial sensors among the analog channels of a C3D file."""
-    analog = read_c3d(path).analog
-    sensors = None if analog is None else sensors_of_channels(analog.time, analog.names, analog.values, analog.units)
+    sensors = sensors_of_trial(read_c3d(path))
     if sensors is None:
         raise BadFile(
             path,
             "has no channels of accelerometers and gyroscopes",
             "expected names such as 'shank.ACC.X', 'shank.GYRO.X'",
         )
-    return replace(sensors, source=str(path))
+    return sensors
+
+
+def sensors_of_trial(trial: Trial) -> InertialSensors | None:
+    """The inertial sensors among the analog channels of a recording, None where there are none."""
+    analog = trial.analog
+    sensors = None if analog is None else sensors_of_channels(analog.time, analog.names, analog.values, analog.units)
+    return None if sensors is None else replace(sensors, source=trial.source)

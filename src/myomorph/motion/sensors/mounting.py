@@ -9,15 +9,13 @@ from typing import Literal
 import numpy as np
 
 from myomorph.model.arrays import Array, frozen_array, read_only
-from myomorph.model.errors import BadData, from_extra, listing, quoted
+from myomorph.model.errors import BadData, from_extra
 from myomorph.model.inertial_sensors import InertialSensors, steady
-from myomorph.model.model import Model, index_of
+from myomorph.model.model import Model
+from myomorph.model.segments import segments_of
 from myomorph.model.series import Markers
 from myomorph.model.spatial import rotation_from_quaternion, rotation_from_vector
 from myomorph.motion.tasks.orientations import OrientationTask
-
-SUFFIXES = ("_imu", "_sensor", "_sensors")
-"""What the name of a sensor may have behind that of its body."""
 
 
 @dataclass(frozen=True)
@@ -102,6 +100,21 @@ class SensorMounting:
         return np.asarray(turned @ earth @ np.swapaxes(self.rotations, 1, 2))
 
 
+def trunk_acceleration(model: Model, mounting: SensorMounting, sensors: InertialSensors, time: Array) -> Array | None:
+    """(times, 3) acceleration of the sensor on the pelvis in the model's ground, without gravity [m/s^2], NaN where
+    unknown; None without such a sensor. Where on the pelvis it is nobody knows, nor is its turning taken off.
+    """
+    segments = segments_of(model)
+    of_trunk = [index for index, body in enumerate(mounting.bodies) if segments[body].name == "lower_trunk"]
+    measured = sensors.only(mounting.sensors).accelerations
+    if measured is None or not of_trunk:
+        return None
+    index = of_trunk[0]
+    rotations = mounting.body_rotations(sensors, time, model)[:, index] @ mounting.rotations[index]
+    at = np.column_stack([np.interp(time + mounting.delay, sensors.time, part) for part in measured[:, index].T])
+    return np.asarray(np.einsum("fij,fj->fi", rotations, at) + model.gravity)
+
+
 def orientation_tasks(
     mounting: SensorMounting, rotations: Array, marker_weights: Array, options: SensorOptions
 ) -> tuple[OrientationTask, ...]:
@@ -124,47 +137,17 @@ def weights_seen(model: Model, markers: Markers, weights: Mapping[str, float], o
     return total
 
 
-def bodies_of_sensors(model: Model, names: tuple[str, ...], chosen: Mapping[str, str]) -> dict[str, str]:
-    """Body of each sensor by its name: a frame, a body, or that with `_imu` behind it; "" in `chosen` for none."""
-    bodies, result = {body.name.casefold(): body.name for body in model.bodies}, dict[str, str]()
-    frames = {frame.name: frame.body for frame in model.frames}
-    for name, body in chosen.items():
-        index_of("sensor", name, names, "the recording")
-        if body:
-            index_of("body", body, model.body_names, "the model")
-    lost = list[str]()
-    for name in names:
-        plain = name.casefold()
-        for suffix in SUFFIXES:
-            plain = plain.removesuffix(suffix)
-        own = chosen[name] if name in chosen else frames.get(name) or bodies.get(plain)
-        if own is None:
-            lost.append(name)
-        elif own:
-            result[name] = own
-    if lost:
-        first = lost[0]
-        raise BadData(
-            f"sensors {quoted(lost)}: no frame or body of the model is called so; bodies are "
-            f"{listing(first, bodies.values())}. "
-            f"Name the body of each: --imu-bodies '{first}=BODY' (or '{first}=-' to leave it out)"
-        )
-    if not result:
-        raise BadData("all sensors are left out: name a body for at least one")
-    return result
-
-
 MIN_RATE = 20.0
 """Raw signals at a lower rate cannot be integrated [Hz]."""
 STEADY_RATE = 0.02
 """Steps of a clock that differ by a larger share have gaps."""
 
 
-def with_orientations(sensors: InertialSensors, magnetometer: bool = True) -> InertialSensors:
+def with_orientations(sensors: InertialSensors, magnetometer: bool = True, causal: bool = False) -> InertialSensors:
     """The sensors with the orientations that a filter finds in their raw signals; known orientations are kept. The
-    filter is VQF (Laidig and Seel 2023), run forwards and backwards over the whole recording: gyroscopes are
-    integrated, accelerations correct the inclination, magnetic fields the heading where they are undisturbed. Without
-    magnetic fields every sensor's heading begins anywhere and drifts slowly.
+    filter is VQF (Laidig and Seel 2023), run forwards and backwards over the whole recording, or forwards alone
+    (`causal`): gyroscopes are integrated, accelerations correct the inclination, magnetic fields the heading where they
+    are undisturbed. Without magnetic fields every sensor's heading begins anywhere and drifts slowly.
     """
     if sensors.orientations is not None:
         return sensors
@@ -191,7 +174,11 @@ def with_orientations(sensors: InertialSensors, magnetometer: bool = True) -> In
         if fields is not None and np.isfinite(fields[:, index]).all(axis=1).any():
             parts.append(fields[:, index])
         even = [_filled(sensors.time, part, clock) for part in parts]
-        result = vqf.offlineVQF(*even, *(() if len(even) == 3 else (None,)), 1.0 / sensors.rate)
+        step = 1.0 / sensors.rate
+        if causal:
+            result = vqf.VQF(step).updateBatch(*even)
+        else:
+            result = vqf.offlineVQF(*even, *(() if len(even) == 3 else (None,)), step)
         quaternions = steady(result["quat9D" if len(even) == 3 else "quat6D"])
         at = np.column_stack([np.interp(sensors.time, clock, column) for column in quaternions.T])
         at[~known] = np.nan

@@ -46,12 +46,12 @@ from myomorph.motion.sensors.fit_mounting import (
 from myomorph.motion.sensors.mounting import (
     SensorMounting,
     SensorOptions,
-    bodies_of_sensors,
     orientation_tasks,
     rotations_at,
     weights_seen,
     with_orientations,
 )
+from myomorph.motion.sensors.sensor_names import bodies_of_sensors
 from myomorph.motion.sensors.undetermined import LikelyAngles, Seen, joint_angles, likely_angles, undetermined
 from myomorph.motion.sync import take_frames
 from myomorph.motion.tasks.coordinates import CoordinateTask

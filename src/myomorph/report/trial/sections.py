@@ -146,7 +146,8 @@ def joint_section(prepared: Prepared) -> Section | None:
     scale = moment_scale(results.model) if not results.dynamics.root_note else None
     truth, torques = results.recorded.truth or Truth(), results.dynamics.torques
     shown, margin = (prepared.detail, prepared.events), 36 if scale and torques is not None else 8
-    angles, moments = (results.uncertainty.spreads.get(name) for name in ("coordinates", "torques"))
+    spreads = results.uncertainty.spreads
+    angles, moments = spreads.get("coordinates"), spreads.get("torques_with_contacts", spreads.get("torques"))
     for pair in chosen:
         base = pair.label.removesuffix(" angle")
         drawing = pair_panel(

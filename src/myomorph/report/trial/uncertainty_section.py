@@ -21,9 +21,10 @@ TITLES = {
     "joint_reactions": "Joint loads",
     "contact_forces": "Contact forces of bodies",
     "contact_groups": "Contact forces",
+    "torques_with_contacts": "Joint torques under estimated contact forces",
     "joint_contact_forces": "Forces at contact points of joints",
 }
-UNITS = {"coordinates": ("°", "m"), "torques": ("N·m", "N")}
+UNITS = {"coordinates": ("°", "m"), "torques": ("N·m", "N"), "torques_with_contacts": ("N·m", "N")}
 """Of tables by coordinate: of rotations, and of translations."""
 PLACES, MOMENTS = re.compile(r"_p[xyz]$"), re.compile(r"_m[xyz]$|torque_?[xyz]$")
 """What columns of loads end in that are points and moments."""

@@ -18,10 +18,17 @@ from myomorph.motion.sync import cut
 from myomorph.muscles.published_arms import arm_warnings
 from myomorph.study.analyze.generic_model import generic_model
 from myomorph.study.analyze.proposed_protocol import proposed_sites, proposed_table
-from myomorph.study.analyze.recorded_trial import AnalyzeRequest, in_a_row, laboratory_of, recorded_trial
+from myomorph.study.analyze.recorded_trial import (
+    AnalyzeRequest,
+    in_a_row,
+    laboratory_of,
+    protocol_sentences,
+    recorded_trial,
+)
 from myomorph.study.analyze.recordings import (
     Recording,
     bare,
+    by_what_shows,
     files_of,
     look_at,
     sites_of,
@@ -29,6 +36,7 @@ from myomorph.study.analyze.recordings import (
     stands_still,
     static_beside,
 )
+from myomorph.study.analyze.sensor_trials import check_sensors, unmarked_model, unmarked_request, with_pose
 from myomorph.study.analyze.unfit_markers import is_arm, unfit_markers
 from myomorph.study.analyze.weighing import weighed
 from myomorph.study.inputs.assumed import Assumed
@@ -88,7 +96,7 @@ def prepare_study(
 
     Parameters
     ----------
-    recordings : files (.c3d, .trc) or folders of them
+    recordings : files of markers (.c3d, .trc) or inertial sensors (.sto, .mvnx, .h5, .csv, .txt), or folders of them
     out : folder for `study.toml`, the generic model where no other is given, and the results
     mass : of the subject [kg]; without it, plates weigh the subject where they can
     height : of the subject [m], which scales the generic model
@@ -150,13 +158,21 @@ def prepare_request(request: AnalyzeRequest, out: Path) -> PreparedStudy:
     """
     _refuse_changed(out / STUDY)
     paths, passed_over = files_of(request.recordings)
-    looked = [look_at(path, table=request.table) for path in paths]
-    static, moving, of_static = _static(looked, request)
+    looked, sensed = by_what_shows(look_at(path, table=request.table) for path in paths)
+    static, marked, of_static, worth = None, looked, "", ""
+    if looked:
+        static, marked, of_static = _static(looked, request)
+    else:
+        request, worth = unmarked_request(request)
+    request, sensed, of_pose = with_pose(request, sensed, alone=not marked)
+    moving = [*marked, *sensed]
     _check_inputs(request.inputs, moving)
     loads = request.inputs.or_default(LoadsFile).loads
     if loads is not None:
         moving = [replace(moving[0], near=FrozenMap({**moving[0].near, "loads": loads}))]
-    for recording in moving:
+    for recording in sensed:
+        check_sensors(recording, request)
+    for recording in marked:
         if request.model is None:
             _check_markers(recording, [*looked, *([static] if static is not None else [])], out)
         assert recording.trial.markers is not None
@@ -166,13 +182,18 @@ def prepare_request(request: AnalyzeRequest, out: Path) -> PreparedStudy:
     if request.mass is None:
         mass, text = weighed(static, moving, request.forces)
         request, of_mass = replace(request, mass=mass), [text]
-    everyone = [*moving, *([static] if static is not None else [])]
+    everyone = [*marked, *([static] if static is not None else [])]
     out.mkdir(parents=True, exist_ok=True)
-    height, of_height = _height(static or moving[0], request.height)
-    model, path, labels, of_model = _model(everyone, request, height, out)
+    of_height, labels = list[str](), dict[str, str]()
+    if marked:
+        height, of_height = _height(static or marked[0], request.height)
+        model, path, labels, of_model = _model(everyone, request, height, out)
+    else:
+        model, path, of_model = unmarked_model(request, out / GENERIC)
     named = () if request.model is None else model.marker_names
-    protocols = _protocols(moving, (*named, *labels))
-    assumed = [*of_mass, *of_height, *passed_over, of_static, *protocols, *of_model]
+    protocols = protocol_sentences(marked, (*named, *labels))
+    texts = (worth, *of_mass, *of_height, *passed_over, of_static, *of_pose, *protocols, *of_model)
+    assumed = [text for text in texts if text]
     if not model.muscles:
         assumed.append(f"{path.name} has no muscles: the report ends with joint angles and torques.")
     entries = [
@@ -191,6 +212,7 @@ def prepare_request(request: AnalyzeRequest, out: Path) -> PreparedStudy:
         static_laboratory=AS_RECORDED if static is None else laboratory_of(static, model, request),
     )
     steps = [step for step in STEPS if model.muscles or step not in OF_MUSCLES]
+    steps = steps if marked else steps[1:]
     if UNCERTAINTY in request.options:
         steps.append(UNCERTAINTY)
     target = out / STUDY
@@ -311,26 +333,6 @@ def _check_time(path: Path, markers: Markers, labels: Sequence[str], time: tuple
             f"{path}: from {time[0]:g} to {time[1]:g} s (--time) fewer than {MIN_MARKERS} markers of the body are "
             f"seen in any frame; they are {where}"
         )
-
-
-def _protocols(moving: Sequence[Recording], of_model: Sequence[str] = ()) -> list[str]:
-    """Sentences on protocols.
-
-    Parameters
-    ----------
-    of_model : labels that are markers of the model that was given, whether a protocol knows them or not
-    """
-    texts = []
-    for title in dict.fromkeys(one.found.protocol.title if one.found.protocol else "" for one in moving):
-        own = [one for one in moving if (one.found.protocol.title if one.found.protocol else "") == title]
-        known = own[0].found
-        what = f"marker protocol {title}" if title else "no known marker protocol, but labels in common use"
-        text = f"{in_a_row([one.path.name for one in own])}: {what}; {len(known.sites)} labels lie on known landmarks"
-        if title and known.common:
-            text += f", {len(known.common)} of them by common names ({in_a_row(known.common)})"
-        unknown = [label for label in known.unknown if label not in of_model and bare(label) not in of_model]
-        texts.append(text + (f"; not used: {in_a_row(unknown)}." if unknown else "."))
-    return texts
 
 
 def _model(

@@ -14,12 +14,14 @@ from myomorph.model.segments import feet_of
 from myomorph.motion.protocols import ProtocolTable
 from myomorph.store.settings import ForceOptions, with_settings
 from myomorph.study.analyze.plate_cover import LASTS, SHARED, shared_time, uncovered_share
-from myomorph.study.analyze.recordings import Recording
+from myomorph.study.analyze.recordings import Recording, bare
+from myomorph.study.analyze.sensor_recordings import placed_sensors
 from myomorph.study.inputs.by_type import ByType
 from myomorph.study.inputs.contacts import ContactsFile
 from myomorph.study.inputs.emg import EmgFiles
 from myomorph.study.inputs.emg_names import muscles_of_channels
 from myomorph.study.inputs.external_forces import force_table
+from myomorph.study.inputs.imu import ImuFiles
 from myomorph.study.inputs.laboratory import AS_RECORDED, Laboratory
 from myomorph.study.inputs.loads import TABLES, LoadsFile
 from myomorph.study.inputs.markers import MarkersFile
@@ -78,7 +80,10 @@ def recorded_trial(
     recording: Recording, files: TrialFiles, model: Model, request: AnalyzeRequest
 ) -> tuple[TrialFiles, list[str]]:
     """A recording with what was found beside it and in it, and sentences on that."""
-    texts = []
+    texts, alone = list[str](), recording.trial.markers is None
+    if recording.sensors is not None:
+        imu, texts = placed_sensors(recording.sensors, recording.sensor_files, model, files.get(ImuFiles), alone)
+        files = files.having(imu)
     laboratory = laboratory_of(recording, model, request)
     if laboratory is recording.laboratory:
         if laboratory.up:
@@ -89,6 +94,9 @@ def recorded_trial(
     emg, of_emg = _emg(recording, model, files.get(EmgFiles))
     texts += of_emg
     plates, path = recording.trial.plates, recording.near.get("loads")
+    if alone and (plates or path is not None):
+        texts.append("Forces of plates are not used: sensors do not show where on them the feet are.")
+        plates, path = (), None
     contacts, loads = files.get(ContactsFile), files.get(LoadsFile)
     if path is not None:
         loads = replace(loads, loads=path)
@@ -120,6 +128,8 @@ def recorded_trial(
                 "half the weight (a foot beside them, a seat): muscle tensions estimate forces under feet that nobody "
                 "measured; torques of inverse dynamics are wrong there."
             )
+    if alone:
+        return files.having(loads, emg, contacts), texts
     return files.having(MarkersFile(recording.path), laboratory, loads, emg, contacts), texts
 
 
@@ -151,6 +161,26 @@ def _emg(recording: Recording, model: Model, asked: EmgFiles) -> tuple[EmgFiles,
         return asked, texts
     muscles = FrozenMap(dict.fromkeys(dead, ()) | dict(asked.emg_muscles))
     return replace(asked, emg=recording.path, emg_muscles=muscles), texts
+
+
+def protocol_sentences(moving: Sequence[Recording], of_model: Sequence[str] = ()) -> list[str]:
+    """Sentences on protocols.
+
+    Parameters
+    ----------
+    of_model : labels that are markers of the model that was given, whether a protocol knows them or not
+    """
+    texts = []
+    for title in dict.fromkeys(one.found.protocol.title if one.found.protocol else "" for one in moving):
+        own = [one for one in moving if (one.found.protocol.title if one.found.protocol else "") == title]
+        known = own[0].found
+        what = f"marker protocol {title}" if title else "no known marker protocol, but labels in common use"
+        text = f"{in_a_row([one.path.name for one in own])}: {what}; {len(known.sites)} labels lie on known landmarks"
+        if title and known.common:
+            text += f", {len(known.common)} of them by common names ({in_a_row(known.common)})"
+        unknown = [label for label in known.unknown if label not in of_model and bare(label) not in of_model]
+        texts.append(text + (f"; not used: {in_a_row(unknown)}." if unknown else "."))
+    return texts
 
 
 def in_a_row(names: Sequence[str], count: int = 8) -> str:

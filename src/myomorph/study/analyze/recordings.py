@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from myomorph.io.formats import trial_format
+from myomorph.io.inertial.read import read_inertial, sensor_files, sensors_of_trial
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, BadFile, MyomorphError
 from myomorph.model.frozen_map import FrozenMap
+from myomorph.model.inertial_sensors import InertialSensors
 from myomorph.model.series import Trial
 from myomorph.motion.protocols import ProtocolTable, Recognized, Site, recognize
+from myomorph.study.analyze.sensor_recordings import is_still
 from myomorph.study.inputs.beside import plain_stem
-from myomorph.study.inputs.laboratory import Laboratory, Up
+from myomorph.study.inputs.laboratory import AS_RECORDED, Laboratory, Up
 from myomorph.study.inputs.reading import read_recording
 from myomorph.study.inputs.table import INPUTS, input_of
 
@@ -46,6 +49,7 @@ class Recording:
     why_up, why_turn : why, in words; "" where nothing was turned
     still : somebody stands still in it
     near : files beside it that belong to it, by the input that they are of
+    sensors, sensor_files : inertial sensors, which may be all there is, None and () for none
     """
 
     path: Path
@@ -57,6 +61,8 @@ class Recording:
     why_turn: str
     still: bool
     near: Mapping[str, Path] = field(default_factory=lambda: FrozenMap({}))
+    sensors: InertialSensors | None = None
+    sensor_files: tuple[Path, ...] = ()
 
 
 def look_at(path: Path, name: str = "", table: ProtocolTable | None = None) -> Recording:
@@ -65,10 +71,15 @@ def look_at(path: Path, name: str = "", table: ProtocolTable | None = None) -> R
     Raises
     ------
     BadFile, BadData
-        where it cannot be read, or has no marker whose label is known
+        where it cannot be read, or shows no motion
     """
+    alone = sensor_files(path)
+    if alone:
+        return _of_sensors(path, name, Trial(source=str(path)), alone)
     trial = read_recording(path)
     if trial.markers is None or not len(trial.markers):
+        if sensors_of_trial(trial) is not None:
+            return _of_sensors(path, name, replace(trial, markers=None), (path,))
         raise BadData(
             f"{path}: holds no markers, so there is no motion to analyze: give the recording of the markers"
             + (", and this file's forces with it" if trial.plates else "")
@@ -78,7 +89,9 @@ def look_at(path: Path, name: str = "", table: ProtocolTable | None = None) -> R
     places = {label: trial.markers[label] for label in found.sites}
     up, why_up = _up(trial, found, places)
     turn, why_turn = _turn(Laboratory(up), found, places)
-    near = {value.name: value.near(path, trial) for value in map(input_of, INPUTS) if value.near is not None}
+    near = _near(path, trial)
+    own = near.get("imu")
+    files = () if own is None else (path,) if own == path else sensor_files(own)
     return Recording(
         path,
         name or plain_stem(path),
@@ -88,8 +101,31 @@ def look_at(path: Path, name: str = "", table: ProtocolTable | None = None) -> R
         why_up,
         why_turn,
         stands_still(places.values()),
-        FrozenMap({name: file for name, file in near.items() if file is not None}),
+        near,
+        read_inertial(files) if files else None,
+        files,
     )
+
+
+def _of_sensors(path: Path, name: str, trial: Trial, files: tuple[Path, ...]) -> Recording:
+    """A recording that inertial sensors alone show."""
+    sensors, near = read_inertial(files), _near(path, trial)
+    nothing, still = Recognized(None, FrozenMap({})), is_still(sensors)
+    return Recording(path, name or plain_stem(path), trial, nothing, AS_RECORDED, "", "", still, near, sensors, files)
+
+
+def _near(path: Path, trial: Trial) -> Mapping[str, Path]:
+    """Files beside a recording, by the inputs that look for any."""
+    near = {value.name: value.near(path, trial) for value in map(input_of, INPUTS) if value.near is not None}
+    return FrozenMap({name: file for name, file in near.items() if file is not None})
+
+
+def by_what_shows(recordings: Iterable[Recording]) -> tuple[list[Recording], list[Recording]]:
+    """Recordings of markers, and those of sensors alone that belong to none of them."""
+    recordings = list(recordings)
+    marked = [recording for recording in recordings if recording.trial.markers is not None]
+    taken = {file for recording in marked for file in recording.sensor_files}
+    return marked, [item for item in recordings if item.trial.markers is None and item.path not in taken]
 
 
 def mean_place(recording: Recording, *keys: str, side: str = "") -> Array | None:
@@ -246,19 +282,22 @@ def files_of(paths: Iterable[Path]) -> tuple[list[Path], list[str]]:
     notes: list[str] = []
     for path in paths:
         if not path.exists():
-            raise BadFile(path, "does not exist", "give recordings of markers (.c3d, .trc) or a folder of them")
+            raise BadFile(path, "does not exist", "give recordings of markers or inertial sensors, or their folder")
         if path.is_file():
-            if trial_format(path) is None:
+            if trial_format(path) is None and not sensor_files(path):
                 raise BadFile(
-                    path, f"is no recording of markers: its name ends in '{path.suffix}'", "expected .c3d or .trc"
+                    path,
+                    "is no recording of markers or inertial sensors",
+                    "expected .c3d, .trc, or sensors' .sto, .mvnx, .h5, .csv, .txt",
                 )
             found.append(path)
             continue
         inside = _in_folder(path, notes)
         if not inside:
-            raise BadFile(path, "holds no recording of markers", "expected files that end in .c3d or .trc")
+            raise BadFile(path, "holds no recording of markers or inertial sensors", "expected .c3d, .trc, .mvnx, ...")
         found += inside
-    return list(dict.fromkeys(found)), notes
+    # Of sensors with a file each, the first stands for all.
+    return list(dict.fromkeys((sensor_files(path) or (path,))[0] for path in found)), notes
 
 
 def _in_folder(folder: Path, notes: list[str]) -> list[Path]:
@@ -267,9 +306,13 @@ def _in_folder(folder: Path, notes: list[str]) -> list[Path]:
         if inside:
             files = [path for home in inside for path in sorted(home.rglob("*")) if trial_format(path) is not None]
             return _last_stage(files, notes)
-    here = [path for path in sorted(folder.iterdir()) if path.is_file() and trial_format(path)]
-    below = [] if here else [path for path in sorted(folder.rglob("*")) if path.is_file() and trial_format(path)]
-    return _last_stage(here or below, notes)
+    here = [path for path in sorted(folder.iterdir()) if path.is_file()]
+    below = [path for path in sorted(folder.rglob("*")) if path.is_file()]
+    for files in (here, below):
+        trials = [path for path in files if trial_format(path)]
+        if trials:
+            return _last_stage(trials, notes)
+    return next((sensors for files in (here, below) if (sensors := [path for path in files if sensor_files(path)])), [])
 
 
 def _last_stage(files: list[Path], notes: list[str]) -> list[Path]:

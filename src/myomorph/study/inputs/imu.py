@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import Annotated
 
 from myomorph.model.frozen_map import FrozenMap
+from myomorph.model.series import Trial
+from myomorph.study.inputs.beside import companion
 from myomorph.study.inputs.input import Input, later
 from myomorph.study.inputs.keys import Files, Pairs, Span
 
@@ -35,4 +37,26 @@ class ImuFiles:
     imu_heading: Annotated[Mapping[str, str], Pairs(shown="SENSOR=AXIS")] = field(default_factory=lambda: FrozenMap({}))
 
 
-INPUT = Input(name="imu", settings=ImuFiles, open=later("myomorph.study.inputs.imu_files:opened"), main="imu")
+WORDS = ("imu", "IMU", "sensors", "orientations")
+"""In the name of a file of sensors that belongs to a recording."""
+ENDINGS = (".sto", ".mvnx", ".h5", ".csv", ".txt")
+
+
+def _near(recording: Path, trial: Trial) -> Path | None:
+    """The recording itself where it has channels of sensors, else a file of its name."""
+    # Reads tables: most commands look for none.
+    from myomorph.io.inertial.read import sensor_files, sensors_of_trial
+
+    if sensors_of_trial(trial) is not None:
+        return recording
+    path = companion(recording, WORDS, ENDINGS) or companion(recording, (), (".mvnx", ".sto", ".h5"), alone=True)
+    return path if path is not None and path != recording and sensor_files(path) else None
+
+
+INPUT = Input(
+    name="imu",
+    settings=ImuFiles,
+    open=later("myomorph.study.inputs.imu_files:opened"),
+    main="imu",
+    near=_near,
+)

@@ -158,12 +158,18 @@ def subject_trials(
         name = trial.name or plain_stem(recording)
         if left_out(named.name, name):
             continue
-        own = located(trial, "trial", place, leave_out=BEGINS) | {_begins(trial): recording}
+        own = located(trial, "trial", place, leave_out=BEGINS)
+        if trial.markers or trial.motion:
+            own[_begins(trial)] = recording
         values = shared | own
         values |= {key: (*shared[key], *own[key]) for key in own if key in shared and all_keys()[key][1].kind.adds}
         if own.get("torques") is not None and own.get("loads") is not None:
             notes.problems.append(f"{place.where}: {name}: 'torques' and 'loads' are given: give one of them")
-        inputs = settings_of_keys(values | _beside(recording, values, named.name, notes))
+        beside = _beside(recording, values, named.name, notes)
+        if not (trial.markers or trial.motion):
+            # Sensors do not show where on the plates the feet are.
+            beside.pop("loads", None)
+        inputs = settings_of_keys(values | beside)
         yield TrialFiles(model or file or named.folder, name, named.name, inputs, trial.condition), given_options(trial)
 
 
@@ -209,12 +215,18 @@ def _beside(recording: Path, values: Mapping[str, Any], subject: str, notes: Not
 
 
 def _recordings(table: SubjectTable, folder: Path, where: str, problems: list[str]) -> Iterator[tuple[Any, Path]]:
-    """The recordings of markers or coordinates that the entries of `trials` name: patterns, files, or tables."""
+    """The recordings of markers, coordinates or sensors alone that the entries of `trials` name: patterns, files, or
+    tables.
+    """
     trial: Any
     for given in table.trials:
         trial = _of_text(given) if isinstance(given, str) else given
+        if not (trial.markers or trial.motion) and trial.imu:
+            sensors = [path for text in trial.imu for path in matching(folder, text, where, problems)]
+            yield from ((trial, path) for path in sensors[:1])
+            continue
         if bool(trial.markers) == bool(trial.motion):
-            problems.append(f"{where}: a trial has one of 'markers' and 'motion'")
+            problems.append(f"{where}: a trial has one of 'markers' and 'motion', or 'imu'")
             continue
         for recording in matching(folder, trial.markers or trial.motion, where, problems):
             yield trial, recording

@@ -11,6 +11,7 @@ from myomorph.io.loads import loads_table
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import MyomorphError
 from myomorph.model.frozen_map import FrozenMap
+from myomorph.model.model import Model
 from myomorph.model.series import Series, Table
 from myomorph.store.settings import TensionTables
 from myomorph.study.trial.joint_contact_step import ENDING as JOINT_CONTACT
@@ -47,7 +48,9 @@ def muscle_quantities(trial: TrialInputs, task: TensionTask, strength: Strength 
     made = [quantity_of(name, tension.time, tension.muscles, values, unit) for name, values, unit in parts]
     tables = []
     if task.setting is not None:
-        tables.append(("contact_forces", loads_table(task.loads(tension)[0])))
+        loads, carried = task.loads(tension)
+        made.append(_generalized_forces("torques_with_contacts", carried, trial.model))
+        tables.append(("contact_forces", loads_table(loads)))
         tables.append(("contact_groups", task.contact_groups(tension)))
     frame, points = trial.options[TensionTables].reactions, trial.get(JointPoints)
     if frame != "none":
@@ -59,15 +62,18 @@ def muscle_quantities(trial: TrialInputs, task: TensionTask, strength: Strength 
 
 def torque_quantity(trial: TrialInputs, torques: Torques) -> Quantity:
     """The table of torques."""
-    shown = shown_torques(trial, torques)
-    kinds = [trial.model.coordinate(name).motion for name in shown.names]
+    return _generalized_forces("torques", shown_torques(trial, torques), trial.model)
+
+
+def _generalized_forces(name: str, shown: Series, model: Model) -> Quantity:
+    kinds = [model.coordinate(name).motion for name in shown.names]
     units = tuple("N m" if kind == "rotational" else "N" for kind in kinds)
 
     def table(values: Array) -> Table:
-        return torque_table(Series(shown.time, shown.names, values), trial.model)
+        return torque_table(Series(shown.time, shown.names, values), model)
 
     shown_columns = (shown.time, shown.names, shown.values)
-    return Quantity("torques", *shown_columns, table, "N m or N", units, np.ones(len(units)))
+    return Quantity(name, *shown_columns, table, "N m or N", units, np.ones(len(units)))
 
 
 def quantity_of(name: str, time: Array, names: tuple[str, ...], values: Array, unit: str) -> Quantity:

@@ -10,6 +10,7 @@ from typing import TypeVar
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
+from myomorph.contact.foot_path import root_places, walked
 from myomorph.contact.plan import ContactPlan
 from myomorph.io.sto import table_from_motion
 from myomorph.model.arrays import Array
@@ -17,7 +18,13 @@ from myomorph.model.errors import MyomorphError
 from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion, Table, Wrenches
 from myomorph.motion.ik import InverseKinematicsOptions, poses_near
-from myomorph.motion.sensors.mounting import SensorOptions, orientation_tasks, weights_seen
+from myomorph.motion.sensors.mounting import (
+    SensorMounting,
+    SensorOptions,
+    orientation_tasks,
+    trunk_acceleration,
+    weights_seen,
+)
 from myomorph.motion.sensors.sensor_kinematics import SensorFit
 from myomorph.motion.sync import cut
 from myomorph.rigid.kinematics import marker_positions
@@ -173,21 +180,33 @@ class Chain:
         moved = drawn_markers(trial.model, markers, draw, self.residuals)
         near = thinned(self.base, self.pose_step)
         options = trial.options[InverseKinematicsOptions]
-        if self.sensors is not None:
-            options = self._sensed(options, moved, draw)
+        mounting = None if self.sensors is None else self._mounted(draw)
+        if self.sensors is not None and mounting is not None:
+            options = self._sensed(options, moved, mounting, draw)
         solved = poses_near(trial.model, moved, near, options)
+        if self.sensors is not None and mounting is not None and not markers.names and root_places(trial.model):
+            solved, near = (
+                walked(trial.model, poses, trunk_acceleration(trial.model, known, self.sensors.sensors, poses.time))
+                for poses, known in ((solved, mounting), (near, self.sensors.mounting))
+            )
         errors = solved.values - near.values
         if self.pose_step > 1:
             known = np.isfinite(errors).all(axis=1)
             errors = make_interp_spline(markers.time[known], errors[known])(self.recorded.time)
         return replace(self.recorded, values=self.recorded.values + errors)
 
-    def _sensed(self, options: InverseKinematicsOptions, markers: Markers, draw: Draw) -> InverseKinematicsOptions:
-        """Options of inverse kinematics with the sensors under the errors of a draw."""
+    def _mounted(self, draw: Draw) -> SensorMounting:
+        """Mounting and headings of the sensors under the errors of a draw."""
         assert self.sensors is not None
         mounting, scale = self.sensors.mounting, draw.sources.sensor_mounting
         numbers = draw.normals.of(draw.number, "sensor mounting", "", mounting.factor.shape[1])
-        mounting = mounting.moved(scale * numbers) if scale else mounting
+        return mounting.moved(scale * numbers) if scale else mounting
+
+    def _sensed(
+        self, options: InverseKinematicsOptions, markers: Markers, mounting: SensorMounting, draw: Draw
+    ) -> InverseKinematicsOptions:
+        """Options of inverse kinematics with the sensors under the errors of a draw."""
+        assert self.sensors is not None
         reported = mounting.body_rotations(self.sensors.sensors, markers.time, self.trial.model)
         reported = drawn_rotations(reported, mounting.sensors, markers.time, draw)
         seen = weights_seen(self.trial.model, markers, options.marker_weights, options.only_weighted)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from myomorph.contact.foot_path import root_places, walked
 from myomorph.io.sto import table_from_motion, write_sto
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, MyomorphError
@@ -18,7 +19,7 @@ from myomorph.model.series import Markers, Motion, Series, Table
 from myomorph.motion.crossings import CrossingOptions, crossings, within_crossings
 from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit
 from myomorph.motion.marker_checks import CheckedFit, MarkerCheckOptions, checked_kinematics
-from myomorph.motion.sensors.mounting import SensorOptions
+from myomorph.motion.sensors.mounting import SensorOptions, trunk_acceleration
 from myomorph.motion.sensors.sensor_kinematics import sensor_kinematics
 from myomorph.motion.sync import cut
 from myomorph.report.trial.report_input import Kinematics, ReportInput
@@ -77,6 +78,10 @@ def _with_sensors(trial: TrialInputs, checked: CheckedFit | None) -> CheckedFit:
     with progress(f"{trial.name}: inertial sensors", len(markers)) as advance:
         chosen = (options[InverseKinematicsOptions], options[SensorOptions])
         sensors = sensor_kinematics(trial.model, recording, markers, marked, *chosen, advance)
+    if marked is None and root_places(trial.model):
+        felt = trunk_acceleration(trial.model, sensors.mounting, sensors.sensors, sensors.fit.motion.time)
+        fit = replace(sensors.fit, motion=walked(trial.model, sensors.fit.motion, felt))
+        sensors = replace(sensors, fit=fit)
     return CheckedFit(sensors.fit, markers, () if checked is None else checked.findings, sensors)
 
 

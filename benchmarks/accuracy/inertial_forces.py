@@ -1,0 +1,166 @@
+"""Forces from inertial sensors alone against force plates: simulated sensors on walks whose plates were recorded."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import tempfile
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from tests.truths.simulated_sensors import SensorErrors, SimulatedSensors, simulated_sensors
+
+import myomorph as mm
+from benchmarks.errors import rms
+from benchmarks.hidden_plates import CASES, Hidden, HiddenCase, estimated, feet_of, foot_wrench, opened, tracked
+from myomorph.cli import main
+from myomorph.contact.foot_path import walked
+from myomorph.contact.site_motion import rest_on_floor
+from myomorph.contact.sites import foot_sites
+from myomorph.contact.states import ActivationOptions, ContactStateOptions, contact_activations
+from myomorph.motion.sensors.mounting import trunk_acceleration
+from myomorph.motion.sensors.sensor_kinematics import SensorRecording, sensor_kinematics
+from myomorph.motion.sync import cut
+from myomorph.tension.contact_setting import all_loads
+from sensor_files import write_orientations
+
+Row = dict[str, object]
+WALKS = tuple(case for case in CASES if case.name.startswith("walk"))
+BODIES = ("pelvis", "torso", "femur_r", "tibia_r", "calcn_r", "femur_l", "tibia_l", "calcn_l")
+SEEDS = range(5)
+AXES = ("fore-aft", "vertical", "lateral")
+KNEES = {"right": "knee_angle_r", "left": "knee_angle_l"}
+
+
+def measure(folder: Path) -> Iterator[Row]:
+    """Errors of each foot's force and knee's torque without plates: by markers, and by sensors alone."""
+    for case in WALKS:
+        hidden = opened(folder, case)
+        yield from _rows(hidden, "markers", [hidden])
+        for how, used in (("orientations", False), ("orientations and accelerations", True)):
+            yield from _rows(hidden, how, [by_sensors(folder, case, seed, used)[0] for seed in SEEDS])
+
+
+def by_sensors(
+    folder: Path, case: HiddenCase, seed: int, accelerations: bool = True
+) -> tuple[Hidden, SimulatedSensors]:
+    """The recording as sensors alone show it: joint angles, and where the feet have carried the body, with the pelvis
+    sensor's accelerations or without.
+    """
+    hidden = opened(folder, case)
+    model, truth = hidden.model, tracked(folder, case, hidden.model)
+    made = simulated_sensors(model, truth, BODIES, SensorErrors(), seed, accelerometers=True)
+    found = sensor_kinematics(model, SensorRecording(made.sensors, pose=made.pose))
+    felt = trunk_acceleration(model, found.mounting, found.sensors, truth.time) if accelerations else None
+    whole = mm.differentiate(walked(model, found.fit.motion, felt), hidden.cutoff)
+    feet, floor = rest_on_floor(model, whole, foot_sites(model))
+    contacts = mm.find_contacts(model, whole, feet, ContactStateOptions(floor=floor.height))
+    ready = contact_activations(model, whole, feet, contacts, ActivationOptions(floor=floor.height))
+    motion = cut(whole, hidden.motion.time[0], hidden.motion.time[-1])
+    used = np.isin(whole.time, motion.time)
+    shown = mm.Series(motion.time, ready.names, ready.values[used])
+    return replace(hidden, motion=motion, sites=feet, contacts=contacts, activations=shown, floor=floor.height), made
+
+
+def _rows(hidden: Hidden, how: str, tries: list[Hidden]) -> Iterator[Row]:
+    """Root mean square errors over the tries, foot by foot, in frames in which the plates measure all contacts."""
+    measured = mm.inverse_dynamics(hidden.model, hidden.motion, hidden.measured)
+    errors: dict[str, list[np.ndarray]] = {}
+    torques: dict[str, list[np.ndarray]] = {}
+    speeds = []
+    for each in tries:
+        tension = estimated(each)
+        assert tension.contacts is not None
+        carried = mm.inverse_dynamics(each.model, each.motion, all_loads(None, tension.contacts))
+        speeds.append(_speed(each))
+        for side, force, _ in feet_of(hidden):
+            errors.setdefault(side, []).append((foot_wrench(tension, side)[0] - force)[hidden.use])
+            knee = KNEES[side]
+            torques.setdefault(side, []).append((carried[knee] - measured[knee])[hidden.use])
+    for side, force, _ in feet_of(hidden):
+        spread = np.ptp(force[hidden.use], axis=0)
+        knee = measured[KNEES[side]][hidden.use]
+        row: Row = {"recording": hidden.case.name, "by": how, "foot": side}
+        for axis in (1, 0, 2):
+            row[f"{AXES[axis]} [% range]"] = 100.0 * rms(np.array(errors[side])[..., axis]) / float(spread[axis])
+        for axis in (1, 0, 2):
+            row[f"{AXES[axis]} [% weight]"] = 100.0 * rms(np.array(errors[side])[..., axis]) / hidden.weight
+        row["knee torque [N m/kg]"] = rms(np.array(torques[side])) / hidden.model.mass
+        row["knee torque [% range]"] = 100.0 * rms(np.array(torques[side])) / float(np.ptp(knee))
+        row["speed [m/s]"] = float(np.mean(speeds))
+        yield row
+
+
+def _speed(hidden: Hidden) -> float:
+    """Of the pelvis along x, in the mean [m/s]."""
+    way, time = hidden.motion["pelvis_tx"], hidden.motion.time
+    return float((way[-1] - way[0]) / (time[-1] - time[0]))
+
+
+def measure_intervals(folder: Path) -> Iterator[Row]:
+    """Share of what plates measured within the limits that a study of sensors alone writes with `draws`."""
+    for case in WALKS:
+        hidden = opened(folder, case)
+        parts: dict[str, list[tuple[float, float]]] = {}
+        for seed in SEEDS[:2]:
+            _, made = by_sensors(folder, case, seed)
+            for name, part in _limits(hidden, made).items():
+                parts.setdefault(name, []).append(part)
+        for name, each in parts.items():
+            within, width = np.mean(each, axis=0)
+            yield {"recording": case.name, "what": name, "within [%]": 100.0 * within, "width": float(width)}
+
+
+STUDY = """
+[study]
+name = "sensors"
+[options.id]
+cutoff = {cutoff}
+[uncertainty]
+draws = 60
+[[subject]]
+name = "subject"
+model = "model.osim"
+steps = ["ik", "id", "muscles", "tension"]
+[[subject.trial]]
+name = "walk"
+imu = ["walk.sto"]
+imu_pose = ["pose.sto"]
+contacts = "auto"
+"""
+
+
+def _limits(hidden: Hidden, made: SimulatedSensors) -> dict[str, tuple[float, float]]:
+    """Share of measured vertical forces [% weight] and knee torques [N m/kg] within the limits, and mean widths."""
+    with tempfile.TemporaryDirectory() as name:
+        home = Path(name)
+        write_orientations(home / "walk.sto", made.sensors)
+        write_orientations(home / "pose.sto", made.pose)
+        mm.write_osim(hidden.model, home / "model.osim")
+        (home / "study.toml").write_text(STUDY.format(cutoff=hidden.cutoff))
+        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+            assert main(["run", str(home / "study.toml"), "--out", str(home / "out"), "--workers", "1"]) == 0
+        tables = {
+            f"{what}_{end}": mm.read_sto(next((home / "out").rglob(f"{what}_{end}.sto")))
+            for what in ("contact_forces", "torques_with_contacts") for end in ("low", "high")
+        }  # fmt: skip
+    time, use = hidden.motion.time, hidden.use
+    torques = mm.inverse_dynamics(hidden.model, hidden.motion, hidden.measured)
+    inside: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
+    for side, force, _ in feet_of(hidden):
+        pairs = (
+            ("vertical force [% weight]", "contact_forces", f"calcn_{side[0]}_force_vy", force[:, 1],
+             hidden.weight / 100.0),
+            ("knee torque [N m/kg]", "torques_with_contacts", f"{KNEES[side]}_moment", torques[KNEES[side]],
+             hidden.model.mass),
+        )  # fmt: skip
+        for name, table, column, truth, unit in pairs:
+            ends = [tables[f"{table}_{end}"] for end in ("low", "high")]
+            low, high = (np.interp(time, end.time, end[column])[use] for end in ends)
+            inside.setdefault(name, []).append(((low <= truth[use]) & (truth[use] <= high), (high - low) / unit))
+    return {
+        name: (float(np.mean([part[0] for part in parts])), float(np.mean([part[1] for part in parts])))
+        for name, parts in inside.items()
+    }
