@@ -6,9 +6,9 @@ import pytest
 from benchmarks.house import CHECKOUT, checkout_texts, count
 
 LIMITS = {
-    ("lines", "src"): 125_450,
-    ("lines", "benchmarks"): 24_400,
-    ("words", "documentation"): 99_200,
+    ("lines", "src"): 126_250,
+    ("lines", "benchmarks"): 24_600,
+    ("words", "documentation"): 99_550,
     ("vague", "src"): 6.5,
 }
 
