@@ -21,7 +21,6 @@ import numpy as np
 import myomorph as mm
 from benchmarks.errors import rms_known
 from myomorph.cli import main
-from myomorph.model.errors import MyomorphError
 from myomorph.motion.protocols import recognize
 
 Row = dict[str, object]
@@ -70,7 +69,9 @@ def measure() -> Iterator[Row]:
     for recording in recordings() if home is not None else ():
         folder = Path(home or "") / recording.repository.replace("/", "+")
         if (folder / recording.file).is_file():
-            yield _row(recording, folder)
+            row = _row(recording, folder)
+            print(f"{recording.laboratory}: {row['ends with']}, {row['time [s]']:.0f} s", flush=True)
+            yield row
 
 
 def _row(recording: Recording, folder: Path) -> Row:
@@ -98,7 +99,10 @@ def _row(recording: Recording, folder: Path) -> Row:
         guessed = status != 0 and "--mass" in said.splitlines()[-1]
         if guessed:
             status, said = _run([*typed, "--mass", f"{GUESSED:g}", "--out", str(out)])
-        row |= {"time [s]": time.monotonic() - started, "ends with": "report" if status == 0 else "one line"}
+        row |= {
+            "time [s]": time.monotonic() - started,
+            "ends with": {0: "report", 2: "one line"}.get(status, f"exit {status}"),
+        }
         row |= _result(out) if status == 0 else {"implausible": ""}
         said = said.replace(str(folder), "").replace(name, "")
     lines = [line.strip() for line in said.splitlines()]
@@ -115,8 +119,9 @@ def _run(typed: list[str]) -> tuple[int, str]:
     with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
         try:
             status = main(typed)
-        except MyomorphError as error:
-            return 2, str(error)
+        # What a user would see as a traceback is a row too.
+        except Exception as error:
+            return 1, f"{said.getvalue()}\n{type(error).__name__}: {error}"
     return status, said.getvalue()
 
 

@@ -53,6 +53,10 @@ def analyze_command(
         Path | None,
         Parameter(help="OpenSim or MuJoCo model with markers; by default myo-sim's legs and trunk."),
     ] = None,
+    arms: Annotated[
+        bool,
+        Parameter(negative=(), help="Give the generic model both arms and their muscles, where markers show them."),
+    ] = False,
     protocol: Annotated[
         Path | None, Parameter(help="Table of marker protocols of your own (.toml), beside those of the package.")
     ] = None,
@@ -92,6 +96,7 @@ def analyze_command(
         height,
         static,
         model,
+        arms,
         None if protocol is None else read_protocols(protocol),
         inputs_of_flags(inputs, near=True),
         settings_by_step(options, STEPS) | drawn_settings(draws, None),

@@ -16,6 +16,7 @@ from myomorph.model.series import Markers
 from myomorph.motion.protocols import labels_between
 from myomorph.motion.sync import cut
 from myomorph.muscles.published_arms import arm_warnings
+from myomorph.study.analyze.arms import have_arms
 from myomorph.study.analyze.generic_model import generic_model
 from myomorph.study.analyze.proposed_protocol import proposed_sites, proposed_table
 from myomorph.study.analyze.recorded_trial import (
@@ -89,6 +90,7 @@ def prepare_study(
     height: float | None = None,
     static: str | Path | None = None,
     model: str | Path | None = None,
+    arms: bool = False,
     keys: Mapping[str, object] = FrozenMap({}),
     options: Mapping[str, Mapping[str, object]] = FrozenMap({}),
 ) -> PreparedStudy:
@@ -102,6 +104,7 @@ def prepare_study(
     height : of the subject [m], which scales the generic model
     static : recording of standing still; by default found among or beside the recordings
     model : OpenSim or MuJoCo file with markers; by default myo-sim's legs and trunk
+    arms : give the generic model both arms, where markers show how they move
     keys : of the inputs of trials, as a study file has them; they go before what is found
     options : of the steps, by step and setting
 
@@ -130,6 +133,7 @@ def prepare_study(
         height,
         None if static is None else Path(static),
         None if model is None else Path(model),
+        arms,
         inputs=_inputs_of(keys),
         options=FrozenMap(options),
     )
@@ -342,15 +346,21 @@ def _model(
     if request.model is None:
         recorded = list(dict.fromkeys(label for one in everyone for label in one.found.sites))
         assert request.mass is not None
-        model, without = generic_model(sites_of(everyone), height, request.mass)
+        sites = sites_of(everyone)
+        seen = have_arms(sites)
+        arms = request.arms and seen
+        model, without = generic_model(sites, height, request.mass, arms)
         path = out / GENERIC
         write_osim(model, path)
         text = (
-            f"No model was given (--model FILE): myo-sim's legs and trunk with {len(model.muscles)} muscles, "
-            f"{len(model.markers)} markers placed on its bones by landmark, its segments stretched to the recordings"
-            f"{'' if height is None else f', from those of a body of {height:g} m'}. "
-            "The arms' mass is part of the trunk's."
+            f"No model was given (--model FILE): myo-sim's legs{', trunk and arms' if arms else ' and trunk'} with "
+            f"{len(model.muscles)} muscles, {len(model.markers)} markers placed on its bones by landmark, its segments "
+            f"stretched to the recordings{'' if height is None else f', from those of a body of {height:g} m'}. "
         )
+        if not arms:
+            text += "The arms' mass is part of the trunk's" + (" (--arms gives it arms)." if seen else ".")
+        if request.arms and not seen:
+            text += " It has no arms, for no markers show two segments of one (--arms)."
         if without:
             text += f" Without a place on it: {in_a_row(without)}."
         return model, path, {label: bare(label) for label in recorded if bare(label) != label}, [text]

@@ -41,8 +41,8 @@ Up to 60 degrees as in Rajagopal et al. (2016), beyond up to 1.5 mm from there: 
 of the patellar tendon is 0.68 at 75 degrees and stays at 0.6 from 90 on, as the measured ratio of their forces does
 (Buff et al. 1988). Before it fell to 0.5 and rose above 1.
 """
-SPECIFIC_TENSION = 60.0
-"""Maximum isometric force of a cross-section (Rajagopal et al. 2016) [N/cm^2]."""
+SPECIFIC_TENSION, OF_ARMS = 60.0, 50.8
+"""Maximum isometric force of a cross-section of legs (Rajagopal et al. 2016), of arms (Saul et al. 2015) [N/cm^2]."""
 MASS, HEIGHT = 75.0, 1.70
 """Of the body whose cross-sections the table has [kg], [m]."""
 
@@ -180,7 +180,8 @@ def _built(muscle: Muscle, length: float) -> Muscle:
     fiber, pennation = 0.01 * line.fiber, np.radians(line.pennation)
     return replace(
         muscle,
-        max_isometric_force=SPECIFIC_TENSION * line.section,
+        # Muscles of arms have capitals for names in both sources.
+        max_isometric_force=(OF_ARMS if stem[0].isupper() else SPECIFIC_TENSION) * line.section,
         optimal_fiber_length=fiber,
         pennation_at_optimal=float(pennation),
         tendon_slack_length=length - fiber * float(np.sqrt(line.at_zero**2 - np.sin(pennation) ** 2)),

@@ -29,6 +29,7 @@ from myomorph.study.analyze.anatomy import (
     with_cylinders,
     with_strength,
 )
+from myomorph.study.analyze.arms import with_arms
 from myomorph.study.analyze.opensim_wraps import in_opensim_form
 
 NAME = "myolegs_abdomen"
@@ -48,14 +49,20 @@ JOINTS = {
     "mtp_angle": "mtp",
 }
 """Joints, which MuJoCo has no names for, by the body or coordinate that they are called after, without the side."""
+SIDED = ("femur", "tibia", "talus", "calcn", "scapula", "humerus", "ulna", "radius", "lunate")
+"""Bodies of either side."""
 LOCKED = ("mtp_angle_r", "mtp_angle_l")
-WIDENED = ("ankle_angle_r", "ankle_angle_l", "subtalar_angle_r", "subtalar_angle_l", "hip_rotation_r", "hip_rotation_l")
+WIDENED = tuple(
+    f"{name}_{side}"
+    for name in ("ankle_angle", "subtalar_angle", "hip_rotation", "elbow_flexion", "deviation", "flexion")
+    for side in "rl"
+)
 FURTHER = np.radians(30.0)
-"""Walkers go beyond the model's ranges of these, by so much at most [rad]: free, ankle and subtalar joint turn over."""
+"""People go beyond the model's ranges of these, by so much at most [rad]: free, ankle and subtalar joint turn over."""
 
 
 def generic_model(
-    sites: Mapping[str, Site], height: float | None = None, mass: float | None = None
+    sites: Mapping[str, Site], height: float | None = None, mass: float | None = None, arms: bool = False
 ) -> tuple[Model, tuple[str, ...]]:
     """The legs and trunk of myo-sim with a marker for every label that lies on a bone of theirs.
 
@@ -66,6 +73,7 @@ def generic_model(
     sites : label of a recording, and what it lies on
     height : of the body that its segments are those of [m], all stretched alike; None for 1.70
     mass : of the body that its muscles are as strong as [kg]; None for 75
+    arms : with both arms
 
     Returns
     -------
@@ -75,8 +83,8 @@ def generic_model(
     ------
     BadData : myo-sim is not installed
     """
-    markers, without = placed(sites)
-    model = _legs().with_markers(markers)
+    markers, without = placed(sites, arms)
+    model = _generic(arms).with_markers(markers)
     if height is not None:
         factor = np.full(3, height / HEIGHT)
         model = scale(model, dict.fromkeys(model.body_names, factor), model.mass, path_lengths=default_path_lengths)
@@ -85,16 +93,16 @@ def generic_model(
     return model, without
 
 
-def placed(sites: Mapping[str, Site]) -> tuple[tuple[Marker, ...], tuple[str, ...]]:
+def placed(sites: Mapping[str, Site], arms: bool = False) -> tuple[tuple[Marker, ...], tuple[str, ...]]:
     """Markers on the generic model's bones, and labels that have no place on them."""
-    table = _places()
+    table = _places("legs") | (_places("arms") if arms else {})
     markers, without = [], []
     for label, site in sites.items():
         if site.key not in table:
             without.append(label)
             continue
         body, place = table[site.key]
-        if body in ("femur", "tibia", "talus", "calcn"):
+        if body in SIDED:
             body = f"{body}_{site.side[:1]}"
         side = np.array([1.0, 1.0, -1.0 if site.side == "left" else 1.0])
         markers.append(Marker(label, body, place * side))
@@ -102,9 +110,9 @@ def placed(sites: Mapping[str, Site]) -> tuple[tuple[Marker, ...], tuple[str, ..
 
 
 @cache
-def _places() -> dict[str, tuple[str, Array]]:
+def _places(table: str) -> dict[str, tuple[str, Array]]:
     """Body and place (3,) of every landmark of the right side, by `segment.key`."""
-    raw = tomllib.loads((files("myomorph.study.analyze") / "data" / "legs.toml").read_text("utf-8"))
+    raw = tomllib.loads((files("myomorph.study.analyze") / "data" / f"{table}.toml").read_text("utf-8"))
     return {
         f"{segment}.{key}": (str(one["body"]), np.array(one["place"], dtype=np.float64))
         for segment, own in raw.items()
@@ -113,8 +121,9 @@ def _places() -> dict[str, tuple[str, Array]]:
 
 
 @cache
-def _legs() -> Model:
-    model = with_architecture(with_cylinders(in_opensim_form(legs_and_trunk())))
+def _generic(arms: bool) -> Model:
+    model = with_arms(legs_and_trunk()) if arms else legs_and_trunk()
+    model = with_architecture(with_cylinders(in_opensim_form(model)))
     held = [
         replace(coordinate, locked=True, default=0.0) if coordinate.name in LOCKED
         else replace(coordinate, range=(coordinate.range[0] - FURTHER, coordinate.range[1] + FURTHER), clamped=True)

@@ -43,6 +43,7 @@ class AnalyzeRequest:
     mass, height : of the subject [kg], [m]; without a mass, plates weigh the subject
     static : recording of standing still
     model : None for the generic one
+    arms : the generic one with arms, where markers show how they move
     table : protocols, None for those of the package
     inputs : settings of inputs, which go before what is found
     options : settings of the steps
@@ -54,6 +55,7 @@ class AnalyzeRequest:
     height: float | None = None
     static: Path | None = None
     model: Path | None = None
+    arms: bool = False
     table: ProtocolTable | None = None
     inputs: ByType = field(default_factory=ByType)
     options: Settings = field(default_factory=lambda: FrozenMap({}))

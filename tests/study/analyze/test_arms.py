@@ -1,0 +1,87 @@
+"""The generic model with arms: its legs are those without, its arms weigh and turn as arms do."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from myomorph.io.trc import write_trc
+from myomorph.model.series import Markers, Motion
+from myomorph.motion.measurements import default_markers
+from myomorph.motion.protocols import protocols
+from myomorph.muscles.kinematics import default_path_lengths
+from myomorph.rigid.dynamics import inverse_dynamics
+from myomorph.rigid.kinematics import center_of_mass, forward_kinematics
+from myomorph.rigid.tree import compile_tree
+from myomorph.study.analyze.analyze import prepare_request
+from myomorph.study.analyze.arms import have_arms
+from myomorph.study.analyze.generic_model import generic_model
+from myomorph.study.analyze.recorded_trial import AnalyzeRequest
+
+pytest.importorskip("myo_sim")
+LABELS = protocols().protocols["rajagopal"].labels
+
+
+def test_legs_and_trunk_are_those_of_the_model_without_arms() -> None:
+    plain, whole = (generic_model({}, arms=arms)[0] for arms in (False, True))
+    assert whole.muscle_names[: len(plain.muscles)] == plain.muscle_names
+    assert len(whole.muscles) == len(plain.muscles) + 100
+    np.testing.assert_allclose(
+        default_path_lengths(whole)[: len(plain.muscles)], default_path_lengths(plain), atol=1e-9
+    )
+    for before, after in zip(plain.bodies, whole.bodies, strict=False):
+        assert (before.name, before.mass) == (after.name, after.mass)
+
+
+def test_every_landmark_of_an_arm_has_a_place_mirrored_on_the_other_side() -> None:
+    model, without = generic_model(LABELS, arms=True)
+    assert without == ()
+    middle = np.array([0.0, 0.0, default_markers(model, ["C7"])[0, 2]])
+    for label in ("ACR", "LEL", "MEL", "FAradius", "FAulna", "SJC", "EJC"):
+        right, left = default_markers(model, [f"R{label}", f"L{label}"]) - middle
+        np.testing.assert_allclose(left, right * (1.0, 1.0, -1.0), atol=2e-3)
+
+
+def test_a_raised_arm_takes_the_torque_of_its_weight() -> None:
+    """Virtual work: the torque of elevation is the slope of the potential energy, which the whole mass center shows."""
+    model, _ = generic_model({}, arms=True)
+    tree = compile_tree(model)
+    column = model.coordinate_names.index("shoulder_elv_r")
+
+    def coordinates(angle: float) -> np.ndarray:
+        values = tree.defaults[None].copy()
+        values[0, column] = angle
+        return tree.coordinates_of(Motion(np.zeros(1), model.coordinate_names, values))
+
+    def energy(angle: float) -> float:
+        poses = forward_kinematics(tree, coordinates(angle))
+        return float(-model.mass * model.gravity[1] * center_of_mass(tree, poses)[0, 1])
+
+    angle, step = np.radians(70.0), 1e-4
+    values = np.tile(coordinates(angle), (3, 1))
+    still = np.zeros_like(values)
+    torques = inverse_dynamics(model, Motion(0.01 * np.arange(3), model.coordinate_names, values, still, still))
+    # The shoulder blade follows, and its torques do work too.
+    slopes = (coordinates(angle + step) - coordinates(angle - step))[0] / (2 * step)
+    torque = sum(torques[name][1] * slope for name, slope in zip(model.coordinate_names, slopes, strict=True))
+    assert torque == pytest.approx((energy(angle + step) - energy(angle - step)) / (2 * step), rel=1e-3)
+    assert 5.0 < torque < 20.0
+
+
+def test_no_body_turns_harder_than_its_mass_allows() -> None:
+    """myo-sim gives bodies of a gram, which only carry axes, 1 kg m^2: shoulders took 90 N m in a slow run."""
+    plain, whole = (generic_model({}, arms=arms)[0] for arms in (False, True))
+    for body in whole.bodies:
+        if body.name not in plain.body_names:
+            assert np.linalg.eigvalsh(body.inertia).max() <= body.mass * 0.25**2 + 1e-12, body.name
+
+
+def test_arms_need_markers_on_two_segments_of_one(tmp_path) -> None:
+    assert have_arms({label: LABELS[label] for label in ("RLEL", "RFAulna")})
+    assert not have_arms({label: LABELS[label] for label in ("RLEL", "LFAulna", "RACR")})
+    model, _ = generic_model(LABELS)
+    labels = tuple(label for label in LABELS if label in model.marker_names)
+    places = np.tile(default_markers(model, labels), (20, 1, 1))
+    write_trc(Markers(np.arange(20) / 100.0, labels, places), tmp_path / "x.trc")
+    prepared = prepare_request(AnalyzeRequest((tmp_path / "x.trc",), 70.0, arms=True), tmp_path / "out")
+    assert any("no markers show two segments of one (--arms)" in text for text in prepared.assumed)
