@@ -6,9 +6,9 @@ import pytest
 from benchmarks.house import CHECKOUT, checkout_texts, count
 
 LIMITS = {
-    ("lines", "src"): 126_250,
+    ("lines", "src"): 126_450,
     ("lines", "benchmarks"): 24_600,
-    ("words", "documentation"): 99_550,
+    ("words", "documentation"): 99_600,
     ("vague", "src"): 6.5,
 }
 
