@@ -27,7 +27,7 @@ from myomorph.live.sources import LiveRecording, Replay, Source, open_recording
 from myomorph.live.streams import LabOutlet, LabStreams
 from myomorph.motion.sensors.mounting import SensorMounting
 from myomorph.motion.sensors.sensor_kinematics import SensorRecording, sensor_kinematics
-from myomorph.report.scene.body_view import BodyView
+from myomorph.viewer.web_page import BodyView
 
 SECONDS = 12.0
 """Time that each recording is played for, at least [s]."""

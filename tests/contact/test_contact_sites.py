@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 from measured_walk import measured_walk
 from mujoco_models import compiled
 from myomorph.contact.site_motion import cluster, floor_under, plate_height, rest_on_floor, site_motion
-from myomorph.contact.sites import body_poses, body_sites, feet_of, foot_sites
+from myomorph.contact.sites import body_sites, feet_of, foot_sites
 from myomorph.contact.states import ContactStateOptions, find_contacts
 from myomorph.io.formats import read_model
 from myomorph.io.loads import read_external_loads
@@ -25,6 +25,7 @@ from myomorph.model.series import Motion
 from myomorph.model.spatial import Transform
 from myomorph.motion.filters import differentiate
 from myomorph.motion.sync import resample_wrenches
+from myomorph.rigid.kinematics import standing_poses
 
 OSIM = (
     "rajagopal-walk-emg/subject_walk_scaled.osim",
@@ -37,7 +38,7 @@ OSIM = (
 
 def checked_soles(model: Model) -> None:
     """Each foot has six sites in convex order, under the ankle, ahead of the heel, and mirrored on the other foot."""
-    sites, poses, up = foot_sites(model), body_poses(model), model.up
+    sites, poses, up = foot_sites(model), standing_poses(model), model.up
     placed = {one.name: poses[one.body].apply(one.points[0]) for one in sites}
     assert [one.group for one in sites] == ["foot_r"] * 6 + ["foot_l"] * 6
     for foot in feet_of(model):
@@ -115,7 +116,7 @@ def test_sites_of_hands_and_seat(data):
     hand, seat, back = body_sites(model, ("hand_r", "seat", "back"))
     assert hand.body == "hand_r"
     assert hand.cone.direction is None
-    poses = body_poses(model)
+    poses = standing_poses(model)
     hips = poses["femur_r"].translation[1]
     assert 0.05 < hips - poses["pelvis"].apply(seat.points).mean(axis=0)[1] < 0.12
     assert poses["torso"].apply(back.points)[:, 0].mean() < poses["torso"].translation[0]

@@ -87,18 +87,17 @@ def test_without_noise_the_motion_is_found_again(body, squat):
     from dataclasses import replace
 
     quiet = replace(OPTIONS, marker_noise=0.0, tissue=0.0)
-    markers = measured_markers(compile_tree(body), squat, quiet, np.random.default_rng(0))
+    markers = measured_markers(body, squat, quiet, np.random.default_rng(0))
     found = inverse_kinematics(body, markers).motion
     for name in squat.names:
         np.testing.assert_allclose(found[name], squat[name], atol=1e-4)
 
 
 def test_noise_is_as_stated(body, squat):
-    tree = compile_tree(body)
     random = np.random.default_rng(1)
     options = SimulationOptions(duration=2.0, squats=1, rate=40.0, tissue=0.0, marker_noise=0.003)
-    noisy = measured_markers(tree, squat, options, random).values
-    still = measured_markers(tree, squat, SimulationOptions(tissue=0.0, marker_noise=0.0), random).values
+    noisy = measured_markers(body, squat, options, random).values
+    still = measured_markers(body, squat, SimulationOptions(tissue=0.0, marker_noise=0.0), random).values
     assert (noisy - still).std() == pytest.approx(0.003, rel=0.02)
 
 

@@ -21,12 +21,11 @@ from myomorph.model.errors import BadData, MyomorphError, UnknownName
 from myomorph.model.model import Model
 from myomorph.model.segments import segments_of
 from myomorph.model.series import Markers, Motion, Wrenches
-from myomorph.report.scene.body_view import BodyView, half_blocks
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.study.inputs.reading import open_model
 from myomorph.viewer.identification_page import Clock, live_markdown, live_panel, move_next
-from myomorph.viewer.web_page import _viser
+from myomorph.viewer.web_page import BodyView, _viser, half_blocks
 
 FRAMES = 120
 OPTIONS = OnlineOptions(cutoff=6.0, missing=1e9)
@@ -406,13 +405,13 @@ def test_the_page_of_the_viewer(walk: tuple[Model, LiveRecording]) -> None:
     import urllib.request
 
     pytest.importorskip("viser")
-    from myomorph.viewer.identification_page import WebViewer
+    from myomorph.viewer.identification_page import WebDisplay
 
     model, _ = walk
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
-    viewer = WebViewer(model, port=port)
+    viewer = WebDisplay(model, {}, None, port)
     try:
         assert b"<html" in urllib.request.urlopen(f"http://127.0.0.1:{viewer.port}/", timeout=10).read()
         viewer.pose(np.zeros(len(model.coordinates)), np.array([[0.0, 1.0, 0.0], [np.nan] * 3]))
@@ -420,7 +419,7 @@ def test_the_page_of_the_viewer(walk: tuple[Model, LiveRecording]) -> None:
     finally:
         viewer.close()
     with pytest.raises(BadData, match="1 to 65535"):
-        WebViewer(model, port=0)
+        WebDisplay(model, {}, None, 0)
 
 
 def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,10 +9,10 @@ from myomorph.model.model import Model
 from myomorph.model.scale import slides_freely
 from myomorph.model.series import Motion
 from myomorph.model.spatial import rotation_from_euler_xyz
-from myomorph.morph.checks.penetration import standing_poses
 from myomorph.morph.maps.fields import BoneMap
 from myomorph.morph.maps.linear import AffineMap, Similarity
 from myomorph.morph.transfer.body_transfer import nearest_rotation
+from myomorph.rigid.kinematics import standing_poses
 
 
 def given(body: str, matrix: Array, offset: Array, **surfaces: object) -> BoneMap:

@@ -11,9 +11,9 @@ import pytest
 from myomorph.model.errors import BadData
 from myomorph.morph.registration.smooth import MatchOptions
 from myomorph.morph.shapes.surface_points import Shape
+from myomorph.morph.species.attachments import Attachment, RelativeBone
 from myomorph.morph.species.counterparts import Posed
 from myomorph.morph.species.maps import species_bones
-from myomorph.morph.species.table_rows import Attachment, RelativeBone
 from myomorph.morph.transfer.body_transfer import Transfer
 from myomorph.study.inputs.reading import open_model
 from myomorph.study.subject.morph_files import source_bones

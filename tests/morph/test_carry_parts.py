@@ -16,7 +16,6 @@ from myomorph.model.model import Axis, Body, Coordinate, Joint, Model
 from myomorph.model.paths import Muscle, Path, PathPoint, PathWrap, WrapObject
 from myomorph.model.spatial import Transform, rotation_from_euler_xyz
 from myomorph.model.surface import Surface
-from myomorph.morph.checks.penetration import standing_poses
 from myomorph.morph.maps.fields import BoneMap, FeaturePoints, fit_map
 from myomorph.morph.maps.linear import AffineMap, Similarity, procrustes
 from myomorph.morph.morphed import MorphOptions, TransferredPoint
@@ -27,7 +26,7 @@ from myomorph.morph.transfer.moving_points import reparametrized, translated_pat
 from myomorph.morph.transfer.paths import level, points_left_outside, surface_points, transferred_wrap
 from myomorph.morph.transfer.points import combined, put_on_surface
 from myomorph.morph.transfer.virtual_links import bones_around
-from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.kinematics import forward_kinematics, standing_poses
 from myomorph.rigid.tree import compile_tree
 
 X = np.linspace(-2.0, 2.0, 41)

@@ -13,8 +13,7 @@ from myomorph.model.spatial import Transform, rotation_from_euler_xyz
 from myomorph.model.surface import Surface
 from myomorph.morph.checks.clearance import clear_paths, cleared, watched_with, without_worse
 from myomorph.morph.checks.moment_arms import compared_coordinates
-from myomorph.morph.checks.path_changes import PathEnd, path_changes, point_effect
-from myomorph.morph.checks.path_moves import Ground, least_move
+from myomorph.morph.checks.path_changes import Ground, PathEnd, least_move, path_changes, point_effect
 from myomorph.morph.checks.penetration import range_poses
 from myomorph.morph.checks.warnings import CheckOptions
 from myomorph.morph.maps.fields import BoneMap

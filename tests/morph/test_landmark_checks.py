@@ -12,7 +12,7 @@ from myomorph.model.spatial import rotation_from_euler_xyz
 from myomorph.model.surface import Surface
 from myomorph.morph.maps.fields import FeaturePoints
 from myomorph.morph.maps.linear import Similarity
-from myomorph.morph.registration.landmark_checks import check_landmarks
+from myomorph.morph.registration.bone_checks import check_landmarks
 from scans import sharper
 
 BONE = sharper(Surface(np.zeros((1, 3)), np.zeros((0, 3), dtype=np.int64)))

@@ -15,7 +15,7 @@ from myomorph.morph.checks.moment_arms import compare_moment_arms, compared_coor
 from myomorph.morph.checks.penetration import Penetration, Solid, bones_beside
 from myomorph.morph.checks.warnings import CheckOptions, bone_warnings, surface_warnings
 from myomorph.morph.maps.linear import AffineMap
-from myomorph.simulate.jump_model import leg_model
+from myomorph.simulate.jump import leg_model
 
 
 def through(depth: float):

@@ -17,11 +17,11 @@ from myomorph.model.model import Model
 from myomorph.model.paths import MovingPathPoint, PathPoint, PathWrap
 from myomorph.model.scale import scale
 from myomorph.model.spatial import rotation_from_euler_xyz
-from myomorph.morph.checks.penetration import standing_poses
 from myomorph.morph.mirror.model import mirrored_motion
 from myomorph.morph.morphed import MorphOptions
 from myomorph.morph.transfer.model import morph_model
 from myomorph.muscles.kinematics import default_path_lengths, muscle_kinematics
+from myomorph.rigid.kinematics import standing_poses
 from osim_models import point_place
 
 MODELS = (

@@ -11,7 +11,7 @@ from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import Body, Joint, Mesh, Model
 from myomorph.model.spatial import Transform, rotation_from_euler_xyz
 from myomorph.model.surface import Surface
-from myomorph.morph.registration.place_clusters import Picks, bone_surface, place_cluster_markers, place_scanned_bone
+from myomorph.morph.registration.clusters import Picks, bone_surface, place_cluster_markers, place_scanned_bone
 from myomorph.morph.registration.rigid import SurfaceOptions
 from scans import made_scan, sharper
 

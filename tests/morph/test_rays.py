@@ -10,9 +10,8 @@ import pytest
 from myomorph.model.errors import BadData
 from myomorph.model.spatial import axis_rotation
 from myomorph.morph.maps.linear import Similarity
-from myomorph.morph.species.counterparts import Posed
+from myomorph.morph.species.counterparts import Posed, Ray
 from myomorph.morph.species.rays import SidedMap, put_on_rays
-from myomorph.morph.species.table_rows import Ray
 from myomorph.study.inputs.reading import open_model
 from myomorph.study.subject.morph_files import source_bones
 from myomorph.study.subject.species_morphing import read_species

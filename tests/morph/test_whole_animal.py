@@ -17,8 +17,13 @@ from myomorph.model.series import Motion
 from myomorph.model.spatial import Transform, axis_rotation
 from myomorph.model.surface import Surface
 from myomorph.morph.mirror.muscles import with_other_muscles
-from myomorph.morph.species.masses import SegmentShare, with_possible_inertias, with_segment_shares
-from myomorph.morph.species.table_rows import MarkerTable, with_markers_of
+from myomorph.morph.species.masses import (
+    MarkerTable,
+    SegmentShare,
+    with_markers_of,
+    with_possible_inertias,
+    with_segment_shares,
+)
 from myomorph.muscles.kinematics import muscle_kinematics
 
 TURNED = axis_rotation(np.array([0.0, 0.6, 0.8]), 0.9)

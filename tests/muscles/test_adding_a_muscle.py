@@ -16,7 +16,7 @@ from myomorph.muscles.hill import hill_forces
 from myomorph.muscles.hill_arrays import MODELS, activation_times
 from myomorph.muscles.kinematics import muscle_kinematics
 from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.tension.personal.curves import muscle_shapes
+from myomorph.tension.personal.fibers import muscle_shapes
 from myomorph.tension.solve import solve_tension
 from myomorph.tension.tension import TensionOptions
 

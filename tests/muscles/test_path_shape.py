@@ -47,7 +47,7 @@ def model(request: pytest.FixtureRequest, data: Callable[[str], Path]) -> Model:
     if request.param in MODELS:
         name, read = MODELS[request.param]
         return read(data(name))
-    from myomorph.simulate.jump_model import leg_model
+    from myomorph.simulate.jump import leg_model
 
     return leg_model()
 

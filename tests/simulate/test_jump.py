@@ -13,9 +13,8 @@ from myomorph.motion.sync import cut, resample_wrenches
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.kinematics import center_of_mass, forward_kinematics
 from myomorph.rigid.tree import compile_tree
-from myomorph.simulate import jump_model as jump_recording
-from myomorph.simulate.jump import WINDOW, jump_study
-from myomorph.simulate.jump_model import LEG_MARKERS, QUIET, SHOULDER, mirrored_name
+from myomorph.simulate import jump as jump_recording
+from myomorph.simulate.jump import LEG_MARKERS, QUIET, SHOULDER, WINDOW, jump_study, mirrored_name
 
 
 @pytest.fixture(scope="module")

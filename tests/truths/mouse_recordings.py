@@ -14,7 +14,7 @@ from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import GROUND, Coordinate, Joint, Marker
 from myomorph.morph.maps.linear import procrustes
 from myomorph.morph.mirror.model import with_other_side
-from myomorph.morph.species.table_rows import with_markers_of
+from myomorph.morph.species.masses import with_markers_of
 from myomorph.motion.measurements import default_markers
 from myomorph.study.inputs.reading import fitted_to
 from myomorph.study.subject.species_morphing import read_species

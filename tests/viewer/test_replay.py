@@ -180,7 +180,7 @@ def test_a_body_without_muscles_forces_or_masses_is_shown() -> None:
         assert not len(instant.tubes.positions)
         assert not len(instant.measured)
         assert charts.force_chart(body) is None
-        assert charts.activation_chart(body, charts.strongest(body)) is None
+        assert charts.muscle_chart(body, charts.strongest(body), "activations") is None
         assert (charts.center_chart(body) is None) == (one is light)
 
 
@@ -197,7 +197,7 @@ def test_curves_hold_the_values_in_their_units() -> None:
     ways = charts.coordinate_chart(body, "tx", ("pelvis_tx",))
     assert "[m]" in ways.title
     assert ways.curves[0].values == pytest.approx(body.motion["pelvis_tx"])
-    active = charts.activation_chart(body, (body.muscles.index("recfem_r"),))
+    active = charts.muscle_chart(body, (body.muscles.index("recfem_r"),), "activations")
     assert active is not None
     assert [one.label for one in active.curves] == ["recfem_r", "EMG CH1"]
     center = charts.center_chart(body)
@@ -219,16 +219,16 @@ def test_bands_are_the_limits_of_their_own_column_in_the_units_of_the_curve() ->
     for one in chart.curves:
         assert one.values - one.low == pytest.approx(np.rad2deg(0.1))
         assert one.high - one.values == pytest.approx(np.rad2deg(0.2))
-    pull = charts.tension_chart(body, (body.muscles.index("recfem_l"), body.muscles.index("recfem_r")))
+    pull = charts.muscle_chart(body, (body.muscles.index("recfem_l"), body.muscles.index("recfem_r")), "forces")
     assert pull is not None
     inside = np.isfinite(pull.curves[0].values) & np.isfinite(pull.curves[0].low)
     assert inside.sum() > 0.9 * len(body.time)
     assert (pull.curves[0].high - pull.curves[0].values)[inside] == pytest.approx(5.0, abs=1e-6)
-    active = charts.activation_chart(body, (0, 1))
+    active = charts.muscle_chart(body, (0, 1), "activations")
     assert active is not None
     assert pull.banded == (0, 1)
     assert active.banded == (), "of a table without limits there is no band"
-    many = charts.tension_chart(body, tuple(range(charts.MAX_BANDS + 1)))
+    many = charts.muscle_chart(body, tuple(range(charts.MAX_BANDS + 1)), "forces")
     assert many is None or many.banded == ()
 
 

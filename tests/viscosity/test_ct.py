@@ -32,7 +32,7 @@ def written(path: Path, surface: Surface) -> Path:
 def specimen(data, tmp_path_factory):
     """The model, files of a CT made of its bones (2 % smaller, 0.3 mm of noise), and where its markers truly are."""
     from myomorph.io.mesh import read_mesh
-    from myomorph.morph.registration.place_clusters import bone_surface
+    from myomorph.morph.registration.clusters import bone_surface
 
     folder = tmp_path_factory.mktemp("ct")
     model = read_osim(data(MODEL))

@@ -16,11 +16,11 @@ from myomorph.model.model import GROUND
 from myomorph.model.paths import PathWrap
 from myomorph.model.sides import split_side
 from myomorph.model.spatial import rotation_from_euler_xyz
-from myomorph.morph.checks.penetration import standing_poses
 from myomorph.morph.maps.fields import BoneMap
 from myomorph.morph.mirror.model import mirrored_motion
 from myomorph.morph.morphed import Morph, MorphOptions, TransferredPoint
 from myomorph.morph.transfer.branch_points import branch_load
+from myomorph.rigid.kinematics import standing_poses
 
 OPENSIM = (
     "ceinms-emg-walk/model/gait2392.osim",

@@ -14,7 +14,7 @@ from myomorph.model.scale import scale
 from myomorph.morph.maps.fields import BoneMap
 from myomorph.morph.maps.linear import AffineMap, Similarity
 from myomorph.morph.morphed import Morph
-from myomorph.simulate.jump_model import leg_model
+from myomorph.simulate.jump import leg_model
 from myomorph.study.subject.morph_files import source_bones
 from myomorph.study.subject.morph_masses import min_eigenvalues, with_envelope_masses, with_morphed_masses
 

@@ -16,8 +16,7 @@ from myomorph.io.landmarks import read_landmarks
 from myomorph.morph.checks.checks import check_morph
 from myomorph.morph.checks.clearance import WEIGHT, Clearance, clear_paths
 from myomorph.morph.checks.moment_arms import compared_coordinates
-from myomorph.morph.checks.path_changes import path_changes
-from myomorph.morph.checks.path_moves import Ground
+from myomorph.morph.checks.path_changes import Ground, path_changes
 from myomorph.morph.checks.warnings import CheckOptions, MorphChecks
 from myomorph.morph.maps.fields import BoneMap, FeaturePoints, MapOptions, fit_map
 from myomorph.morph.maps.linear import procrustes

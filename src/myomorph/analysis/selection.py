@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from myomorph.analysis.center_of_mass import NAMES, centroid
 from myomorph.model.arrays import Array
 from myomorph.model.model import GROUND, Model
-from myomorph.model.series import Motion, Series
+from myomorph.model.series import DEFAULT_POSE, Motion, Series
 from myomorph.model.sides import split_side
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
@@ -266,9 +266,8 @@ def centroids(model: Model, motion: Motion, who: tuple[Subject, ...]) -> tuple[S
 
 def standing_height(model: Model, who: Subject, up: Array) -> float:
     """Height of the center of mass over the lowest joint in the model's default posture [m]."""
-    rest = Motion(np.zeros(1), (), np.zeros((1, 0)))
     tree = compile_tree(model)
-    poses = forward_kinematics(tree, tree.coordinates_of(rest))
+    poses = forward_kinematics(tree, tree.coordinates_of(DEFAULT_POSE))
     bodies = [tree.body_index[body] for body in who.bodies]
     mass = tree.arrays.mass[bodies]
     centers = poses.points(np.array(bodies), tree.arrays.mass_center[bodies])[0] @ up

@@ -7,13 +7,13 @@ from functools import cached_property
 import numpy as np
 
 from myomorph.contact.site_motion import center_of
-from myomorph.contact.sites import Foot, body_poses, feet_of
+from myomorph.contact.sites import Foot, feet_of
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.segments import segments_of
 from myomorph.model.series import Motion
-from myomorph.rigid.kinematics import Poses, forward_kinematics
+from myomorph.rigid.kinematics import Poses, forward_kinematics, standing_poses
 from myomorph.rigid.tree import Tree, compile_tree
 
 FOOT = 0.19  # Length of a human foot from the heel to the toes' joint, which lengths are relative to [m]
@@ -47,7 +47,7 @@ class FootPoses:
         """Heels and tips of the soles (frames, feet, 3) [m]."""
         heels, tips = [], []
         for foot in self.feet:
-            pose = body_poses(self.model)[foot.heel]
+            pose = standing_poses(self.model)[foot.heel]
             ahead = pose.rotation.T @ foot.axes[:, 0]
             rotations, origins = self.pose_of(foot.heel)
             heels.append(origins)

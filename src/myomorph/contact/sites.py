@@ -13,11 +13,9 @@ from myomorph.model.contacts import Cone, Site
 from myomorph.model.errors import BadData, check_name
 from myomorph.model.model import Body, Model
 from myomorph.model.segments import segments_of
-from myomorph.model.series import Motion
 from myomorph.model.spatial import Transform
 from myomorph.model.surface import Surface
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
+from myomorph.rigid.kinematics import standing_poses
 
 OUTLINE = {
     "heel_medial": (0.00, -0.14),
@@ -113,21 +111,9 @@ def foot_sites(
         part, side = foot.name[:-6], foot.name[-2:]
         for label, point in _corners(model, foot, surfaces or {}, options).items():
             body = foot.toes if label.startswith("toe") else foot.heel
-            local = body_poses(model)[body].inverse().apply(point)
+            local = standing_poses(model)[body].inverse().apply(point)
             sites.append(Site(f"{part}{label}{side}", body, local[None], cone, group=foot.name))
     return tuple(sites)
-
-
-def body_poses(model: Model) -> dict[str, Transform]:
-    """Pose of every body in ground in the model's default posture."""
-    tree = compile_tree(model)
-    still = Motion(np.zeros(1), (), np.zeros((1, 0)))
-    poses = forward_kinematics(tree, tree.coordinates_of(still))
-    return {
-        name: Transform(poses.rotations[0, index], poses.origins[0, index])
-        for name, index in tree.body_index.items()
-        if name != "ground"
-    }
 
 
 def feet_of(model: Model) -> tuple[Foot, ...]:
@@ -136,7 +122,7 @@ def feet_of(model: Model) -> tuple[Foot, ...]:
     body, it is that axis, as models draw feet flat on the ground of their own frame. In a joined model the feet of each
     part are named with what stands before its heel's name: `tori_foot_r`.
     """
-    segments, poses = segments_of(model), body_poses(model)
+    segments, poses = segments_of(model), standing_poses(model)
     by_name: dict[str, Foot] = {}
     for side, ending in (("right", "_r"), ("left", "_l")):
         bodies = [
@@ -189,7 +175,9 @@ def _corners(model: Model, foot: Foot, surfaces: Mapping[str, Surface], options:
     """Corners of a sole in ground, in the default posture [m]."""
     outline = {label: np.array(corners) * foot.length for label, corners in OUTLINE.items()}
     depth = BONE_DEPTH * foot.length
-    bones = {name: _vertices(model.body(name), surfaces, foot, body_poses(model)) for name in (foot.heel, foot.toes)}
+    bones = {
+        name: _vertices(model.body(name), surfaces, foot, standing_poses(model)) for name in (foot.heel, foot.toes)
+    }
     known = [bone for bone in bones.values() if len(bone)]
     if len(known) == len(bones) and known:
         outline = _outline_of(np.concatenate(known), foot.length)
@@ -291,12 +279,12 @@ def _hand(model: Model, name: str) -> Site:
 
 
 def _seat(model: Model) -> Site:
-    poses, up = body_poses(model), model.up
+    poses, up = standing_poses(model), model.up
     segments = segments_of(model)
     hips = {
         segments[joint.child].side: (joint.parent, poses[joint.child].translation)
         for joint in model.joints
-        if segments[joint.child].name == "thigh" and segments.get(joint.parent) and joint.parent in poses
+        if segments[joint.child].name == "thigh" and segments.get(joint.parent)
         and segments[joint.parent].name != "thigh"
     }  # fmt: skip
     if set(hips) != {"right", "left"}:
@@ -314,7 +302,7 @@ def _seat(model: Model) -> Site:
 
 
 def _back(model: Model) -> Site:
-    segments, poses, up = segments_of(model), body_poses(model), model.up
+    segments, poses, up = segments_of(model), standing_poses(model), model.up
     bodies = [body for body in model.bodies if segments[body.name].name == "upper_trunk"]
     if not bodies:
         raise BadData(f"model '{model.name}' has no thorax for site 'back': name a body and points yourself")

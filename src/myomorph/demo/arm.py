@@ -9,9 +9,8 @@ import numpy as np
 
 from myomorph.io.osim.read import read_osim
 from myomorph.io.trc import write_trc
-from myomorph.model.series import Markers, Motion
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
+from myomorph.model.series import Motion
+from myomorph.rigid.kinematics import marker_positions
 
 BODY = """<Body name="{name}"><mass>{mass}</mass><mass_center>0 -0.15 0</mass_center>
 <inertia>0.02 0.002 0.02 0 0 0</inertia></Body>"""
@@ -149,11 +148,7 @@ def example_files(folder: str | Path) -> ExampleFiles:
     names = ("shoulder_flexion", "elbow_flexion")
     files.motion.write_text(table_text({"time": time, **dict(zip(names, angles.T, strict=True))}), encoding="utf-8")
     model = read_osim(files.model)
-    tree = compile_tree(model)
-    poses = forward_kinematics(tree, tree.coordinates_of(Motion(time, names, angles)))
-    bodies = np.array([tree.body_index[marker.body] for marker in model.markers])
-    places = poses.points(bodies, np.array([marker.location for marker in model.markers]))
-    write_trc(Markers(time, model.marker_names, places), files.markers)
+    write_trc(marker_positions(model, Motion(time, names, angles)), files.markers)
     force = {f"hand_v{axis}": np.full_like(time, value) for axis, value in zip("xyz", (0, -10, 0), strict=True)}
     point = {f"hand_p{axis}": np.full_like(time, value) for axis, value in zip("xyz", (0, 0.8, 0), strict=True)}
     files.forces.write_text(table_text({"time": time, **force, **point}), encoding="utf-8")

@@ -132,6 +132,9 @@ class Motion(Series):
         return result
 
 
+DEFAULT_POSE = Motion(np.zeros(1), (), np.zeros((1, 0)))  # One frame that leaves every coordinate at its default.
+
+
 @read_only
 class Wrenches(Labelled):
     """External forces on bodies, in ground.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
@@ -49,6 +51,15 @@ def used_part(vertices: Array, faces: np.ndarray) -> Surface:
     """Faces with the vertices that they name and no others."""
     used, compact = np.unique(faces, return_inverse=True)
     return Surface(vertices[used], compact.reshape(-1, 3))
+
+
+def joined_surfaces(surfaces: Sequence[Surface]) -> Surface:
+    """Several surfaces as one."""
+    starts = np.cumsum([0, *(len(surface.vertices) for surface in surfaces[:-1])])
+    return Surface(
+        np.concatenate([surface.vertices for surface in surfaces]),
+        np.concatenate([surface.faces + start for surface, start in zip(surfaces, starts, strict=True)]),
+    )
 
 
 def signed_volume(vertices: Array, faces: np.ndarray) -> float:

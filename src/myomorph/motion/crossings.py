@@ -158,9 +158,7 @@ def marker_slopes(tree: Tree, names: list[str]) -> Array:
     motion = Motion(np.arange(len(values), dtype=np.float64), model.coordinate_names, values)
     values = tree.coordinates_of(motion)
     poses = forward_kinematics(tree, values)
-    marked = [model.marker(name) for name in names]
-    bodies = np.array([tree.body_index[marker.body] for marker in marked], np.int64)
-    places = poses.points(bodies, np.array([marker.location for marker in marked]))
+    places = poses.markers([model.marker(name) for name in names])
     ahead, behind = places[: len(free)], places[len(free) :]
     return (ahead - behind).transpose(1, 2, 0) / (2.0 * STEP)
 

@@ -132,10 +132,8 @@ def _swap_finding(
 def _placed(model: Model, fit: KinematicsFit) -> Array:
     """(frames, markers, 3) where the model has its markers [m]."""
     tree = compile_tree(model)
-    marked = [model.marker(name) for name in fit.marker_names]
     poses = forward_kinematics(tree, np.nan_to_num(fit.motion.values))
-    bodies = np.array([tree.body_index[marker.body] for marker in marked])
-    return poses.points(bodies, np.array([marker.location for marker in marked]))
+    return poses.markers([model.marker(name) for name in fit.marker_names])
 
 
 def _solver(model: Model, markers: Markers, names: Sequence[str], options: InverseKinematicsOptions) -> Solve:

@@ -18,7 +18,7 @@ from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import GROUND, Model
 from myomorph.model.segments import Segment, segments_of
-from myomorph.model.series import Motion
+from myomorph.model.series import DEFAULT_POSE
 from myomorph.model.sides import mirror_names, split_side
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import ROTATION, Tree, compile_tree
@@ -53,7 +53,7 @@ def lengths_of(model: Model, symmetric: bool = False) -> tuple[Length, ...]:
     one factor for the right and the left.
     """
     tree = compile_tree(model)
-    pose = forward_kinematics(tree, tree.coordinates_of(_standing()))
+    pose = forward_kinematics(tree, tree.coordinates_of(DEFAULT_POSE))
     rotations, centers = pose.rotations[0], joint_centers(tree, pose.axis_points[0], pose.origins[0])
     markers: dict[str, list[Array]] = {}
     for marker in model.markers:
@@ -129,10 +129,6 @@ def mirrored_lengths(lengths: Sequence[Length]) -> tuple[tuple[int, int], ...]:
     return tuple((i, j) for i, j in pairs if i < j)
 
 
-def _standing() -> Motion:
-    return Motion(np.zeros(1), (), np.zeros((1, 0)))
-
-
 def _named_segments(model: Model) -> Mapping[str, Segment]:
     try:
         return segments_of(model)
@@ -185,12 +181,12 @@ def length_unit(tree: Tree) -> float:
     unit = min(1, longest segment / 0.24 m), a segment being the distance of a joint's center to that of its body's
     parent or to a marker of its body.
     """
-    poses = forward_kinematics(tree, tree.coordinates_of(Motion(np.zeros(1), (), np.zeros((1, 0)))))
+    poses = forward_kinematics(tree, tree.coordinates_of(DEFAULT_POSE))
     centers = joint_centers(tree, poses.axis_points[0], poses.origins[0])
     joined = np.flatnonzero(tree.arrays.parent > 0)
     spans = np.linalg.norm(centers[joined] - centers[tree.arrays.parent[joined]], axis=1)
     bodies = np.array([tree.body_index[marker.body] for marker in tree.model.markers], np.int64)
-    places = poses.points(bodies, np.array([marker.location for marker in tree.model.markers]).reshape(-1, 3))[0]
+    places = poses.markers(tree.model.markers)[0]
     marked = bodies > 0
     spans = np.concatenate([spans, np.linalg.norm(places - centers[bodies], axis=1)[marked]])
     longest = float(spans.max(initial=0.0))

@@ -11,7 +11,7 @@ from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.landmarks import Measurement
 from myomorph.model.model import Marker, Model, index_of
-from myomorph.model.series import Markers, Motion
+from myomorph.model.series import DEFAULT_POSE, Markers, Motion
 from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit, inverse_kinematics
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
@@ -93,11 +93,8 @@ def _missing(model: Model, markers: Markers, measurement: Measurement) -> list[s
 def default_markers(model: Model, names: Sequence[str]) -> Array:
     """(markers, 3) places of markers in ground in the model's default pose [m]."""
     tree = compile_tree(model)
-    still = Motion(np.zeros(1), (), np.zeros((1, 0)))
-    poses = forward_kinematics(tree, tree.coordinates_of(still))
-    marked = [model.marker(name) for name in names]
-    bodies = np.array([tree.body_index[marker.body] for marker in marked], np.int64)
-    return poses.points(bodies, np.array([marker.location for marker in marked]).reshape(-1, 3))[0]
+    poses = forward_kinematics(tree, tree.coordinates_of(DEFAULT_POSE))
+    return poses.markers([model.marker(name) for name in names])[0]
 
 
 def frames_around(markers: Markers, start: float, end: float) -> Markers:

@@ -11,7 +11,7 @@ from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.labelled import Labelled, Variable
 from myomorph.model.model import Model, index_of
-from myomorph.model.series import Motion
+from myomorph.model.series import DEFAULT_POSE, Motion
 from myomorph.muscles.coupled_arms import LoopGroup, loop_couplings, loop_groups
 from myomorph.muscles.path import Paths, compile_paths
 from myomorph.muscles.path_arrays import ARMS
@@ -226,5 +226,4 @@ def default_path_lengths(model: Model) -> Array:
     >>> mm.default_path_lengths(mm.read_model("arm.osim")).round(2).tolist()
     [0.28, 0.24]
     """
-    still = Motion(np.zeros(1), (), np.zeros((1, 0)))
-    return muscle_kinematics(model, still, velocities=False, moment_arms=False).lengths[0]
+    return muscle_kinematics(model, DEFAULT_POSE, velocities=False, moment_arms=False).lengths[0]

@@ -165,9 +165,7 @@ def location_table(model: Model, fit: KinematicsFit) -> Table:
     """Where the model's markers are in every frame, in ground [m]."""
     tree = compile_tree(model)
     poses = forward_kinematics(tree, tree.coordinates_of(fit.motion))
-    marked = [model.marker(name) for name in fit.marker_names]
-    bodies = np.array([tree.body_index[marker.body] for marker in marked], np.int64)
-    points = poses.points(bodies, np.array([marker.location for marker in marked]))
+    points = poses.markers([model.marker(name) for name in fit.marker_names])
     names = tuple(f"{name}_t{axis}" for name in fit.marker_names for axis in "xyz")
     facts = FrozenMap({"name": "Model Marker Locations from IK"})
     return Table(fit.motion.time, names, points.reshape(len(points), -1), facts=facts)

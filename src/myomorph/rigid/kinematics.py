@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from myomorph.model.arrays import Array, read_only
-from myomorph.model.model import Model
+from myomorph.model.model import Marker, Model
 from myomorph.model.series import Markers, Motion
+from myomorph.model.spatial import Transform
 from myomorph.rigid.coordinates import Ints, evaluate
 from myomorph.rigid.frames import over_frames
 from myomorph.rigid.kernels import bare, in_place, kernel
@@ -134,6 +136,16 @@ class Poses:
         """
         return np.einsum("fpij,pj->fpi", self.rotations[:, bodies], locations) + self.origins[:, bodies]
 
+    def markers(self, markers: Sequence[Marker]) -> Array:
+        """Places of markers in ground, (frames, markers, 3) [m]."""
+        bodies = np.array([self.tree.body_number(marker.body) for marker in markers], np.int64)
+        return self.points(bodies, np.array([marker.location for marker in markers]).reshape(-1, 3))
+
+    def transforms(self, frame: int = 0) -> dict[str, Transform]:
+        """Pose in ground of the ground and of every body, by name, in a frame."""
+        rotations, origins = self.rotations[frame], self.origins[frame]
+        return {body: Transform(rotations[number], origins[number]) for body, number in self.tree.body_index.items()}
+
     def jacobian(self, frame: int, body: int, point: Array) -> Array:
         """d(twist)/d(coordinates) of a body, (6, coordinates): angular, then linear at `point`.
         Both rows are in ground; `point` (3,) is given in ground [m]. Dependent coordinates keep columns of their own.
@@ -180,6 +192,16 @@ def forward_kinematics(tree: Tree, coordinates: Array) -> Poses:
     return Poses(tree, R, p, w, o, dphi)
 
 
+def standing_poses(model: Model, values: Mapping[str, float] | None = None) -> dict[str, Transform]:
+    """Pose in ground of the ground and of every body at given coordinates [rad or m], the others at their defaults."""
+    values = values or {}
+    for name in values:
+        model.coordinate(name)
+    posture = Motion(np.zeros(1), tuple(values), np.array([list(values.values())], dtype=np.float64).reshape(1, -1))
+    tree = compile_tree(model)
+    return forward_kinematics(tree, tree.coordinates_of(posture)).transforms()
+
+
 @kernel
 def _poses(T, c, R, p, w, o, dphi):
     for frame in range(c.shape[0]):
@@ -221,9 +243,7 @@ def marker_positions(model: Model, motion: Motion) -> Markers:
     """
     tree = compile_tree(model)
     poses = forward_kinematics(tree, tree.coordinates_of(motion))
-    bodies = np.array([tree.body_number(marker.body) for marker in model.markers], np.int64)
-    points = poses.points(bodies, np.array([marker.location for marker in model.markers]).reshape(-1, 3))
-    return Markers(motion.time, model.marker_names, points)
+    return Markers(motion.time, model.marker_names, poses.markers(model.markers))
 
 
 @read_only

@@ -18,9 +18,9 @@ from myomorph.model.paths import Muscle, TendonWrap
 from myomorph.model.spatial import Transform
 from myomorph.model.surface import Surface
 from myomorph.morph.maps.fields import FeaturePoints
-from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.kinematics import forward_kinematics, standing_poses
 from myomorph.rigid.tree import compile_tree
-from myomorph.simulate.jump_model import leg_model
+from myomorph.simulate.jump import leg_model
 from myomorph.study.subject.morph_files import source_bones
 
 BODIES = ("pelvis", "femur", "patella", "tibia", "talus", "calcn", "toes")
@@ -97,12 +97,8 @@ def demo_case() -> tuple[Model, dict[str, Surface], dict[str, Surface], dict[str
 
 def right_leg(whole: Model) -> Model:
     """Pelvis and right leg of the legs of `myo-sim`, the pelvis held where it stands."""
-    tree = compile_tree(whole)
-    poses = forward_kinematics(tree, tree.defaults[None])
-    number = tree.body_index["pelvis"]
-    stands = Transform(poses.rotations[0, number], poses.origins[0, number])
     kept = {body if body == "pelvis" else f"{body}_r" for body in BODIES}
-    root = Joint("ground_pelvis", "WeldJoint", GROUND, "pelvis", stands, Transform.identity())
+    root = Joint("ground_pelvis", "WeldJoint", GROUND, "pelvis", standing_poses(whole)["pelvis"], Transform.identity())
     joints = [joint for joint in whole.joints if joint.child in kept and joint.child != "pelvis"]
     moved = {name for joint in joints for name in joint.coordinates}
     muscles = tuple(_led(muscle) for muscle in whole.muscles if {point.body for point in muscle.path.points} <= kept)
@@ -137,13 +133,8 @@ def truths(model: Model) -> dict[str, BodyTruth]:
     waves = tuple((np.array(wave), np.array(d) / np.linalg.norm(d), phase) for wave, d, phase in WAVES)
     field = Deformation(np.array(STRETCH), waves, AMPLITUDE)
     tree = compile_tree(model)
-    poses = forward_kinematics(tree, tree.defaults[None])
-    result = {}
-    for body in model.body_names:
-        number = tree.body_index[body]
-        pose = Transform(poses.rotations[0, number], poses.origins[0, number])
-        result[body] = BodyTruth(field, pose, field.apply(pose.translation))
-    return result
+    poses = forward_kinematics(tree, tree.defaults[None]).transforms()
+    return {body: BodyTruth(field, poses[body], field.apply(poses[body].translation)) for body in model.body_names}
 
 
 def _mirrored(surface: Surface) -> Surface:

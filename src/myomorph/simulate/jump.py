@@ -1,4 +1,4 @@
-"""The embedded default: a recorded countermovement jump and a leg model fitted to the jumper.
+"""A recorded countermovement jump and a leg model fitted to the jumper: the embedded default.
 
 The recording comes with `biomdp` (MIT licence), the model with `myo-sim` (Apache-2.0): nothing of
 either is copied here. `jump_study` brings them together: it turns the recording and the model into
@@ -9,18 +9,278 @@ one plate between both feet.
 
 from __future__ import annotations
 
+import importlib.util
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
+from scipy.optimize import brentq
 
 from myomorph.contact.plates import force_plates
 from myomorph.io.c3d.read import read_c3d
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
-from myomorph.model.model import Model
-from myomorph.model.series import Analog, Event, Markers, Trial, Wrenches
+from myomorph.model.functions import linear
+from myomorph.model.model import Axis, Body, Coordinate, Joint, Marker, Model
+from myomorph.model.scale import scale
+from myomorph.model.series import Analog, Event, Markers, Motion, Trial, Wrenches
+from myomorph.model.spatial import Transform
+from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
+from myomorph.motion.measurements import place_markers
 from myomorph.motion.sync import cut
-from myomorph.simulate import jump_model
+from myomorph.muscles.kinematics import default_path_lengths
+from myomorph.rigid.kinematics import forward_kinematics, standing_poses
+from myomorph.rigid.tree import compile_tree
+from myomorph.study.analyze.generic_model import legs_and_trunk
+
+RECORDING = "tests/datasets/vicon_CMJ_kinem_kinet_emg.c3d"
+QUIET = (1.5, 3.0)  # When the jumper stands still [s].
+PELVIS_MARKERS = ("LASI", "RASI", "LASIMID", "RASIMID", "LPSI", "RPSI")
+LEG_MARKERS = {
+    "Right_MusloPS": "femur_r",
+    "Right_MusloAS": "femur_r",
+    "Right_MusloAI": "femur_r",
+    "Right_MusloPI": "femur_r",
+    "Right_PiernaPS": "tibia_r",
+    "Right_PiernaAS": "tibia_r",
+    "Right_PiernaAI": "tibia_r",
+    "Right_PiernaPI": "tibia_r",
+    "Right_TalonSup": "calcn_r",
+    "Right_TalonInf": "calcn_r",
+    "Right_Meta": "calcn_r",
+}
+SHOULDER = "Right_Hombro"
+
+
+def recording_path() -> Path:
+    """The jump's C3D file in the installed package `biomdp`."""
+    spec = importlib.util.find_spec("biomdp")
+    path = Path(spec.origin).parent / RECORDING if spec is not None and spec.origin else None
+    if path is None or not path.exists():
+        raise BadData("the recording of the jump comes with the package 'biomdp': install it (pip install biomdp)")
+    return path
+
+
+def standing_mass(trial: Trial, model: Model) -> float:
+    """Mass of the jumper [kg]: mean vertical force of plate 1 in quiet standing over gravity."""
+    still = (trial.plate_time >= QUIET[0]) & (trial.plate_time <= QUIET[1])
+    return float(trial.plates[0].forces[still, 1].mean() / np.linalg.norm(model.gravity))
+
+
+def with_mirrored(markers: Markers) -> Markers:
+    """The recording with the right leg's markers mirrored in the pelvis' middle plane, for a left leg."""
+    middle, side = middle_plane(markers)
+    used = (*PELVIS_MARKERS, SHOULDER, *LEG_MARKERS)
+    columns = [markers[name] for name in used]
+    columns += [middle + mirrored(markers[name] - middle, side) for name in LEG_MARKERS]
+    names = (*used, *(mirrored_name(name) for name in LEG_MARKERS))
+    return Markers(markers.time, names, np.stack(columns, axis=1))
+
+
+def middle_plane(markers: Markers) -> tuple[Array, Array]:
+    """A point (frames, 3) and the unit normal (frames, 3) of the upright plane that halves the pelvis. It lies halfway
+    between the spines of the pelvis, across the level part of the line from left to right: upright, so that the mirror
+    image of a foot on the floor stands on the floor.
+    """
+    side = markers["RASI"] - markers["LASI"] + markers["RPSI"] - markers["LPSI"]
+    side[:, 1] = 0.0
+    middle = 0.25 * (markers["RASI"] + markers["LASI"] + markers["RPSI"] + markers["LPSI"])
+    return middle, side / np.linalg.norm(side, axis=1, keepdims=True)
+
+
+def mirrored(vectors: Array, side: Array) -> Array:
+    """Vectors (frames, 3) mirrored in planes through the origin with unit normals `side`."""
+    return vectors - 2.0 * np.sum(vectors * side, axis=1, keepdims=True) * side
+
+
+def mirrored_name(name: str) -> str:
+    """Name of the mirror image of a right marker."""
+    return name.replace("Right_", "Left_") + " (mirrored)"
+
+
+def shared_wrenches(trial: Trial) -> tuple[Wrenches, Array]:
+    """Half of plate 1 on the right foot, its mirror image on the left, and the share that the plate shows. The force on
+    the right foot acts as far forward as the center of pressure of the plate, on the line from the heel through the
+    ankle's center. Were the left foot as far from the middle of the hips as the right one, the center of pressure would
+    divide their distance by the shares of the feet.
+    """
+    plate, markers = trial.plates[0], trial.markers
+    assert markers is not None
+    clock = trial.plate_time
+    center = plate.points
+    loaded = np.isfinite(center[:, 0])
+    heel, ankle, left, right = (
+        _at(clock, markers.time, markers[name]) for name in ("Right_TalonInf", "RAJC", "LHJC", "RHJC")
+    )
+    still = (clock >= QUIET[0]) & (clock <= QUIET[1])
+    run = (ankle - heel)[still].mean(axis=0)
+    point = center.copy()
+    point[:, 2] = ankle[:, 2] + (center[:, 0] - ankle[:, 0]) * run[2] / run[0]
+    force = np.where(loaded[:, None], 0.5 * plate.forces, 0.0)
+    torque = 0.5 * np.nan_to_num(plate.torques)
+    middle, side = (_at(clock, markers.time, points) for points in middle_plane(markers))
+    side = side / np.linalg.norm(side, axis=1, keepdims=True)
+    forces = np.stack([force, mirrored(force, side)], axis=1)
+    points = np.stack([point, middle + mirrored(point - middle, side)], axis=1)
+    # A torque is an axial vector: its mirror image turns the other way.
+    torques = np.stack([torque, -mirrored(torque, side)], axis=1)
+    wrenches = Wrenches(clock, ("right_foot", "left_foot"), ("calcn_r", "calcn_l"), forces, points, torques)
+    hips = 0.5 * (left + right)[:, 2]
+    share = 0.5 + 0.5 * (center[:, 2] - hips) / (point[:, 2] - hips)
+    return wrenches, np.where(loaded, share, np.nan)
+
+
+def _at(clock: Array, time: Array, column: Array) -> Array:
+    return np.column_stack([np.interp(clock, time, values) for values in column.T])
+
+
+def events_of(trial: Trial) -> tuple[Event, ...]:
+    """Phases of the jump, read off the vertical force of plate 1. Start: the force leaves quiet standing by five of its
+    standard deviations for good; lowest: the pelvis markers are lowest before take-off; take-off and landing: the plate
+    is unloaded and loaded again; peak: the largest force after landing.
+    """
+    plate, markers, clock = trial.plates[0], trial.markers, trial.plate_time
+    assert markers is not None
+    force = plate.forces[:, 1]
+    loaded = np.isfinite(plate.points).all(axis=1)
+    flight = np.flatnonzero(~loaded & (clock > QUIET[1]))
+    if not len(flight):
+        raise BadData("plate 1 is never unloaded: this is no jump")
+    takeoff, landing = clock[flight[0]], clock[flight[-1]]
+    still = (clock >= QUIET[0]) & (clock <= QUIET[1])
+    level, spread = force[still].mean(), force[still].std()
+    before = np.flatnonzero((np.abs(force - level) < 5.0 * spread) & (clock < takeoff - 0.5))
+    height = np.mean([markers[name][:, 1] for name in PELVIS_MARKERS], axis=0)
+    early = markers.time < takeoff
+    lowest = markers.time[early][np.argmin(height[early])]
+    start = clock[before[-1]]
+    peak = clock[np.argmax(np.where(clock >= landing, force, 0.0))]
+    events = {"Start": start, "Lowest": lowest, "Take-off": takeoff, "Landing": landing, "Peak": peak}
+    return tuple(Event(float(time), label) for label, time in events.items())
+
+
+TRUNK_BEND = "lumbar_extension"
+LOCKED = ("lumbar_bending", "lumbar_rotation", "mtp_angle_r", "mtp_angle_l")
+FREED = ("ankle_angle_r", "ankle_angle_l", "subtalar_angle_r", "subtalar_angle_l")
+"""A jumper's ankle bends further than the model's range."""
+# Where the model has what the recording's joint centers and bony landmarks name [m]; the spines of the
+# pelvis were read off its mesh, the skin over them is some 10 mm thick.
+LANDMARKS = {
+    "RASI": ("pelvis", (0.010, 0.0, 0.121)),
+    "LASI": ("pelvis", (0.010, 0.0, -0.121)),
+    "RPSI": ("pelvis", (-0.148, 0.017, 0.041)),
+    "LPSI": ("pelvis", (-0.148, 0.017, -0.041)),
+    "RHJC": ("femur_r", (0.0, 0.0, 0.0)),
+    "LHJC": ("femur_l", (0.0, 0.0, 0.0)),
+    "RKJC": ("tibia_r", (0.0, 0.0, 0.0)),
+    "RAJC": ("talus_r", (0.0, 0.0, 0.0)),
+    "Right_KneeExt": ("tibia_r", (0.0, 0.0, 0.055)),
+    "Right_KneeInt": ("tibia_r", (0.0, 0.0, -0.055)),
+    "Right_TalonInf": ("calcn_r", (-0.030, 0.0, -0.006)),
+    "Right_Meta": ("calcn_r", (0.190, 0.0, 0.010)),
+}
+LANDMARK_WEIGHTS = {"RHJC": 10.0, "LHJC": 10.0, "RKJC": 10.0, "RAJC": 10.0}
+
+
+def leg_model() -> Model:
+    """`myo-sim`'s legs (80 muscles) under a trunk that bends (6 muscles), in a ground with x forward, y up, z right.
+    The pelvis moves by the six coordinates that OpenSim's gait models have: `pelvis_tilt`, `pelvis_list` and
+    `pelvis_rotation` about z, x and y in this order, `pelvis_tx`, `pelvis_ty`, `pelvis_tz`. Side bending and twist of
+    the trunk and the toes are locked.
+    """
+    model = legs_and_trunk()
+    girdle, rise, lift = _shoulder_girdle()
+    held = [
+        replace(coordinate, locked=True, default=0.0) if coordinate.name in LOCKED
+        else replace(coordinate, clamped=False) if coordinate.name in FREED
+        else coordinate
+        for coordinate in model.coordinates
+    ]  # fmt: skip
+    return replace(
+        model,
+        bodies=(*model.bodies, girdle),
+        joints=(*model.joints, rise),
+        coordinates=(*held, lift),
+    )
+
+
+def _shoulder_girdle() -> tuple[Body, Joint, Coordinate]:
+    """A weightless body that slides up and down the trunk: the arms' swing lifts the shoulder by centimeters."""
+    name = "shoulder_elevation_r"
+    still = Transform.identity()
+    axis = Axis("translation", np.array([0.0, 1.0, 0.0]), linear(1.0), (name,))
+    body = Body("shoulder_r", 0.0, np.zeros(3), np.zeros((3, 3)))
+    joint = Joint(name, "SliderJoint", "torso", body.name, still, still, (axis,), (name,))
+    return body, joint, Coordinate(name, "translational", range=(-0.15, 0.15), clamped=True)
+
+
+def fitted_model(model: Model, quiet: Markers, mass: float) -> tuple[Model, dict[str, float]]:
+    """The model with segments as long as the jumper's, and the factors by which each body grew. Pelvis by the distance
+    of the hip centers, thighs from hip to knee, shanks and feet from knee to ankle, the trunk by the mean of thigh and
+    shank. Both legs get the right leg's factors.
+    """
+    poses = standing_poses(model)
+
+    def ratio(body: str, other: str, marker: str, other_marker: str) -> float:
+        recorded = np.linalg.norm(quiet[marker] - quiet[other_marker], axis=1)
+        return float(np.mean(recorded) / np.linalg.norm(poses[body].translation - poses[other].translation))
+
+    pelvis = ratio("femur_r", "femur_l", "RHJC", "LHJC")
+    thigh = ratio("femur_r", "tibia_r", "RHJC", "RKJC")
+    shank = ratio("tibia_r", "talus_r", "RKJC", "RAJC")
+    groups = {"femur": thigh, "patella": thigh, "tibia": shank, "talus": shank, "calcn": shank, "toes": shank}
+    whole = {"pelvis": pelvis, "sacrum": pelvis}
+    factors = {
+        name: groups.get(name.rsplit("_", 1)[0], whole.get(name, 0.5 * (thigh + shank))) for name in model.body_names
+    }
+    sizes = {name: np.full(3, factor) for name, factor in factors.items()}
+    fitted = scale(model, sizes, mass, preserve_mass_distribution=True, path_lengths=default_path_lengths)
+    return fitted, factors
+
+
+def calibrated(model: Model, quiet: Markers) -> Model:
+    """The model with all markers where quiet standing shows them. Its pose there: joint centers and bony landmarks by
+    inverse kinematics, the sole level (the jumper wears shoes, so heights of foot markers show nothing), the trunk
+    upright. The mirrored markers lie on the left leg as their originals on the right one.
+    """
+    neutral = standing_poses(model)
+    talus, calcn = (neutral[name].translation for name in ("talus_r", "calcn_r"))
+    still = Markers(quiet.time[:1], quiet.names, quiet.values.mean(axis=0)[None])
+    values = still.values.copy()
+    for name in ("Right_TalonInf", "Right_Meta"):
+        values[0, still.names.index(name), 1] = still["RAJC"][0, 1] - (talus - calcn)[1]
+    landmarks = tuple(Marker(name, body, np.array(place)) for name, (body, place) in LANDMARKS.items())
+    options = InverseKinematicsOptions(marker_weights=LANDMARK_WEIGHTS)
+    fit = inverse_kinematics(model.with_markers(landmarks), Markers(still.time, still.names, values), options)
+    pose = _upright(model, fit.motion)
+    bodies = dict.fromkeys(PELVIS_MARKERS, "pelvis") | {SHOULDER: "shoulder_r"} | LEG_MARKERS
+    placed = place_markers(model, pose, still, bodies)
+    # Left bodies have the axes of the right ones and the shape of their mirror image.
+    left = (
+        Marker(mirrored_name(one.name), one.body.replace("_r", "_l"), one.location * (1.0, 1.0, -1.0))
+        for one in placed
+        if one.name in LEG_MARKERS
+    )
+    return model.with_markers((*placed, *left))
+
+
+def _upright(model: Model, motion: Motion) -> Motion:
+    """The pose with the trunk bent so that the chest's own vertical is the ground's."""
+    tree = compile_tree(model)
+    column, torso = motion.names.index(TRUNK_BEND), tree.body_index["torso"]
+
+    def lean(bend: float) -> float:
+        values = motion.values.copy()
+        values[:, column] = bend
+        poses = forward_kinematics(tree, tree.coordinates_of(replace(motion, values=values)))
+        up = poses.rotations[0, torso, :, 1]
+        return float(np.arctan2(up[0], up[1]))
+
+    values = motion.values.copy()
+    values[:, column] = brentq(lean, -0.8, 0.7)
+    return replace(motion, values=values)
+
 
 WINDOW = (3.0, 5.6)
 """From quiet standing until after landing; at 6.2 s the right foot is lifted and put down elsewhere [s]."""
@@ -60,28 +320,28 @@ class JumpStudy:
 
 def jump_study() -> JumpStudy:
     """The jump, ready for inverse kinematics, inverse dynamics, muscle paths and tensions."""
-    path = jump_model.recording_path()
+    path = recording_path()
     # The file is read in a process of its own, which leaves this one free to make the model.
     with ThreadPoolExecutor(1) as pool:
         reading = pool.submit(read_c3d, path)
-        model = jump_model.leg_model()
+        model = leg_model()
         trial = force_plates(reading.result()).rotated(LAB_TO_GROUND)
     if trial.markers is None or not trial.plates or trial.analog is None:
         raise BadData(f"{path}: expected markers, force plates and analog channels")
-    quiet = cut(trial.markers, *jump_model.QUIET)
-    mass = jump_model.standing_mass(trial, model)
-    model, factors = jump_model.fitted_model(model, quiet, mass)
-    model = jump_model.calibrated(model, quiet)
-    wrenches, share = jump_model.shared_wrenches(trial)
-    events = jump_model.events_of(trial)
+    quiet = cut(trial.markers, *QUIET)
+    mass = standing_mass(trial, model)
+    model, factors = fitted_model(model, quiet, mass)
+    model = calibrated(model, quiet)
+    wrenches, share = shared_wrenches(trial)
+    events = events_of(trial)
     channels = [trial.analog.names.index(name) for name in EMG_CHANNELS]
     units = tuple(trial.analog.units[i] for i in channels)
     weights = {name: MIRRORED_WEIGHT if "mirrored" in name else 1.0 for name in model.marker_names}
     return JumpStudy(
         model=model,
         trial=trial,
-        markers=jump_model.with_mirrored(trial.markers),
-        marker_weights=weights | {jump_model.SHOULDER: SHOULDER_WEIGHT},
+        markers=with_mirrored(trial.markers),
+        marker_weights=weights | {SHOULDER: SHOULDER_WEIGHT},
         wrenches=wrenches,
         analog=Analog(trial.analog.time, EMG_CHANNELS, trial.analog.values[:, channels], units),
         events=events,
@@ -102,8 +362,8 @@ def jump_study() -> JumpStudy:
 
 def _assumed(factors: dict[str, float], share: Array, trial: Trial, events: tuple[Event, ...]) -> tuple[str, ...]:
     clock, takeoff = trial.plate_time, next(event.time for event in events if event.label == "Take-off")
-    still = (clock >= jump_model.QUIET[0]) & (clock <= jump_model.QUIET[1])
-    pushing = (clock > jump_model.QUIET[1]) & (clock < takeoff) & np.isfinite(share)
+    still = (clock >= QUIET[0]) & (clock <= QUIET[1])
+    pushing = (clock > QUIET[1]) & (clock < takeoff) & np.isfinite(share)
     low, high = np.percentile(share[pushing], [5, 95])
     grown = ", ".join(f"{name} {factors[body]:.3f}" for name, body in SEGMENTS.items())
     return (

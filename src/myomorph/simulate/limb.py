@@ -14,13 +14,12 @@ from myomorph.model.errors import BadModel
 from myomorph.model.inertia import inertial_parameters
 from myomorph.model.model import Joint, Marker, Model
 from myomorph.model.paths import Muscle, Path, PathPoint, TendonWrap, WrapObject
-from myomorph.model.series import Motion
 from myomorph.model.spatial import Transform
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
+from myomorph.rigid.kinematics import standing_poses
 from myomorph.simulate.laboratory import SENSORS, inertial, words
 from myomorph.viscosity.specimen.bodies import moved_parameters
 from myomorph.viscosity.specimen.model import Specimen
+from myomorph.viscosity.tracking.limb_shape import limb_poses
 
 SHARES = (0.3, 0.35, 0.35)
 """Of humerus, forearm and hand in the mass without muscles, before the mass center is set: [S] leaves skin, fat
@@ -39,17 +38,7 @@ class HeldLimb:
     @cached_property
     def poses(self) -> dict[str, Transform]:
         """Of every bone of the limb: the limb's frame has its origin at the joint's center, the first bone's axes."""
-        model = self.specimen.model
-        tree = compile_tree(model)
-        motion = Motion(np.zeros(1), tuple(self.held), np.array([list(self.held.values())]))
-        all_poses = forward_kinematics(tree, tree.coordinates_of(motion))
-        ground = {
-            name: Transform(all_poses.rotations[0, tree.body_index[name]], all_poses.origins[0, tree.body_index[name]])
-            for name in self.specimen.limb
-        }
-        first = ground[self.specimen.first]
-        back = Transform(first.rotation, first.apply(self.specimen.center_in_limb)).inverse()
-        return {name: back @ pose for name, pose in ground.items()}
+        return limb_poses(self.specimen, self.held)
 
     def centered(self, body: str) -> Transform:
         """Pose of a body in the limb's frame or, of the base, in one of its own axes about the joint's center."""
@@ -353,9 +342,7 @@ def with_clusters(specimen: Specimen, arm: float = 0.05) -> Specimen:
 def _line(specimen: Specimen, bone: str) -> tuple[Array, Array]:
     """Two points of a bone in its own frame: its joint, and the farther of next joint and mass center [m]."""
     model = specimen.model
-    tree = compile_tree(model)
-    poses = forward_kinematics(tree, tree.defaults[None])
-    b = tree.body_index[bone]
+    poses = standing_poses(model)
     if bone == specimen.base:
         start = specimen.center
     else:
@@ -363,7 +350,6 @@ def _line(specimen: Specimen, bone: str) -> tuple[Array, Array]:
     ends = [np.asarray(model.body(bone).mass_center)]
     for joint in model.joints:
         if joint.parent == bone and bone != specimen.base:
-            place = poses.origins[0, tree.body_index[joint.child]] - poses.origins[0, b]
-            ends.append(poses.rotations[0, b].T @ place)
+            ends.append(poses[bone].inverse().apply(poses[joint.child].translation))
     end = max(ends, key=lambda end: float(np.linalg.norm(end - start)))
     return (start, end) if np.linalg.norm(end - start) > 1e-3 else (start, start + np.array([0.0, 0.05, 0.0]))

@@ -24,8 +24,7 @@ from myomorph.model.join import join_models
 from myomorph.model.model import Marker, Model
 from myomorph.model.series import Emg, Markers, Motion, Series, Wrenches
 from myomorph.motion.filters import lowpass
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
+from myomorph.rigid.kinematics import marker_positions
 from myomorph.simulate import fighter
 from myomorph.simulate.bout import FEET, GRIPS, Run, simulate_bout
 from myomorph.simulate.plan import Kind, Plan, make_plan, start_pose
@@ -207,10 +206,7 @@ def _recorded(
     random: np.random.Generator,
 ) -> VirtualPair:
     whole = join_models(known)
-    tree = compile_tree(whole)
-    poses = forward_kinematics(tree, tree.coordinates_of(truth.motion))
-    bodies = np.array([tree.body_index[marker.body] for marker in whole.markers])
-    places = poses.points(bodies, np.array([marker.location for marker in whole.markers]))
+    places = marker_positions(whole, truth.motion).values
     places = places + options.marker_noise * random.standard_normal(places.shape)
     time = truth.motion.time
     gain = np.exp(options.emg_gain * random.standard_normal(len(whole.muscles)))

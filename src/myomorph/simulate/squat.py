@@ -21,9 +21,10 @@ from myomorph.model.model import Marker, Model
 from myomorph.model.series import Markers, Motion, Series, Trial, Wrenches
 from myomorph.motion.filters import lowpass, natural_spline
 from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
+from myomorph.motion.measurements import default_markers
 from myomorph.motion.tasks.coordinates import CoordinateTask
 from myomorph.rigid.dynamics import inverse_dynamics, joint_wrenches, motion_arrays
-from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.kinematics import marker_positions
 from myomorph.rigid.tree import Tree, compile_tree
 from myomorph.store.results import value_source
 from myomorph.store.settings import Differentiation
@@ -89,7 +90,7 @@ def simulated_trial(options: SimulationOptions | None = None) -> TrialInputs:
     terms = recruitment_terms(model, truth, torques, at_markers, costs)
     tension = solve_tension(model, truth, torques, TensionOptions(), terms=terms)
     random = np.random.default_rng(options.seed)
-    markers = measured_markers(tree, truth, options, random)
+    markers = measured_markers(model, truth, options, random)
     noisy = replace(
         wrenches, forces=wrenches.forces + options.force_noise * random.standard_normal(wrenches.forces.shape)
     )
@@ -180,12 +181,8 @@ def squat_splines(model: Model, options: SimulationOptions) -> Splines:
     default = np.array([coordinate.default for coordinate in free])
     high, low = (np.deg2rad([pose.get(name, 0.0) for name in names]) for pose in (STANDING, SQUAT))
     wanted = default + high + np.outer(depth, low)
-    tree = compile_tree(model)
-    standing = forward_kinematics(tree, tree.coordinates_of(Motion(np.zeros(1), (), np.zeros((1, 0)))))
-    planted = [marker for marker in model.markers if marker.body in FEET]
-    bodies = [tree.body_index[marker.body] for marker in planted]
-    places = standing.points(np.array(bodies), np.array([marker.location for marker in planted]))
-    feet = Markers(time, tuple(marker.name for marker in planted), np.repeat(places, len(time), axis=0))
+    planted = tuple(marker.name for marker in model.markers if marker.body in FEET)
+    feet = Markers(time, planted, np.repeat(default_markers(model, planted)[None], len(time), axis=0))
     pull = [CoordinateTask(name, 1e-5) for name in names if not name.startswith("root_t")]
     pulled = InverseKinematicsOptions(tasks=pull, coordinates=Motion(time, names, wanted))
     poses = inverse_kinematics(model, feet, pulled).motion
@@ -214,15 +211,13 @@ def balancing_wrenches(tree: Tree, motion: Motion) -> Wrenches:
     return Wrenches(motion.time, ("right foot", "left foot"), FEET, halves, points, np.repeat(free[:, None], 2, axis=1))
 
 
-def measured_markers(tree: Tree, motion: Motion, options: SimulationOptions, random: np.random.Generator) -> Markers:
+def measured_markers(model: Model, motion: Motion, options: SimulationOptions, random: np.random.Generator) -> Markers:
     """Markers of a motion, with white noise and a slow shift of each on the skin."""
-    poses = forward_kinematics(tree, tree.coordinates_of(motion))
-    bodies = np.array([tree.body_index[marker.body] for marker in tree.model.markers])
-    places = poses.points(bodies, np.array([marker.location for marker in tree.model.markers]))
+    places = marker_positions(model, motion).values
     # The filter's ends are not like its middle: they are cut off.
     margin = int(options.rate)
     longer = random.standard_normal((len(places) + 2 * margin, *places.shape[1:]))
     slow: Array = lowpass(longer, options.rate, 2.0)[margin:-margin]
     shift = options.tissue * slow / slow.std(axis=0)
     noise = options.marker_noise * random.standard_normal(places.shape)
-    return Markers(motion.time, tree.model.marker_names, places + shift + noise)
+    return Markers(motion.time, model.marker_names, places + shift + noise)

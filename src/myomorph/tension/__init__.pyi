@@ -2,8 +2,8 @@
 from .fibers import Certificate as Certificate
 from .fibers import Fibers as Fibers
 from .personal.fit import Fitted as Fitted
+from .personal.fit import HeldOut as HeldOut
 from .personal.generic_map import GenericMap as GenericMap
-from .personal.held_out import HeldOut as HeldOut
 from .personal.personalize import Estimate as Estimate
 from .terms.contacts import ContactOptions as ContactOptions
 from .terms.contacts import ContactTask as ContactTask

@@ -269,6 +269,4 @@ def _movable(values: Array, lower: Array, upper: Array) -> Array:
 
 def _places(tree: Tree, names: tuple[str, ...], coordinates: Array) -> Array:
     """(frames, markers, 3) of a model's markers, in ground [m]."""
-    marked = [tree.model.marker(name) for name in names]
-    bodies = np.array([tree.body_number(marker.body) for marker in marked], np.int64)
-    return forward_kinematics(tree, coordinates).points(bodies, np.array([marker.location for marker in marked]))
+    return forward_kinematics(tree, coordinates).markers([tree.model.marker(name) for name in names])

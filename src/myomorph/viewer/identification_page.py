@@ -24,9 +24,8 @@ from myomorph.model.segments import SEGMENTS, Segment
 from myomorph.model.sides import split_side
 from myomorph.model.surface import Surface
 from myomorph.report.charts.axis import number
-from myomorph.report.scene.body_view import BodyView, half_blocks
 from myomorph.report.scene.image import level_color
-from myomorph.viewer.web_page import DEEPER, MARKER, Page
+from myomorph.viewer.web_page import DEEPER, MARKER, BodyView, Page, half_blocks
 
 BAR = 18  # Characters of a bar.
 
@@ -134,41 +133,8 @@ def live_markdown(state: OnlineState, names: tuple[str, ...], segments: Mapping[
     return "\n".join(lines)
 
 
-class WebViewer(Page):
-    """A page that shows a body: links in colors, markers as points, a text and a progress bar. `surfaces`: meshes by
-    `Mesh.file`; without any, limbs are rounds; `port`: of the page, http://localhost:PORT.
-    """
-
-    def __init__(self, model: Model, surfaces: Mapping[str, Surface] | None = None, port: int = 8080):
-        super().__init__(port, "Myomorph")
-        view = BodyView(model, surfaces)
-        self._show_body(view, view.scene.solids if view.meshed else view.limbs(), 0.6)
-        self._progress = self._server.gui.add_progress_bar(0.0)
-        self._text = self._server.gui.add_markdown("")
-
-    def pose(self, coordinates: Array, markers: Array | None = None) -> None:
-        """Put the body in a pose (coordinates,) and show markers (n, 3) in ground [m], NaN where hidden."""
-        with self._server.atomic():
-            self._pose(coordinates)
-            if markers is not None:
-                self._show_markers(markers, MARKER)
-
-    def levels(self, levels: ArrayLike, progress: float, text: str) -> None:
-        """Color every link by its level in 0..1, and tell how far things are (0..1) and a text in Markdown."""
-        colors = (255.0 * level_color(np.asarray(levels, dtype=np.float64)) ** DEEPER).astype(int)
-        with self._server.atomic():
-            for body, mesh in self._links.handles.items():
-                mesh.color = (190, 190, 190) if body == 0 else tuple(int(color) for color in colors[body - 1])
-            self._progress.value = 100.0 * min(max(progress, 0.0), 1.0)
-            self._text.content = text
-
-
 ROWS, COLUMNS = 30, 40  # Characters of the drawn body.
-
-
 BESIDE = 60  # Characters that the numbers need beside it.
-
-
 DRAWN = 30.0  # Poses a second that the page is sent [Hz].
 
 
@@ -212,28 +178,41 @@ class TerminalDisplay:
         self._live.stop()
 
 
-class WebDisplay:
-    """Draws in a web page."""
+class WebDisplay(Page):
+    """Draws in a web page, http://localhost:PORT: links in colors, markers as points, the numbers, a progress bar.
+    `surfaces`: meshes by `Mesh.file`; without any, limbs are rounds.
+    """
 
     def __init__(
         self, model: Model, segments: Mapping[str, Segment], surfaces: Mapping[str, Surface] | None, port: int
     ):
-        self._model, self._segments = model, segments
-        self._viewer = WebViewer(model, surfaces, port)
-        self._drawn = 0.0
-        sys.stderr.write(f"the body is at http://localhost:{self._viewer.port}\n")
+        super().__init__(port, "Myomorph")
+        self._model, self._segments, self._drawn = model, segments, 0.0
+        view = BodyView(model, surfaces)
+        self._show_body(view, view.scene.solids if view.meshed else view.limbs(), 0.6)
+        self._progress = self._server.gui.add_progress_bar(0.0)
+        self._text = self._server.gui.add_markdown("")
+        sys.stderr.write(f"the body is at http://localhost:{self.port}\n")
 
     def pose(self, coordinates: Array, markers: Array | None) -> None:
-        """Move the body, at most thirty times a second."""
+        """Put the body in a pose (coordinates,) and show markers (n, 3) [m], at most thirty times a second."""
         if clock.monotonic() - self._drawn > 1.0 / DRAWN:
-            self._viewer.pose(coordinates, markers)
+            with self._server.atomic():
+                self._pose(coordinates)
+                if markers is not None:
+                    self._show_markers(markers, MARKER)
             self._drawn = clock.monotonic()
 
     def show(self, state: OnlineState, at: Clock) -> None:
         """Color the body and write the numbers."""
         text = live_markdown(state, self._model.body_names, self._segments, at)
-        self._viewer.levels(state.levels, state.fit.progress, text)
+        self.levels(state.levels, state.fit.progress, text)
 
-    def close(self) -> None:
-        """Take the page down."""
-        self._viewer.close()
+    def levels(self, levels: ArrayLike, progress: float, text: str) -> None:
+        """Color every link by its level in 0..1, and tell how far things are (0..1) and a text in Markdown."""
+        colors = (255.0 * level_color(np.asarray(levels, dtype=np.float64)) ** DEEPER).astype(int)
+        with self._server.atomic():
+            for body, mesh in self._links.handles.items():
+                mesh.color = (190, 190, 190) if body == 0 else tuple(int(color) for color in colors[body - 1])
+            self._progress.value = 100.0 * min(max(progress, 0.0), 1.0)
+            self._text.content = text

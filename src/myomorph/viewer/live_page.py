@@ -11,12 +11,11 @@ from myomorph.model.arrays import Array, read_only
 from myomorph.model.model import Model
 from myomorph.model.surface import Surface
 from myomorph.muscles.path import compile_paths, drawn_paths
-from myomorph.report.scene.body_view import BodyView
 from myomorph.report.scene.image import activation_color
 from myomorph.report.scene.shapes import tube
 from myomorph.viewer.replay_body import MIN_FORCE, SLACK, TALL, TIGHT, WEIGHT, Tubes, arrows, tubes
 from myomorph.viewer.replay_scene import COLORS, add_arrows, add_batch, bone_solids, move_batch
-from myomorph.viewer.web_page import DEEPER, Page
+from myomorph.viewer.web_page import DEEPER, BodyView, Page
 
 STRONGEST, TURNED = 8, 8  # Muscles and torques that the table holds.
 STAY, FADE = 2.0, 0.98

@@ -239,22 +239,19 @@ class _Muscles:
         if results.tension is not None and len(results.tension.time):
             columns = {name: i for i, name in enumerate(results.tension.muscles)}
             order = np.array([columns.get(name, -1) for name in model.muscle_names])
-            near = nearest_samples(results.tension.time, time)
-            inside = _inside(results.tension.time, time)
-            for values, recorded in (
-                (self.activations, results.tension.activations),
-                (self.tensions, results.tension.forces),
-            ):
+            near, inside = nearest_samples(results.tension.time, time), _inside(results.tension.time, time)
+
+            def of_muscles(recorded: Array) -> Array:
+                values = np.full(shape, np.nan)
                 values[:, order >= 0] = recorded[near][:, order[order >= 0]]
                 values[~inside] = np.nan
-            if results.tension.fibers is not None:
-                fibers = results.tension.fibers
-                self.fibers = np.full(shape, np.nan), np.full(shape, np.nan)
+                return values
+
+            self.activations, self.tensions = map(of_muscles, (results.tension.activations, results.tension.forces))
+            fibers = results.tension.fibers
+            if fibers is not None:
                 optimal = np.array([muscle.optimal_fiber_length for muscle in model.muscles])
-                for values, each in zip(self.fibers, (fibers.lengths, fibers.tendon_strains), strict=True):
-                    values[:, order >= 0] = each[near][:, order[order >= 0]]
-                    values[~inside] = np.nan
-                self.fibers[0][:] /= optimal
+                self.fibers = of_muscles(fibers.lengths) / optimal, of_muscles(fibers.tendon_strains)
 
     def look(self, frame: int, size: float, chosen: Collection[int]) -> tuple[Array, Array]:
         """Radii (muscles,) [m] and colors (muscles, 3) in 0..1 at a frame."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -111,32 +111,22 @@ def _are_angles(body: PlayedBody, names: Sequence[str]) -> bool:
     return set(names) <= {coordinate.name for coordinate in body.model.coordinates if coordinate.motion == "rotational"}
 
 
-def activation_chart(body: PlayedBody, muscles: Sequence[int]) -> Chart | None:
-    """Activations of some muscles, with EMG that was measured on them."""
-    if body.results.tension is None or not len(muscles):
+def muscle_chart(body: PlayedBody, muscles: Sequence[int], table: Literal["activations", "forces"]) -> Chart | None:
+    """Activations of some muscles, with EMG that was measured on them, or their tensions ("forces")."""
+    results = body.results
+    if results.tension is None or not len(muscles):
         return None
-    curves = _of_muscles(body, muscles, "activations", body.activations)
-    emg, names = body.results.recorded.emg, {curve.label for curve in curves}
-    for channel in () if emg is None else emg.names:
-        if emg is not None and names & set(body.results.recorded.emg_muscles.get(channel, ())):
-            curves.append(Curve(f"EMG {channel}", at_times(body.time, emg.time, emg[channel]), "#7a848b", True))
-    return Chart("Activation", tuple(curves))
-
-
-def tension_chart(body: PlayedBody, muscles: Sequence[int]) -> Chart | None:
-    """Tensions of some muscles."""
-    if body.results.tension is None or not len(muscles):
-        return None
-    return Chart("Tension [N]", tuple(_of_muscles(body, muscles, "forces", body.tensions)))
-
-
-def _of_muscles(body: PlayedBody, muscles: Sequence[int], table: str, values: Array) -> list[Curve]:
+    title, values = ("Activation", body.activations) if table == "activations" else ("Tension [N]", body.tensions)
     names = [body.muscles[m] for m in muscles[:MAX_CURVES]]
-    drawn = [
-        Curve(name, values[:, m], _ink(name, index))
+    curves = [
+        _with_limits(body, table, name, Curve(name, values[:, m], _ink(name, index)))
         for index, (name, m) in enumerate(zip(names, muscles, strict=False))
     ]
-    return [_with_limits(body, table, curve.label, curve) for curve in drawn]
+    emg = results.recorded.emg if table == "activations" else None
+    for channel in () if emg is None else emg.names:
+        if emg is not None and set(names) & set(results.recorded.emg_muscles.get(channel, ())):
+            curves.append(Curve(f"EMG {channel}", at_times(body.time, emg.time, emg[channel]), "#7a848b", True))
+    return Chart(title, tuple(curves))
 
 
 def _with_limits(body: PlayedBody, table: str, name: str, curve: Curve, scale: float = 1.0) -> Curve:
@@ -236,8 +226,8 @@ class Curves:
 
     def show_muscles(self, muscles: tuple[int, ...]) -> None:
         """Show some muscles, by their indices."""
-        self._show("activation", activation_chart(self._body, muscles))
-        self._show("tension", tension_chart(self._body, muscles))
+        self._show("activation", muscle_chart(self._body, muscles, "activations"))
+        self._show("tension", muscle_chart(self._body, muscles, "forces"))
 
     def move(self, now: float) -> None:
         """Put the lines at another time [s]."""
@@ -281,6 +271,17 @@ class Plot:
         lines = [curve.values for curve in chart.curves] + [end for curve in banded for end in (curve.high, curve.low)]
         self._lines = np.stack([np.asarray(line)[::step] for line in lines])
         limits = (_plain(LIMIT),) * (2 * len(banded))
+        drawn = [
+            {"label": curve.label, "stroke": curve.color, "width": 1.5, "points": {"show": False}}
+            | ({"dash": (5, 4)} if curve.dashed else {})
+            for curve in chart.curves
+        ]
+        # Bands stand behind all curves, filled between their ends, the upper one first.
+        ends = range(1 + len(drawn), 1 + len(drawn) + 2 * len(banded), 2)
+        bands = [
+            {"series": (end, end + 1), "fill": curve.color + BAND_ALPHA}
+            for end, curve in zip(ends, banded, strict=True)
+        ]
         known = self._lines[np.isfinite(self._lines)]
         low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
         room = 0.06 * max(high - low, 1e-6)
@@ -288,9 +289,9 @@ class Plot:
         with self._tab:
             self._handle = self._gui.add_uplot(
                 self._data(now),
-                ({"label": "t [s]"}, *(_series(curve) for curve in chart.curves), *limits, _plain(NOW)),
+                ({"label": "t [s]"}, *drawn, *limits, _plain(NOW)),
                 title=f"{chart.title}, 90 % limits" if banded else chart.title,
-                bands=_bands(chart) or None,
+                bands=tuple(bands) or None,
                 scales={
                     "x": {"time": False, "range": (float(self._time[0]), float(self._time[-1]))},
                     "y": {"range": self._range},
@@ -317,20 +318,6 @@ class Plot:
         line = np.full(len(time), np.nan)
         line[at : at + 2] = self._range
         return (time, *values, line)
-
-
-def _bands(chart: Chart) -> tuple[dict[str, Any], ...]:
-    """What to fill between the ends of each band, which stand behind all curves, the upper one first."""
-    first = 1 + len(chart.curves)
-    return tuple(
-        {"series": (first + 2 * index, first + 2 * index + 1), "fill": chart.curves[number].color + BAND_ALPHA}
-        for index, number in enumerate(chart.banded)
-    )
-
-
-def _series(curve: Curve) -> dict[str, Any]:
-    series: dict[str, Any] = {"label": curve.label, "stroke": curve.color, "width": 1.5, "points": {"show": False}}
-    return series | {"dash": (5, 4)} if curve.dashed else series
 
 
 def _plain(value: Any) -> Any:

@@ -9,7 +9,7 @@ from myomorph.identify.body.center_fit import AXIS_LENGTH, first_frame, hinge_cu
 from myomorph.identify.body.regions import HINGES, center_positions, centers_of, regions_of
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
-from myomorph.simulate.jump_model import leg_model
+from myomorph.simulate.jump import leg_model
 
 
 def test_a_model_on_itself_has_its_cues_in_place():

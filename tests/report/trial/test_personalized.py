@@ -9,7 +9,7 @@ import pytest
 
 from myomorph.report.trial.personalized import personal_lines
 from myomorph.study.trial.ahead import two_links
-from myomorph.tension.personal.held_out import HeldOut
+from myomorph.tension.personal.fit import HeldOut
 from myomorph.tension.personal.personalize import Estimate, Personalized
 
 

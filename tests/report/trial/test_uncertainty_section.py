@@ -6,7 +6,7 @@ import numpy as np
 
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.report.trial.prepared import prepare
-from myomorph.report.trial.uncertainty_section import uncertainty_section, unit_of
+from myomorph.report.trial.validation import uncertainty_section, unit_of
 from myomorph.uncertainty.spread import Shares, Spread, Uncertainty
 from walker import everything, model
 

@@ -16,7 +16,7 @@ from myomorph.motion.filters import differentiate
 from myomorph.motion.sync import take_frames
 from myomorph.muscles.kinematics import muscle_kinematics
 from myomorph.report.page.parts import PageHead
-from myomorph.report.trial.fiber_section import _lines, fiber_section
+from myomorph.report.trial.muscle_sections import _fiber_lines, fiber_section
 from myomorph.report.trial.prepared import prepare
 from myomorph.report.trial.report_input import Kinematics, ReportInput, ShownTension
 from myomorph.rigid.dynamics import inverse_dynamics
@@ -202,6 +202,6 @@ def test_the_report_shows_fibers_and_lists_rigid_tendons(solved):
 def test_thin_lines_of_one_end_do_not_reach_the_other():
     time, ends = np.arange(8.0), np.zeros(8, bool)
     ends[:2] = True
-    thick, thin = _lines(time, [time + 1.0], ["one"], ends)
+    thick, thin = _fiber_lines(time, [time + 1.0], ["one"], ends)
     assert np.isnan(thick.values[:2]).all()
     assert np.array_equal(np.isfinite(thin.values), [True, True, True, False, False, False, False, False])

@@ -11,8 +11,7 @@ from myomorph.io.formats import read_model
 from myomorph.muscles.hill import hill_forces
 from myomorph.muscles.hill_arrays import muscle_model
 from myomorph.muscles.kinematics import muscle_kinematics
-from myomorph.tension.personal.curves import LENGTHS, muscle_shapes
-from myomorph.tension.personal.fibers import follow
+from myomorph.tension.personal.fibers import LENGTHS, follow, muscle_shapes
 from myomorph.tension.personal.prior import sizes_of
 from truths.simulated_muscles import as_degroote, integrated_degroote, integrated_forces, smooth_activations, swings
 

@@ -12,14 +12,11 @@ from myomorph.io.formats import read_model
 from myomorph.io.osim.write import write_osim
 from myomorph.model.errors import BadData, BadModel
 from myomorph.model.series import Series
-from myomorph.tension.personal.curves import muscle_shapes
-from myomorph.tension.personal.fibers import MuscleSizes
-from myomorph.tension.personal.fit import fit
+from myomorph.tension.personal.fibers import MuscleSizes, muscle_shapes
+from myomorph.tension.personal.fit import fit, held_out, split
 from myomorph.tension.personal.generic_map import map_generic
-from myomorph.tension.personal.held_out import held_out, split
-from myomorph.tension.personal.person_model import with_sizes
 from myomorph.tension.personal.personalize import PersonalizeOptions, personalize
-from myomorph.tension.personal.prior import PriorOptions, prior_of, sizes_of
+from myomorph.tension.personal.prior import PriorOptions, prior_of, sizes_of, with_sizes
 from myomorph.tension.personal.recordings import PersonalTrial, torque_floors, windows_of
 from truths.simulated_muscles import Spread, as_degroote, person, recorded, smooth_activations, some_gains, swings
 

@@ -15,7 +15,7 @@ from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.model import Coordinate, Joint, Marker, Model
 from myomorph.model.scale import scale
-from myomorph.model.series import Markers, Motion
+from myomorph.model.series import DEFAULT_POSE, Markers, Motion
 from myomorph.model.spatial import Transform
 from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
 
@@ -54,7 +54,7 @@ def skeleton(model: Model) -> Model:
 def first_frame(pose: Motion | None, model: Model) -> Motion:
     """The first frame of a pose, or the model's default pose where none is given; raises `BadData`."""
     if pose is None:
-        return Motion(np.zeros(1), (), np.zeros((1, 0)))
+        return DEFAULT_POSE
     if len(pose) == 0 or not np.isfinite(pose.values[0]).all():
         raise BadData(f"the pose of model '{model.name}' has no first frame of finite coordinates")
     return Motion(pose.time[:1], pose.names, pose.values[:1])

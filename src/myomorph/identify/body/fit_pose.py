@@ -15,9 +15,9 @@ from myomorph.identify.body.skin import Skin, inside
 from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import Marker, Model
-from myomorph.model.series import Markers, Motion
+from myomorph.model.series import DEFAULT_POSE, Markers, Motion
 from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
-from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.kinematics import marker_positions
 from myomorph.rigid.tree import compile_tree
 
 LANDMARK_WEIGHT = 0.1
@@ -90,8 +90,8 @@ def pose_model_to_skin(model: Model, body: Shape | Skin, landmarks: Mapping[str,
             "centers, as 'right knee'"
         )
     seen = np.array(list(targets.values()))
-    rotation, translation = _aligned(seen, _default_places(model, markers), list(targets))
     virtual = replace(model, markers=tuple(markers))
+    rotation, translation = _aligned(seen, marker_positions(virtual, DEFAULT_POSE).values[0], list(targets))
     recorded = Markers(np.zeros(1), tuple(targets), (seen @ rotation.T + translation)[None])
     weights = {name: 1.0 if name in centers and name not in SPINE else LANDMARK_WEIGHT for name in targets}
     if landmarks is not None:
@@ -173,14 +173,6 @@ def _at_center(name: str, center: Center) -> Marker:
     return Marker(name, center.joint.child, center.location)
 
 
-def _default_places(model: Model, markers: list[Marker]) -> Array:
-    """(markers, 3) in ground in the model's default pose [m]."""
-    tree = compile_tree(model)
-    poses = forward_kinematics(tree, tree.coordinates_of(Motion(np.zeros(1), (), np.zeros((1, 0))))[:1])
-    bodies = np.array([tree.body_index[marker.body] for marker in markers])
-    return poses.points(bodies, np.array([marker.location for marker in markers]))[0]
-
-
 def _aligned(points: Array, targets: Array, names: list[str]) -> tuple[Array, Array]:
     """Rotation and translation that bring points (n, 3) nearest to targets (n, 3), by those of the trunk if enough."""
     trunk = [i for i, name in enumerate(names) if any(part in f"{name} {landmark_of_marker(name)}" for part in TRUNK)]
@@ -201,7 +193,7 @@ def _aligned(points: Array, targets: Array, names: list[str]) -> tuple[Array, Ar
 def _default_pose(model: Model, skin: Skin) -> PoseFit:
     """The model's default pose, once the skin is seen to be around it."""
     tree = compile_tree(model)
-    values = tree.coordinates_of(Motion(np.zeros(1), (), np.zeros((1, 0))))
+    values = tree.coordinates_of(DEFAULT_POSE)
     pose = Motion(np.zeros(1), model.coordinate_names, values[:1])
     links = links_of(model, pose)
     heavy = [i for i, body in enumerate(model.bodies) if body.mass > 0.0]

@@ -17,7 +17,7 @@ from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertial_parameters
 from myomorph.model.model import Model
-from myomorph.model.series import Motion, Wrenches
+from myomorph.model.series import DEFAULT_POSE, Motion, Wrenches
 from myomorph.motion.ik import inverse_kinematics, pose_problem, tracked_markers
 from myomorph.motion.lengths import length_unit, lengths_of
 from myomorph.motion.stretch import skeleton
@@ -27,7 +27,6 @@ from myomorph.rigid.tree import compile_tree
 KNOTS = 4.0  # Knots a period of the cutoff frequency
 FRAMES_A_KNOT = 2.0  # Frames between knots that are enough
 SPACING = 0.02  # Of the mass points in each link's envelope [m]
-STANDING = Motion(np.zeros(1), (), np.zeros((1, 0)))  # The default pose, in which masses to begin with are found
 
 
 @read_only
@@ -181,7 +180,7 @@ def identified_masses(model: Model, recorded: Sequence[Usable], cutoff: float) -
     """(bodies, 10) of `identify`; the model's where it keeps these, or the recordings are too short for it."""
     # The motion of the problem is that of the markers.
     options = IdentificationOptions(compare=False, soft_tissue="never")
-    points = {"own": own_points(model, STANDING, model.mass, SPACING)}
+    points = {"own": own_points(model, DEFAULT_POSE, model.mass, SPACING)}
     try:
         identification = identify(model, recorded, points, options=options, recording=RecordingOptions(cutoff=cutoff))
     except BadData:

@@ -23,6 +23,7 @@ from myomorph.morph.checks.moment_arms import (
 )
 from myomorph.morph.checks.penetration import NOWHERE, Penetration, Solid, path_depths, range_poses
 from myomorph.morph.checks.warnings import (
+    KINDS,
     CheckOptions,
     MorphChecks,
     arm_warnings,
@@ -99,11 +100,8 @@ def check_morph(
     ]
     advance(1.0)
     deep.sort(key=lambda penetration: -penetration.increase)
-    warnings.sort(key=lambda warning: (KINDS.index(warning.kind), -warning.size, warning.place))
+    warnings.sort(key=lambda warning: (list(KINDS).index(warning.kind), -warning.size, warning.place))
     return MorphChecks(tuple(deep), arms, FrozenMap(order), folded, tuple(warnings), options, tuple(notes))
-
-
-KINDS = ("bone", "sign", "jump", "fold", "arm", "surface", "fiber", "joint", "order")
 
 
 def distinct_bones(morph: Morph) -> tuple[BoneMap, ...]:

@@ -10,8 +10,7 @@ import numpy as np
 from myomorph.model.model import Model
 from myomorph.model.paths import Path, PathPoint
 from myomorph.morph.checks.moment_arms import CoordinatePair, CoordinateTable, compare_moment_arms, compared_coordinates
-from myomorph.morph.checks.path_changes import SAME, wraps_of
-from myomorph.morph.checks.path_moves import Ground, moved_once
+from myomorph.morph.checks.path_changes import SAME, Ground, moved_once, wraps_of
 from myomorph.morph.checks.warnings import CheckOptions, arm_warnings
 from myomorph.morph.maps.fields import BoneMap, muscle_sizes
 from myomorph.morph.morphed import TransferredPoint
@@ -115,15 +114,14 @@ def _beyond_interval(points: Iterable[TransferredPoint], shifts: Mapping[tuple[s
             f"{len(far)} via points were brought out of bone further than their place is uncertain by: {_first(named)}"
         )
     if unknown:
-        named = [f"'{owner}' ({name}) by {mm(by)}" for (owner, name), by in sorted(unknown.items(), key=_negative)]
+        named = [
+            f"'{owner}' ({name}) by {mm(by)}"
+            for (owner, name), by in sorted(unknown.items(), key=lambda item: -item[1])
+        ]
         lines.append(
             f"{len(unknown)} via points were brought out of bone on bodies whose maps give no interval: {_first(named)}"
         )
     return lines
-
-
-def _negative(item: tuple[tuple[str, str], float]) -> float:
-    return -item[1]
 
 
 def _first(named: Sequence[str]) -> str:

@@ -11,8 +11,6 @@ from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData, from_extra
 from myomorph.model.model import Model
 from myomorph.model.paths import Muscle
-from myomorph.model.series import Motion
-from myomorph.model.spatial import Transform
 from myomorph.model.surface import Surface, face_crosses
 from myomorph.morph.shapes.surface_points import Boxes
 from myomorph.muscles.path import compile_paths, drawn_paths
@@ -111,22 +109,6 @@ def range_poses(model: Model, names: Sequence[str], values: Sequence[Array]) -> 
             rows.append(row)
             moved.append(name)
     return Poses(np.array(rows), tuple(moved))
-
-
-def standing_poses(model: Model, values: Mapping[str, float] | None = None) -> dict[str, Transform]:
-    """Poses in ground of all bodies and of the ground at given coordinates [rad or m], the others at their defaults."""
-    values = values or {}
-    for name in values:
-        model.coordinate(name)
-    posture = Motion(np.zeros(1), tuple(values), np.array([list(values.values())], dtype=np.float64).reshape(1, -1))
-    return body_poses(model, compile_tree(model).coordinates_of(posture)[0])
-
-
-def body_poses(model: Model, coordinates: Array) -> dict[str, Transform]:
-    """Poses in ground of all bodies and of the ground at all coordinates (coordinates,) [rad or m]."""
-    tree = compile_tree(model)
-    poses = forward_kinematics(tree, np.array(coordinates[None], dtype=np.float64))
-    return {body: Transform(poses.rotations[0, i], poses.origins[0, i]) for body, i in tree.body_index.items()}
 
 
 @dataclass(frozen=True)

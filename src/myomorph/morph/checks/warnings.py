@@ -9,12 +9,36 @@ import numpy as np
 
 from myomorph.model.errors import BadData
 from myomorph.model.findings import Finding
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.paths import WrapObject
 from myomorph.morph.checks.moment_arms import MomentArms
 from myomorph.morph.checks.penetration import Penetration
 from myomorph.morph.morphed import Morph
 from myomorph.muscles.kinematics import default_path_lengths
+
+KINDS: Mapping[str, tuple[str, str, str]] = FrozenMap(
+    {
+        "bone": ("Path through bone", "path through a bone", "paths through a bone"),
+        "sign": ("Moment arm of opposite sign", "moment arm of another sign", "moment arms of another sign"),
+        "jump": ("Moment arm jumps", "moment arm that jumps", "moment arms that jump"),
+        "fold": ("Map inverted", "muscle point where a map folds", "muscle points where a map folds"),
+        "arm": ("Moment arm too large or small", "moment arm of another size", "moment arms of another size"),
+        "surface": ("Attachment off the surface", "attachment off its bone", "attachments off its bone"),
+        "fiber": (
+            "Fiber length",
+            "muscle with fibers outside the source's range",
+            "muscles with fibers outside the source's range",
+        ),
+        "joint": ("Joint", "joint that does not meet", "joints that do not meet"),
+        "order": (
+            "Order of moment arms",
+            "coordinate with moment arms in another order",
+            "coordinates with moment arms in another order",
+        ),
+    }
+)
+"""Of warnings, the worst first: a title, and one of them and several in a sentence."""
 
 
 @dataclass(frozen=True)

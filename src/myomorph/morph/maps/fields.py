@@ -7,7 +7,7 @@ skeletal subspace deformation). All have one interface: points in, points and Ja
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal, Protocol, TypeAlias
 
 import numpy as np
@@ -94,6 +94,11 @@ class FeaturePoints:
 
     def __len__(self) -> int:
         return len(self.names)
+
+    def at(self, kept: np.ndarray) -> FeaturePoints:
+        """Some of them, by their numbers."""
+        weights, radii = (None if values is None else values[kept] for values in (self.weights, self.radii))
+        return FeaturePoints(tuple(self.names[i] for i in kept), self.source[kept], self.target[kept], weights, radii)
 
 
 @dataclass(frozen=True)
@@ -223,6 +228,11 @@ class BoneMap:
     features: FeaturePoints | None = None
     measures: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
     notes: tuple[str, ...] = ()
+
+    def shifted(self, by: Array) -> BoneMap:
+        """The map to places that lie further on in the target body by a vector (3,) [m]."""
+        moved = PlacedMap(Transform.identity(), self.map, AffineMap(np.eye(3), by))
+        return replace(self, map=moved, whole=replace(self.whole, translation=self.whole.translation + by))
 
 
 def radii_around(places: Array, radii: Array | None, asked: Array) -> Array:

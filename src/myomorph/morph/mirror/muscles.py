@@ -13,9 +13,9 @@ from myomorph.model.model import GROUND, Model
 from myomorph.model.paths import MovingPathPoint, Muscle, PathPoint, TendonWrap
 from myomorph.model.sides import split_side
 from myomorph.model.spatial import Transform
-from myomorph.morph.checks.penetration import standing_poses
 from myomorph.morph.mirror.parts import mirrored_parts
 from myomorph.morph.mirror.sides import OtherSide, other_side_of
+from myomorph.rigid.kinematics import standing_poses
 
 SEATED = 1e-6  # Frames that differ by less are the same [m or rad].
 

@@ -15,7 +15,7 @@ from myomorph.model.functions import Function, PiecewisePolynomial
 from myomorph.model.model import GROUND, Model
 from myomorph.model.sides import mirror_names, other_side
 from myomorph.model.spatial import Transform
-from myomorph.morph.checks.penetration import standing_poses
+from myomorph.rigid.kinematics import standing_poses
 
 SNAP = 1e-6  # A normal this near to an axis is that axis, a plane this near to the origin [m] goes through it.
 

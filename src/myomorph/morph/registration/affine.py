@@ -202,11 +202,13 @@ def _pairs(
     back = np.linalg.inv(laid.matrix)
     here = laid.apply(samples.points)
     closest = goal.nearest(here, fine=True)
-    near, away = _counting(closest.points - here, closest.normals, unit(samples.normals @ back))
+    away = np.linalg.norm(closest.points - here, axis=1)
+    near = counting(away, closest.normals, unit(samples.normals @ back), FACING, TRIMMED)
     if goal.is_open:
         near &= ~closest.rim
     asked = ours.nearest((theirs.points - laid.offset) @ back.T, fine=True)
-    reached, apart = _counting(theirs.points - laid.apply(asked.points), theirs.normals, unit(asked.normals @ back))
+    apart = np.linalg.norm(theirs.points - laid.apply(asked.points), axis=1)
+    reached = counting(apart, theirs.normals, unit(asked.normals @ back), FACING, TRIMMED)
     if ours.is_open:
         reached &= ~asked.rim
     both = apart if goal.is_open else np.concatenate([away, apart])
@@ -218,13 +220,12 @@ def _pairs(
     )
 
 
-def _counting(apart: Array, normals: Array, others: Array) -> tuple[np.ndarray, Array]:
-    """Pairs that face each other, the furthest left out; distances of all."""
-    away = np.linalg.norm(apart, axis=1)
-    facing = np.einsum("ij,ij->i", normals, others) > FACING
+def counting(away: Array, normals: Array, others: Array, cosine: float, share: float) -> np.ndarray:
+    """Pairs so far away (n,) that face each other, but for a share of them, the furthest."""
+    facing = np.einsum("ij,ij->i", normals, others) > cosine
     if facing.any():
-        facing &= away <= np.quantile(away[facing], TRIMMED)
-    return np.asarray(facing), away
+        facing &= away <= np.quantile(away[facing], share)
+    return np.asarray(facing)
 
 
 def unit(vectors: Array) -> Array:

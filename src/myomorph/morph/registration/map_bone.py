@@ -171,14 +171,14 @@ def _features(
             f"the same bone? "
             "Give landmarks, or leave the bone out: it is then scaled as its neighbors"
         )
-    dense = _chosen(surface_match.pairs, np.arange(min(match.feature_count, len(surface_match.pairs))))
+    dense = surface_match.pairs.at(np.arange(min(match.feature_count, len(surface_match.pairs))))
     if landmarks is None:
         return dense
     spacing = float(np.median(cKDTree(dense.source).query(dense.source, 2)[0][:, 1]))
     apart = np.linalg.norm(fit_map(dense, map_options).apply(landmarks.source) - landmarks.target, axis=1)
     reach = np.maximum(BESIDE * spacing, STEEP * apart / surface_match.placed.similarity.scale)
     away = np.linalg.norm(dense.source[:, None] - landmarks.source, axis=2)
-    return _joined(landmarks, _chosen(dense, np.flatnonzero((away > reach).all(axis=1))))
+    return _joined(landmarks, dense.at(np.flatnonzero((away > reach).all(axis=1))))
 
 
 def _map_measures(
@@ -229,7 +229,7 @@ def _unfolded(
         kept[:first] = True
         if kept.all() or kept.sum() < MIN_COUNT:
             break
-        features = _chosen(features, np.flatnonzero(kept))
+        features = features.at(np.flatnonzero(kept))
         mapping = fit_map(features, options)
     return features, mapping
 
@@ -252,11 +252,3 @@ def _radii(first: FeaturePoints, then: FeaturePoints) -> Array | None:
     if then.radii is None:
         return None
     return np.concatenate([np.full(len(first), np.nan) if first.radii is None else first.radii, then.radii])
-
-
-def _chosen(points: FeaturePoints, kept: np.ndarray) -> FeaturePoints:
-    weights: Array | None = None if points.weights is None else points.weights[kept]
-    radii: Array | None = None if points.radii is None else points.radii[kept]
-    return FeaturePoints(
-        tuple(points.names[index] for index in kept), points.source[kept], points.target[kept], weights, radii
-    )

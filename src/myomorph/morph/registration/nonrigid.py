@@ -84,10 +84,10 @@ class MatchQuality:
 
 def match_quality(ours: Shape, deformed: Shape, goal: Shape, samples: Samples, tolerance: float) -> MatchQuality:
     """Judge a match: the source, the same deformed, the target, and where the vertices are on it."""
-    share = _vertex_areas(ours)
+    # A third of every face for each of its corners.
+    corners = sum(np.bincount(corner, ours.areas, len(ours.vertices)) for corner in ours.faces.T)
+    share = np.asarray(corners) / (3.0 * ours.area)
     away = np.linalg.norm(samples.points - deformed.vertices, axis=1)
-    order = np.argsort(away)
-    at95 = int(np.searchsorted(np.cumsum(share[order]), 0.95))
     matched = Shape(Surface(samples.points, ours.faces))
     asked = goal.samples(ASKED).points
     beside = np.linalg.norm(matched.nearest(asked, fine=True).points - asked, axis=1)
@@ -99,7 +99,7 @@ def match_quality(ours: Shape, deformed: Shape, goal: Shape, samples: Samples, t
     low, high = _quantiles(ratio, weights, (0.01, 0.99))
     return MatchQuality(
         residual=float(np.sqrt(share @ away**2)),
-        residual95=float(away[order[min(at95, len(order) - 1)]]),
+        residual95=_quantiles(away, share, (0.95,))[0],
         symmetric=float(np.sqrt(np.mean(beside**2))),
         coverage=float(np.mean(beside <= tolerance)),
         agreement=float(share @ alike),
@@ -116,13 +116,6 @@ def vertex_normals(shape: Shape) -> Array:
         np.add.at(normals, corner, shape.areas[:, None] * shape.normals)
     sizes = np.linalg.norm(normals, axis=1, keepdims=True)
     return normals / np.where(sizes > 0, sizes, 1.0)
-
-
-def _vertex_areas(shape: Shape) -> Array:
-    """Shares (vertices,) of the area, a third of every face for each of its corners."""
-    count = len(shape.vertices)
-    share = sum(np.bincount(corner, shape.areas, count) for corner in shape.faces.T)
-    return np.asarray(share) / (3.0 * shape.area)
 
 
 def _quantiles(values: Array, weights: Array, shares: tuple[float, ...]) -> tuple[float, ...]:

@@ -28,7 +28,7 @@ from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.morph.maps.fields import FeaturePoints
 from myomorph.morph.maps.linear import AffineMap
-from myomorph.morph.registration.affine import unit
+from myomorph.morph.registration.affine import counting, unit
 from myomorph.morph.shapes.surface_points import Samples, Shape
 
 OVERSAMPLED = 6  # Random points for every evenly spread one.
@@ -250,13 +250,13 @@ def _pairs(moving: _Moving, dense: _Moving, theirs: Samples, goal: Shape, coeffi
     here, many = moving.at(coefficients), dense.at(coefficients)
     closest = onto(goal, here.points, here.normals)
     away = np.linalg.norm(closest.points - here.points, axis=1)
-    near = _counting(away, closest.normals, here.normals)
+    near = counting(away, closest.normals, here.normals, PAIR_FACING, TRIMMED)
     if goal.is_open:
         near &= ~closest.rim
     tree = cKDTree(np.column_stack([many.points, NORMAL * many.normals]))
     back = tree.query(np.column_stack([theirs.points, NORMAL * theirs.normals]))[1]
     off = np.abs(np.einsum("ij,ij->i", theirs.points - many.points[back], theirs.normals))
-    reached = _counting(off, theirs.normals, many.normals[back])
+    reached = counting(off, theirs.normals, many.normals[back], PAIR_FACING, TRIMMED)
     first, index = np.flatnonzero(near), back[reached]
     laid = np.concatenate([moving.laid[first], dense.laid[index]])
     goals = np.concatenate([closest.points[near], theirs.points[reached]])
@@ -268,14 +268,6 @@ def _pairs(moving: _Moving, dense: _Moving, theirs: Samples, goal: Shape, coeffi
         np.concatenate([here.points[first], many.points[index]]) - laid,
         float(np.sqrt(np.mean(away[near] ** 2))) if near.any() else np.inf,
     )
-
-
-def _counting(away: Array, normals: Array, others: Array) -> np.ndarray:
-    """Pairs that face each other, the furthest left out."""
-    facing = np.einsum("ij,ij->i", normals, others) > PAIR_FACING
-    if facing.any():
-        facing &= away <= np.quantile(away[facing], TRIMMED)
-    return np.asarray(facing)
 
 
 def _equations(pairs: _Pairs, tether: float, weight: float) -> tuple[Array, Array]:

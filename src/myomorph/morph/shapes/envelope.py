@@ -17,7 +17,7 @@ from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData, check_name, from_extra
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
-from myomorph.model.series import Motion
+from myomorph.model.series import DEFAULT_POSE, Motion
 from myomorph.model.surface import Surface, face_crosses, signed_volume
 from myomorph.morph.shapes.surface_points import Boxes
 from myomorph.rigid.kinematics import forward_kinematics
@@ -194,13 +194,11 @@ def _posed_hulls(model: Model, bones: Mapping[str, Surface], pose: Motion | None
     if not bones:
         raise BadData("no bone to grow an envelope around")
     tree = compile_tree(model)
-    posed = Motion(np.zeros(1), (), np.zeros((1, 0))) if pose is None else pose
-    poses = forward_kinematics(tree, np.ascontiguousarray(tree.coordinates_of(posed)[:1]))
+    poses = forward_kinematics(tree, tree.coordinates_of(DEFAULT_POSE if pose is None else pose)[:1]).transforms()
     result = {}
     for name, surface in bones.items():
         check_name("body", name, model.body_names)
-        number = tree.body_index[name]
-        points = surface.vertices[np.unique(surface.faces)] @ poses.rotations[0, number].T + poses.origins[0, number]
+        points = poses[name].apply(surface.vertices[np.unique(surface.faces)])
         result[name] = points[_corners(points, name)]
     return result
 

@@ -8,7 +8,8 @@ relative of the target; its attachments go through its landmarks to the target's
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Literal, TypeAlias
 
 import numpy as np
 
@@ -17,12 +18,41 @@ from myomorph.model.errors import BadData
 from myomorph.model.model import Body, Joint, Model
 from myomorph.model.paths import Muscle, PathPoint
 from myomorph.model.spatial import Transform
-from myomorph.morph.maps.fields import BoneMap, FeaturePoints, MapOptions, PlacedMap, fit_map
-from myomorph.morph.maps.linear import AffineMap
+from myomorph.morph.maps.fields import BoneMap, FeaturePoints, MapOptions, fit_map
 from myomorph.morph.shapes.surface_points import Shape
-from myomorph.morph.species.table_rows import Attachment, RelativeBone
 
 MIN_COUNT = 4  # Landmarks that a relative's bone needs in common with the target's.
+Point: TypeAlias = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Attachment:
+    """Where muscles begin or end on a bone of a relative."""
+
+    muscles: tuple[str, ...]  # of the source; all go to the same place
+    end: Literal["first", "last"]  # "first" or "last" point of their paths
+    at: Point  # in the frame of the relative's bone [m]
+
+    def __post_init__(self) -> None:
+        if self.end not in ("first", "last"):
+            raise BadData(f"attachment of {', '.join(self.muscles)}: end is '{self.end}': expected first or last")
+        if len(self.at) != 3:
+            raise BadData(f"attachment of {', '.join(self.muscles)}: expected three numbers at 'at'")
+
+
+@dataclass(frozen=True, eq=False)
+class RelativeBone:
+    """Landmarks and attachments on a bone of a relative of the target."""
+
+    body: str  # of the source, whose bone corresponds
+    landmarks: Mapping[str, Point]  # by the names of that bone's rules, in a frame of the relative's bone [m]
+    attachments: tuple[Attachment, ...]  # in the same frame
+    citation: str = ""  # whose
+
+    def __post_init__(self) -> None:
+        wrong = [name for name, at in self.landmarks.items() if len(at) != 3]
+        if wrong:
+            raise BadData(f"relative's '{self.body}': expected three numbers at '{wrong[0]}'")
 
 
 def with_attachments(
@@ -50,7 +80,10 @@ def with_attachments(
                     continue
                 part = f"{relative.body} {name} {each.end}"
                 parts.append((part, relative.body))
-                result[part] = _shifted(bone, part, point.location, goal)
+                # How surely the attachment is known is not known.
+                features = None if bone.features is None else replace(bone.features, radii=None)
+                moved = bone.shifted(goal - bone.map.apply(point.location))
+                result[part] = replace(moved, body=part, features=features)
                 muscles[name] = _with_end(muscles[name], index, replace(point, body=part))
     notes = []
     if parts:
@@ -58,14 +91,18 @@ def with_attachments(
         notes.append(f"{len(parts)} attachments lie on their bones where {by or 'the species table'} has them")
     if kept:
         notes.append(f"attachments stay where the map has them, as paths would double back: {', '.join(kept)}")
+    return with_parts(source, parts, list(muscles.values())), result, tuple(notes)
+
+
+def with_parts(source: Model, parts: Sequence[tuple[str, str]], muscles: Sequence[Muscle]) -> Model:
+    """The source with weightless bodies, by their names and the bodies that they are fixed to, and with muscles."""
     still = Transform.identity()
-    changed = replace(
+    return replace(
         source,
         bodies=(*source.bodies, *(Body(part, 0.0, np.zeros(3), np.zeros((3, 3))) for part, _ in parts)),
         joints=(*source.joints, *(Joint(part, "WeldJoint", body, part, still, still) for part, body in parts)),
-        muscles=tuple(muscles[muscle.name] for muscle in source.muscles),
+        muscles=tuple(muscles),
     )
-    return changed, result, tuple(notes)
 
 
 def straightened(source: Model, names: Sequence[str]) -> Model:
@@ -105,19 +142,6 @@ def _places(relative: RelativeBone, bone: BoneMap) -> Array:
     if bone.target is not None and len(bone.target.faces):
         goals = Shape(bone.target).closest(goals)[0]
     return goals
-
-
-def _shifted(bone: BoneMap, part: str, point: Array, goal: Array) -> BoneMap:
-    """The bone's map for one point, which goes to a place of the target [m]; how surely is not known."""
-    away = goal - bone.map.apply(point)
-    shift = AffineMap(np.eye(3), away)
-    return replace(
-        bone,
-        body=part,
-        map=PlacedMap(Transform.identity(), bone.map, shift),
-        whole=replace(bone.whole, translation=bone.whole.translation + away),
-        features=None if bone.features is None else replace(bone.features, radii=None),
-    )
 
 
 def _doubles_back(muscle: Muscle, each: Attachment, bone: BoneMap, goal: Array) -> bool:

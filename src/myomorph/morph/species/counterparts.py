@@ -17,17 +17,17 @@ import numpy as np
 from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.frozen_map import FrozenMap
-from myomorph.model.model import Body, Joint, Model
+from myomorph.model.model import Model
 from myomorph.model.paths import Muscle, PathPoint
 from myomorph.model.spatial import Transform
-from myomorph.model.surface import Surface
-from myomorph.morph.checks.penetration import standing_poses
+from myomorph.model.surface import Surface, joined_surfaces
 from myomorph.morph.maps.fields import BoneMap, PlacedMap
 from myomorph.morph.maps.linear import AffineMap, Similarity
 from myomorph.morph.shapes.surface_points import Shape
 from myomorph.morph.species.architecture import ArchitectureTable, ScalingLaw
-from myomorph.morph.species.masses import SegmentShare
-from myomorph.morph.species.table_rows import MarkerTable, Ray, RelativeBone
+from myomorph.morph.species.attachments import RelativeBone, with_parts
+from myomorph.morph.species.masses import MarkerTable, SegmentShare
+from myomorph.rigid.kinematics import standing_poses
 
 DIRECTIONS = ("proximal", "anterior", "right")
 RuleKind: TypeAlias = Literal["joint", "farthest", "section", "box"]
@@ -95,6 +95,25 @@ class LandmarkRule:
         if lacking.get(self.rule):
             wants = {"joint": "source_joint and target_joint", "farthest": "toward", "section": "at, 3 or more around"}
             raise BadData(f"landmark '{self.name}': the rule '{self.rule}' needs {wants[self.rule]}")
+
+
+@dataclass(frozen=True)
+class Ray:
+    """A digit of the target, and the muscles whose tendons go to it."""
+
+    # toe, metatarsal: bodies of the target
+    toe: str
+    metatarsal: str
+    # extensors, flexors: muscles of the source, dorsal and plantar of the joint between the two
+    extensors: tuple[str, ...] = ()
+    flexors: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        both = set(self.extensors) & set(self.flexors)
+        if both or not (self.extensors or self.flexors):
+            raise BadData(
+                f"ray {self.toe}: expected extensors or flexors, none of them both: {', '.join(sorted(both))}"
+            )
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,15 +240,11 @@ class Posed:
 
     def surface(self, bodies: tuple[str, ...], surfaces: Surfaces) -> Surface:
         """Surfaces of several bodies as one, in the frame of the first."""
-        vertices, faces, count = [], [], 0
-        for body in bodies:
-            if body in surfaces:
-                vertices.append(self.within(body, bodies[0]).apply(surfaces[body].vertices))
-                faces.append(surfaces[body].faces + count)
-                count += len(vertices[-1])
-        if not vertices:
+        known = [body for body in bodies if body in surfaces]
+        if not known:
             raise BadData(f"no surface of {' or '.join(bodies)}: give the bone's mesh")
-        return Surface(np.vstack(vertices), np.vstack(faces))
+        places = ((self.within(body, bodies[0]), surfaces[body]) for body in known)
+        return joined_surfaces([Surface(pose.apply(surface.vertices), surface.faces) for pose, surface in places])
 
 
 def riders(bone: BoneMap, pair: BoneHomology, here: Posed) -> dict[str, BoneMap]:
@@ -321,12 +336,4 @@ def spread_over_targets(
         return replace(muscle, path=replace(muscle.path, points=points))
 
     new = [(part_name(body, name), body) for body, targets in parts.items() for name in targets[1:]]
-    bodies = tuple(Body(name, 0.0, np.zeros(3), np.zeros((3, 3))) for name, _ in new)
-    still = Transform.identity()
-    joints = tuple(Joint(name, "WeldJoint", body, name, still, still) for name, body in new)
-    return replace(
-        source,
-        bodies=(*source.bodies, *bodies),
-        joints=(*source.joints, *joints),
-        muscles=tuple(carried(muscle) for muscle in source.muscles),
-    )
+    return with_parts(source, new, [carried(muscle) for muscle in source.muscles])

@@ -1,14 +1,15 @@
-"""Masses of a skeleton: inertias that its bones can have, and shares of segments from tables of a species."""
+"""What a species table says of the target's skeleton: shares of segments in its mass, and markers of its recordings."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
 
 import numpy as np
 
-from myomorph.model.errors import BadData, UnknownName, quoted
-from myomorph.model.model import Body, Model
+from myomorph.model.errors import BadData, UnknownName, check_name, quoted
+from myomorph.model.model import GROUND, Body, Marker, Model
 from myomorph.model.surface import Surface
 
 
@@ -108,3 +109,50 @@ def share_notes(model: Model, shares: Sequence[SegmentShare]) -> list[str]:
         if not 0.999 * share.interval[0] <= in_model[share.name] <= 1.001 * share.interval[1]
     ]
     return notes
+
+
+@dataclass(frozen=True, eq=False)
+class MarkerTable:
+    """Markers of one protocol."""
+
+    # name, citation: of the protocol, and whose recordings these are
+    name: str
+    citation: str
+    # by label the body of the target and the place in its frame [m]
+    places: Mapping[str, tuple[str, tuple[float, float, float]]]
+    # coordinates that the protocol shows, as patterns with *; all others are locked where the recording is followed
+    # (the joint to ground always moves)
+    moving: tuple[str, ...] = ("*",)
+    start: Mapping[str, float] | None = None  # values of coordinates with which a search for the first pose begins
+
+
+def with_markers_of(model: Model, tables: tuple[MarkerTable, ...], name: str) -> tuple[Model, tuple[str, ...]]:
+    """The model with the markers of one protocol instead of its own, and locked what they do not show. Returns the
+    model, and what was locked, one line each.
+    """
+    table = next((candidate for candidate in tables if candidate.name == name), None)
+    if table is None:
+        raise UnknownName("marker table", name, tuple(candidate.name for candidate in tables))
+    for body, _ in table.places.values():
+        check_name("body", body, model.body_names)
+    for pattern in table.moving:
+        if not any(fnmatchcase(coordinate_name, pattern) for coordinate_name in model.coordinate_names):
+            raise BadData(f"marker table '{name}': no coordinate fits '{pattern}'")
+    for angle in table.start or ():
+        check_name("coordinate", angle, model.coordinate_names)
+    markers = tuple(Marker(label, body, np.array(place)) for label, (body, place) in table.places.items())
+    root = {name for joint in model.joints if joint.parent == GROUND for name in joint.coordinates}
+    coordinates = []
+    locked = 0
+    for coordinate in model.coordinates:
+        still = coordinate.name not in root and not any(
+            fnmatchcase(coordinate.name, pattern) for pattern in table.moving
+        )
+        locked += still and not coordinate.locked
+        default = (table.start or {}).get(coordinate.name, coordinate.default)
+        coordinates.append(replace(coordinate, locked=coordinate.locked or still, default=default))
+    made = replace(model.with_markers(markers), coordinates=tuple(coordinates))
+    notes = [f"markers of '{name}' ({table.citation}): {len(markers)}, placed on bones, to be calibrated to an animal"]
+    if locked:
+        notes.append(f"{locked} of {len(coordinates)} coordinates are locked, as these markers do not show them")
+    return made, tuple(notes)

@@ -18,14 +18,13 @@ from numpy.typing import ArrayLike
 
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData, UnknownName, check_name
-from myomorph.model.model import Body, Joint, Model
+from myomorph.model.model import Joint, Model
 from myomorph.model.paths import Muscle, PathPoint
-from myomorph.model.spatial import Transform
 from myomorph.model.surface import Surface
 from myomorph.morph.maps.fields import BoneMap
 from myomorph.morph.maps.linear import Similarity
-from myomorph.morph.species.counterparts import BoneHomology, Posed, SpeciesTable, Surfaces, part_name
-from myomorph.morph.species.table_rows import Ray
+from myomorph.morph.species.attachments import with_parts
+from myomorph.morph.species.counterparts import BoneHomology, Posed, Ray, SpeciesTable, Surfaces, part_name
 
 BESIDE = 0.2  # A toe of the source is what lies within this share of the bone's width beside the muscles' points.
 REACH = 0.4
@@ -89,8 +88,7 @@ def put_on_rays(
     joint = next((candidate for candidate in source.joints if candidate.child == toes), None)
     if joint is None:
         raise UnknownName("body", toes, source.body_names)
-    still = Transform.identity()
-    bodies, joints, maps, moved = [], [], {}, {muscle.name: muscle for muscle in source.muscles}
+    new, maps, moved = [], {}, {muscle.name: muscle for muscle in source.muscles}
     for ray in bone.rays:
         for name in (ray.toe, ray.metatarsal):
             check_name("body", name, posed[1].model.body_names)
@@ -108,18 +106,11 @@ def put_on_rays(
             for body, target in ((toes, ray.toe), (joint.parent, ray.metatarsal)):
                 part = parts[body] = f"{part_name(body, target)} {side}"
                 maps[part] = replace(laid.map_of(body, target, side), body=part)
-                bodies.append(Body(part, 0.0, np.zeros(3), np.zeros((3, 3))))
-                joints.append(Joint(part, "WeldJoint", body, part, still, still))
+                new.append((part, body))
             for name in muscles:
                 if name in moved:
                     moved[name] = _on_parts(moved[name], parts, near)
-    model = replace(
-        source,
-        bodies=(*source.bodies, *bodies),
-        joints=(*source.joints, *joints),
-        muscles=tuple(moved[muscle.name] for muscle in source.muscles),
-    )
-    return Rays(model, maps)
+    return Rays(with_parts(source, new, list(moved.values())), maps)
 
 
 def _points(

@@ -21,7 +21,7 @@ from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.functions import linear
 from myomorph.model.model import Axis, Body, Coordinate, Joint, Model
 from myomorph.model.paths import Muscle, TendonWrap
-from myomorph.model.series import Motion
+from myomorph.model.series import DEFAULT_POSE, Motion
 from myomorph.model.spatial import Transform
 from myomorph.muscles.path import compile_paths
 
@@ -171,8 +171,7 @@ class _FreeLink:
         )
         self.muscles = freed.muscle_names
         self._paths = compile_paths(freed)
-        posed = motion if motion is not None else Motion(np.zeros(1), (), np.zeros((1, 0)))
-        self._values = self._paths.tree.coordinates_of(posed)
+        self._values = self._paths.tree.coordinates_of(DEFAULT_POSE if motion is None else motion)
         self._columns = [freed.coordinate_names.index(name) for name in names]
         self.frames = len(self._values)
 

@@ -7,15 +7,16 @@ from dataclasses import replace
 
 from myomorph.model.errors import BadData, UnknownName, quoted
 from myomorph.model.frozen_map import FrozenMap
-from myomorph.model.model import GROUND, Kept, Marker, Model, index_of
+from myomorph.model.model import GROUND, Marker, Model, index_of
 from myomorph.model.paths import Ligament, Muscle, PathPoint, PathWrap, TendonWrap
 from myomorph.model.scale import taut_ligaments
 from myomorph.morph.checks.clearance import cleared
 from myomorph.morph.checks.moment_arms import CoordinateTable, paired_postures
-from myomorph.morph.checks.penetration import standing_poses
 from myomorph.morph.maps.fields import BoneMap
 from myomorph.morph.morphed import Architecture, Morph, MorphOptions
-from myomorph.morph.transfer.bodies import (
+from myomorph.morph.transfer.body_transfer import (
+    Transfer,
+    Transfers,
     neighbor_notes,
     not_transferred,
     of_mass,
@@ -26,7 +27,6 @@ from myomorph.morph.transfer.bodies import (
     transferred_tie,
     with_neighbors,
 )
-from myomorph.morph.transfer.body_transfer import Transfer, Transfers
 from myomorph.morph.transfer.joints import CenterFinder, transferred_joints
 from myomorph.morph.transfer.moving_points import translated_path
 from myomorph.morph.transfer.muscles import path_lengths, transferred_muscles
@@ -34,6 +34,7 @@ from myomorph.morph.transfer.paths import LinesOfAction, transferred_lines
 from myomorph.morph.transfer.points import uncertain_notes
 from myomorph.morph.transfer.virtual_links import balanced_links, bones_around, link_carriers, link_notes
 from myomorph.muscles.kinematics import default_path_lengths
+from myomorph.rigid.kinematics import standing_poses
 
 
 def morph_model(
@@ -112,32 +113,46 @@ def morph_model(
     if options.balance:
         transfers = balanced_links(model, links, transfers, lambda by: transferred(by)[0])
     moved, strings = transferred(transfers)
+    morph = _morph(model, model, moved, strings, transfers, options, joints.notes, progress)
+    return replace(morph, joints=joints.rebuilt, notes=(*morph.notes, *not_transferred(model)))
+
+
+def _morph(
+    source: Model,
+    donor: Model,
+    moved: Model,
+    strings: LinesOfAction,
+    transfers: Transfers,
+    options: MorphOptions,
+    notes: Sequence[str],
+    progress: Callable[[int], None] | None,
+    table: CoordinateTable | None = None,
+    postures: tuple[Mapping[str, float], Mapping[str, float]] = ({}, {}),
+    architecture: Mapping[str, Architecture] | None = None,
+) -> Morph:
+    """What comes of transferred paths (`moved`, and `donor` with the same muscles and ligaments of the source): brought
+    out of bones, with muscles of their lengths, and with all that there is to note.
+    """
     solid = [transfer.bone for transfer in transfers.values()] if options.clear else []
-    moved, points, clearing = cleared(model, moved, solid, strings.points)
-    lengths = path_lengths(model, moved, paired_postures(model, moved), progress)
-    ratio = moved.mass / model.mass if model.mass > 0.0 else 1.0
-    source = {muscle.name: muscle for muscle in model.muscles}
-    muscles, changes, unsure = transferred_muscles(moved.muscles, source, lengths, transfers, options, ratio)
-    bone_maps = {body: transfer.bone for body, transfer in transfers.items()}
-    doubted = uncertain_notes(points, transfers)
-    notes = (
-        *doubted,
-        *neighbor_notes(bone_maps),
-        *link_notes(bone_maps),
-        *joints.notes,
-        *strings.notes,
-        *clearing,
-        *unsure,
+    moved, points, clearing = cleared(donor, moved, solid, strings.points, table)
+    lengths = path_lengths(donor, moved, paired_postures(donor, moved, table, postures), progress)
+    ratio = moved.mass / source.mass if source.mass > 0.0 else 1.0
+    owners = {muscle.name: muscle for muscle in source.muscles}
+    muscles, changes, unsure = transferred_muscles(
+        moved.muscles, owners, lengths, transfers, options, ratio, architecture
     )
+    taut = taut_ligaments(_in_posture(donor, postures[0]), _in_posture(moved, postures[1]), default_path_lengths)
+    bones = FrozenMap({body: transfer.bone for body, transfer in transfers.items()})
+    told = (*neighbor_notes(bones), *link_notes(bones), *notes, *strings.notes, *clearing, *unsure)
     return Morph(
-        source=model,
-        model=replace(moved, muscles=muscles, ligaments=taut_ligaments(model, moved, default_path_lengths)),
-        bones=FrozenMap(bone_maps),
+        source=source,
+        model=replace(moved, muscles=muscles, ligaments=taut),
+        bones=bones,
         points=points,
-        joints=joints.rebuilt,
+        joints=(),
         muscles=changes,
         options=options,
-        notes=(*notes, *not_transferred(model)),
+        notes=(*uncertain_notes(points, transfers), *told),
     )
 
 
@@ -189,13 +204,18 @@ def graft_muscles(
     """
     options = options or MorphOptions()
     _check(source, bones)
-    table = _same_coordinates(source, target) if coordinates is None else coordinates
+    table = coordinates
+    if table is None:
+        table = {name: (name, 1.0, 0.0) for name in source.coordinate_names if name in target.coordinate_names}
     transfers, links = _grafted(source, target, bones, postures, surrounding)
     left_out = _left_out(source, transfers)
     muscles, notes = _translated(
         source, [muscle for muscle in source.muscles if muscle.name not in left_out], transfers, table, postures[0]
     )
     ligaments = _whole_ligaments(source, transfers)
+    # The parts of the source's file that the ligaments' forces are in.
+    forces = {(ligament.kind, ligament.name) for ligament in ligaments}
+    kept = tuple(part for part in source.kept if (part.kind, part.name) in forces)
     known = (*source.coordinates, *target.coordinates)
 
     def transferred(by: Transfers) -> tuple[Model, LinesOfAction]:
@@ -205,7 +225,7 @@ def graft_muscles(
             name=name or target.name,
             muscles=strings.muscles,
             ligaments=strings.ligaments,
-            kept=(*target.kept, *_kept_of(source, ligaments)),
+            kept=(*target.kept, *kept),
             wrap_objects=strings.wrap_objects,
             markers=(*target.markers, *_markers(source, target, by)),
             warnings=(),
@@ -217,30 +237,16 @@ def graft_muscles(
         transfers = balanced_links(held, links, transfers, lambda by: _in_posture(transferred(by)[0], postures[1]))
     moved, strings = transferred(transfers)
     donor = replace(source, muscles=tuple(source.muscle(muscle.name) for muscle in muscles), ligaments=ligaments)
-    solid = [transfer.bone for transfer in transfers.values()] if options.clear else []
-    moved, points, clearing = cleared(donor, moved, solid, strings.points, table)
-    lengths = path_lengths(donor, moved, paired_postures(donor, moved, table, postures), progress)
-    ratio = target.mass / source.mass if source.mass > 0.0 else 1.0
-    owners = {muscle.name: muscle for muscle in source.muscles}
-    grown, changes, unsure = transferred_muscles(
-        moved.muscles, owners, lengths, transfers, options, ratio, architecture
-    )
-    taut = taut_ligaments(_in_posture(donor, postures[0]), _in_posture(moved, postures[1]), default_path_lengths)
+    morph = _morph(source, donor, moved, strings, transfers, options, notes, progress, table, postures, architecture)
+    grown = morph.model
     if beside:
-        grown, taut = (*target.muscles, *grown), (*target.ligaments, *taut)
-        moved = replace(moved, wrap_objects=(*target.wrap_objects, *moved.wrap_objects))
-    bone_maps = {body: transfer.bone for body, transfer in transfers.items()}
-    return Morph(
-        source=source,
-        model=replace(moved, muscles=grown, ligaments=taut),
-        bones=FrozenMap(bone_maps),
-        points=points,
-        joints=(),
-        muscles=changes,
-        options=options,
-        notes=(*uncertain_notes(points, transfers), *link_notes(bone_maps), *notes, *strings.notes, *clearing, *unsure),
-        left_out=FrozenMap(left_out),
-    )
+        grown = replace(
+            grown,
+            muscles=(*target.muscles, *grown.muscles),
+            ligaments=(*target.ligaments, *grown.ligaments),
+            wrap_objects=(*target.wrap_objects, *grown.wrap_objects),
+        )
+    return replace(morph, model=grown, left_out=FrozenMap(left_out))
 
 
 def _grafted(
@@ -279,16 +285,6 @@ def _whole_ligaments(source: Model, transfers: Mapping[str, Transfer]) -> tuple[
             )
             ligaments.append(replace(ligament, path=replace(ligament.path, wraps=wraps)))
     return tuple(ligaments)
-
-
-def _kept_of(source: Model, ligaments: Sequence[Ligament]) -> tuple[Kept, ...]:
-    """The parts of the source's file that the ligaments' forces are in."""
-    names = {(ligament.kind, ligament.name) for ligament in ligaments}
-    return tuple(part for part in source.kept if (part.kind, part.name) in names)
-
-
-def _same_coordinates(source: Model, target: Model) -> CoordinateTable:
-    return {name: (name, 1.0, 0.0) for name in source.coordinate_names if name in target.coordinate_names}
 
 
 def _left_out(source: Model, transfers: Mapping[str, Transfer]) -> dict[str, str]:

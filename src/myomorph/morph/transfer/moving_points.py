@@ -23,8 +23,12 @@ def translated_path(path: Path, table: CoordinateTable, standing: Mapping[str, f
     for i, point in enumerate(path.points):
         if isinstance(point, MovingPathPoint):
             kept.append(_moving(point, table, standing, lost))
-        elif not point.coordinate or point.coordinate in table:
-            kept.append(_conditional(point, table))
+        elif not point.coordinate:
+            kept.append(point)
+        elif point.coordinate in table:
+            name, factor, offset = table[point.coordinate]
+            low, high = sorted(factor * end + offset for end in point.range)
+            kept.append(replace(point, coordinate=name, range=(low, high)))
         else:
             lost.append(point.coordinate)
             low, high = point.range
@@ -33,14 +37,6 @@ def translated_path(path: Path, table: CoordinateTable, standing: Mapping[str, f
             else:
                 dropped.append(i)
     return replace(path, points=tuple(kept), wraps=_renumbered(path, dropped)), lost
-
-
-def _conditional(point: PathPoint, table: CoordinateTable) -> PathPoint:
-    if not point.coordinate:
-        return point
-    name, factor, offset = table[point.coordinate]
-    low, high = sorted(factor * end + offset for end in point.range)
-    return replace(point, coordinate=name, range=(low, high))
 
 
 def _moving(

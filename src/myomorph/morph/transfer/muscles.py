@@ -80,14 +80,10 @@ def transferred_muscles(
         force = _force_ratio(options, transfers, bodies, growth.slope, mass_ratio)
         if known is not None:
             force = known.force / muscle.max_isometric_force if muscle.max_isometric_force > 0.0 else 1.0
+            changed = replace(changed, tendon_slack_length=max(changed.tendon_slack_length, 0.0))
             if known.pennation is not None:
                 changed = replace(changed, pennation_at_optimal=min(known.pennation, float(GREATEST_PENNATION)))
         changed = _with_force(changed, force, growth.slope)
-        changed = (
-            replace(changed, tendon_slack_length=max(changed.tendon_slack_length, 0.0))
-            if known is not None
-            else changed
-        )
         result.append(changed)
         change = _change(muscle, changed, before[1:], after[1:], ratio, force)
         if known is not None:
@@ -114,6 +110,13 @@ def normalized_lengths(muscle: Muscle, lengths: Array) -> Array:
     return np.sqrt(along**2 + height**2) / muscle.optimal_fiber_length
 
 
+def _usual(muscle: Muscle, lengths: Array) -> np.ndarray:
+    """Which path lengths (postures,) the muscle was made for; all of them where too few are."""
+    normal = normalized_lengths(muscle, lengths)
+    usual = (normal >= USUAL[0]) & (normal <= USUAL[1])
+    return usual if usual.sum() >= MIN_COUNT else np.isfinite(lengths)
+
+
 def _range_growth(muscle: Muscle, before: Array, after: Array, ratio: float) -> Growth | None:
     """The growth that keeps normalized fiber lengths over the range of motion, None where the paths do not tell.
 
@@ -126,10 +129,7 @@ def _range_growth(muscle: Muscle, before: Array, after: Array, ratio: float) -> 
     tendon); where they do not, as in another species, least squares would shorten the fiber by their correlation and
     so widen its range.
     """
-    normal = normalized_lengths(muscle, before)
-    usual = (normal >= USUAL[0]) & (normal <= USUAL[1])
-    if usual.sum() < MIN_COUNT:
-        usual = np.isfinite(before)
+    usual = _usual(muscle, before)
     x, y = before[usual], after[usual]
     if not np.ptp(x) > LEAST_TRAVEL * before[0]:
         return None
@@ -143,10 +143,7 @@ def _range_growth(muscle: Muscle, before: Array, after: Array, ratio: float) -> 
 
 def _given_growth(muscle: Muscle, before: Array, after: Array, fiber: float) -> Growth:
     """The growth to a known fiber length, with the tendon that keeps the mean normalized fiber length over postures."""
-    normal = normalized_lengths(muscle, before)
-    usual = (normal >= USUAL[0]) & (normal <= USUAL[1])
-    if usual.sum() < MIN_COUNT:
-        usual = np.isfinite(before)
+    usual = _usual(muscle, before)
     slope = fiber / muscle.optimal_fiber_length
     return Growth(slope, float(after[usual].mean() - slope * before[usual].mean()))
 

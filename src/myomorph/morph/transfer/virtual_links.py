@@ -16,8 +16,8 @@ from myomorph.model.errors import BadData, check_name
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import GROUND, Model
 from myomorph.model.spatial import Transform
-from myomorph.morph.maps.fields import BoneMap, FeaturePoints, PlacedMap, fit_map, neighbors_of
-from myomorph.morph.maps.linear import AffineMap, Similarity, procrustes
+from myomorph.morph.maps.fields import BoneMap, FeaturePoints, fit_map, neighbors_of
+from myomorph.morph.maps.linear import procrustes
 from myomorph.morph.transfer.body_transfer import Transfer, Transfers
 from myomorph.morph.transfer.branch_points import BranchLoad, Riders, branch_load, branch_places, riders_of
 from myomorph.muscles.kinematics import default_path_lengths
@@ -103,7 +103,7 @@ def _features(transfers: Transfers, bone: str) -> FeaturePoints:
         places = transfers[bone].samples
         features = FeaturePoints(tuple(str(i) for i in range(len(places))), places, transfers[bone].points(places))
     chosen = np.unique(np.linspace(0, len(features) - 1, min(FEATURES, len(features))).round().astype(int))
-    return FeaturePoints(tuple(features.names[i] for i in chosen), features.source[chosen], features.target[chosen])
+    return features.at(chosen)
 
 
 FURTHEST = 0.25  # A branching point is moved no further than by this share of the mean length of its lines of action.
@@ -132,7 +132,9 @@ def balanced_links(
     the posture in which bones are compared; `transferred`: the target with the source's muscles.
     """
     result = dict(transfers)
-    loads = {link: branch_load(source, link) for link in links if _has_branches(source, link)}
+    branches = {link: riders_of(source, link).points for link in links}
+    strong = {muscle.name for muscle in source.muscles if muscle.max_isometric_force > 0.0}
+    loads = {link: branch_load(source, link) for link, names in branches.items() if names and strong >= names.keys()}
     moved = dict.fromkeys(loads, np.zeros(3))
     rests = dict.fromkeys(loads, True)
     for _ in range(PASSES):
@@ -141,7 +143,7 @@ def balanced_links(
             there = result[link]
             shift, rests[link] = _to_balance(source, target, there, load)
             moved[link] = moved[link] + shift
-            result[link] = _shifted(there, shift)
+            result[link] = Transfer(there.bone.shifted(shift), there.body)
             furthest = max(furthest, float(np.linalg.norm(shift)))
         if furthest < SETTLED or len(loads) < 2:
             break
@@ -164,11 +166,6 @@ def link_notes(bones: Mapping[str, BoneMap]) -> list[str]:
     ]
 
 
-def _has_branches(model: Model, link: str) -> bool:
-    names = riders_of(model, link).points
-    return bool(names) and all(model.muscle(name).max_isometric_force > 0.0 for name in names)
-
-
 def _to_balance(source: Model, target: Model, there: Transfer, load: BranchLoad) -> tuple[Array, bool]:
     """(3,) how far the link's points have to move in the target body's frame [m], and whether they can rest there."""
     link_riders = riders_of(source, load.link)
@@ -184,13 +181,6 @@ def _to_balance(source: Model, target: Model, there: Transfer, load: BranchLoad)
     turned = replace(load, link=there.body, rest=there.rotation @ load.rest)
     places, balanced = branch_places(target, turned, riders=riders)
     return (places[0], True) if balanced[0] else (np.zeros(3), False)
-
-
-def _shifted(transfer: Transfer, shift: Array) -> Transfer:
-    bone = transfer.bone
-    moved = PlacedMap(Transform.identity(), bone.map, AffineMap(np.eye(3), shift))
-    whole = Similarity(bone.whole.rotation, bone.whole.translation + shift, bone.whole.scale)
-    return Transfer(replace(bone, map=moved, whole=whole), transfer.body)
 
 
 def _with_balance(transfer: Transfer, load: BranchLoad, away: float, kept: bool) -> Transfer:

@@ -116,9 +116,7 @@ def _seen_from_base(model: Model, values: Array) -> Array:
     """(frames, 3 markers) places of the model's markers in the frame of its first body [m]."""
     tree = compile_tree(model)
     poses = forward_kinematics(tree, values)
-    bodies = np.array([tree.body_index[marker.body] for marker in model.markers], np.int64)
-    places = poses.points(bodies, np.array([marker.location for marker in model.markers]))
-    local = np.einsum("fji,fmj->fmi", poses.rotations[:, 1], places - poses.origins[:, 1, None])
+    local = np.einsum("fji,fmj->fmi", poses.rotations[:, 1], poses.markers(model.markers) - poses.origins[:, 1, None])
     return local.reshape(len(values), -1)
 
 

@@ -103,13 +103,11 @@ def number(value: float, step: float | None = None) -> str:
             mantissa, power = f"{value:.1e}".split("e")
             return f"{mantissa}·10{_raised(int(power))}".replace("-", "−")
         digits = 0 if size >= 100 or size == 0.0 else 1 if size >= 10 else 2 if size >= 1 else 3
-        text = f"{value:,.{digits}f}".replace(",", "\u202f")
     else:
         digits = max(0, -int(np.floor(np.log10(step) + 1e-9))) if step > 0 else 0
         if step > 0 and abs(step * 10**digits - round(step * 10**digits)) > 1e-6:
             digits += 1
-        text = f"{value:,.{digits}f}".replace(",", "\u202f")
-    return text.replace("-", "−")
+    return f"{value:,.{digits}f}".replace(",", "\u202f").replace("-", "−")
 
 
 def _raised(power: int) -> str:

@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 
 from myomorph.model.arrays import Array
 from myomorph.model.series import Event
-from myomorph.report.charts.axis import Axis, number
+from myomorph.report.charts.axis import Axis
+from myomorph.report.charts.curves import event_line
 from myomorph.report.charts.marks import Frame, drawing, frame, grid_along, image, mark, rect, shortened, text
 from myomorph.report.scene.image import HEAT, data_uri, png
 
 MAX_COLUMNS = 700
-ROW, LABEL = 19.0, 190.0
+WIDTH, ROW, LABEL = 1040, 19.0, 190.0
 SIDES = ("right", "left")
 
 
@@ -38,12 +39,11 @@ def heat_map(
     names: Sequence[str],
     blocks: Sequence[tuple[str, NDArray[np.int64]]],
     events: Sequence[Event] = (),
-    width: int = 1040,
 ) -> str:
     """Many columns (frames, columns) over time as rows of color, light for zero, in labelled blocks of columns."""
     rows = int(sum(len(columns) for _, columns in blocks))
     row = 10.0 if rows <= 90 else max(1.6, 900.0 / rows)
-    gap, top, left, right = 14.0, 38.0, 96.0, width - 76.0
+    gap, top, left, right = 14.0, 38.0, 96.0, WIDTH - 76.0
     peak = float(np.max(values, where=np.isfinite(values), initial=0.0)) or 1.0
     index = np.clip(np.round(np.nan_to_num(pooled(values)) / peak * 255.0), 0, 255).astype(np.uint8)
     span = float(time[0]), max(float(time[-1]), float(time[0]) + 1e-9)
@@ -53,15 +53,14 @@ def heat_map(
         tall = len(columns) * row
         area = frame(left, y, right, y + tall, span, (0.0, float(len(columns))))
         parts += [_heat_block(area, label, [names[i] for i in columns], index[:, columns], every)]
-        parts += [
-            _event_over(area, event) for event in events if _beside(event, label) and span[0] <= event.time <= span[1]
-        ]
+        shown = (event for event in events if _beside(event, label) and span[0] <= event.time <= span[1])
+        parts += [event_line(area, event, "over") for event in shown]
         y += tall + gap
     bottom = y - gap
     parts.append(grid_along(frame(left, top, right, bottom, span, unit="s"), 9, lines=False, drop=14.0))
     parts.append(_color_bar(right + 14, Axis(0.0, peak, top + min(bottom - top, 220.0), top), unit))
     attributes = f'data-peak="{peak:.9g}" data-unit="{escape(unit, True)}"'
-    return drawing("heat", title, (width, int(bottom + 24)), *parts, unit=unit, attributes=attributes)
+    return drawing("heat", title, (WIDTH, int(bottom + 24)), *parts, unit=unit, attributes=attributes)
 
 
 def _heat_block(area: Frame, label: str, names: Sequence[str], index: NDArray[np.uint8], every: int) -> str:
@@ -82,12 +81,6 @@ def _heat_block(area: Frame, label: str, names: Sequence[str], index: NDArray[np
 def _beside(event: Event, label: str) -> bool:
     """Whether an event is of a block's side, or one of them of no side."""
     return not event.side or not label or event.side.lower() == label.lower()
-
-
-def _event_over(area: Frame, event: Event) -> str:
-    under = f"{event.side} {event.label}".strip() + f", {number(event.time, 0.001)} s"
-    data = f"M{float(area.x.at(event.time)):.1f} {area.y.stop:.1f}V{area.y.start:.1f}"
-    return mark("path", "event over", under, d=data)
 
 
 def _color_bar(x: float, axis: Axis, unit: str) -> str:
@@ -113,14 +106,10 @@ class Cell:
 
 
 def sided_table(
-    title: str,
-    unit: str,
-    columns: Sequence[str],
-    rows: Sequence[tuple[str, Sequence[Sequence[Cell | None]]]],
-    width: int = 1040,
+    title: str, unit: str, columns: Sequence[str], rows: Sequence[tuple[str, Sequence[Sequence[Cell | None]]]]
 ) -> str:
     """A table of colored cells: a label each row, and for every column the cells of both sides or one for both."""
-    room = min((width - LABEL) / max(len(columns), 1), 250.0)
+    room = min((WIDTH - LABEL) / max(len(columns), 1), 250.0)
     gap, top = 6.0, 52.0
     parts = []
     sided = any(len(cells) == 2 for _, each in rows for cells in each)
@@ -140,7 +129,7 @@ def sided_table(
                 for place, cell in enumerate(cells)
                 if cell is not None
             ]
-    return drawing("cells", title, (width, top + ROW * len(rows) + 4), *parts, unit=unit)
+    return drawing("cells", title, (WIDTH, top + ROW * len(rows) + 4), *parts, unit=unit)
 
 
 def _cell(cell: Cell, x: float, y: float, wide: float) -> str:

@@ -114,9 +114,9 @@ def _second_scale(area: svg.Frame, factor: float, unit: str) -> str:
     return "".join(parts)
 
 
-def event_line(area: svg.Frame, event: Event) -> str:
-    """An upright line at an event, in the color of its side."""
-    name, style = f"{event.side} {event.label}".strip(), event.side.lower() or "middle"
+def event_line(area: svg.Frame, event: Event, style: str = "") -> str:
+    """An upright line at an event, in the color of its side where no style is given."""
+    name, style = f"{event.side} {event.label}".strip(), style or event.side.lower() or "middle"
     data = f"M{float(area.x.at(event.time)):.1f} {area.y.stop:.1f}V{area.y.start:.1f}"
     return svg.mark("path", f"event {style}", f"{name}, {number(event.time, 0.001)} s", d=data)
 

@@ -135,7 +135,6 @@ def interval_rows(
     levels: Sequence[svg.Level] = (),
     solid: Sequence[bool] | None = None,
     signed: bool = False,
-    width: int = 680,
 ) -> str:
     """Dots with intervals in rows, further values as upright ticks; intervals far beyond all values are cut. `signed`:
     zero is in the middle, for values of both signs, and the chart at least 1 wide to both sides.
@@ -149,7 +148,7 @@ def interval_rows(
     peak, furthest = (max(peak, 1.0), 3.0) if signed else (peak, 1.5)
     ends = [abs(end) for interval in values for end in (interval.low, interval.high) if np.isfinite(end)]
     reach = 1.06 * max(peak, min(max(ends, default=0.0), furthest * peak)) or 1.0
-    row = 17.0
+    row, width = 17.0, 680
     area = row_frame(names, (-reach if signed else 0.0, reach), row, width, 38.0 if levels else 28.0)
     rows = []
     for i, (name, value) in enumerate(zip(names, values, strict=True)):
@@ -187,11 +186,9 @@ def interval_bars(
     values: Sequence[Estimate | None],
     beside: Sequence[Beside] = (),
     levels: Sequence[svg.Level] = (),
-    width: int = 330,
-    height: int = 210,
 ) -> str:
     """Upright bars, one a name, each with its interval; an interval that reaches far above the rest is cut."""
-    top = _top(values, beside, levels)
+    top, width, height = _top(values, beside, levels), 330, 210
     area = svg.frame(48.0, 26.0, width - 8.0, height - 24.0, (0.0, float(max(len(names), 1))), (0.0, top))
     column = (area.x.stop - area.x.start) / max(len(names), 1)
     half = min(13.0, 0.3 * column)

@@ -9,7 +9,7 @@ import numpy as np
 
 from myomorph.model.arrays import Array
 from myomorph.model.model import Mesh, Model
-from myomorph.model.series import Motion
+from myomorph.model.series import DEFAULT_POSE
 from myomorph.model.spatial import Transform
 from myomorph.model.surface import Surface
 from myomorph.morph.checks.checks import distinct_bones, target_surface
@@ -81,7 +81,7 @@ def _scene(model: Model, bones: Mapping[str, Surface | None], muscles: Collectio
         muscles=tuple(muscle for muscle in model.muscles if muscle.name in muscles),
         ground_meshes=(),
     )
-    scene = make_scene(shown, Motion(np.zeros(1), (), np.zeros((1, 0))), [0], lean)
+    scene = make_scene(shown, DEFAULT_POSE, [0], lean)
     held = {point.body for muscle in shown.muscles for point in muscle.path.points} | set(lean)
     return _only(scene, [i + 1 for i, name in enumerate(model.body_names) if name in held])
 

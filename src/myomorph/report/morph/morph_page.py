@@ -4,19 +4,29 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from pathlib import Path
+from dataclasses import replace
 
 import numpy as np
 
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.provenance import Provenance
-from myomorph.morph.checks.warnings import MorphChecks
+from myomorph.morph.checks.warnings import KINDS, MorphChecks
+from myomorph.morph.maps.fields import muscle_sizes
 from myomorph.morph.morphed import Morph
 from myomorph.report.charts.axis import number
-from myomorph.report.morph.sections import morphing_sections
+from myomorph.report.charts.rows import dot_plot
+from myomorph.report.morph.figures import arm_figure, body_figure, bone_figures, name_of
+from myomorph.report.morph.tables import (
+    arm_summary_rows,
+    joint_rows,
+    mass_rows,
+    penetration_rows,
+    point_rows,
+    wrap_rows,
+)
 from myomorph.report.page.page import Tile, rendered
-from myomorph.report.page.parts import Note, PageHead, Section, SourceFile, Step, cited
+from myomorph.report.page.parts import Figure, Grid, Note, PageHead, Section, Step, cited
 
 __all__ = ["morph_page"]
 
@@ -41,15 +51,9 @@ def morph_page(
     first; `further`: sections that come after the warnings, as of errors against a known truth.
     """
     title = title or f"{morph.model.name}: muscles of {morph.source.name}"
-    page = PageHead(
-        title=title,
-        date=made.date,
-        version=made.version,
-        notes=(*notes, *_assumed(morph)),
-        sources=tuple(SourceFile(source.role, Path(source.name).name, source.sha256) for source in made.sources),
-        steps=(Step("morph", FrozenMap({name: _printed(value) for name, value in made.options.items()})),),
-        warnings=tuple(dict.fromkeys([*warnings, *morph.notes, *checks.notes])),
-    )
+    step = Step("morph", FrozenMap({name: _printed(value) for name, value in made.options.items()}))
+    told = dict.fromkeys([*warnings, *morph.notes, *checks.notes])
+    page = replace(PageHead.of(title, made, (*notes, *_assumed(morph)), told), steps=(step,))
     sections = morphing_sections(morph, checks)
     return rendered(
         page,
@@ -129,3 +133,244 @@ def _printed(value: object) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+FIRST_ARMS = 6  # Coordinates whose curves are open at first.
+FIRST_WARNINGS = 8  # Of each kind, seen at first.
+MAX_OPEN_ROWS = 30
+MAX_ROWS = 1000  # Of a folded table.
+
+
+def morphing_sections(morph: Morph, checks: MorphChecks) -> list[Section]:
+    """All parts, warnings first."""
+    made = (
+        warning_section(checks),
+        body_section(morph),
+        bone_section(morph),
+        arm_section(morph, checks),
+        muscle_section(morph),
+        path_section(morph, checks),
+        joint_section(morph),
+        mass_section(morph),
+        method_section(morph),
+    )
+    return [section for section in made if section is not None]
+
+
+def warning_section(checks: MorphChecks) -> Section:
+    """What looks wrong, the worst of each kind first."""
+    rows = tuple((KINDS[warning.kind][0], warning.text) for warning in checks.warnings)
+    first = tuple(
+        (title, warning.text) for kind, (title, *_) in KINDS.items() for warning in checks.of(kind)[:FIRST_WARNINGS]
+    )
+    limits = checks.options
+    lead = f"{f'{len(rows)} warnings' if rows else 'No warning'} compared with the source scaled to the target. "
+    lead += (
+        f"Checked: paths that run deeper through a bone than the source's by {100 * limits.deeper:g} % of the "
+        "longest bone, anywhere in the range of a coordinate; moment arms of opposite sign, with a jump that the "
+        f"source does not have, or {limits.ratio:g} times the size of the bones; points where the map is "
+        f"inverted; attachments {100 * limits.off_surface:g} % of the longest bone further from their surface; "
+        f"fiber lengths that leave the source's range by {limits.fiber:g} of their optimal length; joint centers "
+        f"that parent and child place {100 * limits.gap:g} % of the longest bone apart. Faults that the source has too "
+        "give no warning."
+    )
+    grids = [Grid(("Kind", "Warning"), first)] if rows else []
+    if len(rows) > len(first):
+        grids.append(Grid(("Kind", "Warning"), rows, f"All {len(rows)} warnings", True))
+    return Section("warnings", "Warnings", lead, (), (), tuple(grids))
+
+
+def body_section(morph: Morph) -> Section:
+    """Source and target side by side."""
+    lead = "Both in their default pose with their bones and muscle paths."
+    return Section("bodies", "Source and target", lead, (), (Figure(body_figure(morph), "full"),))
+
+
+def bone_section(morph: Morph) -> Section:
+    """How well the source's bones, as they are carried, fit the target's."""
+    figures = bone_figures(morph)
+    touched = {point.body for point in morph.points}
+    bones = [bone for bone in morph.bones.values() if bone.basis != "neighbors" or bone.body in touched]
+    measures = [name for name in dict.fromkeys(name for bone in bones for name in bone.measures) if name != "features"]
+    rows = []
+    for bone in bones:
+        known = [_measured(name, bone.measures.get(name)) for name in measures]
+        count = "" if bone.features is None else str(len(bone.features))
+        name = bone.body if bone.body == bone.target_body else f"{bone.body} → {bone.target_body}"
+        rows.append((name, bone.basis, number(bone.whole.scale), count, *known))
+    head = ("Bone", "Basis", "Size", "Features", *(_metric(name) for name in measures))
+    noted = tuple((bone.body, text) for bone in bones for text in bone.notes)
+    grids = [Grid(head, tuple(rows), "Maps of the bones", len(rows) > MAX_OPEN_ROWS)]
+    if noted:
+        grids.append(Grid(("Bone", "Note"), noted, "Notes of the maps"))
+    lead = (
+        "The target's bones, colored by the distance of the source's mapped bones: blue "
+        "where the target lies inside, red where outside. Size is the scale of the target relative to the source."
+    )
+    drawn = tuple(Figure(svg) for svg in figures)
+    return Section("bones", "Bones and their maps", lead, (), drawn, tuple(grids))
+
+
+def _metric(name: str) -> str:
+    printed = name.replace("[m]", "[mm]").replace("_", " ")
+    return printed[:1].upper() + printed[1:]
+
+
+def _measured(name: str, value: float | None) -> str:
+    if value is None:
+        return "–"
+    return number(1e3 * value if "[m]" in name else float(value))
+
+
+def arm_section(morph: Morph, checks: MorphChecks) -> Section | None:
+    """Moment arms over the joints' ranges, as curves and as a table."""
+    if not checks.arms:
+        return None
+    sizes = muscle_sizes(morph.source, morph.bones)
+    figures = []
+    for i, arm in enumerate(checks.arms):
+        flagged = {w.place for w in checks.warnings if w.kind in ("sign", "jump", "arm") and arm.pair.target in w.text}
+        folded = "" if i < FIRST_ARMS else f"About {arm.pair.target}: {len(arm.muscles)} muscles"
+        figures.append(Figure(arm_figure(arm, sizes, flagged), "full", folded=folded))
+    order = tuple(
+        (name_of(arms.pair), str(len(arms.muscles)), number(checks.order[arms.pair.source], 0.001))
+        for arms in checks.arms
+    )
+    rows = arm_summary_rows(morph, checks).rows
+    printed = [
+        (str(pair), str(muscle), *(number(1e3 * arm) for arm in arms[:6]), number(arms[6]), f"{100 * arms[7]:.0f} %",
+         *(number(1e3 * arm) for arm in arms[8:]))
+        for pair, muscle, *numbers in rows
+        for arms in [np.array(numbers, float).tolist()]
+    ]  # fmt: skip
+    head = (
+        "Coordinate", "Muscle", "Source mean [mm]", "Minimum", "Maximum", "Target mean [mm]", "Minimum", "Maximum",
+        "Ratio to scaled source", "Same sign", "Jump, source [mm]", "Jump, target [mm]", "Within, 90 % [mm]",
+    )  # fmt: skip
+    title = f"All {len(rows)} pairs of muscle and coordinate"
+    if len(printed) > MAX_ROWS:
+        printed = [row for row in printed if any(w.place == row[1] and row[0] in w.text for w in checks.warnings)]
+        printed = printed[:MAX_ROWS]
+        title = f"Those of {len(rows)} pairs of muscle and coordinate with a warning; all are in the table of the file"
+    grids = (
+        Grid(("Coordinate", "Muscles", "Rank correlation"), order, "Order of mean moment arms"),
+        Grid(head, tuple(printed), title, True),
+    )
+    lead = (
+        "Moment arms r = −dl/dq over each coordinate's range, the other coordinates at their defaults. The source's "
+        "are scaled by the size of the bones that each muscle attaches to. Names of muscles with a warning are "
+        "red. About translations, moment arms have no unit."
+    )
+    if any(arms.within is not None for arms in checks.arms):
+        lead += (
+            " Bands are 90 % intervals that follow from those of the points on matched bones and of mapped joints; "
+            "muscles with a point whose interval is not known have none."
+        )
+    legend = (("first", "target"), ("truth", "source, scaled to the target"))
+    return Section("arms", "Moment arms", lead, legend, tuple(figures), grids)
+
+
+def muscle_section(morph: Morph) -> Section | None:
+    """What became of fibers, tendons and forces."""
+    if not morph.muscles:
+        return None
+    names = [muscle.name for muscle in morph.muscles]
+    figures: tuple[Figure, ...] = ()
+    if len(names) <= 3 * MAX_OPEN_ROWS:
+        values = [
+            np.array([getattr(muscle, field) for muscle in morph.muscles]) for field in ("fiber", "tendon", "force")
+        ]
+        plot = dot_plot("Target over source", "", names, values, ("first", "second", "third"),
+                        ("optimal fiber length", "tendon slack length", "maximum isometric force"), 880)  # fmt: skip
+        figures = (Figure(plot, "full"),)
+    rows = tuple(
+        (
+            muscle.name,
+            *(number(x) for x in (muscle.path, muscle.fiber, muscle.tendon, muscle.force)),
+            f"{np.degrees(muscle.pennation):+.1f}°".replace("-", "−"),
+            "{:.2f} to {:.2f}".format(*muscle.range_source),
+            "{:.2f} to {:.2f}".format(*muscle.range_target),
+        )
+        for muscle in morph.muscles
+    )
+    head = (
+        "Muscle", "Path", "Fiber", "Tendon", "Force", "Pennation", "Fiber range, source", "Fiber range, target",
+    )  # fmt: skip
+    options = morph.options
+    lead = (
+        f"Parameters of the target over those of the source. Fibers: “{options.fibers}”; force: “{options.force}”; "
+        f"pennation: “{options.pennation}”. Fiber ranges are normalized fiber lengths over the joints' ranges of "
+        "motion."
+    )
+    words = ("optimal fiber length", "tendon slack length", "maximum isometric force")
+    legend = tuple(zip(("first", "second", "third"), words, strict=True))
+    grids = (Grid(head, rows, f"Parameters of {len(rows)} muscles, target over source", len(rows) > MAX_OPEN_ROWS),)
+    return Section("muscles", "Fibers, tendons and forces", lead, legend, figures, grids)
+
+
+def path_section(morph: Morph, checks: MorphChecks) -> Section:
+    """Attachments on the surface, and paths through bones."""
+    lifted = np.array([point.lifted for point in morph.points if point.lifted > 0.0])
+    lead = f"{len(morph.points)} points were transferred"
+    if len(lifted):
+        lead += (
+            f", {len(lifted)} of them projected onto their bone's surface: by {number(1e3 * float(np.median(lifted)))} "
+            f"mm in the median, {number(1e3 * float(lifted.max()))} mm at most"
+        )
+    lead += (
+        f". {len(checks.penetrations)} pairs of a muscle and a bone have the path below the bone's surface somewhere "
+        "in the joints' ranges, in source or target."
+    )
+    grids = [
+        penetration_rows(checks).grid("Paths below the surface of bones, largest increase first", True),
+        point_rows(morph).grid(f"All {len(morph.points)} points", True),
+        wrap_rows(checks).grid("Wrap objects, and how surely they lie", True),
+    ]
+    if morph.left_out:
+        grids.insert(0, Grid(("Part", "Reason"), tuple(morph.left_out.items()), "Excluded"))
+    return Section("paths", "Muscle paths", lead, (), (), tuple(grid for grid in grids if grid.rows))
+
+
+def joint_section(morph: Morph) -> Section | None:
+    """Joint centers."""
+    if not morph.joints:
+        return None
+    grid = joint_rows(morph).grid("Centers in the target's bones")
+    fitted = sum(1 for joint in morph.joints if joint.method in ("sphere", "cylinder"))
+    lead = (
+        f"{fitted} of {len(morph.joints)} joint centers come from spheres and cylinders fitted to the target's "
+        "articular surfaces, the others from the maps. The gap is between the centers from parent and child, "
+        "known where the target's bones lie in one frame."
+    )
+    return Section("joints", "Joints", lead, (), (), (grid,))
+
+
+def mass_section(morph: Morph) -> Section:
+    """Masses of the bodies."""
+    title = "Masses, centers of mass and principal moments of inertia"
+    lead = f"{number(morph.model.mass)} kg, the source {number(morph.source.mass)} kg."
+    notes = [f"{note[:1].upper()}{note[1:]}." for note in morph.notes if note.startswith("masses")]
+    grid = mass_rows(morph).grid(title)
+    return Section("masses", "Masses", " ".join([lead, *notes]), (), (), (grid,))
+
+
+def method_section(morph: Morph) -> Section:
+    """What was done, in the order it was done."""
+    options = morph.options
+    rows = (
+        ("Features", "Pairs of points of source and target bone: landmarks, and those of the non-rigid registration."),
+        ("Maps", "One map a bone from its features alone; virtual links move with all the bones around them."),
+        (
+            "Points",
+            "Path points, wrap objects, markers and joint frames are transferred by the map of their body; wraps and "
+            "axes rotate and scale with it.",
+        ),
+        (
+            "Surfaces",
+            f"Points within {100 * options.surface_within:g} % of bone length of the source's surface are placed at "
+            "the same height over the target's, in its size.",
+        ),
+        ("Joints", f"Centers “{options.joints}”."),
+        ("Muscles", f"Fibers “{options.fibers}”, force “{options.force}”, pennation “{options.pennation}”."),
+    )
+    return Section("method", "Method", "", (), (), (Grid(("Step", "Description"), rows),))

@@ -7,21 +7,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from myomorph.morph.checks.warnings import MorphChecks
+from myomorph.morph.checks.warnings import KINDS, MorphChecks
 from myomorph.morph.morphed import Morph
-
-KINDS = {
-    "bone": "path through a bone",
-    "sign": "moment arm of another sign",
-    "jump": "moment arm that jumps",
-    "fold": "muscle point where a map folds",
-    "arm": "moment arm of another size",
-    "surface": "attachment off its bone",
-    "fiber": "muscle with fibers outside the source's range",
-    "joint": "joint that does not meet",
-    "order": "coordinate with moment arms in another order",
-}
-"""Kinds of warnings in words, the worst first."""
 
 
 def morph_lines(morph: Morph, checks: MorphChecks) -> Iterator[str]:
@@ -125,18 +112,6 @@ def _verdict(checks: MorphChecks) -> str:
     if not checks.warnings:
         return "checks: nothing is worse than in the source"
     counts = Counter(warning.kind for warning in checks.warnings)
-    named = ", ".join(f"{counts[kind]} {_many(text, counts[kind])}" for kind, text in KINDS.items() if counts[kind])
+    words = {kind: single if counts[kind] == 1 else several for kind, (_, single, several) in KINDS.items()}
+    named = ", ".join(f"{counts[kind]} {text}" for kind, text in words.items() if counts[kind])
     return f"checks: {len(checks.warnings)} warnings, first in the report: {named}; first: {checks.warnings[0].text}"
-
-
-def _many(text: str, count: int) -> str:
-    """The plural: of the first word, which names the thing."""
-    if count == 1:
-        return text
-    head, _, rest = text.partition(" ")
-    if head in ("moment", "muscle") and rest.startswith(("arm ", "point ")):
-        second, _, more = rest.partition(" ")
-        plural = f"{head} {second}s {more}"
-    else:
-        plural = f"{head}s {rest}"
-    return plural.replace("that jumps", "that jump").replace("that does not", "that do not")

@@ -17,6 +17,7 @@ from typing import Literal
 from myomorph import __version__
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.provenance import Provenance
+from myomorph.report.charts.axis import number
 
 
 @dataclass(frozen=True)
@@ -69,11 +70,23 @@ class Sheet:
             writer.writerow([_written(cell, digits) if isinstance(cell, float) else cell for cell in row])
         return text.getvalue()
 
+    def grid(self, title: str, folded: bool = False, told: str = "") -> Grid:
+        """The table for print, to about three digits and in millimeters; `told`: a unit that the title tells."""
 
-def _written(number: float, digits: int | None) -> str:
-    if not math.isfinite(number):
+        def printed(name: str, cell: Cell) -> str:
+            if isinstance(cell, float):
+                return number(1e3 * cell if "[m]" in name else cell)
+            return "–" if cell is None else str(cell)
+
+        names = (name.removesuffix(told).replace("[m]", "[mm]") for name in self.head)
+        rows = tuple(tuple(map(printed, self.head, row)) for row in self.rows)
+        return Grid(tuple(name[:1].upper() + name[1:] for name in names), rows, title, folded)
+
+
+def _written(value: float, digits: int | None) -> str:
+    if not math.isfinite(value):
         return ""
-    return repr(float(number)) if digits is None else f"{number:.{digits}g}"
+    return repr(float(value)) if digits is None else f"{value:.{digits}g}"
 
 
 @dataclass(frozen=True)

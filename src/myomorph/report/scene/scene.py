@@ -14,8 +14,7 @@ from myomorph.model.series import Motion, Series, Wrenches
 from myomorph.model.sides import split_side
 from myomorph.model.surface import Surface
 from myomorph.muscles.path import compile_paths, drawn_paths
-from myomorph.report.scene.shapes import box_corners, primitive, sticks
-from myomorph.report.scene.stand_ins import stand_ins
+from myomorph.report.scene.shapes import box_corners, primitive, stand_ins, sticks
 from myomorph.rigid.kinematics import Poses, forward_kinematics
 from myomorph.rigid.tree import compile_tree
 

@@ -1,8 +1,9 @@
-"""Surfaces made here: primitive shapes, sticks for bodies without a mesh, and coarser copies."""
+"""Surfaces made here: primitive shapes, sticks and simple shapes for bodies without a mesh, and coarser copies."""
 
 from __future__ import annotations
 
 import itertools
+import re
 from collections.abc import Sequence
 from functools import lru_cache
 
@@ -10,10 +11,8 @@ import numpy as np
 
 from myomorph.model.arrays import Array
 from myomorph.model.model import Mesh, Model
-from myomorph.model.series import Motion
 from myomorph.model.surface import Surface
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
+from myomorph.rigid.kinematics import standing_poses
 
 FINEST = 0.012
 """Cells that surfaces are made coarser by at first, as a share of the body's size, for a part as large as the body."""
@@ -143,15 +142,13 @@ def capsule(start: Array, end: Array, radius: float) -> Surface:
 
 def bones(model: Model) -> dict[str, tuple[Array, list[Array]]]:
     """For every body, its joint's center and those of the joints it carries in the default pose, in its frame [m]."""
-    tree = compile_tree(model)
-    poses = forward_kinematics(tree, tree.coordinates_of(Motion(np.zeros(1), (), np.zeros((1, 0)))))
+    poses = standing_poses(model)
     starts = {joint.child: joint.child_frame.translation for joint in model.joints}
     result: dict[str, tuple[Array, list[Array]]] = {name: (starts[name], []) for name in model.body_names}
     for joint in model.joints:
         if joint.parent in result:
-            h, b = tree.body_index[joint.parent], tree.body_index[joint.child]
-            center = poses.rotations[0, b] @ starts[joint.child] + poses.origins[0, b]
-            result[joint.parent][1].append(poses.rotations[0, h].T @ (center - poses.origins[0, h]))
+            center = poses[joint.child].apply(starts[joint.child])
+            result[joint.parent][1].append(poses[joint.parent].inverse().apply(center))
     return result
 
 
@@ -235,3 +232,70 @@ def normals(surface: Surface) -> Array:
         total[:, i] = sum(np.bincount(surface.faces[:, corner], across[:, i], len(total)) for corner in range(3))
     lengths = np.linalg.norm(total, axis=1, keepdims=True)
     return total / np.where(lengths > 0, lengths, 1.0)
+
+
+TRUNK = re.compile(r"(?:^|_)(?:torso|trunk|thorax|ribcage|upper_?body)(?:$|_)", re.IGNORECASE)
+HEAD = re.compile(r"(?:^|_|neck)(?:head|skull|cranium)(?:$|_|neck)", re.IGNORECASE)
+
+SHOULDERS, HEAD_CENTER = 1.42, 1.82
+"""Heights over the joint of a trunk that ends at the lumbar spine, in units of that of its mass center (gait2354)."""
+
+THORAX = np.array([0.31, 0.48, 0.23])
+"""Half sizes of a thorax to the side, upwards and forward, in units of its height from the joint to the shoulders."""
+
+SKULL = np.array([0.19, 0.29, 0.24])
+"""The same of a head, in units of the height of the trunk's mass center over its joint."""
+
+
+def stand_ins(model: Model) -> dict[str, list[Surface]]:
+    """Shapes of the trunk, with a head where no body of its own is one, and of heads, in their bodies' frames. Only for
+    trunks and heads that have a mass center away from their joint, which shows their size.
+    """
+    poses = standing_poses(model)
+    model_bones = bones(model)
+    trunk = next((body for body in model.bodies if TRUNK.search(body.name) and body.mass > 0.0), None)
+    if trunk is None:
+        return {}
+    start, joints = model_bones[trunk.name]
+    turn = poses[trunk.name].rotation
+    up = turn.T @ model.up
+    rise = float((trunk.mass_center - start) @ up)
+    size = float(np.linalg.norm(trunk.mass_center - start))
+    if size <= 0.0:
+        return {}
+    axes = np.stack([_across(model, up, turn), up, np.zeros(3)])
+    axes[2] = np.cross(axes[0], up)
+    headed = any(HEAD.search(body.name) for body in model.bodies)
+    if rise > 0.3 * size:
+        along = (trunk.mass_center - start) / size
+        tall = SHOULDERS * size
+        if headed:
+            # Without the head the mass center lies lower: the joints of arms and neck show the height.
+            tall = max([1.05 * float((joint - start) @ up) for joint in joints], default=tall)
+        middle = start + 0.53 * tall * along
+        shapes = [ellipsoid(middle, axes, tall * THORAX)]
+        head = start + HEAD_CENTER * size * along
+    else:
+        # A thorax whose frame lies at its top, as at the jugular notch: its mass center is in its middle.
+        tall = 2.3 * max(-rise, 0.6 * size)
+        shapes = [ellipsoid(trunk.mass_center, axes, tall * THORAX)]
+        head = trunk.mass_center + 0.72 * tall * up
+        size = tall / SHOULDERS
+    if not headed:
+        shapes.append(ellipsoid(head, axes, size * SKULL))
+    result = {trunk.name: shapes}
+    for body in model.bodies:
+        start, joints = model_bones[body.name]
+        reach = float(np.linalg.norm(body.mass_center - start))
+        if HEAD.search(body.name) and body is not trunk and not joints and reach > 0.0:
+            there = poses[body.name].rotation.T @ turn @ axes.T
+            result[body.name] = [ellipsoid(body.mass_center, there.T, max(reach, 0.3 * size) * SKULL / SKULL[1])]
+    return result
+
+
+def _across(model: Model, up: Array, turn: Array) -> Array:
+    """Unit vector to the side in the trunk's frame: models look along x, with y or z up."""
+    side = turn.T @ np.cross([1.0, 0.0, 0.0], model.up)
+    side = side - (side @ up) * up
+    length = float(np.linalg.norm(side))
+    return np.asarray(side / length if length > 1e-6 else turn.T @ np.array([0.0, 1.0, 0.0]))

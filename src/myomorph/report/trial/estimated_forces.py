@@ -16,6 +16,7 @@ from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import GROUND, Model
 from myomorph.model.series import Wrenches
 from myomorph.report.page.parts import Quantity, Verdict
+from myomorph.report.trial.figures import ORDINAL
 from myomorph.report.trial.report_input import ReportInput, Situation
 from myomorph.report.trial.tables import judged_residual
 
@@ -31,7 +32,6 @@ SITUATIONS: Mapping[Situation, str] = FrozenMap(
 )
 LOADED = 0.03
 BETWEEN = "between"
-ORDINAL = ("first", "second", "third", "fourth")
 
 
 def situation_of(results: ReportInput) -> Situation:

@@ -13,13 +13,13 @@ from myomorph.identify.validation import COMPONENTS
 from myomorph.model.arrays import Array
 from myomorph.model.model import Model
 from myomorph.model.segments import SEGMENTS
-from myomorph.model.series import Motion
+from myomorph.model.series import DEFAULT_POSE
 from myomorph.model.surface import Surface
 from myomorph.report.charts.axis import number
 from myomorph.report.charts.pictures import picture_row
 from myomorph.report.charts.points import rank_plot
 from myomorph.report.charts.rows import dot_plot
-from myomorph.report.page.parts import Cell, Figure, Grid, Section, Sheet
+from myomorph.report.page.parts import Figure, Grid, Section, Sheet
 from myomorph.report.scene.image import LEVEL, level_color
 from myomorph.report.scene.pictures import pictures
 from myomorph.report.scene.scene import make_scene
@@ -85,8 +85,7 @@ def body_section(model: Model, identification: Identification | None, surfaces: 
 
 def body_picture(model: Model, share: Array | None, surfaces: Mapping[str, Surface]) -> str:
     """The model from its right side and from the front as one drawing, with its scale of colors where there are any."""
-    pose = Motion(np.zeros(1), (), np.zeros((1, 0)))
-    scene = make_scene(replace(model, muscles=()), pose, [0], surfaces)
+    scene = make_scene(replace(model, muscles=()), DEFAULT_POSE, [0], surfaces)
     shown = np.full(len(model.bodies), np.nan) if share is None else share
     colors = np.vstack([[0.72, 0.72, 0.72], level_color(shown)])
     drawn = pictures(scene, 560, 560, colors)
@@ -101,14 +100,14 @@ def mass_section(identification: Identification) -> Section:
     shown = [i for i in heavy if max(mass[i] for mass in masses.values()) >= 0.001]
     names, values = [bodies[i] for i in shown], [mass[shown] for mass in masses.values()]
     plot = dot_plot("Mass of each link", "kg", names, values, STYLES[: len(masses)], list(masses), 880)
-    grids = [_grid(tables.mass_sheet(identification), "Mass of each link [kg]", len(bodies) > MAX_OPEN_ROWS)]
+    grids = [tables.mass_sheet(identification).grid("Mass of each link [kg]", len(bodies) > MAX_OPEN_ROWS, " [kg]")]
     spine = tables.spine_sheet(bodies, masses)
     if spine.rows:
-        grids.append(_grid(spine, "Spread of the vertebrae's masses: population standard deviation [kg]"))
+        grids.append(spine.grid("Spread of the vertebrae's masses: population standard deviation [kg]", told=" [kg]"))
     sheet = tables.link_sheet(identification)
     keep = [sheet.head.index(name) for name in ("link", "mass [kg]", "share from the data")] + [5, 6, 7]
     cut = Sheet(tuple(sheet.head[i] for i in keep), tuple(tuple(row[i] for i in keep) for row in sheet.rows))
-    grids.append(_grid(cut, f"Physical consistency of {len(sheet.rows)} links", True))
+    grids.append(cut.grid(f"Physical consistency of {len(sheet.rows)} links", True, " [kg]"))
     left = len(bodies) - len(shown)
     lead = "Every method's mass of every link, heaviest first."
     lead += f" {left} links below one gram are only in the table." if left else ""
@@ -169,9 +168,8 @@ def base_section(identification: Identification) -> Section:
     from_shape = tuple((link, ", ".join(parameters)) for link, parameters in identification.from_shape.items())
     unseen = tuple(name for name, known in zip(names, identifiable, strict=True) if not known)
     grids = [
-        _grid(
-            tables.misfit_sheet(identification),
-            "Residual of the base wrench in the frames used, root mean square of its norm",
+        tables.misfit_sheet(identification).grid(
+            "Residual of the base wrench in the frames used, root mean square of its norm"
         ),
         Grid(COMPONENTS, (residual,), "Residual of the base parameters, root mean square"),
         Grid(head, rows, f"All {len(rows)} base parameters", True),
@@ -189,21 +187,3 @@ def base_section(identification: Identification) -> Section:
 
 def _words(value: float | None) -> str:
     return "–" if value is None else number(value)
-
-
-def _grid(sheet: Sheet, title: str, folded: bool = False) -> Grid:
-    """A table of numbers for print: about three digits."""
-
-    def words(cell: Cell) -> str:
-        if cell is None:
-            return "–"
-        return number(cell) if isinstance(cell, float) else str(cell)
-
-    head = tuple(_short(name) for name in sheet.head)
-    return Grid(head, tuple(tuple(words(cell) for cell in row) for row in sheet.rows), title, folded)
-
-
-def _short(name: str) -> str:
-    """A column's name without its unit, which the table's title tells."""
-    plain = name.removesuffix(" [kg]")
-    return plain[:1].upper() + plain[1:]

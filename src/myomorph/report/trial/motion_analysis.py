@@ -38,6 +38,8 @@ class Person:
     periods: tuple[Periodicity, ...]  # of the three columns of `center`
     muscles: tuple[Pair, ...]  # of the preset, as far as the model has them
     lacking: tuple[str, ...]  # the others
+    # (frames, n) by `column_name`, parts of a muscle weighted by strength; None where nothing is known of them
+    activations: Series | None
 
 
 @read_only
@@ -55,7 +57,6 @@ class MotionAnalysis:
     time: Array
     touching: np.ndarray | None
     cutting: Cutting
-    activations: Series | None  # (frames, n) "muscle, side" of all persons, parts of a muscle weighted by strength
     measures: tuple[StageMeasures, ...]  # of every stage, of the first person
     correlations: Correlations | None  # rows contacts and muscles, columns `axes`, of the first person
 
@@ -90,9 +91,7 @@ def analyse(prepared: Prepared) -> MotionAnalysis | None:
         preset.cuts,
         results.analysis.phases,
     )
-    activations = _activations(prepared, persons)
-    center = persons[0].center if persons else None
-    muscles = _of_first(activations, persons)
+    center, muscles = (persons[0].center, persons[0].activations) if persons else (None, None)
     measures = tuple(measure(stage, center, muscles, clock, touching) for stage in cutting.stages)
     rows = _rows(muscles, clock, limbs, touching)
     return MotionAnalysis(
@@ -106,7 +105,6 @@ def analyse(prepared: Prepared) -> MotionAnalysis | None:
         clock,
         touching,
         cutting,
-        activations,
         measures,
         correlate(rows, leveled(center)) if center is not None and rows is not None and len(rows) > 1 else None,
     )
@@ -162,7 +160,8 @@ def _persons(prepared: Prepared, who: tuple[Subject, ...], preset: Preset) -> tu
         )
         periods = tuple(find_period(series.time, column) if len(series) > 8 else NONE for column in series.values.T)
         standing = standing_height(results.model, subject, prepared.up), height - lowest
-        persons.append(Person(subject, series, standing, _still(series), periods, muscles, lacking))
+        active = _activations(prepared, muscles)
+        persons.append(Person(subject, series, standing, _still(series), periods, muscles, lacking, active))
     return tuple(persons)
 
 
@@ -185,38 +184,21 @@ def _period(persons: tuple[Person, ...]) -> float:
     return max(alike, key=lambda period: period.likeness).period if alike else float("nan")
 
 
-def _activations(prepared: Prepared, persons: tuple[Person, ...]) -> Series | None:
-    series = prepared.results.activations
+def _activations(prepared: Prepared, muscles: tuple[Pair, ...]) -> Series | None:
+    series, strengths = prepared.results.activations, prepared.results.strengths
     if series is None:
         return None
-    strengths, names, columns = prepared.results.strengths, [], []
-    for person in persons:
-        for pair in person.muscles:
-            for side, members in pair.members.items():
-                mean = weighted(series, members, strengths)
-                if mean is not None:
-                    names.append(column_name(person, pair, side))
-                    columns.append(mean)
-    return Series(series.time, tuple(names), np.stack(columns, axis=1)) if columns else None
+    columns: dict[str, Array] = {}
+    for pair in muscles:
+        for side, members in pair.members.items():
+            mean = weighted(series, members, strengths)
+            columns |= {} if mean is None else {column_name(pair, side): mean}
+    return Series(series.time, tuple(columns), np.stack(list(columns.values()), axis=1)) if columns else None
 
 
-def column_name(person: Person, pair: Pair, side: str) -> str:
-    """Name of a muscle's column in `MotionAnalysis.activations`."""
-    return ", ".join(word for word in (person.who.name, pair.label, side) if word)
-
-
-def _of_first(activations: Series | None, persons: tuple[Person, ...]) -> Series | None:
-    """Columns of the first person, without the person's name."""
-    if activations is None or not persons:
-        return None
-    labels = [
-        (column_name(persons[0], pair, side), f"{pair.label}, {side}" if side else pair.label)
-        for pair in persons[0].muscles
-        for side in pair.members
-    ]
-    kept = [(name, label) for name, label in labels if name in activations.names]
-    values = np.stack([activations[name] for name, _ in kept], axis=1) if kept else np.zeros((len(activations), 0))
-    return Series(activations.time, tuple(label for _, label in kept), values)
+def column_name(pair: Pair, side: str) -> str:
+    """Name of a muscle's column in `Person.activations`."""
+    return f"{pair.label}, {side}" if side else pair.label
 
 
 def _rows(

@@ -12,8 +12,7 @@ from myomorph.report.charts.axis import number
 from myomorph.report.charts.marks import dot, drawing, frame, grid_along, mark, rect, text
 from myomorph.report.page.page import rendered
 from myomorph.report.page.parts import Figure, Grid, PageHead, Section
-from myomorph.report.trial.muscle_summary import FIBER_RANGE
-from myomorph.report.trial.summary_lines import reserve_unit
+from myomorph.report.trial.summary_lines import FIBER_RANGE, reserve_unit
 from myomorph.tension.personal.personalize import Estimate, Personalized
 
 ROW, LEFT, WIDTH = 11.0, 96.0, 430.0

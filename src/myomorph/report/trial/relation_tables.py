@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Set
+from collections.abc import Sequence, Set
 
 import numpy as np
 
 from myomorph.analysis.correlations import Correlations
+from myomorph.analysis.selection import Pair
+from myomorph.model.series import Series
 from myomorph.report.charts.axis import number
 from myomorph.report.charts.cells import Cell, sided_table
 from myomorph.report.page.parts import Figure, Grid, Section
-from myomorph.report.trial.motion_analysis import MotionAnalysis, Person
+from myomorph.report.trial.motion_analysis import MotionAnalysis, column_name
 
 MAX_COLUMNS = 10
 CUT_WORDS = {
@@ -31,10 +33,12 @@ def phase_section(analysis: MotionAnalysis) -> Section | None:
     """What every phase is like, and how active each muscle is in it."""
     if not analysis.measures:
         return None
-    figures = []
-    if analysis.persons and analysis.activations is not None and analysis.persons[0].muscles:
-        figures.append(Figure(_activity(analysis, analysis.persons[0]), "full"))
-    who = analysis.persons[0].who.name if analysis.persons else ""
+    figures, who = [], ""
+    if analysis.persons:
+        first = analysis.persons[0]
+        who = first.who.name
+        if first.activations is not None:
+            figures.append(Figure(_activity(analysis, first.muscles, first.activations), "full"))
     lead = cut_words(analysis)
     if any(len(measure.stage.phases) > 1 for measure in analysis.measures):
         lead += " Phases with the same contacts are combined; range and variance are within a phase."
@@ -70,26 +74,17 @@ def _center_grid(analysis: MotionAnalysis) -> Grid:
 
 def _doing_grid(analysis: MotionAnalysis) -> Grid:
     """Muscles and contacts of every phase; without rows where neither tells anything."""
-    muscles = analysis.activations is not None and bool(analysis.persons) and bool(analysis.persons[0].muscles)
+    muscles = analysis.persons[0].activations if analysis.persons else None
     touching = bool(analysis.limbs) and analysis.cutting.by != "contacts"
     head = ["Phase"]
-    head += ["Mean activation", "Maximum", "Most active muscle"] if muscles else []
+    head += [] if muscles is None else ["Mean activation", "Maximum", "Most active muscle"]
     head += ["Time in contact"] if touching else []
-    names = [
-        f"{pair.label}, {side}" if side else pair.label
-        for person in analysis.persons[:1]
-        for pair in person.muscles
-        for side in pair.members
-    ]
     rows = []
-    for measure in analysis.measures if muscles or touching else ():
+    for measure in analysis.measures if len(head) > 1 else ():
         cells = [measure.stage.name]
-        if muscles:
-            cells += [
-                number(measure.activity),
-                number(measure.peak),
-                names[measure.strongest] if measure.strongest >= 0 else "–",
-            ]
+        if muscles is not None:
+            strongest = muscles.names[measure.strongest] if measure.strongest >= 0 else "–"
+            cells += [number(measure.activity), number(measure.peak), strongest]
         if touching:
             shares = [
                 f"{limb.label} {100 * share:.0f} %"
@@ -101,36 +96,27 @@ def _doing_grid(analysis: MotionAnalysis) -> Grid:
     return Grid(tuple(head), tuple(rows), "Muscles and contacts by phase" if touching else "Muscles by phase")
 
 
-def _activity(analysis: MotionAnalysis, person: Person) -> str:
+def _activity(analysis: MotionAnalysis, muscles: Sequence[Pair], series: Series) -> str:
     """Mean activation of every muscle in every phase."""
-    series = analysis.activations
-    assert series is not None
     stages = [measure.stage for measure in analysis.measures][:MAX_COLUMNS]
-    inside = [stage.inside(series.time) for stage in stages]
-    peak = 1e-9
-    values: dict[tuple[int, int, str], float] = {}
-    for i, pair in enumerate(person.muscles):
-        for side in pair.members:
-            name = ", ".join(word for word in (person.who.name, pair.label, side) if word)
-            for j, rows in enumerate(inside):
-                column = series[name][rows]
-                mean = float(np.nanmean(column)) if np.isfinite(column).any() else float("nan")
-                values[i, j, side] = mean
-                peak = max(peak, 0.0 if np.isnan(mean) else mean)
+    means: list[dict[str, float]] = []
+    for stage in stages:
+        rows = series.values[stage.inside(series.time)]
+        seen = np.isfinite(rows).any(axis=0)
+        columns = zip(series.names, rows.T, seen, strict=True)
+        means.append({name: float(np.nanmean(column)) for name, column, known in columns if known})
+    peak = max([1e-9, *(mean for of_stage in means for mean in of_stage.values())])
+
+    def cell(pair: Pair, side: str, stage: int) -> Cell | None:
+        mean = means[stage].get(column_name(pair, side), float("nan"))
+        printed = f"{pair.label} {side}, {stages[stage].name}: {number(mean)}"
+        return Cell(mean / peak, number(mean, 0.01), printed) if side in pair.members else None
+
     table = []
-    for i, pair in enumerate(person.muscles):
+    for pair in muscles:
         sides = ("right", "left") if set(pair.members) & {"right", "left"} else ("",)
-        cells = []
-        for j, stage in enumerate(stages):
-            row = []
-            for side in sides:
-                mean = values.get((i, j, side), float("nan"))
-                printed = f"{pair.label} {side}, {stage.name}: {number(mean)}"
-                row.append(None if side not in pair.members else Cell(mean / peak, number(mean, 0.01), printed))
-            cells.append(tuple(row))
-        table.append((pair.label, tuple(cells)))
-    title = "Mean activation by phase"
-    return sided_table(title, "darker: more active", [stage.name for stage in stages], table)
+        table.append((pair.label, [[cell(pair, side, stage) for side in sides] for stage in range(len(stages))]))
+    return sided_table("Mean activation by phase", "darker: more active", [stage.name for stage in stages], table)
 
 
 def correlation_section(analysis: MotionAnalysis) -> Section | None:

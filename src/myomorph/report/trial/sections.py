@@ -12,7 +12,7 @@ from myomorph.report.charts.axis import number
 from myomorph.report.page.parts import SIDES_LEGEND, Figure, Grid, Section
 from myomorph.report.trial import muscle_sections
 from myomorph.report.trial.analysis_sections import analysis_sections
-from myomorph.report.trial.fiber_section import fiber_section
+from myomorph.report.trial.contact_panel import joint_contact_section
 from myomorph.report.trial.figures import (
     centroid_figures,
     force_figures,
@@ -23,12 +23,11 @@ from myomorph.report.trial.figures import (
     residual_figures,
 )
 from myomorph.report.trial.identification import identification_sections
-from myomorph.report.trial.joint_contact_section import joint_contact_section
+from myomorph.report.trial.muscle_sections import fiber_section
 from myomorph.report.trial.prepared import Prepared
 from myomorph.report.trial.report_input import Truth
 from myomorph.report.trial.tables import residuals
-from myomorph.report.trial.uncertainty_section import uncertainty_section
-from myomorph.report.trial.validation import truth_section
+from myomorph.report.trial.validation import truth_section, uncertainty_section
 
 BANDS = " Bands hold 90 % of the draws (see Uncertainty)."
 

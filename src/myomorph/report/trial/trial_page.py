@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from myomorph.model.series import Motion
 from myomorph.report.charts.axis import number
 from myomorph.report.charts.pictures import nearest_frames
 from myomorph.report.page.page import Instant, Tile, rendered
-from myomorph.report.page.parts import Note, Quantity, Reference, Section, SourceFile, Step, references
+from myomorph.report.page.parts import Note, Quantity, SourceFile, Step, references
 from myomorph.report.scene.image import data_uri
 from myomorph.report.scene.pictures import frames_to_play, pictures, player, proportion
 from myomorph.report.scene.scene import make_scene
@@ -42,7 +40,14 @@ def prepared_page(prepared: Prepared) -> str:
     return rendered(
         results.head,
         parts,
-        _numbered(prepared, parts),
+        references(
+            results.kinematics.fit is not None,
+            results.dynamics.torques is not None,
+            results.tension is not None,
+            prepared.movement.kind == "jump",
+            results.identification is not None,
+            any(part.key == "analysis" for part in parts),
+        ),
         facts=_facts(prepared),
         tiles=_tiles(prepared),
         verdicts=prepared.verdicts,
@@ -51,18 +56,6 @@ def prepared_page(prepared: Prepared) -> str:
         motion=motion,
         muscles_colored=results.tension is not None,
         arrows="" if acting_forces(results) is None else forces,
-    )
-
-
-def _numbered(prepared: Prepared, parts: Sequence[Section]) -> Sequence[Reference]:
-    results = prepared.results
-    return references(
-        results.kinematics.fit is not None,
-        results.dynamics.torques is not None,
-        results.tension is not None,
-        prepared.movement.kind == "jump",
-        results.identification is not None,
-        any(part.key == "analysis" for part in parts),
     )
 
 

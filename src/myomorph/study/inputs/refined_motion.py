@@ -97,10 +97,8 @@ def marker_distances(model: Model, names: Sequence[str], markers: Markers, motio
     tree = compile_tree(model)
     known = np.isfinite(motion.values).all(axis=1)
     distances = np.full((len(motion), len(names)), np.nan)
-    places = [model.marker(name) for name in names]
     poses = forward_kinematics(tree, tree.coordinates_of(motion)[known])
-    bodies = np.array([tree.body_number(place.body) for place in places], np.int64)
-    points = poses.points(bodies, np.array([place.location for place in places]))
+    points = poses.markers([model.marker(name) for name in names])
     recorded = markers.values[:, [markers.names.index(name) for name in names]]
     distances[known] = np.linalg.norm(points - recorded[known], axis=2)
     return distances

@@ -16,7 +16,7 @@ from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.provenance import Source
 from myomorph.model.surface import Surface
-from myomorph.morph.registration.place_clusters import bone_surface
+from myomorph.morph.registration.clusters import bone_surface
 from myomorph.store.results import file_source
 from myomorph.store.study_file import Strict, existing
 

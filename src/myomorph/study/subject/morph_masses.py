@@ -17,7 +17,7 @@ from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertial_parameters, pseudo_inertias, with_inertial_parameters
 from myomorph.model.model import Model
-from myomorph.model.series import Motion
+from myomorph.model.series import DEFAULT_POSE, Motion
 from myomorph.model.surface import Surface
 from myomorph.morph.checks.checks import target_surface
 from myomorph.morph.morphed import Morph
@@ -34,9 +34,6 @@ CELLS = 160
 
 LIKE = 3.0
 """A skin that holds so many times more or less than the body's mass is not this body's."""
-
-POSE = Motion(np.zeros(1), (), np.zeros((1, 0)))
-"""The model's default pose."""
 
 
 def with_morphed_masses(
@@ -140,7 +137,7 @@ def with_envelope_masses(
     enveloped &= np.array([grown.volumes.get(name, 0.0) > 0.0 for name in model.body_names])
     kept = share * _mass(model, ~enveloped)
     weight = DENSITY * grown.volume if mass is None else mass - kept
-    whole = _points(model, grown, weight, POSE if pose is None else pose)
+    whole = _points(model, grown, weight, DEFAULT_POSE if pose is None else pose)
     words = "as the source's masses ask for" if flesh else f"at first {100 * SOFT_TISSUE:g} % of each bone's length"
     notes = [
         f"masses from an envelope grown around {len(known)} bones, no skin was given: flesh {words}"

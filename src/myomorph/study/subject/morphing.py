@@ -20,7 +20,6 @@ from myomorph.model.surface import Surface
 from myomorph.morph.arm_intervals import DRAWS, with_arm_intervals
 from myomorph.morph.checks.checks import check_morph
 from myomorph.morph.checks.moment_arms import COUNT
-from myomorph.morph.checks.penetration import standing_poses
 from myomorph.morph.checks.warnings import MorphChecks
 from myomorph.morph.maps.fields import BoneMap, FeaturePoints, MapOptions
 from myomorph.morph.mirror.model import with_mirrored_bones
@@ -30,6 +29,7 @@ from myomorph.morph.registration.rigid import start_by_neighbors
 from myomorph.morph.registration.smooth import MatchOptions
 from myomorph.morph.transfer.model import morph_model
 from myomorph.report.morph.morph_summary import morph_lines
+from myomorph.rigid.kinematics import standing_poses
 from myomorph.store.progress import progress
 from myomorph.store.results import provenance_of
 from myomorph.store.settings import SettingGroup

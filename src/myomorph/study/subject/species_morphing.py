@@ -20,6 +20,7 @@ from myomorph.morph.checks.checks import check_morph
 from myomorph.morph.mirror.muscles import with_other_muscles
 from myomorph.morph.morphed import Morph
 from myomorph.morph.species.architecture import DENSITY, SPECIFIC_TENSION, ArchitectureTable, MuscleRow, ScalingLaw
+from myomorph.morph.species.attachments import Attachment, RelativeBone
 from myomorph.morph.species.counterparts import (
     DIRECTIONS,
     AnatomicalFrame,
@@ -27,11 +28,18 @@ from myomorph.morph.species.counterparts import (
     CoordinateHomology,
     LandmarkRule,
     MuscleHomology,
+    Ray,
     SpeciesTable,
 )
 from myomorph.morph.species.maps import coordinate_table, species_morph
-from myomorph.morph.species.masses import SegmentShare, share_notes, with_possible_inertias, with_segment_shares
-from myomorph.morph.species.table_rows import Attachment, MarkerTable, Ray, RelativeBone, with_markers_of
+from myomorph.morph.species.masses import (
+    MarkerTable,
+    SegmentShare,
+    share_notes,
+    with_markers_of,
+    with_possible_inertias,
+    with_segment_shares,
+)
 from myomorph.store.progress import progress
 from myomorph.store.results import file_source, provenance_of
 from myomorph.study.inputs import reading

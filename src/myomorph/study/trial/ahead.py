@@ -21,7 +21,7 @@ from myomorph.model.functions import linear
 from myomorph.model.model import GROUND, Actuator, Axis, Body, Coordinate, Joint, Marker, Model
 from myomorph.model.paths import Muscle, PathPoint, PathWrap, TendonWrap, WrapObject
 from myomorph.model.paths import Path as MusclePath
-from myomorph.model.series import Markers, Motion, Series
+from myomorph.model.series import Motion, Series
 from myomorph.model.spatial import Transform
 from myomorph.motion.filters import differentiate
 from myomorph.rigid.dynamics import inverse_dynamics
@@ -166,22 +166,18 @@ def compile_motion() -> None:
     """Run every kernel of inverse kinematics and dynamics once."""
     # The kernels are imported when it is known that they must be compiled: a process that looks only starts faster.
     from myomorph.motion.ik import inverse_kinematics
-    from myomorph.rigid.kinematics import forward_kinematics
-    from myomorph.rigid.tree import compile_tree
+    from myomorph.rigid.kinematics import marker_positions
 
     bare = two_links()
     places = ((0.1, 0.0, 0.0), (0.0, 0.2, 0.0), (0.0, 0.0, 0.1))
-    marked = [
-        Marker(f"{body.name}_{i}", body.name, np.array(at)) for body in bare.bodies for i, at in enumerate(places)
-    ]
-    model = bare.with_markers(tuple(marked))
-    tree = compile_tree(model)
+    model = bare.with_markers(
+        tuple(
+            Marker(f"{body.name}_{i}", body.name, np.array(at)) for body in bare.bodies for i, at in enumerate(places)
+        )
+    )
     time = np.linspace(0.0, 0.07, 8)
     motion = Motion(time, model.coordinate_names, np.column_stack([time, 2.0 * time]))
-    poses = forward_kinematics(tree, tree.coordinates_of(motion))
-    bodies = np.array([tree.body_index[marker.body] for marker in marked])
-    seen = poses.points(bodies, np.array([marker.location for marker in marked]))
-    kinematics = inverse_kinematics(model, Markers(time, model.marker_names, seen)).motion
+    kinematics = inverse_kinematics(model, marker_positions(model, motion)).motion
     inverse_dynamics(model, differentiate(kinematics))
 
 

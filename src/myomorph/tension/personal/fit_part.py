@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from myomorph.model.arrays import Array, read_only
-from myomorph.tension.personal.curves import MuscleShapes
-from myomorph.tension.personal.fibers import Followed, follow
+from myomorph.tension.personal.fibers import Followed, MuscleShapes, follow
 from myomorph.tension.personal.prior import Prior
 from myomorph.tension.personal.recordings import Windows
 

@@ -22,8 +22,7 @@ from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadModel
 from myomorph.model.model import Model
 from myomorph.muscles.path import compile_paths
-from myomorph.tension.personal.curves import muscle_shapes
-from myomorph.tension.personal.fibers import follow
+from myomorph.tension.personal.fibers import follow, muscle_shapes
 from myomorph.tension.personal.prior import sizes_of
 from myomorph.tension.terms.actuators import free_coordinates
 

@@ -13,13 +13,10 @@ from threadpoolctl import threadpool_limits
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
-from myomorph.tension.personal.curves import MuscleShapes, muscle_shapes
-from myomorph.tension.personal.fibers import rigid_lengths
-from myomorph.tension.personal.fit import Fitted, fit
+from myomorph.tension.personal.fibers import MuscleShapes, muscle_shapes, rigid_lengths
+from myomorph.tension.personal.fit import Fitted, HeldOut, fit, held_out, split
 from myomorph.tension.personal.generic_map import GenericMap, map_generic
-from myomorph.tension.personal.held_out import HeldOut, held_out, split
-from myomorph.tension.personal.person_model import with_sizes
-from myomorph.tension.personal.prior import Prior, PriorOptions, prior_of
+from myomorph.tension.personal.prior import Prior, PriorOptions, prior_of, with_sizes
 from myomorph.tension.personal.recordings import PersonalTrial, Windows, torque_floors, windows_of
 
 NINETY = 1.6448536269514722  # Standard deviations on either side that hold 90 % of a normal distribution

@@ -11,7 +11,7 @@ passive strains, gains of EMG, mean activations without EMG, and how alike both 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -19,11 +19,11 @@ from numpy.typing import NDArray
 
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.sides import split_side
-from myomorph.muscles.hill_arrays import compile_hill
-from myomorph.tension.personal.curves import MuscleShapes
-from myomorph.tension.personal.fibers import MuscleSizes
+from myomorph.muscles.hill_arrays import MODELS, compile_hill, muscle_model
+from myomorph.tension.personal.fibers import MuscleShapes, MuscleSizes
 from myomorph.tension.personal.recordings import Windows
 
 FIBER_BOUND, POINT_BOUND, FORCE_BOUND, STRAIN_BOUND, GAIN_BOUND = (
@@ -225,3 +225,25 @@ def _shared_emg(names: Sequence[str], windows: Sequence[Windows]) -> tuple[tuple
         members[keys[key]].append(name)
         gain[m] = keys[key]
     return tuple(" ".join(member) for member in members), gain
+
+
+def with_sizes(model: Model, sizes: MuscleSizes, before: MuscleSizes) -> Model:
+    """The model with other optimal fiber lengths, tendon slack lengths, strengths and passive strains."""
+    muscles = []
+    for m, muscle in enumerate(model.muscles):
+        factor = float(sizes.strain[m] / before.strain[m])
+        parameters = dict(muscle.parameters)
+        if muscle.kind in MODELS and abs(factor - 1.0) >= 1e-12:
+            parameters = muscle_model(muscle).stretched_passive(parameters, factor)
+        if "default_fiber_length" in parameters:
+            parameters["default_fiber_length"] *= float(sizes.fiber[m]) / muscle.optimal_fiber_length
+        muscles.append(
+            replace(
+                muscle,
+                optimal_fiber_length=float(sizes.fiber[m]),
+                tendon_slack_length=float(sizes.slack[m]),
+                max_isometric_force=float(sizes.force[m]),
+                parameters=FrozenMap(parameters),
+            )
+        )
+    return replace(model, muscles=tuple(muscles))

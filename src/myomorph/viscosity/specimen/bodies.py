@@ -13,7 +13,7 @@ from myomorph.model.errors import BadModel
 from myomorph.model.functions import linear
 from myomorph.model.inertia import inertial_parameters, with_inertial_parameters
 from myomorph.model.model import GROUND, Axis, Body, Coordinate, Joint, Model, index_of
-from myomorph.model.series import Motion
+from myomorph.model.series import DEFAULT_POSE
 from myomorph.model.spatial import Transform
 from myomorph.rigid.kinematics import Poses, forward_kinematics
 from myomorph.rigid.tree import ROTATION, compile_tree
@@ -55,7 +55,7 @@ def anatomy(model: Model, base: str, first: str, bones: Sequence[str]) -> Anatom
     named = {base, first, *bones}
     kept = tuple(name for name in model.body_names if name in named)
     tree = compile_tree(model)
-    poses = forward_kinematics(tree, tree.coordinates_of(Motion(np.zeros(1), (), np.zeros((1, 0)))))
+    poses = forward_kinematics(tree, tree.coordinates_of(DEFAULT_POSE))
     bare = Anatomy(model, kept, poses, {})
     for body in model.body_names:
         home = _home(model, parents, body, base, first, kept)

@@ -17,11 +17,13 @@ from myomorph.model.errors import BadData, BadFile, UnknownName
 from myomorph.model.model import Model
 from myomorph.model.series import Markers, PlateRecording, Trial
 from myomorph.model.surface import Surface
-from myomorph.morph.registration.clusters import NamedCluster, find_balls, name_cluster
-from myomorph.morph.registration.place_clusters import (
+from myomorph.morph.registration.clusters import (
+    NamedCluster,
     Picks,
     ScannedBone,
     bone_surface,
+    find_balls,
+    name_cluster,
     place_cluster_markers,
     place_scanned_bone,
 )

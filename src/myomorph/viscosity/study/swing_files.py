@@ -19,7 +19,7 @@ from myomorph.model.errors import BadData, BadFile, BadModel, check_name, listin
 from myomorph.model.model import Model
 from myomorph.model.series import Z_UP_TO_Y_UP, Markers, Trial, Wrenches
 from myomorph.model.spatial import axis_rotation
-from myomorph.morph.registration.place_clusters import ScannedBone
+from myomorph.morph.registration.clusters import ScannedBone
 from myomorph.report.charts.axis import number
 from myomorph.report.charts.pictures import residual_map
 from myomorph.report.page.parts import Figure

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,8 +10,7 @@ import numpy as np
 from myomorph.model.arrays import Array
 from myomorph.model.series import Markers
 from myomorph.model.spatial import Transform
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
+from myomorph.rigid.kinematics import standing_poses
 from myomorph.viscosity.specimen.model import Specimen
 
 ROUNDS = 5
@@ -34,7 +33,7 @@ def shaped(specimen: Specimen, trials: Sequence[Markers]) -> tuple[Specimen, flo
     by least squares (Gauss-Newton steps from which the rotations R are eliminated). How the bones stand in the limb is
     kept: the places as a whole do not turn.
     """
-    poses = _limb_poses(specimen)
+    poses = limb_poses(specimen)
     common = set.intersection(*(set(trial.names) for trial in trials))
     carried = [marker for marker in specimen.model.markers if marker.body in poses and marker.name in common]
     names = [marker.name for marker in carried]
@@ -63,18 +62,14 @@ def shaped(specimen: Specimen, trials: Sequence[Markers]) -> tuple[Specimen, flo
     return specimen_shape, float(np.sqrt(np.square(places - first).sum(axis=1).mean()))
 
 
-def _limb_poses(specimen: Specimen) -> dict[str, Transform]:
-    """Of every bone of the limb in the limb's first body, about the joint's center, held joints as they are."""
-    model = specimen.model
-    tree = compile_tree(model)
-    poses = forward_kinematics(tree, tree.defaults[None])
-    ground = {
-        name: Transform(poses.rotations[0, tree.body_index[name]], poses.origins[0, tree.body_index[name]])
-        for name in specimen.limb
-    }
+def limb_poses(specimen: Specimen, held: Mapping[str, float] | None = None) -> dict[str, Transform]:
+    """Of every bone of the limb in the limb's first body, about the joint's center, with held joints at these values,
+    by default as they are.
+    """
+    ground = standing_poses(specimen.model, held)
     first = ground[specimen.first]
     back = Transform(first.rotation, first.apply(specimen.center_in_limb)).inverse()
-    return {name: back @ pose for name, pose in ground.items()}
+    return {name: back @ ground[name] for name in specimen.limb}
 
 
 def _fixed_point(rotations: Array, seen: Array, weight: Array) -> tuple[Array, Array]:

@@ -17,8 +17,8 @@ from myomorph.model.series import Motion, Series, Table
 from myomorph.motion.sync import cut
 from myomorph.muscles.path import compile_paths
 from myomorph.muscles.reported_arms import ReportedPaths
-from myomorph.report.trial.muscle_summary import muscles_line
 from myomorph.report.trial.report_input import MusclePaths, ReportInput
+from myomorph.report.trial.summary_lines import muscles_line
 from myomorph.rigid.closed_motion import closed_motion
 from myomorph.store import stored as store
 from myomorph.store.progress import progress
