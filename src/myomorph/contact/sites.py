@@ -14,7 +14,7 @@ from myomorph.model.errors import BadData, check_name
 from myomorph.model.model import Body, Model
 from myomorph.model.segments import segments_of
 from myomorph.model.spatial import Transform
-from myomorph.model.surface import Surface
+from myomorph.model.surface import Surface, body_meshes, joined_surfaces
 from myomorph.rigid.kinematics import standing_poses
 
 OUTLINE = {
@@ -189,14 +189,10 @@ def _corners(model: Model, foot: Foot, surfaces: Mapping[str, Surface], options:
 
 def _vertices(body: Body, surfaces: Mapping[str, Surface], foot: Foot, poses: dict[str, Transform]) -> Array:
     """Vertices of a body's meshes along the foot's axes, from its origin (n, 3)."""
-    parts = [
-        mesh.pose.apply(surfaces[mesh.file].vertices * mesh.scale)
-        for mesh in body.meshes
-        if mesh.shape == "mesh" and mesh.file in surfaces
-    ]
-    if not parts:
+    meshes = body_meshes(body, surfaces)
+    if not meshes:
         return np.zeros((0, 3))
-    return (poses[body.name].apply(np.concatenate(parts)) - foot.origin) @ foot.axes
+    return (poses[body.name].apply(joined_surfaces(meshes).vertices) - foot.origin) @ foot.axes
 
 
 def _outline_of(vertices: Array, length: float) -> dict[str, Array]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,7 @@ from scipy.sparse.csgraph import connected_components
 
 from myomorph.model.arrays import Array, freeze, read_only
 from myomorph.model.errors import BadData, from_extra
+from myomorph.model.model import Body
 
 
 @read_only
@@ -51,6 +52,18 @@ def used_part(vertices: Array, faces: np.ndarray) -> Surface:
     """Faces with the vertices that they name and no others."""
     used, compact = np.unique(faces, return_inverse=True)
     return Surface(vertices[used], compact.reshape(-1, 3))
+
+
+def body_meshes(body: Body, surfaces: Mapping[str, Surface]) -> list[Surface]:
+    """A body's meshes in its frame, as far as they are known. `surfaces`: by `Mesh.file`."""
+    result = []
+    for mesh in body.meshes:
+        if mesh.shape == "mesh" and mesh.file in surfaces:
+            surface = surfaces[mesh.file]
+            # A mirrored mesh is turned inside out, and back by the order of its corners.
+            faces = surface.faces[:, ::-1] if np.prod(mesh.scale) < 0.0 else surface.faces
+            result.append(Surface(mesh.pose.apply(surface.vertices * mesh.scale), faces))
+    return result
 
 
 def joined_surfaces(surfaces: Sequence[Surface]) -> Surface:

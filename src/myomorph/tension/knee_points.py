@@ -8,10 +8,10 @@ import numpy as np
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadModel
-from myomorph.model.model import Joint, Model
+from myomorph.model.model import Body, Joint, Model
 from myomorph.model.segments import feet_of
 from myomorph.model.sides import other_side, split_side
-from myomorph.model.surface import Surface
+from myomorph.model.surface import Surface, body_meshes
 from myomorph.rigid.kinematics import Poses
 from myomorph.rigid.knees import FLEXIONS, SHANK, THIGH, flexed, hinge_axis, knee_joints, long_axis
 from myomorph.rigid.tree import compile_tree
@@ -116,13 +116,13 @@ def _forward(model: Model, poses: Poses, tibia: int) -> Array:
 
 def _bone(model: Model, knee: Joint, surfaces: Mapping[str, Surface]) -> tuple[Array | None, str]:
     """Vertices of the femur in its own frame [m]; None without a mesh. With a note where it is the other side's."""
-    vertices = _vertices(model, knee.parent, surfaces)
+    vertices = _vertices(model.body(knee.parent), surfaces)
     if vertices is not None:
         return vertices, ""
     other = other_side(knee.parent)
     if other not in model.body_names:
         return None, ""
-    mirrored = _vertices(model, other, surfaces)
+    mirrored = _vertices(model.body(other), surfaces)
     if mirrored is None:
         return None, ""
     # Both femurs have their axes the same way, with the plane of symmetry across the body's third axis.
@@ -139,13 +139,9 @@ def _mirror(model: Model, body: str, other: str) -> Array:
     return np.where(np.arange(3) == across, -1.0, 1.0)
 
 
-def _vertices(model: Model, body: str, surfaces: Mapping[str, Surface]) -> Array | None:
-    """Those of the mesh that draws a body with most of them, scaled and placed as the model does."""
-    result = [item for item in model.body(body).meshes if item.shape == "mesh" and item.file in surfaces]
-    if not result:
-        return None
-    mesh = max(result, key=lambda result: len(surfaces[result.file].vertices))
-    return surfaces[mesh.file].vertices * mesh.scale @ mesh.pose.rotation.T + mesh.pose.translation
+def _vertices(body: Body, surfaces: Mapping[str, Surface]) -> Array | None:
+    """Those of the mesh that draws a body with most of them."""
+    return max((surface.vertices for surface in body_meshes(body, surfaces)), key=len, default=None)
 
 
 def _lowest(

@@ -17,7 +17,7 @@ from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertial_parameters, pseudo_inertias
 from myomorph.model.model import Body, Model
 from myomorph.model.series import Motion
-from myomorph.model.surface import Surface, signed_volume
+from myomorph.model.surface import Surface, body_meshes, joined_surfaces, signed_volume
 
 TISSUE = 1050.0  # Density of solids whose size the inertia does not show [kg/m^3]
 PLAUSIBLE = (400.0, 3000.0)
@@ -108,8 +108,8 @@ def _solid(body: Body, i: int, moments: Array, links: Links, surfaces: Mapping[s
     semi_axes = _of_inertia(body.mass, moments)
     if semi_axes is not None:
         return semi_axes
-    corners = _mesh_corners(body, surfaces)
-    hull = _of_hull(body.mass, corners) if len(corners) > 3 else None
+    meshes = body_meshes(body, surfaces)
+    hull = _of_hull(body.mass, joined_surfaces(meshes).vertices) if meshes else None
     return hull if hull is not None else _along_bones(body, i, links)
 
 
@@ -123,15 +123,6 @@ def _of_inertia(mass: float, moments: Array) -> Solid | None:
     if not PLAUSIBLE[0] <= density <= PLAUSIBLE[1]:
         return None
     return Solid(INERTIA, center, axes * half)
-
-
-def _mesh_corners(body: Body, surfaces: Mapping[str, Surface]) -> Array:
-    corners = [
-        mesh.pose.apply(surfaces[mesh.file].vertices * mesh.scale)
-        for mesh in body.meshes
-        if mesh.shape == "mesh" and mesh.file in surfaces
-    ]
-    return np.concatenate(corners) if corners else np.zeros((0, 3))
 
 
 def _of_hull(mass: float, corners: Array) -> Solid | None:

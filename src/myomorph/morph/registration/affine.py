@@ -78,13 +78,11 @@ def hull_moments(points: Array) -> tuple[Array, Array]:
     return center + first, second / (20.0 * volumes.sum()) - np.outer(first, first)
 
 
-def affine_ways(ours: Shape, goal: Shape, mirrored: bool = False) -> list[Way]:
-    """Different ways to lie, the likeliest first. `mirrored`: only maps that turn right into left."""
-    sign = np.diag([1.0, 1.0, -1.0 if mirrored else 1.0])
+def affine_ways(ours: Shape, goal: Shape) -> list[Way]:
+    """Different ways to lie, the likeliest first."""
     (middle, root), (goal_middle, goal_root) = (_root_moments(shape) for shape in (ours, goal))
     mine, theirs = _normal(ours.samples(MANY), middle, root), _normal(goal.samples(TARGET), goal_middle, goal_root)
-    mine = Samples(mine.points @ sign, mine.normals @ sign, mine.rim)
-    back, ways = sign @ np.linalg.inv(root), []
+    back, ways = np.linalg.inv(root), []
     for rotation in _rotations(mine, theirs, lambda turned: _unlikely(goal_root @ turned @ back)):
         matrix = goal_root @ rotation @ back
         ways.append(lay_affinely(ours, goal, AffineMap(matrix, goal_middle - matrix @ middle)))

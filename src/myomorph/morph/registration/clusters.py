@@ -15,7 +15,7 @@ from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.model import Body, Marker, Model
 from myomorph.model.scale import scale
-from myomorph.model.surface import Surface, face_crosses, joined_surfaces, used_part
+from myomorph.model.surface import Surface, body_meshes, face_crosses, joined_surfaces, used_part
 from myomorph.morph.maps.linear import PointFit, fit_points
 from myomorph.morph.registration.rigid import SurfaceFit, SurfaceOptions, register_surface
 
@@ -24,6 +24,7 @@ AGREE = 0.15  # Share of the radius within which normals of a ball meet in its c
 PATCH = 0.35  # Share of the radius over which the direction of a surface is averaged.
 VOTERS = 6000
 SAME_WAY = 0.25  # Share of a patch's area that must look the same way for it to vote.
+TOLERANCE = 0.15  # Share by which the radius of a ball may differ from its marker's.
 MIN_COUNT = 12  # Points or votes that make a ball.
 ROUND = 0.08  # Share of the radius that the median distance from a sphere may be.
 COVERED = 0.25  # Share of a ball's surface that must be seen.
@@ -98,11 +99,10 @@ def _covered(away: Array, left: Array, radius: float) -> float:
     return float(np.mean(nearest < 0.3))
 
 
-def find_balls(surface: Surface, diameter: float = 0.009, tolerance: float = 0.15) -> tuple[Ball, ...]:
+def find_balls(surface: Surface, diameter: float = 0.009) -> tuple[Ball, ...]:
     """The balls of a diameter [m] in a surface, whether apart or grown together with what holds them, the best seen
     first. A part that is one ball is taken whole. Elsewhere every point votes for the center that its normal leads to
-    at one radius; where votes meet a ball is fitted to the points around. `tolerance`: share by which a radius may
-    differ.
+    at one radius; where votes meet a ball is fitted to the points around.
     """
     radius = 0.5 * diameter
     balls: list[Ball] = []
@@ -110,10 +110,10 @@ def find_balls(surface: Surface, diameter: float = 0.009, tolerance: float = 0.1
         if len(part.vertices) < MIN_COUNT:
             continue
         whole = fit_ball(part.vertices, radius)
-        if _is_ball(whole, radius, tolerance):
+        if _is_ball(whole, radius):
             balls.append(whole)
         elif np.ptp(part.vertices, axis=0).max() > 0.8 * diameter:
-            balls += _voted(part, radius, tolerance)
+            balls += _voted(part, radius)
     balls.sort(key=lambda ball: ball.residual)
     apart: list[Ball] = []
     for ball in balls:
@@ -122,12 +122,12 @@ def find_balls(surface: Surface, diameter: float = 0.009, tolerance: float = 0.1
     return tuple(sorted(apart, key=lambda ball: -ball.covered))
 
 
-def _is_ball(ball: Ball, radius: float, tolerance: float) -> bool:
-    sized = abs(ball.radius - radius) <= tolerance * radius
+def _is_ball(ball: Ball, radius: float) -> bool:
+    sized = abs(ball.radius - radius) <= TOLERANCE * radius
     return sized and ball.covered >= COVERED and ball.residual < ROUND * radius
 
 
-def _voted(part: Surface, radius: float, tolerance: float) -> list[Ball]:
+def _voted(part: Surface, radius: float) -> list[Ball]:
     """Balls grown together with other things, by votes of the normals."""
     corners = part.vertices[part.faces]
     crossed = 0.5 * face_crosses(part.vertices, part.faces)
@@ -169,7 +169,7 @@ def _voted(part: Surface, radius: float, tolerance: float) -> list[Ball]:
                 break
             ball = fit_ball(places[near], radius)
             center = ball.center
-        if near.sum() >= MIN_COUNT and _is_ball(ball, radius, tolerance):
+        if near.sum() >= MIN_COUNT and _is_ball(ball, radius):
             balls.append(ball)
             free &= np.linalg.norm(votes - center, axis=1) > radius
         free &= np.linalg.norm(votes - votes[index], axis=1) > 0.3 * radius
@@ -207,7 +207,10 @@ def name_cluster(
     known = [name for name in names if picked and name in picked]
     if not known and distances is None:
         raise BadData(f"nothing tells the markers {', '.join(names)} apart: pick points near them, or give a recording")
-    by_pick = np.array([_pick_cost(centers[list(order)], names, picked or {}) for order in orders])
+    near = {index: (picked or {})[name] for index, name in enumerate(names) if name in known}
+    by_pick = np.array(
+        [sum(float(np.sum((centers[order[index]] - place) ** 2)) for index, place in near.items()) for order in orders]
+    )
     by_size = np.array([_size_cost(centers[list(order)], distances) for order in orders])
     notes = []
     if known:
@@ -234,12 +237,6 @@ def name_cluster(
         )
     chosen = {name: frozen_array(centers[ball]) for name, ball in zip(names, orders[best], strict=True)}
     return NamedCluster(chosen, float(by_size[best]) if distances is not None else float("nan"), tuple(notes))
-
-
-def _pick_cost(centers: Array, names: Sequence[str], picked: Mapping[str, Array]) -> float:
-    return float(
-        sum(np.sum((centers[index] - picked[name]) ** 2) for index, name in enumerate(names) if name in picked)
-    )
 
 
 def _size_cost(centers: Array, distances: Array | None) -> float:
@@ -286,13 +283,7 @@ class ScannedBone:
 
 def bone_surface(body: Body, surfaces: Mapping[str, Surface]) -> Surface:
     """The meshes of a body as one surface in the body's frame. `surfaces`: by `Mesh.file`."""
-    parts = []
-    for mesh in body.meshes:
-        surface = surfaces.get(mesh.file)
-        if mesh.shape == "mesh" and surface is not None:
-            flipped = float(np.prod(mesh.scale)) < 0
-            faces = surface.faces[:, ::-1] if flipped else surface.faces
-            parts.append(Surface(mesh.pose.apply(surface.vertices * mesh.scale), faces))
+    parts = body_meshes(body, surfaces)
     if not parts:
         named = ", ".join(mesh.file for mesh in body.meshes if mesh.file) or "none"
         raise BadData(f"body '{body.name}' has no bone mesh that can be read (the model names {named})")

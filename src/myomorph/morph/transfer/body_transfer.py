@@ -241,14 +241,10 @@ def with_neighbors(model: Model, bones: Mapping[str, BoneMap]) -> dict[str, Bone
         }
         near = {name: float(np.exp(np.mean(np.log(sizes)))) for name, sizes in beside.items() if sizes}
         for name, size in near.items() if near else [(name, 1.0) for name in beside]:
-            result[name] = _resized(name, size)
+            whole = Similarity(np.eye(3), np.zeros(3), size)
+            result[name] = BoneMap(name, name, scaled_map(name, size), whole, "neighbors")
             sizes[name] = size
     return {name: result[name] for name in ties}
-
-
-def _resized(body: str, size: float) -> BoneMap:
-    whole = Similarity(np.eye(3), np.zeros(3), size)
-    return BoneMap(body, body, scaled_map(body, size), whole, "neighbors")
 
 
 def neighbor_notes(bones: Mapping[str, BoneMap]) -> list[str]:

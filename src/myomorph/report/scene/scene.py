@@ -12,7 +12,7 @@ from myomorph.model.arrays import Array, read_only
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series, Wrenches
 from myomorph.model.sides import split_side
-from myomorph.model.surface import Surface
+from myomorph.model.surface import Surface, body_meshes
 from myomorph.muscles.path import compile_paths, drawn_paths
 from myomorph.report.scene.shapes import box_corners, primitive, stand_ins, sticks
 from myomorph.rigid.kinematics import Poses, forward_kinematics
@@ -116,16 +116,11 @@ def _solids(model: Model, numbers: Mapping[str, int], surfaces: Mapping[str, Sur
     solids: list[Solid] = []
     fallback = sticks(model) | stand_ins(model)
     for body in model.bodies:
-        surfaces_of = []
+        surfaces_of = [surface for surface in body_meshes(body, surfaces) if len(surface.faces)]
         for mesh in body.meshes:
-            surface = primitive(mesh)
-            if mesh.shape == "mesh" and mesh.file in surfaces:
-                loaded = surfaces[mesh.file]
-                # A mirrored mesh is turned inside out, and back by the order of its corners.
-                faces = loaded.faces[:, ::-1] if np.prod(mesh.scale) < 0.0 else loaded.faces
-                surface = Surface(loaded.vertices * mesh.scale, faces)
-            if surface is not None and len(surface.faces):
-                surfaces_of.append(Surface(mesh.pose.apply(surface.vertices), surface.faces))
+            shape = primitive(mesh)
+            if shape is not None:
+                surfaces_of.append(Surface(mesh.pose.apply(shape.vertices), shape.faces))
         solids += [Solid(numbers[body.name], surface) for surface in surfaces_of or fallback[body.name]]
     return tuple(solids)
 

@@ -20,6 +20,7 @@ from myomorph.report.trial.report_input import ReportInput
 from myomorph.report.trial.tables import (
     body_scale,
     gap_verdicts,
+    loaded_height,
     marker_verdicts,
     range_verdicts,
     reserve_verdicts,
@@ -171,11 +172,7 @@ def _floor(results: ReportInput, up: Array) -> float:
     if results.recorded.plates:
         return float(np.mean([plate.corners @ up for plate in results.recorded.plates]))
     if results.dynamics.wrenches is not None and len(results.dynamics.wrenches.names):
-        loaded = np.nan_to_num(results.dynamics.wrenches.forces @ up)
-        points = results.dynamics.wrenches.points @ up
-        shown = points[(loaded > 0.1 * max(float(loaded.max(initial=0.0)), 1e-12)) & np.isfinite(points)]
-        if shown.size:
-            return float(np.median(shown))
+        return loaded_height(results.dynamics.wrenches, up)
     return 0.0
 
 

@@ -21,6 +21,7 @@ from myomorph.report.trial.tables import (
     RESIDUAL_FORCE,
     RESIDUAL_MOMENT,
     body_scale,
+    loaded_height,
     residuals,
     worst_reserve,
 )
@@ -91,7 +92,7 @@ def dynamics_line(model: Model, motion: Motion, torques: Series, wrenches: Wrenc
     if wrenches is None or not len(wrenches.names):
         return f"{text}: without external forces they carry the body"
     net = np.linalg.norm(np.nan_to_num(wrenches.forces).sum(axis=1), axis=1)
-    height = float(np.nanmean(centroid(model, motion).values @ model.up)) - _ground(model, wrenches)
+    height = float(np.nanmean(centroid(model, motion).values @ model.up)) - loaded_height(wrenches, model.up)
     peak = float(net.max(initial=0.0))
     if peak <= 0.0 or not height > 0.0:
         return text
@@ -103,14 +104,6 @@ def dynamics_line(model: Model, motion: Motion, torques: Series, wrenches: Wrenc
         f"{text}: {shares} of the peak external force (times height), {'within' if within else 'over'} the limits of "
         f"{limits} (Hicks et al. 2015)"
     )
-
-
-def _ground(model: Model, wrenches: Wrenches) -> float:
-    """Height of the ground by the points of loaded forces [m]."""
-    loaded = np.nan_to_num(wrenches.forces) @ model.up
-    heights = (wrenches.points @ model.up)[loaded > 0.1 * max(float(loaded.max(initial=0.0)), 1e-12)]
-    heights = heights[np.isfinite(heights)]
-    return float(np.median(heights)) if len(heights) else 0.0
 
 
 def tension_line(model: Model, tension: Tension) -> str:

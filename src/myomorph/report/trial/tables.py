@@ -36,6 +36,13 @@ def body_scale(markers: Markers | None) -> float:
     return extent / 1.7 if 1e-3 < extent < 0.4 else 1.0
 
 
+def loaded_height(wrenches: Wrenches, up: Array) -> float:
+    """Height at which loaded forces act, that of the ground [m]; 0 where none is loaded."""
+    loaded, heights = np.nan_to_num(wrenches.forces @ up), wrenches.points @ up
+    heights = heights[(loaded > 0.1 * max(float(loaded.max(initial=0.0)), 1e-12)) & np.isfinite(heights)]
+    return float(np.median(heights)) if heights.size else 0.0
+
+
 def marker_verdicts(fit: KinematicsFit, scale: float = 1.0) -> list[Verdict]:
     """Marker errors: RMS of the worst frame under 2 cm, the largest under 4 cm (Hicks et al. 2015). `scale`: factor on
     the limits, see `body_scale`.
