@@ -55,9 +55,10 @@ def by_sensors(
     found = sensor_kinematics(model, SensorRecording(made.sensors, pose=made.pose))
     felt = trunk_acceleration(model, found.mounting, found.sensors, truth.time) if accelerations else None
     whole = mm.differentiate(walked(model, found.fit.motion, felt), hidden.cutoff)
-    feet, floor = rest_on_floor(model, whole, foot_sites(model))
-    contacts = mm.find_contacts(model, whole, feet, ContactStateOptions(floor=floor.height))
-    ready = contact_activations(model, whole, feet, contacts, ActivationOptions(floor=floor.height))
+    standing = walked(model, whole)
+    feet, floor = rest_on_floor(model, standing, foot_sites(model))
+    contacts = mm.find_contacts(model, standing, feet, ContactStateOptions(floor=floor.height))
+    ready = contact_activations(model, standing, feet, contacts, ActivationOptions(floor=floor.height))
     motion = cut(whole, hidden.motion.time[0], hidden.motion.time[-1])
     used = np.isin(whole.time, motion.time)
     shown = mm.Series(motion.time, ready.names, ready.values[used])

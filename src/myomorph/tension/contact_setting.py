@@ -51,6 +51,8 @@ class Measurements:
     plates: Sequence[ForcePlate] = ()
     plate_time: Array | None = None
     cutoff: float | None = None  # of that filter [Hz]
+    # the motion with feet that stay on the floor, for finding contacts; None where the motion itself shows them
+    standing: Motion | None = None
 
 
 def set_contacts(
@@ -60,9 +62,10 @@ def set_contacts(
     measured = known.wrenches
     if plan.stairs is not None:
         return _on_stairs(plan.stairs, plan, model, motion, measured, options)
+    standing = known.standing or motion
     feet = _soles(plan, model)
     seen = None if plan.measured == "hidden" else measured
-    feet, floor = rest_on_floor(model, motion, feet, plate_height(model, seen)) if feet else (feet, None)
+    feet, floor = rest_on_floor(model, standing, feet, plate_height(model, seen)) if feet else (feet, None)
     sites = (*feet, *plan.sites)
     if not sites:
         raise BadData(f"no contact site: '{model.name}' has no feet, and no site is named; {NAME_SITES}")
@@ -73,13 +76,13 @@ def set_contacts(
     reported = [values for values in (plan.reported, None if heard is None else heard.contacts) if values is not None]
     raised = _raised(plan, reported, model, motion, feet)
     reported += [contacts for contacts, _ in raised.values()]
-    contacts = _all_contacts(plan, reported, model, motion, sites, seen, ContactStateOptions(floor=height))
+    contacts = _all_contacts(plan, reported, model, standing, sites, seen, ContactStateOptions(floor=height))
     elsewhere = (
         ()
         if plan.reported is None
         else (*never_during(plan.reported, known.recorded.time), *unreported_feet(plan.reported, feet))
     )
-    ready = contact_activations(model, motion, sites, contacts, ActivationOptions(floor=height))
+    ready = contact_activations(model, standing, sites, contacts, ActivationOptions(floor=height))
     ready = _with(ready, {name: activation for name, (_, activation) in raised.items()})
     if plan.measured == "exact" and measured is not None:
         ready = without_measured(model, ready, sites, measured)

@@ -10,6 +10,7 @@ import numpy as np
 
 from myomorph.analysis.strides import Strides
 from myomorph.analysis.walking import walking_strides
+from myomorph.contact.foot_path import root_places, walked
 from myomorph.contact.plan import ContactPlan
 from myomorph.io.contact_events import write_events
 from myomorph.io.loads import write_external_loads
@@ -30,6 +31,7 @@ from myomorph.store.stored import get_conflicts
 from myomorph.study.inputs.actuators import Actuators
 from myomorph.study.inputs.by_type import OptionSet
 from myomorph.study.inputs.emg import RecordedEmg
+from myomorph.study.inputs.imu_files import RecordedSensors
 from myomorph.study.inputs.loads import ExternalLoads
 from myomorph.study.inputs.torques import RecordedTorques
 from myomorph.study.step.step import Step, StepOutput
@@ -121,7 +123,12 @@ def task_of(trial: TrialInputs, recorded: Motion, torques: Torques) -> TensionTa
     """The tension problem of a trial, of coordinates as recorded and the torques that belong to them."""
     options, tension = trial.options, trial.options[TensionOptions]
     actuators = trial.get(Actuators)
-    cutoff = None if trial.get(ContactPlan) is None else cutoff_of(trial, recorded)
+    cutoff, standing = None, None
+    if trial.get(ContactPlan) is not None:
+        cutoff = cutoff_of(trial, recorded)
+        if trial.get(RecordedSensors) is not None and trial.recording.markers is None and root_places(trial.model):
+            # Errors of angles lift feet that accelerations do not hold down.
+            standing = walked(trial.model, torques.motion)
     return tension_task(
         trial.model,
         torques.motion,
@@ -129,7 +136,9 @@ def task_of(trial: TrialInputs, recorded: Motion, torques: Torques) -> TensionTa
         tension,
         # Those of a file take the place of reserves.
         added_reserves(trial.model, tension, _objects(trial)) if actuators is None else actuators.actuators,
-        Measurements(recorded, _wrenches(trial, torques), trial.recording.plates, trial.recording.plate_time, cutoff),
+        Measurements(
+            recorded, _wrenches(trial, torques), trial.recording.plates, trial.recording.plate_time, cutoff, standing
+        ),
         trial.get(ContactPlan),
         options[ContactOptions],
         _emg_that_takes_part(trial),
