@@ -7,8 +7,8 @@ from benchmarks.house import CHECKOUT, checkout_texts, count
 
 LIMITS = {
     ("lines", "src"): 125_900,
-    ("lines", "benchmarks"): 24_600,
-    ("words", "documentation"): 99_600,
+    ("lines", "benchmarks"): 24_550,
+    ("words", "documentation"): 99_650,
     ("vague", "src"): 6.5,
 }
 
