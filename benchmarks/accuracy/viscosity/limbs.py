@@ -9,6 +9,7 @@ from __future__ import annotations
 import multiprocessing
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,13 +18,17 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 import myomorph as mm
+from benchmarks.accuracy.viscosity.handling import Clamp, base_load, resting_wrench, slipped, still
 from myomorph.model.arrays import Array
 from myomorph.model.provenance import Estimate
+from myomorph.model.series import Wrenches
 from myomorph.simulate.laboratory import Noise, Sampled, measured_markers, measured_wrench, simulate
-from myomorph.simulate.limb import HeldLimb, SoftTissue, fixed_points, swing_mjcf
-from myomorph.simulate.shoulder import HELD, PLATE, STEP, arm_specimen, hanging, mounted, released
+from myomorph.simulate.limb import BaseLoad, HeldLimb, SoftTissue, fixed_points, swing_mjcf
+from myomorph.simulate.shoulder import BASE, FIRST, FURTHER, HELD, PLATE, STEP, arm_specimen, hanging, mounted, released
 from myomorph.viscosity.cohort import SPECIMENS, specimen_row
+from myomorph.viscosity.identification.base_load import BaseLoad as BaseMass
 from myomorph.viscosity.identification.budget import ErrorOptions
+from myomorph.viscosity.identification.identify import QUANTITIES_OF, is_narrow
 from myomorph.viscosity.specimen.model import Specimen, SwingTrial
 from myomorph.viscosity.study.conditions import Prepared, identify_conditions
 from myomorph.viscosity.study.plan import SpecimenFiles, StudyOptions
@@ -48,6 +53,7 @@ QUANTITIES = {
     "com_intact": "mass center, intact",
 }
 """What is judged, by the names of `cohort.QUANTITIES`."""
+BONES = (BASE, FIRST, *FURTHER)
 ARM = 0.02
 """A moment arm of a shoulder muscle [m]."""
 
@@ -66,6 +72,11 @@ class Faults:
     tissue : share of the limb's mass that is loose, muscles removed and intact; 0 for none
     frequency, damping : of the loose mass
     attachments : standard deviation of the places of the model's muscle points, of each muscle on each bone [m]
+    loads : at rest on the base, muscles removed and intact [kg]
+    tared : whether the plate was recorded with the first of these and without the limb, and the second is stated
+    friction : dry, of the joint [N m]
+    sway : by which the base turns to and fro [rad]; it then has a load
+    slip : of one bone's cluster, in one trial of one condition and all later ones [m]
     """
 
     plate: Sequence[float] = (0.0, 0.0, 0.0)
@@ -80,6 +91,11 @@ class Faults:
     frequency: float = 8.0
     damping: float = 0.2
     attachments: float = 0.0
+    loads: tuple[float, float] = (0.0, 0.0)
+    tared: bool = False
+    friction: float = 0.0
+    sway: float = 0.0
+    slip: float = 0.0
 
 
 class LimbRun(NamedTuple):
@@ -88,7 +104,9 @@ class LimbRun(NamedTuple):
     Attributes
     ----------
     laws : chosen of the conditions, muscles removed first
-    refused : whether a viscosity was withheld, with the reason
+    refused : viscosities that were withheld, and why conditions could not be used
+    findings : kind, place and condition of what is named
+    slip : condition, trial and bone of a cluster that slips
     """
 
     seed: int
@@ -96,6 +114,8 @@ class LimbRun(NamedTuple):
     found: dict[str, Estimate]
     laws: tuple[str, ...]
     refused: tuple[str, ...]
+    findings: tuple[tuple[str, str, str], ...]
+    slip: tuple[str, str, str] | None
 
 
 def random_faults(random: np.random.Generator, scale: float = 1.0) -> Faults:
@@ -130,11 +150,13 @@ class FaultyLimb:
     known : the specimen out of the laboratory's model
     trials : by condition
     truth : by the names of `QUANTITIES`
+    slip : condition, trial and bone of a cluster that slips; None where none does
     """
 
     known: Specimen
     trials: dict[str, list[SwingTrial]]
     truth: dict[str, float]
+    slip: tuple[str, str, str] | None = None
 
 
 def faulty_limb(seed: int, faults: Faults, damping: float | None) -> FaultyLimb:
@@ -150,18 +172,29 @@ def faulty_limb(seed: int, faults: Faults, damping: float | None) -> FaultyLimb:
     muscle = random.uniform(0.02, 0.06) / (len(specimen.model.muscles) * ARM**2)
     hand, elbow = (limb.poses[specimen.limb[i]].translation for i in (-1, 1))
     starts = [released(random) for _ in range(TRIALS)]
-    trials = {}
-    for name, parameters, own, share, place in (
-        ("without", bare, 0.0, faults.tissue[0], 0.8 * hand),
-        ("with", whole, muscle, faults.tissue[1], 0.5 * elbow),
+    trials: dict[str, list[SwingTrial]] = {}
+    loads = [base_load(limb, mass, random) if mass > 0.0 else None for mass in faults.loads]
+    tare = None
+    if faults.tared and loads[0] is not None:
+        tare = _on_plate(limb, still(resting_wrench(limb, loads[0]), 3.0, STEP), faults, random)
+    slip = None
+    if faults.slip > 0.0:
+        slip = (str(random.choice(["without", "with"])), int(random.integers(TRIALS)), str(random.choice(BONES)))
+    for name, parameters, own, share, place, load in (
+        ("without", bare, 0.0, faults.tissue[0], 0.8 * hand, loads[0]),
+        ("with", whole, muscle, faults.tissue[1], 0.5 * elbow, loads[1]),
     ):
         tissue = None
         if share > 0.0:
             tissue = SoftTissue(tuple(place), share * float(parameters[0]), faults.frequency, faults.damping)
-        swings = _swings(limb, parameters, damping, own, tissue, starts)
+        swings = _swings(limb, parameters, damping, own, tissue, starts, load, faults)
         trials[name] = [
-            _measured(limb, exact, f"{name} {number}", faults, random) for number, exact in enumerate(swings, 1)
+            replace(_measured(limb, *swing, f"{name} {number}", faults, random), tare=tare)
+            for number, swing in enumerate(swings, 1)
         ]
+        if slip is not None and slip[0] == name:
+            exact = [swing[0] for swing in swings]
+            trials[name] = _slipping(limb, trials[name], exact, slip[1], slip[2], faults.slip, random)
     known = specimen.centered(
         specimen.center + specimen.stand.rotation.T @ np.array(faults.center) + np.array(faults.clusters[0]),
         specimen.center_in_limb + hanging(limb, whole).T @ np.array(faults.center) + np.array(faults.clusters[1]),
@@ -170,7 +203,8 @@ def faulty_limb(seed: int, faults: Faults, damping: float | None) -> FaultyLimb:
     truth = {"joint_viscosity": damping, "muscle_viscosity": muscle}
     for name, one in (("muscles_removed", bare), ("intact", whole)):
         truth |= {f"mass_{name}": float(one[0]), f"com_{name}": float(np.linalg.norm(one[1:4]) / one[0])}
-    return FaultyLimb(known, trials, truth)
+    named = None if slip is None else (slip[0], f"{slip[0]} {slip[1] + 1}", slip[2])
+    return FaultyLimb(known, trials, truth, named)
 
 
 def with_moved_attachments(model: mm.Model, sd: float, random: np.random.Generator) -> mm.Model:
@@ -193,19 +227,42 @@ def _swings(
     muscle: float,
     tissue: SoftTissue | None,
     starts: Sequence[tuple[Array, Array]],
-) -> list[Sampled]:
+    load: BaseLoad | None,
+    faults: Faults,
+) -> list[tuple[Sampled, Clamp | None, Array]]:
+    """Every swing, and how the base turns in it (frames, 3, 3)."""
     rest = hanging(limb, parameters)
-    text = swing_mjcf(limb, parameters, limb.specimen.stand, rest, damping, muscle, tissue)
-    compiled = mujoco.MjModel.from_xml_string(text)
     loose = np.zeros(0 if tissue is None else 3)
-    found = []
-    for axis, rates in starts:
-        turn = Rotation.from_rotvec(rest.T @ axis).as_quat(scalar_first=True)
-        found.append(simulate(compiled, np.append(turn, loose), np.append(rest.T @ rates, loose), SECONDS, STEP))
-    return found
+    states = [
+        (
+            np.append(Rotation.from_rotvec(rest.T @ axis).as_quat(scalar_first=True), loose),
+            np.append(rest.T @ rates, loose),
+        )
+        for axis, rates in starts
+    ]
+    text = {
+        "limb": limb,
+        "parameters": parameters,
+        "stand": limb.specimen.stand,
+        "rest": rest,
+        "damping": damping,
+        "muscle": muscle,
+        "tissue": tissue,
+        "load": load,
+    }
+    if faults.sway > 0.0 and load is not None:
+        clamp = Clamp(limb, parameters, load)
+        return [(exact, clamp, turns) for exact, turns in clamp.swings(text, states, faults.sway, SECONDS, STEP)]
+    compiled = mujoco.MjModel.from_xml_string(swing_mjcf(**text))
+    first = compiled.joint("joint").dofadr[0]
+    compiled.dof_frictionloss[first : first + 3] = faults.friction
+    return [(simulate(compiled, *state, SECONDS, STEP), None, np.zeros(0)) for state in states]
 
 
-def _measured(limb: HeldLimb, exact: Sampled, name: str, faults: Faults, random: np.random.Generator) -> SwingTrial:
+def _measured(
+    limb: HeldLimb, exact: Sampled, clamp: Clamp | None, turns: Array, name: str, faults: Faults,
+    random: np.random.Generator,
+) -> SwingTrial:  # fmt: skip
     """A swing as markers and a plate with faults measure it, every `EVERY`-th sample."""
     specimen = limb.specimen
     noise = Noise(offset=faults.clock, drift=faults.drift)
@@ -213,23 +270,52 @@ def _measured(limb: HeldLimb, exact: Sampled, name: str, faults: Faults, random:
     on_base, on_limb = limb.markers()
     at_base = {marker: center + specimen.stand.rotation @ place for marker, place in on_base.items()}
     markers = measured_markers(exact, center, at_base, on_limb, noise, random)
-    wrenches = measured_wrench(exact, center, center + PLATE, specimen.base, noise, random)
+    if clamp is not None:
+        frames = np.searchsorted(exact.time, markers.time - 1e-9)
+        markers = clamp.moved(markers, turns[frames], center, len(on_base))
+    wrenches = _on_plate(limb, exact, faults, random)
+    return SwingTrial(name, replace(markers, time=markers.time[::EVERY], values=markers.values[::EVERY]), wrenches)
+
+
+def _on_plate(limb: HeldLimb, exact: Sampled, faults: Faults, random: np.random.Generator) -> Wrenches:
+    """The wrench of a swing as a plate with faults measures it."""
+    center, noise = limb.specimen.center_in_ground, Noise(offset=faults.clock, drift=faults.drift)
+    wrenches = measured_wrench(exact, center, center + PLATE, limb.specimen.base, noise, random)
     turn = Rotation.from_rotvec(faults.turn).as_matrix()
-    wrenches = replace(
+    return replace(
         wrenches,
         time=wrenches.time[::EVERY],
         forces=(wrenches.forces * (1.0 + np.array(faults.force)) @ turn.T)[::EVERY],
         torques=(wrenches.torques * (1.0 + np.array(faults.moment)) @ turn.T)[::EVERY],
         points=(wrenches.points + np.array(faults.plate))[::EVERY],
     )
-    return SwingTrial(name, replace(markers, time=markers.time[::EVERY], values=markers.values[::EVERY]), wrenches)
 
 
-def limb_run(given: tuple[int, Faults, float | None]) -> LimbRun:
+def _slipping(
+    limb: HeldLimb, trials: list[SwingTrial], exact: list[Sampled], first: int, bone: str, size: float,
+    random: np.random.Generator,
+) -> list[SwingTrial]:  # fmt: skip
+    """The trials, in which a bone's cluster moves on it in the middle of the trial `first`, and stays there."""
+    by = random.standard_normal(3)
+    by *= size / np.linalg.norm(by)
+    names = {marker.name for marker in limb.specimen.model.markers if marker.body == bone}
+    at = random.uniform(0.25, 0.75) * SECONDS
+    result = trials[:first]
+    for trial, swing in zip(trials[first:], exact[first:], strict=True):
+        columns = [column for column, name in enumerate(trial.markers.names) if name in names]
+        rotations = swing.rotations[np.searchsorted(swing.time, trial.markers.time - 1e-9)]
+        if bone == limb.specimen.base:
+            rotations = np.broadcast_to(limb.specimen.stand.rotation, rotations.shape)
+        result.append(replace(trial, markers=slipped(trial.markers, columns, rotations, by, at)))
+        at = -np.inf
+    return result
+
+
+def limb_run(given: tuple[int, Faults, float | None], level: float = LEVEL) -> LimbRun:
     """A limb, by its seed, its faults and its viscosity if that is not drawn, as a study identifies it."""
     seed = given[0]
     limb = faulty_limb(*given)
-    settings: dict[str, dict[str, float]] = {"identification": {"level": LEVEL, "seed": seed}}
+    settings: dict[str, dict[str, float]] = {"identification": {"level": level, "seed": seed}}
     if given[1].attachments <= 0.0:
         # Muscles that lie where the model has them: a laboratory that digitized them says so.
         settings["moment_arms"] = {"offset": 0.0}
@@ -238,23 +324,34 @@ def limb_run(given: tuple[int, Faults, float | None]) -> LimbRun:
     for name, trials in limb.trials.items():
         one = track(limb.known, trials, options.tracking)
         tracked[name] = Prepared(one, one.notes)
-    result = identify_conditions(limb.known, SpecimenFiles(str(seed), Path()), tracked, options)
+    load = BaseMass()
+    if given[1].tared:
+        load = BaseMass((0.0, 0.0), (0.0, 2.0 * (given[1].loads[1] - given[1].loads[0])))
+    files = SpecimenFiles(str(seed), Path(), base_load=load)
+    result = identify_conditions(limb.known, files, tracked, options)
     refused = [
-        finding.text
-        for one in (result.by_swings.without, result.by_swings.intact)
-        for finding in (() if one is None else condition_findings(one))
-        if finding.kind == TOO_SMALL
+        QUANTITIES_OF[name][-1]
+        for name, one in result.by_swings.conditions.items()
+        if any(finding.kind == TOO_SMALL for finding in condition_findings(one))
     ]
+    muscles = result.by_swings.muscles
+    if muscles is not None and not is_narrow(muscles.common):
+        refused.append("muscle_viscosity")
     row = dict(specimen_row(result.found))
     laws = tuple(one.chosen.name for one in result.compared.values())
     found = {name: row[name] for name in limb.truth if name in row}
-    return LimbRun(seed, limb.truth, found, laws, (*refused, *result.lost))
+    findings = [
+        (finding.kind, finding.place, name) for name, one in result.conditions.items() for finding in one.findings
+    ]
+    if any("dry friction" in note for note in result.found.notes):
+        findings.append(("dry friction", "joint", "without"))
+    return LimbRun(seed, limb.truth, found, laws, (*refused, *result.lost), tuple(findings), limb.slip)
 
 
-def limb_runs(given: Sequence[tuple[int, Faults, float | None]]) -> list[LimbRun]:
+def limb_runs(given: Sequence[tuple[int, Faults, float | None]], level: float = LEVEL) -> list[LimbRun]:
     """Runs on both cores, a process each."""
     with multiprocessing.get_context("spawn").Pool(WORKERS) as pool:
-        return list(pool.imap(limb_run, given, chunksize=4))
+        return list(pool.imap(partial(limb_run, level=level), given, chunksize=4))
 
 
 SYSTEMATIC: dict[str, Faults] = {

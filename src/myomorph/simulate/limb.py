@@ -188,12 +188,13 @@ def swing_mjcf(
     muscle: float,
     tissue: SoftTissue | None = None,
     load: BaseLoad | None = None,
+    clamp: str = "",
 ) -> str:
-    """MJCF of a limb on a fixed base, with its muscles as tendons where `muscle` is positive. `parameters`: (10,) of
+    """MJCF of a limb on a base, with its muscles as tendons where `muscle` is positive. `parameters`: (10,) of
     the limb in its frame; `stand`: pose of the base in ground; `rest`: (3, 3) of the limb in ground at which the
     ball's angles are zero; `damping`: of the ball joint, the same about every axis [N m s/rad]; `muscle`: viscosity
     of every muscle [N s/m]; `tissue`: part of the limb, `parameters` included, that moves against its bones; `load`: on
-    the base.
+    the base; `clamp`: joints by which the base gives way against the plate, none where it is fixed.
     """
     specimen = limb.specimen
     loose = "" if tissue is None else tissue.mjcf(rest.T @ np.asarray(specimen.model.gravity))
@@ -210,6 +211,7 @@ def swing_mjcf(
   <worldbody>
     <body name="base" pos="{words(center)}">
       <site name="plate"/>
+      {f'<body name="clamped">{clamp}' if clamp else ""}
       <body name="scapula" quat="{words(quaternion(stand.rotation))}">{on_base}</body>
       <body name="limb" quat="{words(quaternion(rest))}">
         <joint name="joint" type="ball" damping="{damping!r}"/>
@@ -217,6 +219,7 @@ def swing_mjcf(
         <site name="center"/>
         {on_limb}{loose}
       </body>
+      {"</body>" if clamp else ""}
     </body>
   </worldbody>
   {f"<tendon>{tendons}</tendon>" if tendons else ""}{SENSORS.format(body="limb").replace("</sensor>", speeds)}

@@ -56,6 +56,11 @@ NEUTRAL_ROUNDS = 3
 """How often the neutral position of a ball joint's spring is found again from angles counted from the last."""
 
 
+def is_narrow(estimate: Estimate) -> bool:
+    """Whether an interval is narrower than plus or minus `MAX_RELATIVE_WIDTH` of its value."""
+    return estimate.high - estimate.low <= 2.0 * MAX_RELATIVE_WIDTH * estimate.value
+
+
 @dataclass(frozen=True)
 class ViscosityOptions:
     """Settings of `identify_specimen`.

@@ -10,7 +10,7 @@ import numpy as np
 from myomorph.model.errors import BadData, MyomorphError
 from myomorph.model.findings import Finding
 from myomorph.model.provenance import Estimate
-from myomorph.viscosity.identification.base_load import BaseLoad, with_base_load
+from myomorph.viscosity.identification.base_load import UNKNOWN, BaseLoad, with_base_load
 from myomorph.viscosity.identification.budget import ErrorOptions, ErrorShare
 from myomorph.viscosity.identification.identify import STATES, SpecimenViscosity, ViscosityOptions, identify_specimen
 from myomorph.viscosity.identification.instruments import Instruments, estimate_instruments
@@ -127,14 +127,15 @@ def _corrected(
 
 
 def _with_base(conditions: Mapping[str, Prepared], instruments: Instruments, load: BaseLoad) -> dict[str, Prepared]:
-    """The conditions with a finding where the base carries a load that was not stated."""
+    """The conditions with a finding where the base carries a load that was not stated, and no other of its moment."""
     result = dict(conditions)
     for name, condition in conditions.items():
-        stated = load.removed[0] if name == "without" else load.intact[0]
-        if stated > 0.0 or any(finding.kind in (TARED, "zero") for finding in condition.findings):
-            continue
-        findings = base_findings(condition.recordings, instruments)
-        result[name] = replace(condition, findings=(*condition.findings, *findings))
+        findings = condition.findings
+        if 0.0 < (load.removed if name == "without" else load.intact)[1] < UNKNOWN[1]:
+            findings = tuple(finding for finding in findings if finding.kind != "zero")
+        elif not any(finding.kind in (TARED, "zero") for finding in findings):
+            findings += base_findings(condition.recordings, instruments)
+        result[name] = replace(condition, findings=findings)
     return result
 
 

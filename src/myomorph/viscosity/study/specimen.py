@@ -19,12 +19,12 @@ from myomorph.report.charts.axis import number
 from myomorph.store.progress import Advance
 from myomorph.store.results import file_source
 from myomorph.viscosity.identification.identify import (
-    MAX_RELATIVE_WIDTH,
     QUANTITIES_OF,
     STATES,
     Condition,
     SpecimenViscosity,
     ViscosityOptions,
+    is_narrow,
 )
 from myomorph.viscosity.identified_model import identified_model
 from myomorph.viscosity.report.specimen_report import (
@@ -305,7 +305,7 @@ def _judged(
     muscles = viscosity.muscles
     if muscles is not None and by_swings.muscles is not None:
         common = by_swings.muscles.common
-        if not common.high - common.low <= 2.0 * MAX_RELATIVE_WIDTH * common.value:
+        if not is_narrow(common):
             notes.append(f"the swings do not tell the muscles' viscosity: {common.low:.2g} to {common.high:.2g} N s/m")
             lacking, muscles = lacking | {"muscle_viscosity"}, None
     notes += [

@@ -47,6 +47,21 @@ def limb_motion(specimen: Specimen, motion: Motion) -> LimbMotion:
     return LimbMotion(rotations, slopes, rates, rows, axes @ rows[:, :3])
 
 
+def on_moving_base(specimen: Specimen, limb: LimbMotion, base: Motion) -> LimbMotion:
+    """The limb on a base that moves by displacement of the joint's center and rotation vector, a small one, in ground
+    (frames, 6), with derivatives. The center's acceleration acts as gravity does; rates are those against the base.
+    """
+    assert base.velocities is not None
+    assert base.accelerations is not None
+    acceleration, turning = base.accelerations[:, :3], base.velocities[:, 3:]
+    rows = np.array(limb.wrench_rows)
+    rows[:, 3:, 0] += acceleration
+    rows[:, :3, 1:4] += np.cross(limb.rotations.transpose(0, 2, 1), acceleration[:, None]).transpose(0, 2, 1)
+    axes = np.einsum("fij,aj->fai", limb.rotations, specimen.axis_vectors)
+    rates = limb.rates - np.einsum("fai,fi->fa", axes, turning)
+    return replace(limb, rates=rates, wrench_rows=rows, torque_rows=axes @ rows[:, :3])
+
+
 def lengthening(specimen: Specimen, motion: Motion, slopes: Array) -> Array:
     """(frames, strands, axes) d(length)/d(angle about a free axis), J_M of [S] eq. 3 [m/rad], NaN where the motion is.
     Strands stand muscle after muscle, each divided by the root of their number (see `SwingRecording`). Moment arms

@@ -10,12 +10,17 @@ from scipy.ndimage import median_filter, uniform_filter1d
 from scipy.spatial.transform import Rotation
 
 from myomorph.model.arrays import Array
-from myomorph.model.series import Motion
+from myomorph.model.model import Model
+from myomorph.model.series import Markers, Motion
 from myomorph.model.spatial import Transform
+from myomorph.motion.filters import lowpass
 from myomorph.viscosity.specimen.model import Specimen
 
 WINDOW = 0.25
 """Time over which a held pose is averaged before it is judged, against the markers' noise [s]."""
+
+SWAY = 5.0
+"""Low-pass of a base that goes to and fro with the limb, far above the rate of its swings [Hz]."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +30,7 @@ class Slip:
 
     `lasting`: it stays where it went (a wire slipped), instead of going to and fro (a wire is loose); `before`: it
     moved before this trial, and stands still in it; `center_off`: it goes to and fro with a limb that turns about
-    another point than the center that is used.
+    another point than the center that is used; `cluster`: not what is named moved, but the cluster on that bone.
     """
 
     trial: str
@@ -36,11 +41,15 @@ class Slip:
     unit: str = "rad"
     before: bool = False
     center_off: bool = False
+    cluster: bool = False
 
     @property
     def line(self) -> str:
         """The warning, as one line."""
         amount = f"{np.degrees(self.amount):.1f} degrees" if self.unit == "rad" else f"{1000 * self.amount:.1f} mm"
+        if self.cluster:
+            where = f"trial '{self.trial}': the cluster of '{self.what}' slips on its bone by {amount}"
+            return f"{where} at {self.time:.2f} s: fix it again; put back where bones beside it show where it was"
         base = self.what == "base"
         what = "the base" if base else f"held joint '{self.what}'"
         if self.before:
@@ -80,6 +89,15 @@ def cluster_poses(places: Array, seen: Array) -> tuple[Array, Array]:
     lacking = finite.sum(axis=1) < 3
     rotations[lacking], origins[lacking] = np.nan, np.nan
     return rotations, origins
+
+
+def bone_poses(model: Model, bone: str, markers: Markers) -> tuple[Array, Array]:
+    """`cluster_poses` of a bone's markers as the model has them; NaN where fewer than three were recorded."""
+    bone_markers = [marker for marker in model.markers if marker.body == bone and marker.name in markers.names]
+    if len(bone_markers) < 3:
+        return np.full((len(markers), 3, 3), np.nan), np.full((len(markers), 3), np.nan)
+    columns = [markers.names.index(marker.name) for marker in bone_markers]
+    return cluster_poses(np.array([marker.location for marker in bone_markers]), markers.values[:, columns])
 
 
 def rotation_center(base: tuple[Array, Array], limb: tuple[Array, Array]) -> tuple[Array, Array]:
@@ -182,6 +200,18 @@ def center_course(specimen: Specimen, motion: Motion) -> Array:
     """(frames, 3) where the base carries the joint's center in ground, as a running median over `WINDOW` [m]."""
     rotations, origins = base_poses(specimen, motion)
     return _course(motion.time, rotations @ specimen.center + origins)
+
+
+def base_sway(specimen: Specimen, motion: Motion, stand: Transform) -> Array:
+    """(frames, 6) of a base that goes to and fro: displacement of the joint's center and rotation vector of the base
+    from where it stands, in ground and below `SWAY` [m], [rad].
+    """
+    rotations, origins = base_poses(specimen, motion)
+    angles = np.full((len(motion), 3), np.nan)
+    seen = np.isfinite(origins).all(axis=1)
+    angles[seen] = Rotation.from_matrix(rotations[seen] @ stand.rotation.T).as_rotvec()
+    center = rotations @ specimen.center + origins - stand.apply(specimen.center)
+    return lowpass(_filled(np.hstack([center, angles])), motion.rate, SWAY)
 
 
 def _course(time: Array, places: Array) -> Array:

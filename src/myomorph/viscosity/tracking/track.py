@@ -9,7 +9,6 @@ import numpy as np
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
-from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion
 from myomorph.model.spatial import Transform
 from myomorph.motion.clocks import Clock
@@ -19,12 +18,14 @@ from myomorph.viscosity.specimen.model import Specimen, SwingTrial
 from myomorph.viscosity.swings.motion import differentiate_joint, limb_motion, on_one_branch
 from myomorph.viscosity.swings.plate import CUTOFF, lowpass_runs, on_clock, plate_clock, wrench_about
 from myomorph.viscosity.swings.recording import REACH, touched_frames, whole_frames
+from myomorph.viscosity.tracking.cluster_slips import without_slips
 from myomorph.viscosity.tracking.clusters import checked_clusters
 from myomorph.viscosity.tracking.held import (
     Slip,
     base_slips,
+    base_sway,
+    bone_poses,
     center_course,
-    cluster_poses,
     course,
     mean_base,
     mean_held,
@@ -78,6 +79,9 @@ def track(
     ]
     markers = [trial_markers for trial_markers, _ in checked]
     started, astray = _centered(_started(specimen, markers), markers, options)
+    markers, slid = without_slips(started, markers, [trial.name for trial in trials], options.shift)
+    if any(slid):
+        started, astray = _centered(_started(specimen, markers), markers, options)
     fits = [inverse_kinematics(started.model, marker, EXACT, progress) for marker in markers]
     motions = [on_one_branch(started, fit.motion) for fit in fits]
     weights = [_sureness(started, fit) for fit in fits]
@@ -96,17 +100,24 @@ def track(
     if options.center == "motion" and _turns_enough(posed, markers) and not any(slips):
         posed, moved = shaped(posed, markers)
         astray = (*astray, *_moved_note(moved, options))
+    slips = [[*first, *then] for first, then in zip(slid, slips, strict=True)]
     tracked = []
-    for trial, (seen, notes), motion, certain in zip(trials, checked, sure, slips, strict=True):
-        away = np.zeros((len(motion), 3))
-        if any(slip.what == "base" for slip in certain):
+    for trial, seen, (_, notes), motion, certain in zip(trials, markers, checked, sure, slips, strict=True):
+        away, sway = np.zeros((len(motion), 3)), np.zeros((0, 6))
+        shifts = [slip for slip in certain if slip.what == "base" and not slip.cluster]
+        if any(not (slip.lasting or slip.before) for slip in shifts):
+            sway = base_sway(started, motion, posed.stand)
+            away = sway[:, :3]
+        elif shifts:
             away = center_course(started, motion) - posed.center_in_ground
         fit = _joint_alone(posed, seen, away, motion, certain, progress)
         wrench, clock, doubts = _wrench(posed, trial, away, fit.motion, options)
         lines = (*notes, *(slip.line for slip in certain), *(f"trial '{trial.name}': {doubt}" for doubt in doubts))
         untouched = np.zeros(len(fit.motion), bool)
         tracked.append(
-            TrackedTrial(trial.name, fit.motion, wrench, untouched, fit.rms, clock, lines, _plate_origin(posed, trial))
+            TrackedTrial(
+                trial.name, fit.motion, wrench, untouched, fit.rms, clock, lines, _plate_origin(posed, trial), sway
+            )
         )
     if options.find_contact:
         tracked = _with_touches(posed, tracked, options.contact_threshold)
@@ -131,7 +142,7 @@ def _held_still(
     slips = [slips_within(specimen, name, motion, *limits) for name, motion in zip(names, motions, strict=True)]
     for trial_slips, shown in zip(slips, markers, strict=True):
         if any(slip.what == "base" for slip in trial_slips):
-            pose = _poses(specimen.model, specimen.base, shown)
+            pose = bone_poses(specimen.model, specimen.base, shown)
             if np.isfinite(pose[1]).any() and not base_slips(specimen, "", shown.time, *pose, *limits):
                 trial_slips[:] = [slip for slip in trial_slips if slip.what != "base"]
     moved = [[slip.what for slip in trial_slips] for trial_slips in slips]
@@ -146,14 +157,14 @@ def _held_still(
 
 def _started(specimen: Specimen, trials: Sequence[Markers]) -> Specimen:
     """The specimen whose coordinates are zero where it stands and hangs, far from singular angles."""
-    base = [_poses(specimen.model, specimen.base, trial) for trial in trials]
+    base = [bone_poses(specimen.model, specimen.base, trial) for trial in trials]
     rotations, origins = (np.concatenate(parts) for parts in zip(*base, strict=True))
     seen = np.isfinite(origins).all(axis=1)
     if not seen.any():
         raise BadData(f"no frame shows three markers of the base '{specimen.base}' at once")
     stand = Transform(mean_rotation(rotations[seen]), origins[seen].mean(axis=0))
     standing = specimen.standing(stand)
-    limb = np.concatenate([_poses(specimen.model, specimen.first, trial)[0] for trial in trials])
+    limb = np.concatenate([bone_poses(specimen.model, specimen.first, trial)[0] for trial in trials])
     shown = np.isfinite(limb).all(axis=(1, 2))
     return standing.resting(stand.rotation.T @ mean_rotation(limb[shown])) if shown.any() else standing
 
@@ -180,7 +191,7 @@ def _centered(
 
 def _both_poses(specimen: Specimen, trials: Sequence[Markers]) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
     """Rotations and origins of base and limb in the frames that show three markers of each."""
-    poses = [[_poses(specimen.model, bone, trial) for trial in trials] for bone in (specimen.base, specimen.first)]
+    poses = [[bone_poses(specimen.model, bone, trial) for trial in trials] for bone in (specimen.base, specimen.first)]
     base, limb = ([np.concatenate(parts) for parts in zip(*pose, strict=True)] for pose in poses)
     seen = np.isfinite(base[1]).all(axis=1) & np.isfinite(limb[1]).all(axis=1)
     return (base[0][seen], base[1][seen]), (limb[0][seen], limb[1][seen])
@@ -205,14 +216,6 @@ def _moved_note(moved: float, options: TrackingOptions) -> tuple[str, ...]:
         f"the limb's markers lie {1000 * moved:.1f} mm (root mean square) from where the model has them against each "
         "other and the joint; where the motion has them is used: check how clusters fit bones",
     )
-
-
-def _poses(model: Model, bone: str, markers: Markers) -> tuple[Array, Array]:
-    bone_markers = [marker for marker in model.markers if marker.body == bone and marker.name in markers.names]
-    if len(bone_markers) < 3:
-        return np.full((len(markers), 3, 3), np.nan), np.full((len(markers), 3), np.nan)
-    columns = [markers.names.index(marker.name) for marker in bone_markers]
-    return cluster_poses(np.array([marker.location for marker in bone_markers]), markers.values[:, columns])
 
 
 def _sureness(specimen: Specimen, fit: KinematicsFit) -> Array:
@@ -248,7 +251,7 @@ def _joint_alone(
     base moved is brought back by how far its center was `away` (frames, 3) [m].
     """
     markers = replace(markers, values=markers.values - away[:, None])
-    slipped = [slip.what for slip in slips if slip.what != "base"]
+    slipped = [slip.what for slip in slips if slip.what != "base" and not slip.cluster]
     earlier = None
     if slipped:
         earlier = Motion(motion.time, tuple(slipped), np.stack([course(motion, name) for name in slipped], axis=1))

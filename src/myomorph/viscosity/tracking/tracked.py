@@ -13,8 +13,9 @@ from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.series import Motion
 from myomorph.motion.clocks import Clock
+from myomorph.motion.filters import differentiate
 from myomorph.viscosity.specimen.model import Specimen
-from myomorph.viscosity.swings.motion import LimbMotion, differentiate_joint, lengthening, limb_motion
+from myomorph.viscosity.swings.motion import LimbMotion, differentiate_joint, lengthening, limb_motion, on_moving_base
 from myomorph.viscosity.swings.plate import CUTOFF, lowpass_runs
 from myomorph.viscosity.swings.recording import REACH, SwingRecording, near, swing_numbers, whole_frames
 from myomorph.viscosity.tracking.held import Slip, mean_rotation
@@ -59,7 +60,7 @@ class TrackedTrial:
 
     `touched` (frames,): something besides the joint carries the limb; `rms` (frames,) of the distances between markers
     and model [m]; `clock`: the plate's against the markers', as taken; `origin`: mean point of the plate's wrench from
-    the joint's center, in ground [m].
+    the joint's center, in ground [m]; `sway` (frames, 6): of a base that goes to and fro (`held.base_sway`), else none.
     """
 
     name: str
@@ -70,6 +71,7 @@ class TrackedTrial:
     clock: Clock
     notes: tuple[str, ...] = ()
     origin: Array = field(default_factory=lambda: np.zeros(3))
+    sway: Array = field(default_factory=lambda: np.zeros((0, 6)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +85,7 @@ class TrackedSpecimen:
     notes: tuple[str, ...] = ()
 
 
+SWAYING = ("x", "y", "z", "about x", "about y", "about z")
 MIN_ROTATION = 0.005
 """Angle between two turns under which the limb counts as still [rad]."""
 
@@ -129,7 +132,11 @@ def _filtered(specimen: Specimen, trial: TrackedTrial, cutoff: float | None) -> 
     motion = differentiate_joint(specimen, trial.motion, cutoff)
     wrench = lowpass_runs(trial.wrench, motion.rate, cutoff)
     finite = np.asarray(np.isfinite(motion.values).all(axis=1) & np.isfinite(wrench).all(axis=1))
-    return _Filtered(motion, limb_motion(specimen, motion), wrench, whole_frames(motion.time, finite, cutoff))
+    limb = limb_motion(specimen, motion)
+    if len(trial.sway):
+        base = differentiate(Motion(motion.time, SWAYING, trial.sway), cutoff)
+        limb = on_moving_base(specimen, limb, base)
+    return _Filtered(motion, limb, wrench, whole_frames(motion.time, finite, cutoff))
 
 
 def _rest(specimen: Specimen, made: list[_Filtered], free: list[np.ndarray]) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.findings import Finding
 from myomorph.viscosity.identification.budget import disturbed, thinned
-from myomorph.viscosity.identification.identify import MAX_RELATIVE_WIDTH, Condition
+from myomorph.viscosity.identification.identify import MAX_RELATIVE_WIDTH, Condition, is_narrow
 from myomorph.viscosity.identification.inertia import InertiaOptions, least_mass, limb_inertia
 from myomorph.viscosity.identification.instruments import Instruments
 from myomorph.viscosity.swings.recording import SwingRecording
@@ -18,7 +18,9 @@ from myomorph.viscosity.tracking.tracked import TrackedSpecimen
 from myomorph.viscosity.trust.forward import sense
 
 TARED, TOO_SMALL, LOADED = "tare", "small swing", "base load"
-"""Kinds of findings: the mass and its center cannot be known; the condition has no viscosity."""
+"""Kinds of findings: the mass and its center cannot be known; the condition has no viscosity; what the base carries."""
+MOVING_BASE, LOOSE_WIRE, SLIPPED = "moving base", "loose wire", "slipped cluster"
+"""Kinds of findings: what should stand still and moves."""
 
 SPARE = 0.9
 """A mass below this share of the least that the motion allows cannot be the limb's."""
@@ -141,7 +143,7 @@ def condition_findings(condition: Condition) -> tuple[Finding, ...]:
     viscosity = condition.viscosity
     rates = np.concatenate([each.rates[each.used] for each in condition.recordings])
     size = np.sqrt(np.square(rates).mean(axis=0))
-    wide = not viscosity.high - viscosity.low <= 2.0 * MAX_RELATIVE_WIDTH * viscosity.value
+    wide = not is_narrow(viscosity)
     if wide and "viscosity" in condition.by_trial:
         text = (
             f"one viscosity does not describe the trials: {viscosity.low:.2g} to {viscosity.high:.2g} N m s/rad; that "
@@ -195,7 +197,10 @@ def _misfit(condition: Condition) -> tuple[Finding, ...]:
 
 def tracking_findings(tracked: TrackedSpecimen) -> tuple[Finding, ...]:
     """Faults that the markers, the plate's clock and the held joints show."""
-    findings = [Finding("slip", "joints", slip.line) for slip in tracked.slips]
+    findings = [
+        Finding(SLIPPED if slip.cluster else MOVING_BASE if slip.what == "base" else LOOSE_WIRE, slip.what, slip.line)
+        for slip in tracked.slips
+    ]
     for trial in tracked.trials:
         lost = float(np.mean(~np.isfinite(trial.motion.values).all(axis=1)))
         if lost > LOST:

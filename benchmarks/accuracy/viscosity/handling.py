@@ -1,0 +1,113 @@
+"""What goes wrong on the plate itself: a load of the base, a clamp that gives way, a cluster that slips on its bone."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from myomorph.model.arrays import Array
+from myomorph.model.series import Markers
+from myomorph.simulate.laboratory import Sampled, sampled, words
+from myomorph.simulate.limb import BaseLoad, HeldLimb, swing_mjcf
+
+ANCHOR = (-0.055, 0.0, -0.06)
+"""Where the base is clamped, from the joint's center, in the base's frame: the middle of the shoulder blade [m]."""
+STIFF, RATIO = 30.0, 0.2
+"""Of the clamp: stiffness at which its search begins [N m/rad], share of critical damping."""
+SEARCHED = 4
+CARRIED = 0.02
+"""Inertia of what a clamp carries about its anchor, for its damping [kg m^2]."""
+
+
+def base_load(limb: HeldLimb, mass: float, random: np.random.Generator) -> BaseLoad:
+    """A mass within 2 cm an axis of the mass center of the base's bone."""
+    bone = limb.specimen.model.body(limb.specimen.base)
+    x, y, z = np.asarray(bone.mass_center) + random.uniform(-0.02, 0.02, 3)
+    return BaseLoad(mass, (float(x), float(y), float(z)))
+
+
+def resting_wrench(limb: HeldLimb, load: BaseLoad) -> Array:
+    """(6,) that carries a load at rest, moment about the joint's center, in ground [N m], [N]."""
+    specimen = limb.specimen
+    force = -load.mass * np.asarray(specimen.model.gravity)
+    return np.concatenate([np.cross(specimen.stand.rotation @ (np.array(load.place) - specimen.center), force), force])
+
+
+def still(wrench: Array, seconds: float, step: float) -> Sampled:
+    """A wrench (6,) that does not change, as the simulation gives it."""
+    time = np.arange(round(seconds / step) + 1) * step
+    nothing = np.zeros((len(time), 3))
+    turns = np.broadcast_to(np.eye(3), (len(time), 3, 3))
+    return Sampled(time, turns, nothing, nothing, np.tile(wrench, (len(time), 1)), np.zeros((len(time), 0)))
+
+
+class Clamp:
+    """Three springs about a point of the base, slack where the limb hangs at rest."""
+
+    def __init__(self, limb: HeldLimb, parameters: Array, load: BaseLoad) -> None:
+        specimen = limb.specimen
+        gravity = np.asarray(specimen.model.gravity)
+        self.anchor = specimen.stand.rotation @ np.array(ANCHOR)
+        weight = parameters[0] * gravity
+        carried = resting_wrench(limb, load)
+        # What gravity turns about the anchor: the limb hangs below the joint's center.
+        self.moment = np.cross(-self.anchor, weight) - carried[:3] + np.cross(self.anchor, carried[3:])
+
+    def mjcf(self, stiffness: float) -> str:
+        """Its joints, of a stiffness [N m/rad]."""
+        damping = 2.0 * RATIO * float(np.sqrt(stiffness * CARRIED))
+        joints = "".join(
+            f'<joint type="hinge" pos="{words(self.anchor)}" axis="{words(axis)}" stiffness="{stiffness!r}" '
+            f'damping="{damping!r}" springref="{float(-moment / stiffness)!r}"/>'
+            for axis, moment in zip(np.eye(3), self.moment, strict=True)
+        )
+        return f'{joints}<inertial pos="0 0 0" mass="0.001" diaginertia="1e-6 1e-6 1e-6"/>'
+
+    def swings(
+        self, text: dict[str, object], starts: list[tuple[Array, Array]], sway: float, seconds: float, step: float
+    ) -> list[tuple[Sampled, Array]]:
+        """Swings of `swing_mjcf` with `text` as its arguments, and rotations of the base (frames, 3, 3) in each, with
+        the stiffness at which the base turns by `sway` between its extremes about some axis [rad].
+        """
+        stiffness = STIFF
+        for _ in range(SEARCHED):
+            compiled = mujoco.MjModel.from_xml_string(swing_mjcf(**text, clamp=self.mjcf(stiffness)))  # type: ignore[arg-type]
+            compiled.opt.integrator, compiled.opt.timestep = mujoco.mjtIntegrator.mjINT_RK4, step
+            swings = [_rolled(compiled, *start, seconds, step) for start in starts]
+            widest = max(float(np.ptp(angles, axis=0).max()) for _, angles in swings)
+            if abs(widest / sway - 1.0) < 0.05:
+                break
+            stiffness *= widest / sway
+        return [(exact, Rotation.from_euler("XYZ", angles).as_matrix()) for exact, angles in swings]
+
+    def moved(self, markers: Markers, turns: Array, center: Array, on_base: int) -> Markers:
+        """Markers, the first `on_base` on the base, of a fixed base as they are where it turns (frames, 3, 3)."""
+        values = np.array(markers.values)
+        anchor = center + self.anchor
+        values[:, :on_base] = anchor + np.einsum("fij,fmj->fmi", turns, values[:, :on_base] - anchor)
+        values[:, on_base:] += (turns @ -self.anchor + self.anchor)[:, None]
+        return replace(markers, values=values)
+
+
+def _rolled(compiled: mujoco.MjModel, qpos: Array, qvel: Array, seconds: float, step: float) -> tuple[Sampled, Array]:
+    """A swing, and the angles of the clamp's three joints (frames, 3) [rad]."""
+    data = mujoco.MjData(compiled)
+    data.qpos[3:], data.qvel[3:] = qpos, qvel
+    angles, sensed = [], []
+    time = np.arange(round(seconds / step) + 1) * step
+    for _ in time:
+        angles.append(data.qpos[:3].copy())
+        mujoco.mj_step(compiled, data)
+        sensed.append(data.sensordata.copy())
+    return sampled(compiled, time, np.array(sensed)), np.array(angles)
+
+
+def slipped(markers: Markers, columns: list[int], rotations: Array, by: Array, time: float) -> Markers:
+    """The markers with those of a cluster moved by (3,) in its bone's frame, rotations (frames, 3, 3), from a time."""
+    values = np.array(markers.values)
+    later = markers.time >= time
+    values[np.ix_(later, columns)] += (rotations[later] @ by)[:, None]
+    return replace(markers, values=values)
