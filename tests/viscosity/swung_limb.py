@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from myomorph.model.arrays import Array
 from myomorph.model.inertia import inertia_matrices
 from myomorph.viscosity.swings.recording import SwingRecording
-from myomorph.viscosity.trust.law import PassiveLaw, resistances
+from myomorph.viscosity.trust.law import PassiveLaw, hinge_slopes, resistances
 from truths.mechanical_joint import moment_rows
 
 GRAVITY = np.array([0.0, -9.81, 0.0])
@@ -24,7 +24,10 @@ LAWS: dict[str, dict[str, float | Array]] = {
     "friction": {"viscosity": 0.03, "coulomb": 0.04},
     "drag": {"viscosity": 0.03, "quadratic": 0.02},
     "muscles": {"viscosity": 0.03, "muscle": 90.0},
+    "hinges": {"hinges": np.array([0.03, 0.08, 0.05])},
 }
+HINGES = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+"""First axis in ground, last in the limb."""
 STARTS, RATES = ([0.8, 0.2, 0.3], [-0.3, 0.5, 0.9]), ([0.5, 2.0, 0.0], [1.0, -3.0, 0.4])
 MUSCLES = ("deltoid", "supraspinatus", "teres", "biceps")
 
@@ -34,7 +37,7 @@ def law(axes: int = 3, **terms: float | Array) -> PassiveLaw:
     each = {"viscosity": np.zeros(axes), "stiffness": np.zeros(axes), "rest_moment": np.zeros(axes)}
     each |= {name: np.broadcast_to(value, (axes,)) for name, value in terms.items() if name in each}
     rest = {name: float(terms.get(name, 0.0)) for name in ("coulomb", "quadratic", "muscle")}
-    return PassiveLaw(**each, **rest)
+    return PassiveLaw(**each, **rest, hinges=np.asarray(terms.get("hinges", np.zeros(3))))
 
 
 @lru_cache(maxsize=1)
@@ -77,7 +80,8 @@ def swung(
     def acceleration(q: Array, w: Array) -> Array:
         rotation = Rotation.from_quat(q)
         angles = (upright * rotation).as_rotvec()
-        columns = resistances(angles @ turn.T, w @ turn.T, arms(angles), laws[0].width)
+        slopes = hinge_slopes(rotation.as_matrix(), HINGES) if axis is None else None
+        columns = resistances(angles @ turn.T, w @ turn.T, arms(angles), laws[0].width, slopes)
         torque = -np.einsum("fac,fc->fa", columns, coefficients) @ turn
         torque = torque + np.cross(h, rotation.apply(gravity, inverse=True)) - np.cross(w, w @ inertia)
         if axis is None:
@@ -115,5 +119,6 @@ def swung(
             f"release {number + 1}", time, wrench_rows, wrench_rows @ LIMB, np.einsum("ai,fip->fap", turn, moment),
             w @ turn.T, angles @ turn.T, ("x", "y", "z") if axis is None else ("flexion",), MUSCLES if muscles else (),
             arms(angles), rotations.as_matrix(), np.array(gravity), np.floor(time / period).astype(int),
+            hinges=HINGES if axis is None else np.zeros((0, 3)),
         ))  # fmt: skip
     return made

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from swung_limb import LAWS, LIMB, law, released, swung
 
 from myomorph.model.errors import UnknownName
 from myomorph.motion.filters import lowpass
 from myomorph.viscosity.swings.sums import effective_samples
 from myomorph.viscosity.trust.forward import angles_apart, measured_motion, swing_forward
-from myomorph.viscosity.trust.law import PassiveLaw, bounded_least_squares, law_columns
+from myomorph.viscosity.trust.law import PassiveLaw, bounded_least_squares, hinge_slopes, law_columns, resistances
 from myomorph.viscosity.trust.models import PassiveOptions, compare_passive_laws
 from truths.mechanical_joint import mechanical_joint
 
@@ -33,6 +34,22 @@ def test_a_swing_is_what_its_law_and_inertia_predict(ball, name):
     assert predicted.wrench == pytest.approx(measured.wrench, abs=100 * tolerance)
 
 
+def test_three_hinges_damp_the_rates_of_their_own_angles():
+    random = np.random.default_rng(0)
+    angles, speeds = random.uniform(-1.0, 1.0, (20, 3)), random.standard_normal((20, 3))
+    turns = [Rotation.from_euler("xyz"[i], angles[:, i]) for i in range(3)]
+    limb = turns[0] * turns[1] * turns[2]
+    # Rates along the limb's axes are what each hinge adds, seen from beyond the hinges after it.
+    after = [turns[1] * turns[2], turns[2], Rotation.identity(20)]
+    rates = sum(after[i].inv().apply(np.outer(speeds[:, i], np.eye(3)[i])) for i in range(3))
+    slopes = hinge_slopes(limb.as_matrix(), np.eye(3)[[0, 2]])
+    assert np.einsum("fha,fa->fh", slopes, rates) == pytest.approx(speeds)
+    passive = law(hinges=np.array([0.1, 0.2, 0.3]))
+    columns = resistances(np.zeros((20, 3)), rates, np.zeros((20, 0, 3)), 0.1, slopes)
+    power = np.einsum("fa,fac,c->f", rates, columns, passive.coefficients)
+    assert power == pytest.approx(speeds**2 @ [0.1, 0.2, 0.3])
+
+
 def test_a_hinge_keeps_to_its_axis():
     passive = law(1, viscosity=0.05, stiffness=0.8, rest_moment=0.1)
     recording = swung([passive], [0.9 * AXIS], [np.zeros(3)], axis=AXIS, muscles=False)[0]
@@ -52,6 +69,7 @@ def test_a_hinge_keeps_to_its_axis():
         ("friction", "viscosity + coulomb"),
         ("drag", "viscosity + quadratic"),
         ("muscles", "viscosity + muscles"),
+        ("hinges", "hinges"),
     ],
 )
 def test_the_law_that_acted_is_chosen_and_its_coefficients_found(ball, name, chosen):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 import pytest
@@ -213,6 +213,29 @@ def test_a_wire_that_slips_is_named_and_followed(joint, by):
     assert apart(rotations(tracked), truth.rotations).max() < 1e-3
     assert any("a wire slipped" in note for note in tracked.trials[0].notes)
     assert not tracked.trials[1].notes
+
+
+@pytest.mark.parametrize("bone", ["scapula", "humerus", "ulna", "radius", "hand"])
+def test_a_cluster_that_slips_is_named_by_its_bone_and_put_back(bone):
+    truth = swung()
+    by = np.array([3e-3, -4e-3, 0.0])
+
+    turn = np.broadcast_to(SPECIMEN.stand.rotation, truth.rotations.shape) if bone == "scapula" else truth.rotations
+
+    def slip(first: int, values: Array, column: dict[str, int]) -> None:
+        own = [i for name, i in column.items() if name.startswith(bone)]
+        values[first:, own] += (turn[first:] @ by)[:, None]
+
+    trials = [truth.trial, replace(truth.trial, name="later")]
+    slipped = [with_markers(trial, partial(slip, first)) for trial, first in zip(trials, (330, 0), strict=True)]
+    tracked = track(SPECIMEN, slipped, MARKERS_ONLY)
+    (found,) = tracked.slips
+    assert (found.trial, found.what, found.cluster) == ("swing", bone, True)
+    assert found.amount == pytest.approx(5e-3, rel=0.15)
+    assert found.time == pytest.approx(1.65, abs=0.01)
+    for number in range(2):
+        assert apart(rotations(tracked, number), truth.rotations).max() < 0.02
+    assert f"the cluster of '{bone}' slips on its bone by" in tracked.trials[0].notes[0]
 
 
 def test_a_base_that_moves_on_its_plate_is_named_and_followed():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import mujoco
@@ -12,6 +13,7 @@ from myomorph.model.arrays import Array
 from myomorph.model.series import Markers
 from myomorph.simulate.laboratory import Sampled, sampled, words
 from myomorph.simulate.limb import BaseLoad, HeldLimb, swing_mjcf
+from myomorph.viscosity.trust.law import hinge_slopes
 
 ANCHOR = (-0.055, 0.0, -0.06)
 """Where the base is clamped, from the joint's center, in the base's frame: the middle of the shoulder blade [m]."""
@@ -42,6 +44,31 @@ def still(wrench: Array, seconds: float, step: float) -> Sampled:
     nothing = np.zeros((len(time), 3))
     turns = np.broadcast_to(np.eye(3), (len(time), 3, 3))
     return Sampled(time, turns, nothing, nothing, np.tile(wrench, (len(time), 1)), np.zeros((len(time), 0)))
+
+
+class Gimbal:
+    """Three hinges one after another, along axes of the limb where it is at `rest` (3, 3) in ground."""
+
+    def __init__(self, limb: HeldLimb, rest: Array, damping: Sequence[float]) -> None:
+        (joint,) = (joint for joint in limb.specimen.model.joints if joint.child == limb.specimen.first)
+        self.rest, self.damping = rest, damping
+        self.axes = np.array([axis.vector for axis in joint.axes])
+        self.in_base = limb.specimen.stand.rotation.T @ rest @ self.axes[0]
+
+    @property
+    def mjcf(self) -> str:
+        """Its joints."""
+        return "".join(
+            f'<joint name="hinge{number}" type="hinge" axis="{words(axis)}" damping="{float(damping)!r}"/>'
+            for number, (axis, damping) in enumerate(zip(self.axes, self.damping, strict=True))
+        )
+
+    def state(self, turn: Array, rates: Array) -> tuple[Array, Array]:
+        """Angles and rates of the hinges, of a rotation vector from rest in the limb and its rates there."""
+        rotation = Rotation.from_rotvec(turn)
+        order = "".join("XYZ"[int(np.argmax(axis))] for axis in self.axes)
+        slopes = hinge_slopes(rotation.as_matrix()[None], self.axes[[0, 2]])[0]
+        return rotation.as_euler(order), slopes @ rates
 
 
 class Clamp:

@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchmarks.accuracy.viscosity.limbs import Faults, LimbRun, Row, limb_runs, random_faults
+from benchmarks.accuracy.viscosity.faulty_limbs import Faults, random_faults
+from benchmarks.accuracy.viscosity.limbs import LimbRun, Row, limb_runs
 
 LIMBS = 20
 FIRST = 30_000

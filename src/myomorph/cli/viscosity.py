@@ -71,10 +71,21 @@ def viscosity_command(
     /,
     *,
     out: Annotated[
-        Path | None, Parameter(name="--out", help="Folder to write; it is made where it does not exist.")
+        Path | None,
+        Parameter(name="--out", help="Folder to write; it is made where it does not exist. With --into, the model."),
     ] = None,
     template: Annotated[
         Path | None, Parameter(name="--template", help="Write a study file with every key into this folder, and end.")
+    ] = None,
+    into: Annotated[
+        Path | None,
+        Parameter(
+            name="--into",
+            help="Model (.osim or .xml) to write as --out with the viscosities of the specimen in --results.",
+        ),
+    ] = None,
+    results: Annotated[
+        Path | None, Parameter(name="--results", help="Folder of a specimen in results, for --into.")
     ] = None,
     model: Annotated[Path | None, Parameter(help="Model of one specimen (.osim or .xml), in place of a study.")] = None,
     intact: Intact = (),
@@ -99,8 +110,10 @@ def viscosity_command(
     """Viscosity of a joint and of its muscles from swings of a limb on a force plate, with and without muscles."""
     # Imported by the command that needs it: --help and the others start without.
     from myomorph.study.inputs.time_span import TimeSpan
+    from myomorph.viscosity.study.into_model import write_identified
     from myomorph.viscosity.study.plan import fixed_plan, read_viscosity_plan
     from myomorph.viscosity.study.run import graph_of, run_viscosity
+    from myomorph.viscosity.study.specimen_step import read_specimen
     from myomorph.viscosity.study.template import write_template
 
     if template is not None:
@@ -108,6 +121,12 @@ def viscosity_command(
         return 0
     if out is None:
         raise BadData("give --out, the folder to write, or --template for a study file to fill in")
+    if into is not None:
+        if results is None:
+            raise BadData("--into needs --results, the folder of a specimen in the results of swings")
+        for line in (*write_identified(into, read_specimen(results), out, base, first), f"wrote {out}"):
+            said(line)
+        return 0
     check_running(resume, fresh, scheduler, workers, memory, threads)
     if scheduler is not None:
         # Its processes are in folders of their own.

@@ -189,12 +189,14 @@ def swing_mjcf(
     tissue: SoftTissue | None = None,
     load: BaseLoad | None = None,
     clamp: str = "",
+    joint: str = "",
 ) -> str:
     """MJCF of a limb on a base, with its muscles as tendons where `muscle` is positive. `parameters`: (10,) of
     the limb in its frame; `stand`: pose of the base in ground; `rest`: (3, 3) of the limb in ground at which the
     ball's angles are zero; `damping`: of the ball joint, the same about every axis [N m s/rad]; `muscle`: viscosity
     of every muscle [N s/m]; `tissue`: part of the limb, `parameters` included, that moves against its bones; `load`: on
-    the base; `clamp`: joints by which the base gives way against the plate, none where it is fixed.
+    the base; `clamp`: joints by which the base gives way against the plate, none where it is fixed; `joint`: in place
+    of the ball.
     """
     specimen = limb.specimen
     loose = "" if tissue is None else tissue.mjcf(rest.T @ np.asarray(specimen.model.gravity))
@@ -214,7 +216,7 @@ def swing_mjcf(
       {f'<body name="clamped">{clamp}' if clamp else ""}
       <body name="scapula" quat="{words(quaternion(stand.rotation))}">{on_base}</body>
       <body name="limb" quat="{words(quaternion(rest))}">
-        <joint name="joint" type="ball" damping="{damping!r}"/>
+        {joint or f'<joint name="joint" type="ball" damping="{damping!r}"/>'}
         {inertial(stiff)}
         <site name="center"/>
         {on_limb}{loose}

@@ -9,7 +9,7 @@ stays small over a motion.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,6 +31,7 @@ from myomorph.rigid.dynamics import rates_of
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import Tree, compile_tree
 from myomorph.viscosity.identification.identify import SpecimenViscosity
+from myomorph.viscosity.specimen.muscles import fig1_muscles
 from myomorph.viscosity.tracking.tracked import TrackedSpecimen
 
 STARTS = 6
@@ -41,6 +42,9 @@ POSES = 150
 
 RATE = 25.0
 """Frames a second that the bushing is fitted to [Hz]."""
+
+EXCURSION = 0.6
+"""How far a joint is turned about its default pose where no motion is known [rad]."""
 
 LOSSY = 0.05
 """Share of the joint's torque that a bushing may miss without being named."""
@@ -172,6 +176,56 @@ def identified_model(
     note = f"identified.osim: its bushing misses {100 * joint.residual:.0f} % of the torque of the joint's damping"
     model = with_passive_dynamics(specimen.model, viscosity=viscosity, bushings=(joint.bushing,))
     return model, (note,) if joint.residual > LOSSY else ()
+
+
+@dataclass(frozen=True, eq=False)
+class Dampers:
+    """A joint's damping in the parts of a model: a bushing, or dampers of coordinates [N m s/rad], beside viscosity of
+    muscles' lines [N s/m]. `residual`: share of the joint's torque that they do not express.
+    """
+
+    bushing: Bushing | None
+    coordinates: Mapping[str, float]
+    muscles: Mapping[str, float]
+    residual: float
+
+
+def dampers_of(
+    model: Model, base: str, first: str, viscosity: float, muscles: Mapping[str, float], by_coordinate: bool = False
+) -> Dampers:
+    """What damps the joint between two bodies of any model by the same viscosity about all axes [N m s/rad], and its
+    muscles, by their names or those of [S] figure 1 [N s/m]. A hinge gets a damper of its coordinate, several
+    coordinates a bushing or, `by_coordinate`, the dampers nearest over poses about the default one.
+    """
+    tree = compile_tree(model)
+    motion = _excursions(model, tree, base, first)
+    coordinates, rates = rates_of(tree, motion)
+    E, _, moving = joint_jacobian(tree, base, first, coordinates)
+    known = set(model.muscle_names)
+    lines = {name: (name,) for name in muscles} if known.issuperset(muscles) else fig1_muscles(model)
+    by_line = line_viscosity(muscles, lines)
+    if len(moving) > 1 and not by_coordinate:
+        joint = joint_bushing(model, base, first, viscosity, motion)
+        return Dampers(joint.bushing, {}, by_line, joint.residual)
+    speeds = rates[:, moving]
+    torque = viscosity * np.einsum("fak,faj,fj->fk", E, E, speeds)
+    damping = np.maximum((torque * speeds).sum(axis=0) / np.square(speeds).sum(axis=0), 0.0)
+    names = (model.coordinate_names[j] for j in moving)
+    by_name = dict(zip(names, damping.tolist(), strict=True))
+    return Dampers(None, by_name, by_line, share(torque - damping * speeds, torque))
+
+
+def _excursions(model: Model, tree: Tree, base: str, first: str) -> Motion:
+    """Poses within `EXCURSION` of the default one, at random rates, of the coordinates that turn a joint."""
+    _, _, moving = joint_jacobian(tree, base, first, tree.coordinates_of(Motion(np.zeros(1), (), np.zeros((1, 0)))))
+    random = np.random.default_rng(0)
+    names = tuple(model.coordinate_names[j] for j in moving)
+    default = np.array([model.coordinate(name).default for name in names])
+    limits = np.array([model.coordinate(name).range for name in names])
+    values = default + random.uniform(-EXCURSION, EXCURSION, (POSES, len(names)))
+    bounded = np.isfinite(limits).all(axis=1) & (limits[:, 0] < limits[:, 1])
+    values[:, bounded] = np.clip(values[:, bounded], *limits[bounded].T)
+    return Motion(np.arange(POSES) / RATE, names, values, random.standard_normal(values.shape))
 
 
 def _motion(tracked: TrackedSpecimen, cutoff: float) -> Motion:

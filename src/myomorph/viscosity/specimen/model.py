@@ -71,7 +71,8 @@ class Specimen:
 
     The joint's `center` is in the base, `center_in_limb` in the limb's first body [m]; `axes` are those that the joint
     leaves free, "x", "y", "z" of that body or a hinge's name, `axis_vectors` (axes, 3) in it; `notes` on what is
-    otherwise than in the source.
+    otherwise than in the source; `turning_axes` (2, 3): where the source's joint has three axes, the first in the base
+    and the last in the limb.
     """
 
     model: Model
@@ -85,6 +86,7 @@ class Specimen:
     axis_vectors: Array
     muscles: Mapping[str, tuple[str, ...]]
     notes: tuple[str, ...] = ()
+    turning_axes: Array = field(default_factory=lambda: np.zeros((0, 3)))
 
     @property
     def base(self) -> str:
@@ -123,6 +125,21 @@ class Specimen:
         coordinates = tuple(self.model.coordinate(name) for name in self.joint_coordinates)
         link = replace(self.model.body(self.first), meshes=())
         return Model(self.model.name, (link,), (hung,), coordinates, self.model.gravity)
+
+    @property
+    def hinges(self) -> Array:
+        """(2, 3) of a ball the first of its three axes, in ground while it stands, and the last, in the limb: those of
+        the source's joint where it has three, else those of its own angles; (0, 3) of a hinge.
+        """
+        joint = self._joint(self.first)
+        if joint.kind != "ball":
+            return np.zeros((0, 3))
+        first, last = (
+            self.turning_axes
+            if len(self.turning_axes)
+            else (joint.parent_frame.rotation @ joint.axes[0].vector, joint.child_frame.rotation @ joint.axes[2].vector)
+        )
+        return np.stack([self.stand.rotation @ first, last])
 
     @property
     def isometric_forces(self) -> Array:
@@ -194,6 +211,11 @@ def build_specimen(model: Model, names: SpecimenNames) -> Specimen:
             holding, coordinates = held_joint(source, bone)
             joints.append(holding)
             held += coordinates
+    turning = np.zeros((0, 3))
+    if len(directions) == 3:
+        # The first axis never moves in the base, nor the last in the limb, whatever the pose.
+        ends = zip((names.base, names.first), directions[[0, 2]], strict=True)
+        turning = np.stack([source.pose(body).rotation.T @ direction for body, direction in ends])
     kept = frozenset(coordinate.name for coordinate in held)
     muscles, strands, surfaces, changed = kept_muscles(source, names.muscles, kept)
     made = Model(
@@ -222,6 +244,7 @@ def build_specimen(model: Model, names: SpecimenNames) -> Specimen:
         axis_vectors=frozen_array(vectors),
         muscles=FrozenMap(muscles),
         notes=(*notes, *changed),
+        turning_axes=frozen_array(turning),
     )
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from myomorph.io.osim.write import write_osim
+from myomorph.model.errors import MyomorphError
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.provenance import Estimate, Provenance
 from myomorph.store.progress import progress
@@ -15,11 +16,12 @@ from myomorph.store.results import file_source, provenance_of
 from myomorph.study.step.folder_steps import FolderOutput
 from myomorph.study.step.step import Step
 from myomorph.viscosity.report.specimen_report import SpecimenReport
+from myomorph.viscosity.study.into_model import write_identified
 from myomorph.viscosity.study.plan import SpecimenFiles, StudyOptions
 from myomorph.viscosity.study.results import read_value, write_swings, write_value
 from myomorph.viscosity.study.specimen import input_sources, study_specimen
 
-SPECIMEN, IDENTIFIED = "specimen.json", "identified.osim"
+SPECIMEN, IDENTIFIED, MJCF = "specimen.json", "identified.osim", Path("identified.xml")
 
 
 @dataclass(frozen=True)
@@ -95,6 +97,13 @@ def _run(specimen: SpecimenInputs, output: FolderOutput) -> SpecimenReport:
         write_swings(studied.found, folder)
         lost = () if studied.model is None else write_osim(studied.model, folder / IDENTIFIED)
         notes = (*studied.report.notes, *(f"{IDENTIFIED}: {line}" for line in lost))
+        if specimen.files.model.suffix.lower() == MJCF.suffix and "joint_viscosity" in studied.report.row:
+            files = specimen.files
+            try:
+                lines = write_identified(files.model, studied.report, folder / MJCF, files.base, files.first)
+                notes += tuple(f"{MJCF}: {line}" for line in lines if " miss " in line)
+            except MyomorphError as error:
+                notes += (f"no {MJCF}: {error}",)
         report = replace(studied.report, notes=notes)
         write_value(report, folder / SPECIMEN)
     return report

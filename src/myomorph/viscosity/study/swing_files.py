@@ -109,8 +109,8 @@ def open_specimen(files: SpecimenFiles, recorded: Markers) -> OpenedSpecimen:
         model = _model(files.model, recorded.names)
         scanned = model_from_scans(model, files.ct, recorded) if files.ct else None
         model = model if scanned is None else scanned.model
-        first = _body(model, files.first, "first_body")
-        base = _body(model, files.base, "base", first)
+        first = body_named(model, files.first, "first_body")
+        base = body_named(model, files.base, "base", first)
         bones = files.bones or _marked(model, base, first, recorded.names)
         names = SpecimenNames(base, first, bones, files.muscles or _muscles(model), files.joint)
         specimen = build_specimen(model, names)
@@ -166,7 +166,7 @@ def _fit_told(scanned_bone: ScannedBone) -> str:
     return f"95 % of its places within {1e3 * scanned_bone.fit.percentile(95.0):.2f} mm; scale {scanned_bone.scale:.3f}"
 
 
-def _body(model: Model, wanted: str | None, role: str, other: str = "") -> str:
+def body_named(model: Model, wanted: str | None, role: str, other: str = "") -> str:
     """The body that a study file names, or the one whose name tells; of two sides the one of `other`."""
     if wanted is not None:
         check_name("body", wanted, model.body_names, f"model '{model.name}'")

@@ -59,6 +59,8 @@ class SwingRecording:
     swing : (frames,) number of the swing, from release to release or from one turn to the next but one;
         -1 where the limb was touched or something is missing: such frames are not used
     origin : (3,) center of the plate from the joint's center, in ground, about which its gains work [m]
+    hinges : (2, 3) of a ball turned by three angles one after another, the first axis, fixed in the base, along ground,
+        and the last along the limb's axes; (0, 3) where there are none
     """
 
     name: str
@@ -76,6 +78,7 @@ class SwingRecording:
     swing: np.ndarray
     strands: tuple[int, ...] = ()
     origin: Array = field(default_factory=lambda: np.zeros(3))
+    hinges: Array = field(default_factory=lambda: np.zeros((0, 3)))
 
     def __post_init__(self) -> None:
         frames, axes = len(self.time), len(self.axes)
@@ -89,6 +92,7 @@ class SwingRecording:
             "rotations": (frames, 3, 3),
             "swing": (frames,),
             "origin": (3,),
+            "hinges": (len(self.hinges), 3),
         }
         for name, shape in shapes.items():
             checked_array(getattr(self, name), shape, f"{name} of swing '{self.name}'")

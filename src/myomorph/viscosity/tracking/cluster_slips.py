@@ -135,11 +135,11 @@ def _put_back(
     columns = [marker.name for marker in specimen.model.markers if marker.body == bone]
     result = []
     for trial, start in zip(markers, starts, strict=False):
-        use = np.arange(start, start + len(trial)) >= at
+        use = slice(max(0, at - int(start)), None)
         turn, origin = (part[start : start + len(trial)][use] for part in pose)
         values = np.array(trial.values)
         carried = [trial.names.index(name) for name in columns if name in trial.names]
-        own = np.einsum("fji,fmj->fmi", turn, values[np.ix_(use, carried)] - origin[:, None])
-        values[np.ix_(use, carried)] = np.einsum("fij,fmj->fmi", turn, own @ back.T + shift) + origin[:, None]
+        own = np.einsum("fji,fmj->fmi", turn, values[use, carried] - origin[:, None])
+        values[use, carried] = np.einsum("fij,fmj->fmi", turn, own @ back.T + shift) + origin[:, None]
         result.append(replace(trial, values=values))
     return result

@@ -197,4 +197,5 @@ def _recording(
         swing=swing_numbers(*_swung(specimen, filtered, angles, free), free, MIN_ROTATION),
         strands=tuple(i for i, muscle in enumerate(specimen.muscles.values()) for _ in muscle) if muscles else (),
         origin=trial.origin,
+        hinges=specimen.hinges,
     )

@@ -30,7 +30,7 @@ from myomorph.rigid.vectors import (
 )
 from myomorph.viscosity.swings.recording import SwingRecording
 from myomorph.viscosity.swings.sums import SwingSums, free_directions
-from myomorph.viscosity.trust.law import PassiveLaw
+from myomorph.viscosity.trust.law import SINGULAR, PassiveLaw, slopes_of
 
 DECAY_A_STEP = 0.25
 """Largest product of step and the law's fastest rate of decay; Runge-Kutta of order 4 is stable to 2.8."""
@@ -68,7 +68,10 @@ def swing_forward(recording: SwingRecording, frames: slice, parameters: Array, l
             f"swing '{recording.name}': the identified inertia of the limb, {least:.2g} kg m^2, is not positive"
         )
     turn = axis[:, None] if axis.any() else np.eye(3)
-    fastest = law.fastest(float(np.abs(recording.rates[frames]).max()), recording.lengthening[frames]) / least
+    hinges = recording.hinges if len(recording.hinges) else np.zeros((2, 3))
+    slopes = slopes_of(recording)[frames]
+    rate = float(np.abs(recording.rates[frames]).max())
+    fastest = law.fastest(rate, recording.lengthening[frames], slopes) / least
     substeps = max(1, int(np.ceil(steps.mean() * fastest / DECAY_A_STEP)))
     first = recording.rotations[frames][0]
     rest = first @ Rotation.from_rotvec(turn @ recording.angles[frames][0]).as_matrix().T
@@ -76,7 +79,7 @@ def swing_forward(recording: SwingRecording, frames: slice, parameters: Array, l
         float(steps.mean()),
         substeps,
         np.stack([first, rest, inertia, np.linalg.inv(inertia)]),
-        np.stack([turn @ recording.rates[frames][0], parameters[1:4], recording.gravity, axis]),
+        np.stack([turn @ recording.rates[frames][0], parameters[1:4], recording.gravity, axis, *hinges]),
         law.values(axis),
         recording.lengthening[frames] @ turn.T,
     )
@@ -124,7 +127,7 @@ def angles_apart(a: Array, b: Array) -> Array:
 @kernel
 def _forward(step, substeps, matrices, vectors, law, lengthening):
     """Rotations, rates and accelerations of every frame. `matrices`: the first pose, the pose at rest, inertia and its
-    inverse; `vectors`: the first rates, first moment, gravity, axis of the hinge or zeros.
+    inverse; `vectors`: the first rates, first moment, gravity, axis of the hinge or zeros, first and last of three.
     """
     frames = len(lengthening)
     rotations, rates, accelerations = np.empty((frames, 3, 3)), np.empty((frames, 3)), np.empty((frames, 3))
@@ -167,6 +170,17 @@ def _acceleration(r, w, at, matrices, vectors, law, lengthening):
         arm = along(arm, x, minus(vector(lengthening[i + 1], m), arm))
         pull = law[12] * dot(arm, w)
         tx, ty, tz = tx - pull * arm[0], ty - pull * arm[1], tz - pull * arm[2]
+    if law[13] != 0.0 or law[14] != 0.0 or law[15] != 0.0:
+        first, last = turned_back(r, vector(vectors, 4)), vector(vectors, 5)
+        middle = cross(last, first)
+        volume = norm(middle)
+        middle = unit(middle)
+        damped = (0.0, 0.0, 0.0)
+        damped = along(damped, law[13] * dot(cross(middle, last), w), cross(middle, last))
+        damped = along(damped, law[14] * dot(cross(last, first), w), cross(last, first))
+        damped = along(damped, law[15] * dot(cross(first, middle), w), cross(first, middle))
+        scale = 1.0 / max(volume, SINGULAR) ** 2
+        tx, ty, tz = tx - scale * damped[0], ty - scale * damped[1], tz - scale * damped[2]
     inertia, u = matrix(matrices, 2), vector(vectors, 3)
     torque = plus((tx, ty, tz), cross(vector(vectors, 1), turned_back(r, vector(vectors, 2))))
     torque = plus(torque, cross(turned(inertia, w), w))

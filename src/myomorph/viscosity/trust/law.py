@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import field
 from itertools import combinations
 
 import numpy as np
@@ -18,11 +19,16 @@ WIDTH = 0.1
 the 20 ms over which a low-pass of 8 Hz spreads the jump of the measured torque."""
 
 
-TERMS = ("viscosity", "viscosity by axis", "stiffness", "stiffness by axis", "coulomb", "quadratic", "muscles")
+TERMS = (
+    "viscosity", "viscosity by axis", "stiffness", "stiffness by axis", "coulomb", "quadratic", "muscles", "hinges",
+)  # fmt: skip
 """What a law can be made of."""
 
-LAST = {"coulomb": -3, "quadratic": -2, "muscles": -1}
-"""Where among a law's coefficients those stand that all axes share."""
+LAST = {"coulomb": -6, "quadratic": -5, "muscles": -4}
+"""Where among a law's coefficients those stand that all axes share; those of the hinges follow."""
+HINGES = ("first", "second", "third")
+SINGULAR = 0.05
+"""Least volume of the three hinges' unit axes; with less the middle one has turned the first along the last."""
 
 Groups = list[list[int]]
 """Columns of coefficients: the first of each group is at least 0, the rest are free where the first is not 0."""
@@ -32,12 +38,13 @@ Groups = list[list[int]]
 class PassiveLaw:
     """Torque of a joint from its angles and rates, the letters those of the fields' first words in their order.
 
-        tau = -d w - k theta + s - c w / sqrt(|w|^2 + width^2) - e |w| w - d_M J_M^T J_M w
+        tau = -d w - k theta + s - c w / sqrt(|w|^2 + width^2) - e |w| w - d_M J_M^T J_M w - S^-T d_h S^-1 w
 
     For a ball w and theta have three components and friction acts against the direction of w; d [N m s/rad] and k [N
     m/rad] may differ by axis; s = k theta_0 [N m], theta_0 the angle where the spring is at rest; c [N m], e [N m
-    s^2/rad^2], d_M the same for every muscle [N s/m], width [rad/s]. The spring is linear in the rotation vector from
-    wherever angles are counted.
+    s^2/rad^2], d_M the same for every muscle [N s/m], width [rad/s]; d_h (3,) of three hinges one after another, each
+    at a right angle to the next, S their axes in the limb: [S]'s diagonal matrix in joint angles [N m s/rad]. The
+    spring is linear in the rotation vector from wherever angles are counted.
     """
 
     viscosity: Array
@@ -46,58 +53,85 @@ class PassiveLaw:
     coulomb: float
     quadratic: float
     muscle: float
+    hinges: Array = field(default_factory=lambda: np.zeros(3))
     width: float = WIDTH
 
     @classmethod
     def of(cls, coefficients: Array, width: float = WIDTH) -> PassiveLaw:
-        """The law with coefficients (3 axes + 3,) in the order of its attributes."""
-        *first, c, e, muscle = np.asarray(coefficients, dtype=np.float64)
+        """The law with coefficients (3 axes + 6,) in the order of its attributes."""
+        *first, c, e, muscle, h1, h2, h3 = np.asarray(coefficients, dtype=np.float64)
         d, k, s = np.reshape(first, (3, -1))
-        return cls(d, k, s, float(c), float(e), float(muscle), width)
+        return cls(d, k, s, float(c), float(e), float(muscle), np.array([h1, h2, h3]), width)
 
     @property
     def coefficients(self) -> Array:
-        """(3 axes + 3,) the attributes in their order, without the width."""
-        last = [self.coulomb, self.quadratic, self.muscle]
+        """(3 axes + 6,) the attributes in their order, without the width."""
+        last = [self.coulomb, self.quadratic, self.muscle, *self.hinges]
         return np.concatenate([self.viscosity, self.stiffness, self.rest_moment, last])
 
-    def torque(self, angles: Array, rates: Array, lengthening: Array) -> Array:
-        """Torque (frames, axes) [N m] at angles and rates (frames, axes), lengthening (frames, muscles, axes)."""
-        return -resistances(angles, rates, lengthening, self.width) @ self.coefficients
+    def torque(self, recording: SwingRecording) -> Array:
+        """Torque (frames, axes) in the motion of a recording [N m]."""
+        columns = resistances(
+            recording.angles, recording.rates, recording.lengthening, self.width, slopes_of(recording)
+        )
+        return -columns @ self.coefficients
 
     def values(self, axis: Array) -> Array:
-        """(13,) numbers of the law in the limb's axes; `axis` (3,) of a hinge, zeros for a ball."""
+        """(16,) numbers of the law in the limb's axes; `axis` (3,) of a hinge, zeros for a ball."""
         each = [np.broadcast_to(values, (3,)) for values in (self.viscosity, self.stiffness)]
         rest = self.rest_moment * axis if axis.any() else self.rest_moment
-        return np.concatenate([*each, rest, [self.coulomb, self.width, self.quadratic, self.muscle]])
+        return np.concatenate([*each, rest, [self.coulomb, self.width, self.quadratic, self.muscle], self.hinges])
 
-    def fastest(self, rate: float, lengthening: Array) -> float:
+    def fastest(self, rate: float, lengthening: Array, slopes: Array) -> float:
         """A bound of the slope of torque against rate [N m s/rad] at rates up to `rate` [rad/s]."""
-        arms = float(np.square(lengthening).sum(axis=(1, 2)).max(initial=0.0))
+        arms, turns = (float(np.square(part).sum(axis=(1, 2)).max(initial=0.0)) for part in (lengthening, slopes))
         slope = self.coulomb / self.width + 2.0 * self.quadratic * rate + self.muscle * arms
-        return float(self.viscosity.max()) + slope
+        return float(self.viscosity.max()) + slope + float(self.hinges.max()) * turns
 
 
-def resistances(angles: Array, rates: Array, lengthening: Array, width: float) -> Array:
-    """(frames, axes, 3 axes + 3) what each coefficient of a law adds to the torque against the motion."""
+def hinge_slopes(rotations: Array, hinges: Array) -> Array:
+    """(frames, 3, 3) S^-1, by which rates along the limb's axes are those of three hinges: the first axis is fixed in
+    ground, the last in the limb (`SwingRecording.hinges`), the middle one at a right angle to both.
+    """
+    first, last = hinges[0] @ rotations, np.broadcast_to(hinges[1], (len(rotations), 3))
+    middle = np.cross(last, first)
+    volume = np.linalg.norm(middle, axis=1, keepdims=True)
+    middle /= np.maximum(volume, 1e-12)
+    duals = np.stack([np.cross(middle, last), np.cross(last, first), np.cross(first, middle)], axis=1)
+    return duals / np.maximum(volume, SINGULAR)[:, None]
+
+
+def slopes_of(recording: SwingRecording) -> Array:
+    """`hinge_slopes` of a recording, (frames, 0, axes) where it has no hinges."""
+    if not len(recording.hinges):
+        return np.zeros((len(recording), 0, len(recording.axes)))
+    return hinge_slopes(recording.rotations, recording.hinges)
+
+
+def resistances(angles: Array, rates: Array, lengthening: Array, width: float, slopes: Array | None = None) -> Array:
+    """(frames, axes, 3 axes + 6) what each coefficient of a law adds to the torque against the motion; `slopes` as of
+    `slopes_of`.
+    """
     frames, axes = rates.shape
-    columns = np.zeros((frames, axes, 3 * axes + 3))
+    columns = np.zeros((frames, axes, 3 * axes + 6))
     speed = np.linalg.norm(rates, axis=1)[:, None]
     each = np.arange(axes)
     columns[:, each, each] = rates
     columns[:, each, axes + each] = angles
     columns[:, each, 2 * axes + each] = -1.0
-    columns[:, :, -3] = rates / np.hypot(speed, width)
-    columns[:, :, -2] = speed * rates
+    columns[:, :, LAST["coulomb"]] = rates / np.hypot(speed, width)
+    columns[:, :, LAST["quadratic"]] = speed * rates
     speeds = np.einsum("fma,fa->fm", lengthening, rates)
-    columns[:, :, -1] = np.einsum("fma,fm->fa", lengthening, speeds)
+    columns[:, :, LAST["muscles"]] = np.einsum("fma,fm->fa", lengthening, speeds)
+    if slopes is not None and slopes.shape[1]:
+        columns[:, :, -len(HINGES) :] = np.einsum("fha,fh->fah", slopes, np.einsum("fha,fa->fh", slopes, rates))
     return columns
 
 
 @read_only
 class PassiveProblem:
     """The torques of one condition and what each coefficient of a law explains of them, in blocks of single swings.
-    `products` (blocks, 10 + 3 axes + 3, ...) of [torque_rows, resistances], all axes together; `width` of Coulomb
+    `products` (blocks, 10 + 3 axes + 6, ...) of [torque_rows, resistances], all axes together; `width` of Coulomb
     friction [rad/s]; `inertial`: how the limb's parameters are identified; `noise` (6,) of the wrench.
     """
 
@@ -130,7 +164,7 @@ class PassiveProblem:
         return limb_inertia(self.sums, counts, self.inertial, self.noise).parameters
 
     def fit(self, terms: Sequence[str], counts: Array, parameters: Array) -> tuple[Array, Array]:
-        """Coefficients (..., 3 axes + 3) and what they leave of the sum of squares, of counts and parameters."""
+        """Coefficients (..., 3 axes + 6) and what they leave of the sum of squares, of counts and parameters."""
         products = np.tensordot(counts, self.products, axes=1)
         phi = np.asarray(parameters)
         mapping, groups = law_columns(terms, len(self.axes))
@@ -144,9 +178,7 @@ class PassiveProblem:
         """Torque (frames, axes) that a law leaves in every unbroken run of frames [N m]."""
         result = []
         for number, recording in enumerate(self.recordings):
-            torque = recording.torque_rows @ parameters - law.torque(
-                recording.angles, recording.rates, recording.lengthening
-            )
+            torque = recording.torque_rows @ parameters - law.torque(recording)
             used = np.zeros(len(recording), bool)
             for i, use in zip(self.sums.trial, self.sums.uses, strict=True):
                 used[use] |= i == number
@@ -155,8 +187,8 @@ class PassiveProblem:
 
 
 def law_columns(terms: Sequence[str], axes: int) -> tuple[Array, Groups]:
-    """What a law's own coefficients (columns) are among the 3 axes + 3 of `PassiveLaw` (rows)."""
-    eye = np.eye(3 * axes + 3)
+    """What a law's own coefficients (columns) are among the 3 axes + 6 of `PassiveLaw` (rows)."""
+    eye = np.eye(3 * axes + 6)
     columns: list[Array] = []
     groups: Groups = []
     for term in terms:
@@ -166,6 +198,10 @@ def law_columns(terms: Sequence[str], axes: int) -> tuple[Array, Groups]:
         if kind in LAST:
             columns.append(eye[LAST[kind]])
             groups.append([first])
+            continue
+        if kind == "hinges":
+            columns += list(eye[-len(HINGES) :])
+            groups += [[first + i] for i in range(len(HINGES))]
             continue
         start = 0 if kind == "viscosity" else axes
         each = eye[start : start + axes]
@@ -204,9 +240,9 @@ def bounded_least_squares(H: Array, g: Array, groups: Groups) -> tuple[Array, Ar
 
 
 def _products(swing_recording: SwingRecording, use: np.ndarray, width: float) -> Array:
-    columns = resistances(
-        swing_recording.angles[use], swing_recording.rates[use], swing_recording.lengthening[use], width
-    )
+    names = ("angles", "rates", "lengthening")
+    angles, rates, lengthening = (getattr(swing_recording, name)[use] for name in names)
+    columns = resistances(angles, rates, lengthening, width, slopes_of(swing_recording)[use])
     rows = np.concatenate([swing_recording.torque_rows[use], columns], axis=2).reshape(
         -1, PARAMETERS + columns.shape[2]
     )

@@ -17,7 +17,7 @@ from myomorph.viscosity.identification.torque import counted_from, neutral_posit
 from myomorph.viscosity.swings.recording import SwingRecording
 from myomorph.viscosity.swings.sums import effective_samples
 from myomorph.viscosity.trust.forward import SwingMotion, Window, hinge_axis, windows
-from myomorph.viscosity.trust.law import LAST, WIDTH, PassiveLaw, PassiveProblem, law_columns
+from myomorph.viscosity.trust.law import HINGES, LAST, WIDTH, PassiveLaw, PassiveProblem, law_columns
 
 UNITS: Mapping[str, str] = {
     "viscosity": "N m s/rad",
@@ -26,6 +26,7 @@ UNITS: Mapping[str, str] = {
     "coulomb": "N m",
     "quadratic": "N m s^2/rad^2",
     "muscles": "N s/m",
+    "hinge": "N m s/rad",
 }
 """Of the coefficients; those that differ by axis have the axis' name after theirs."""
 
@@ -42,8 +43,12 @@ LAWS: tuple[tuple[str, ...], ...] = (
     ("viscosity", "stiffness", "coulomb", "quadratic"),
     ("viscosity", "muscles"),
     ("viscosity", "stiffness", "muscles"),
+    ("hinges",),
+    ("hinges", "stiffness"),
+    ("hinges", "muscles"),
 )
-"""What is compared. "muscles": one viscosity of every muscle, left out where the recordings have no moment arms."""
+"""What is compared. "muscles": one viscosity of every muscle, left out where the recordings have no moment arms;
+"hinges": of three angles one after another."""
 
 ALONE = LAWS[0]
 NEUTRAL_ROUNDS = 2
@@ -262,6 +267,8 @@ def _applicable(problem: PassiveProblem, laws: Sequence[tuple[str, ...]]) -> lis
     """Viscosity alone, and the laws of whose terms the recordings have muscles and axes."""
     muscles = bool(problem.sums.muscles)
     laws = [ALONE, *(law for law in laws if law != ALONE and (muscles or "muscles" not in law))]
+    if not all(len(recording.hinges) for recording in problem.recordings):
+        laws = [law for law in laws if "hinges" not in law]
     if len(problem.axes) == 1:
         laws = [law for law in laws if not any("by axis" in term for term in law)]
     return laws
@@ -304,13 +311,16 @@ def _shown(
 def _estimates(
     terms: Sequence[str], value: Array, draws: Array, axes: Sequence[str], slack: Rotation
 ) -> dict[str, Estimate]:
-    """Coefficients by name, with the intervals of draws (draws, 3 axes + 3); angles are counted from `slack`."""
+    """Coefficients by name, with the intervals of draws (draws, 3 axes + 6); angles are counted from `slack`."""
     n = len(axes)
     columns: dict[str, int] = {}
     for term in terms:
         kind, _, by_axis = term.partition(" by ")
         if kind in LAST:
             columns[kind] = LAST[kind]
+            continue
+        if kind == "hinges":
+            columns |= {f"hinge {name}": i - len(HINGES) for i, name in enumerate(HINGES)}
             continue
         start = 0 if kind == "viscosity" else n
         columns |= {f"{kind} {axis}": start + i for i, axis in enumerate(axes)} if by_axis else {kind: start}
