@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -10,7 +12,13 @@ from myomorph.model.series import Motion
 from myomorph.motion.filters import differentiate
 from myomorph.simulate.laboratory import Sampled
 from myomorph.viscosity.specimen.model import Specimen, SpecimenNames, build_specimen
-from myomorph.viscosity.swings.motion import angular_motion, continuous, differentiate_joint, limb_motion
+from myomorph.viscosity.swings.motion import (
+    angular_motion,
+    continuous,
+    differentiate_joint,
+    limb_motion,
+    on_moving_base,
+)
 from truths.mechanical_joint import mechanical_joint
 
 
@@ -40,6 +48,22 @@ def test_accelerations_give_the_wrench(spun: tuple[Specimen, Motion, Sampled]) -
     rows = limb_motion(specimen, differentiate_joint(specimen, motion)).wrench_rows[20:-20]
     parameters = mechanical_joint("ball", 0.01, 0.0, 25, seconds=0.1, trials=0).truth.parameters
     assert np.abs(rows @ parameters - exact.wrench[20:-20]).max() < 1e-2
+
+
+def test_an_accelerated_base_is_as_gravity_the_other_way(spun: tuple[Specimen, Motion, Sampled]) -> None:
+    specimen, motion, _ = spun
+    swung, time = differentiate_joint(specimen, motion), motion.time
+    acceleration, turning = np.array([0.3, -0.2, 0.5]), np.array([0.1, 0.2, -0.3])
+    moves = np.hstack([0.5 * np.outer(time**2, acceleration), np.outer(time, turning)])
+    base = differentiate(Motion(time, ("x", "y", "z", "a", "b", "c"), moves))
+    moved = on_moving_base(specimen, limb_motion(specimen, swung), base)
+    heavier = replace(specimen.model, gravity=specimen.model.gravity - acceleration)
+    still = limb_motion(replace(specimen, model=heavier), swung)
+    inside = slice(20, -20)
+    assert moved.wrench_rows[inside] == pytest.approx(still.wrench_rows[inside], abs=1e-6)
+    assert moved.torque_rows[inside] == pytest.approx(still.torque_rows[inside], abs=1e-6)
+    against = still.rates - np.einsum("fji,j->fi", still.rotations, turning)
+    assert moved.rates[inside] == pytest.approx(against[inside], abs=1e-6)
 
 
 def test_same_as_angles_where_they_are_smooth(spun: tuple[Specimen, Motion, Sampled]) -> None:

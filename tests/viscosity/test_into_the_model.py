@@ -5,15 +5,17 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 
+import mujoco
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from myomorph.demo.arm import osim_text
+from myomorph.io.mjcf.dampers import write_dampers
 from myomorph.io.osim.read import read_osim
 from myomorph.io.osim.write import write_osim
 from myomorph.io.sto import motion_from_table, read_sto
-from myomorph.model.errors import BadData, BadModel, UnknownName
+from myomorph.model.errors import BadData, BadFile, BadModel, UnknownName
 from myomorph.model.functions import linear
 from myomorph.model.model import GROUND, Axis, Body, Coordinate, Joint, Model
 from myomorph.model.passive_dynamics import line_viscosity, with_passive_dynamics
@@ -24,10 +26,14 @@ from myomorph.muscles.passive import passive_generalized_forces
 from myomorph.rigid.dynamics import rates_of
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
-from myomorph.viscosity.identified_model import joint_bushing
+from myomorph.viscosity.identified_model import dampers_of, joint_bushing
 from truths.coordinate_dampers import coordinate_damping, coordinate_stiffness
 
 SHOULDER = "shoulder-thoracoscapular/model_cmc/TSM_subject_CMC_noWeight.osim"
+MJCF = """<mujoco><worldbody><site name="a" pos="0.1 0 0"/><body><joint name="ball" type="ball"/>
+<geom size="0.1"/><site name="b" pos="0 0.05 -0.2"/></body></worldbody>
+<tendon><spatial name="t"><site site="a"/><site site="b"/></spatial></tendon>
+<actuator><muscle name="m" tendon="t" lengthrange="0.1 0.5"/></actuator></mujoco>"""
 SCAPULA = ("scapula_abduction", "scapula_elevation", "scapula_upward_rot")
 
 
@@ -66,6 +72,35 @@ def turning_against(model, motion, base, limb):
     a, b = tree.body_index[base], tree.body_index[limb]
     before, after = (np.swapaxes(one[:, a], 1, 2) @ one[:, b] for one in R)
     return Rotation.from_matrix(np.swapaxes(before, 1, 2) @ after).as_rotvec() / (2 * step)
+
+
+def test_any_model_gets_a_joint_s_damping_and_its_muscles():
+    model = ball("xyz")
+    bushing = dampers_of(model, "base", "limb", 0.06, {})
+    assert bushing.residual < 0.05
+    assert not bushing.coordinates
+    single = dampers_of(model, "base", "limb", 0.06, {}, by_coordinate=True)
+    assert single.bushing is None
+    assert set(single.coordinates) == {"q0", "q1", "q2"}
+    assert all(0.03 < value < 0.09 for value in single.coordinates.values())
+    assert single.residual > bushing.residual
+    hinge = replace(model, joints=(model.joints[0], replace(model.joints[1], axes=model.joints[1].axes[:1])))
+    assert dampers_of(hinge, "base", "limb", 0.06, {}).coordinates == pytest.approx({"q0": 0.06})
+
+
+def test_dampers_of_mujoco_act_as_they_should(tmp_path):
+    made, damped = tmp_path / "arm.xml", tmp_path / "out" / "damped.xml"
+    damped.parent.mkdir()
+    made.write_text(MJCF, encoding="utf-8")
+    write_dampers(made, damped, {"ball": 0.07}, {"m": 30.0})
+    compiled = mujoco.MjModel.from_xml_path(str(damped))
+    data = mujoco.MjData(compiled)
+    data.qvel[:] = [0.3, -0.2, 0.5]
+    mujoco.mj_forward(compiled, data)
+    expected = -0.07 * data.qvel - 30.0 * data.ten_velocity[0] * data.ten_J.reshape(-1, 3)[0]
+    assert data.qfrc_passive == pytest.approx(expected)
+    with pytest.raises(BadFile, match="takes no dampers"):
+        write_dampers(made, damped, {"elbow": 0.07}, {})
 
 
 def test_damping_takes_the_joint_s_power():
