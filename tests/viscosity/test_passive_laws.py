@@ -37,7 +37,7 @@ def test_a_swing_is_what_its_law_and_inertia_predict(ball, name):
 def test_three_hinges_damp_the_rates_of_their_own_angles():
     random = np.random.default_rng(0)
     angles, speeds = random.uniform(-1.0, 1.0, (20, 3)), random.standard_normal((20, 3))
-    turns = [Rotation.from_euler("xyz"[i], angles[:, i]) for i in range(3)]
+    turns = [Rotation.from_rotvec(np.outer(angles[:, i], np.eye(3)[i])) for i in range(3)]
     limb = turns[0] * turns[1] * turns[2]
     # Rates along the limb's axes are what each hinge adds, seen from beyond the hinges after it.
     after = [turns[1] * turns[2], turns[2], Rotation.identity(20)]

@@ -19,7 +19,7 @@ from myomorph.viscosity.specimen.model import Specimen
 from myomorph.viscosity.study.plan import CONDITIONS, SpecimenFiles, StudyOptions
 from myomorph.viscosity.swings.recording import SwingRecording
 from myomorph.viscosity.tracking.tracked import TrackedSpecimen, swing_recordings
-from myomorph.viscosity.trust.checks import TARED, base_findings, recording_findings, tracking_findings
+from myomorph.viscosity.trust.checks import MOVING_BASE, TARED, base_findings, recording_findings, tracking_findings
 from myomorph.viscosity.trust.cutoff import choose_cutoff
 from myomorph.viscosity.trust.models import PassiveComparison, PassiveOptions, compare_passive_laws
 from myomorph.viscosity.trust.moment_arms import with_attachments
@@ -79,7 +79,15 @@ def identify_conditions(
     by_swings = _identified(specimen, files, conditions, options.identification)
     shared, shares = with_shared_errors(by_swings, options.identification, options.errors, instruments)
     shared, shares = with_attachments(shared, shares, options.moment_arms, options.identification.level)
-    shared = _with_friction(with_base_load(shared, files.base_load), compared)
+    shared = with_base_load(shared, files.base_load)
+    # A base that goes to and fro takes energy at its own rates, which looks like friction.
+    if (
+        not any(slip.what == "base" for slip in conditions["without"].tracked.slips)
+        if "without" in conditions
+        else True
+    ):
+        shared = _with_friction(shared, compared)
+    shared = _with_hinges(shared, compared)
     law = (conditions, options, compared, cutoff, reason)
     return Identified(shared, by_swings, shares, instruments, *law, tuple(lost), tuple(conflicts))
 
@@ -172,6 +180,21 @@ def _with_friction(
     )
     condition = replace(condition, viscosity=Estimate(beside.value, max(low, 0.0), high))
     return replace(specimen_viscosity, without=condition, notes=(*specimen_viscosity.notes, note))
+
+
+def _with_hinges(specimen_viscosity: SpecimenViscosity, compared: Mapping[str, PassiveComparison]) -> SpecimenViscosity:
+    """The specimen with a note where three angles one after another resist by themselves."""
+    if "without" not in compared or "hinges" not in compared["without"].chosen.terms:
+        return specimen_viscosity
+    terms = compared["without"].chosen.coefficients.items()
+    values = ", ".join(
+        f"{term.value:.3g} ({term.low:.3g} to {term.high:.3g})" for name, term in terms if "hinge" in name
+    )
+    note = (
+        f"{STATES['without']}: three angles one after another resist with {values} N m s/rad, as hinges or a diagonal "
+        "matrix in joint angles: the one value over all axes simplifies"
+    )
+    return replace(specimen_viscosity, notes=(*specimen_viscosity.notes, note))
 
 
 def _with_law(options: StudyOptions, compared: Mapping[str, PassiveComparison]) -> StudyOptions:

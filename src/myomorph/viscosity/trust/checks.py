@@ -28,9 +28,9 @@ RESTS = (
     "something rests on the base, or the plate's zero is off; weigh it and give base_mass, or a tare recording with "
     "the base and without the limb"
 )
-UNLIKELY = 18.4
-"""Squared distance of two normal numbers from zero, over their standard deviations, that chance passes once in 10,000
-times."""
+UNLIKELY = 60.0
+"""Squared distance of two normal numbers from zero, over their standard deviations, that instruments half as good as
+assumed pass once in 1,000 times."""
 ROUNDED = 5e-4
 """Share of the limb's own moment by which a constant moment is off for other reasons than instruments."""
 OFF = 0.05

@@ -30,7 +30,7 @@ from myomorph.rigid.vectors import (
 )
 from myomorph.viscosity.swings.recording import SwingRecording
 from myomorph.viscosity.swings.sums import SwingSums, free_directions
-from myomorph.viscosity.trust.law import SINGULAR, PassiveLaw, slopes_of
+from myomorph.viscosity.trust.law import SINGULAR, PassiveLaw
 
 DECAY_A_STEP = 0.25
 """Largest product of step and the law's fastest rate of decay; Runge-Kutta of order 4 is stable to 2.8."""
@@ -69,9 +69,7 @@ def swing_forward(recording: SwingRecording, frames: slice, parameters: Array, l
         )
     turn = axis[:, None] if axis.any() else np.eye(3)
     hinges = recording.hinges if len(recording.hinges) else np.zeros((2, 3))
-    slopes = slopes_of(recording)[frames]
-    rate = float(np.abs(recording.rates[frames]).max())
-    fastest = law.fastest(rate, recording.lengthening[frames], slopes) / least
+    fastest = law.fastest(float(np.abs(recording.rates[frames]).max()), recording.lengthening[frames]) / least
     substeps = max(1, int(np.ceil(steps.mean() * fastest / DECAY_A_STEP)))
     first = recording.rotations[frames][0]
     rest = first @ Rotation.from_rotvec(turn @ recording.angles[frames][0]).as_matrix().T

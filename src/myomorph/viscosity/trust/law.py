@@ -27,7 +27,7 @@ TERMS = (
 LAST = {"coulomb": -6, "quadratic": -5, "muscles": -4}
 """Where among a law's coefficients those stand that all axes share; those of the hinges follow."""
 HINGES = ("first", "second", "third")
-SINGULAR = 0.05
+SINGULAR = 0.1
 """Least volume of the three hinges' unit axes; with less the middle one has turned the first along the last."""
 
 Groups = list[list[int]]
@@ -82,11 +82,11 @@ class PassiveLaw:
         rest = self.rest_moment * axis if axis.any() else self.rest_moment
         return np.concatenate([*each, rest, [self.coulomb, self.width, self.quadratic, self.muscle], self.hinges])
 
-    def fastest(self, rate: float, lengthening: Array, slopes: Array) -> float:
+    def fastest(self, rate: float, lengthening: Array) -> float:
         """A bound of the slope of torque against rate [N m s/rad] at rates up to `rate` [rad/s]."""
-        arms, turns = (float(np.square(part).sum(axis=(1, 2)).max(initial=0.0)) for part in (lengthening, slopes))
+        arms = float(np.square(lengthening).sum(axis=(1, 2)).max(initial=0.0))
         slope = self.coulomb / self.width + 2.0 * self.quadratic * rate + self.muscle * arms
-        return float(self.viscosity.max()) + slope + float(self.hinges.max()) * turns
+        return float(self.viscosity.max()) + slope + 2.0 * float(self.hinges.max()) / SINGULAR**2
 
 
 def hinge_slopes(rotations: Array, hinges: Array) -> Array:

@@ -57,11 +57,13 @@ MAX_CRITERION_DIFFERENCE = 2.0
 """Difference of an information criterion that tells nothing (Burnham and Anderson 2002, section 2.6)."""
 
 
+STRONG = 6.0
+"""Difference of BIC that tells strongly (Kass and Raftery 1995)."""
 PLAIN: tuple[tuple[str, ...], ...] = (ALONE, ("viscosity", "muscles"))
 """Equations 1 to 3 of [S], which are taken unless another law predicts better."""
 
-MIN_RUBBED = 0.03
-"""Share of the viscosity that dry friction makes up from which it is named."""
+MIN_RUBBED, MIN_SURE = 0.03, 0.25
+"""Share of the viscosity that dry friction makes up, and of itself that its interval leaves, from which it is named."""
 MIN_HELD_OUT_GAIN = 0.5
 """Another law must predict held-out angles within this share of the error that the plain laws leave. Springs, friction
 and drag that are there leave a seventh or less; errors of instruments that look like them gain a tenth now and then."""
@@ -173,11 +175,14 @@ class PassiveComparison:
 
     @property
     def friction(self) -> PassiveFit | None:
-        """The law with dry friction where that is above 0 by its interval and takes `MIN_RUBBED` off the viscosity."""
+        """The law with dry friction where interval or BIC surely ask for it and it takes `MIN_RUBBED` off the viscosity."""
         terms = {*self.chosen.terms, "viscosity", "coulomb"} - {"quadratic", "viscosity by axis"}
         with_it, without = (next((fit for fit in self.fits if {*fit.terms} == law), None)
                             for law in (terms, terms - {"coulomb"}))  # fmt: skip
-        if with_it is None or without is None or not with_it.coefficients["coulomb"].low > 0.0:
+        if with_it is None or without is None:
+            return None
+        friction, gained = with_it.coefficients["coulomb"], without.bic - with_it.bic
+        if not (friction.low > MIN_SURE * friction.value or gained > STRONG):
             return None
         less, more = (fit.coefficients["viscosity"].value for fit in (with_it, without))
         return with_it if less < (1.0 - MIN_RUBBED) * more else None
