@@ -9,7 +9,6 @@ import numpy as np
 
 from benchmarks.accuracy.viscosity.faulty_limbs import Faults, random_faults
 from benchmarks.accuracy.viscosity.limbs import LimbRun, Row, limb_runs
-from myomorph.model.provenance import Estimate
 
 LIMBS = 20
 FIRST = 40_000
@@ -24,9 +23,8 @@ CASES: dict[str, Faults] = {
     "dry friction": Faults(tared=True, friction=0.01),
     "moving base": Faults(tared=True, sway=float(np.deg2rad(3.5))),
     "slipped cluster": Faults(tared=True, slip=0.005),
-    "three hinges": Faults(tared=True, hinges=(0.03, 0.05, 0.1)),
 }
-"""What is wrong beside instruments and a heavy base; last, nothing, but hinges in place of the ball."""
+"""What is wrong beside instruments and a heavy base."""
 NAMED = {kind: name for name in CASES for kind in (LOADED if name == "base load" else (name,))} | {
     "loose wire": "loose wire"
 }
@@ -50,15 +48,12 @@ def heavy_limb(seed: int, case: Faults) -> Faults:
         friction=case.friction,
         sway=case.sway * float(random.uniform(0.87, 1.14)),
         slip=case.slip,
-        hinges=tuple(random.permutation(case.hinges).tolist()),
     )
 
 
 def is_named(case: str, run: LimbRun) -> bool:
-    """Whether a limb's fault is named in each condition that has it, a cluster by its bone; of hinges, their law."""
+    """Whether a limb's fault is named in each condition that has it, a cluster by its bone."""
     named = {(NAMED.get(kind), condition) for kind, _, condition in run.findings}
-    if case == "three hinges":
-        return "hinges" in run.laws[0]
     if run.slip is not None:
         return ("slipped cluster", run.slip[2], run.slip[0]) in run.findings
     return {(case, "without")} | ({(case, "with")} if case != "dry friction" else set()) <= named
@@ -74,7 +69,9 @@ def row(case: str, runs: Sequence[LimbRun]) -> Row:
         "another fault named": sum(bool(names) for names in others),
     }
     for quantity, (label, limit) in WITHIN.items():
-        known = [found for run in runs for found in _found(run, quantity)]
+        known = [
+            (run.found[quantity], run.truth[quantity], quantity in run.refused) for run in runs if quantity in run.found
+        ]
         errors = np.array([abs(found.value / truth - 1.0) for found, truth, _ in known])
         refused = np.array([gone for *_, gone in known])
         held = sum(found.holds(truth) for found, truth, _ in known)
@@ -85,13 +82,6 @@ def row(case: str, runs: Sequence[LimbRun]) -> Row:
             f"{refused.sum()}, {(refused & (errors <= REFUSED)).sum()}"
         )
     return values | {"named by mistake": ", ".join(sorted(set().union(*others))) or "nothing"}
-
-
-def _found(run: LimbRun, quantity: str) -> list[tuple[Estimate, float, bool]]:
-    """Estimate, truth and whether it is withheld; of d_J of three hinges, where their law is chosen, of each."""
-    hinges = [name for name in run.truth if name.startswith("hinge") and name in run.found]
-    names = hinges if quantity == "joint_viscosity" and hinges else [quantity]
-    return [(run.found[name], run.truth[name], quantity in run.refused) for name in names if name in run.found]
 
 
 def runs_of(case: str, seeds: Iterable[int]) -> list[LimbRun]:

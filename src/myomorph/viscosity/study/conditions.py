@@ -80,12 +80,8 @@ def identify_conditions(
     shared, shares = with_shared_errors(by_swings, options.identification, options.errors, instruments)
     shared, shares = with_attachments(shared, shares, options.moment_arms, options.identification.level)
     shared = with_base_load(shared, files.base_load)
-    # A base that goes to and fro takes energy at its own rates, which looks like friction.
-    if (
-        not any(slip.what == "base" for slip in conditions["without"].tracked.slips)
-        if "without" in conditions
-        else True
-    ):
+    if not any(finding.kind == MOVING_BASE for each in conditions.values() for finding in each.findings):
+        # A base that gives way resists by itself, which looks like friction.
         shared = _with_friction(shared, compared)
     shared = _with_hinges(shared, compared)
     law = (conditions, options, compared, cutoff, reason)

@@ -175,7 +175,7 @@ class PassiveComparison:
 
     @property
     def friction(self) -> PassiveFit | None:
-        """The law with dry friction where interval or BIC surely ask for it and it takes `MIN_RUBBED` off the viscosity."""
+        """The law with dry friction where interval or BIC ask for it and it takes `MIN_RUBBED` off the viscosity."""
         terms = {*self.chosen.terms, "viscosity", "coulomb"} - {"quadratic", "viscosity by axis"}
         with_it, without = (next((fit for fit in self.fits if {*fit.terms} == law), None)
                             for law in (terms, terms - {"coulomb"}))  # fmt: skip
