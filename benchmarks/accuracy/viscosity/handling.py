@@ -20,6 +20,8 @@ ANCHOR = (-0.055, 0.0, -0.06)
 STIFF, RATIO = 30.0, 0.2
 """Of the clamp: stiffness at which its search begins [N m/rad], share of critical damping."""
 SEARCHED = 4
+FIXTURE = (0.005, 0.005, 0.005)
+"""Inertia of what clamps the base, which turns with it [kg m^2]."""
 CARRIED = 0.02
 """Inertia of what a clamp carries about its anchor, for its damping [kg m^2]."""
 
@@ -52,7 +54,8 @@ class Gimbal:
     def __init__(self, limb: HeldLimb, rest: Array, damping: Sequence[float]) -> None:
         (joint,) = (joint for joint in limb.specimen.model.joints if joint.child == limb.specimen.first)
         self.rest, self.damping = rest, damping
-        self.axes = np.array([axis.vector for axis in joint.axes])
+        # Two level axes, then the limb's length, which is the middle one of the specimen's own.
+        self.axes = np.array([joint.axes[number].vector for number in (0, 2, 1)])
         self.in_base = limb.specimen.stand.rotation.T @ rest @ self.axes[0]
 
     @property
@@ -91,7 +94,7 @@ class Clamp:
             f'damping="{damping!r}" springref="{float(-moment / stiffness)!r}"/>'
             for axis, moment in zip(np.eye(3), self.moment, strict=True)
         )
-        return f'{joints}<inertial pos="0 0 0" mass="0.001" diaginertia="1e-6 1e-6 1e-6"/>'
+        return f'{joints}<inertial pos="{words(self.anchor)}" mass="0.001" diaginertia="{words(FIXTURE)}"/>'
 
     def swings(
         self, text: dict[str, object], starts: list[tuple[Array, Array]], sway: float, seconds: float, step: float
