@@ -62,8 +62,8 @@ def with_shared_errors(
     slopes = {name: np.array([change[name] for change in changes]) for name in exact}
     sds = {name: float(np.sqrt(max(g @ instruments.covariance @ g, 0.0))) for name, g in slopes.items()}
 
-    def wider(name: str, estimate: Estimate) -> Estimate:
-        return _wider(estimate, z * sds.get(name, 0.0), name != "estimated_muscle_mass")
+    def widened(name: str, estimate: Estimate) -> Estimate:
+        return wider(estimate, z * sds.get(name, 0.0), name != "estimated_muscle_mass")
 
     parts: dict[str, Any] = {}
     for key, condition in conditions.items():
@@ -72,21 +72,21 @@ def with_shared_errors(
         plate = condition.plate_viscosity
         parts["without" if key == "without" else "intact"] = replace(
             condition,
-            mass=wider(mass, condition.mass),
-            com=wider(com, condition.com),
-            first_moment=wider(moment, condition.first_moment),
-            least_mass=wider(f"{mass} least", condition.least_mass),
-            viscosity=wider(viscosity, condition.viscosity),
-            plate_viscosity=None if plate is None else wider(f"plate {viscosity}", plate),
-            axis_viscosity=tuple(wider(f"{axis} {viscosity}", estimate) for axis, estimate in axes),
+            mass=widened(mass, condition.mass),
+            com=widened(com, condition.com),
+            first_moment=widened(moment, condition.first_moment),
+            least_mass=widened(f"{mass} least", condition.least_mass),
+            viscosity=widened(viscosity, condition.viscosity),
+            plate_viscosity=None if plate is None else widened(f"plate {viscosity}", plate),
+            axis_viscosity=tuple(widened(f"{axis} {viscosity}", estimate) for axis, estimate in axes),
         )
     muscles = specimen_viscosity.muscles
     if muscles is not None:
-        parts["muscles"] = replace(muscles, common=wider("muscle_viscosity", muscles.common))
+        parts["muscles"] = replace(muscles, common=widened("muscle_viscosity", muscles.common))
     if specimen_viscosity.muscle_mass is not None:
-        parts["muscle_mass"] = wider("estimated_muscle_mass", specimen_viscosity.muscle_mass)
+        parts["muscle_mass"] = widened("estimated_muscle_mass", specimen_viscosity.muscle_mass)
     if specimen_viscosity.least_muscle_mass is not None:
-        parts["least_muscle_mass"] = wider("least_muscle_mass", specimen_viscosity.least_muscle_mass)
+        parts["least_muscle_mass"] = widened("least_muscle_mass", specimen_viscosity.least_muscle_mass)
     swings = {
         name: (estimate.high - estimate.low) / (2.0 * z)
         for name, estimate in specimen_viscosity.estimates.items()
@@ -113,7 +113,8 @@ def _shares(
     return tuple(shares)
 
 
-def _wider(estimate: Estimate, half: float, positive: bool) -> Estimate:
+def wider(estimate: Estimate, half: float, positive: bool) -> Estimate:
+    """The estimate with an interval to which the half-width of another error is added in the mean of squares."""
     low = estimate.value - float(np.hypot(estimate.value - estimate.low, half))
     high = estimate.value + float(np.hypot(estimate.high - estimate.value, half))
     return Estimate(estimate.value, max(low, 0.0) if positive else low, high)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from statistics import NormalDist
+from typing import Any
 
 import numpy as np
 
@@ -12,17 +14,27 @@ from myomorph.model.findings import Finding
 from myomorph.model.provenance import Estimate
 from myomorph.viscosity.identification.base_load import UNKNOWN, BaseLoad, with_base_load
 from myomorph.viscosity.identification.budget import ErrorOptions, ErrorShare
-from myomorph.viscosity.identification.identify import STATES, SpecimenViscosity, ViscosityOptions, identify_specimen
+from myomorph.viscosity.identification.identify import (
+    STATES,
+    Condition,
+    SpecimenViscosity,
+    ViscosityOptions,
+    identify_specimen,
+)
 from myomorph.viscosity.identification.instruments import Instruments, estimate_instruments
-from myomorph.viscosity.identification.shared_errors import with_shared_errors
+from myomorph.viscosity.identification.shared_errors import wider, with_shared_errors
 from myomorph.viscosity.specimen.model import Specimen
 from myomorph.viscosity.study.plan import CONDITIONS, SpecimenFiles, StudyOptions
 from myomorph.viscosity.swings.recording import SwingRecording
 from myomorph.viscosity.tracking.tracked import TrackedSpecimen, swing_recordings
-from myomorph.viscosity.trust.checks import MOVING_BASE, TARED, base_findings, recording_findings, tracking_findings
+from myomorph.viscosity.trust.checks import TARED, base_findings, recording_findings, tracking_findings
 from myomorph.viscosity.trust.cutoff import choose_cutoff
 from myomorph.viscosity.trust.models import PassiveComparison, PassiveOptions, compare_passive_laws
 from myomorph.viscosity.trust.moment_arms import with_attachments
+
+SWAY_SHARE = 0.3
+"""Relative standard deviation of a viscosity, over the angle by which its base turns to and fro; chosen on virtual
+limbs whose base's motion was taken off [1/rad]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,9 +92,9 @@ def identify_conditions(
     shared, shares = with_shared_errors(by_swings, options.identification, options.errors, instruments)
     shared, shares = with_attachments(shared, shares, options.moment_arms, options.identification.level)
     shared = with_base_load(shared, files.base_load)
-    if not any(finding.kind == MOVING_BASE for each in conditions.values() for finding in each.findings):
-        # A base that gives way resists by itself, which looks like friction.
-        shared = _with_friction(shared, compared)
+    sway = _sway(conditions)
+    # A base that gives way resists by itself, which looks like friction.
+    shared = _with_sway(shared, sway, options.identification.level) if sway else _with_friction(shared, compared)
     shared = _with_hinges(shared, compared)
     law = (conditions, options, compared, cutoff, reason)
     return Identified(shared, by_swings, shares, instruments, *law, tuple(lost), tuple(conflicts))
@@ -176,6 +188,27 @@ def _with_friction(
     )
     condition = replace(condition, viscosity=Estimate(beside.value, max(low, 0.0), high))
     return replace(specimen_viscosity, without=condition, notes=(*specimen_viscosity.notes, note))
+
+
+def _sway(conditions: Mapping[str, Prepared]) -> float:
+    """How far the base turns to and fro at most [rad]."""
+    slips = [slip for condition in conditions.values() for slip in condition.tracked.slips if slip.what == "base"]
+    return max((slip.amount for slip in slips if slip.unit == "rad" and not (slip.lasting or slip.before)), default=0.0)
+
+
+def _with_sway(specimen_viscosity: SpecimenViscosity, sway: float, level: float) -> SpecimenViscosity:
+    """The specimen with viscosities as well as they are known on a base that goes to and fro."""
+    share = NormalDist().inv_cdf(0.5 + 0.5 * level) * SWAY_SHARE * sway
+    parts: dict[str, Any] = {}
+    for key in ("without", "intact"):
+        condition: Condition | None = getattr(specimen_viscosity, key)
+        if condition is not None:
+            value = condition.viscosity
+            parts[key] = replace(condition, viscosity=wider(value, share * value.value, True))
+    muscles = specimen_viscosity.muscles
+    if muscles is not None:
+        parts["muscles"] = replace(muscles, common=wider(muscles.common, share * muscles.common.value, True))
+    return replace(specimen_viscosity, **parts)
 
 
 def _with_hinges(specimen_viscosity: SpecimenViscosity, compared: Mapping[str, PassiveComparison]) -> SpecimenViscosity:

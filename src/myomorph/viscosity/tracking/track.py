@@ -15,7 +15,7 @@ from myomorph.motion.clocks import Clock
 from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit, inverse_kinematics
 from myomorph.motion.sync import cut
 from myomorph.viscosity.specimen.model import Specimen, SwingTrial
-from myomorph.viscosity.swings.motion import differentiate_joint, limb_motion, on_one_branch
+from myomorph.viscosity.swings.motion import differentiate_joint, on_one_branch
 from myomorph.viscosity.swings.plate import CUTOFF, lowpass_runs, on_clock, plate_clock, wrench_about
 from myomorph.viscosity.swings.recording import REACH, touched_frames, whole_frames
 from myomorph.viscosity.tracking.cluster_slips import without_slips
@@ -35,7 +35,7 @@ from myomorph.viscosity.tracking.held import (
     slips_within,
 )
 from myomorph.viscosity.tracking.limb_shape import shaped
-from myomorph.viscosity.tracking.tracked import TrackedSpecimen, TrackedTrial, TrackingOptions
+from myomorph.viscosity.tracking.tracked import TrackedSpecimen, TrackedTrial, TrackingOptions, swung_limb
 
 TURNED = 0.995
 """Largest singular value of a mean rotation from which a limb has not turned about two axes enough, some 6 degrees
@@ -111,7 +111,7 @@ def track(
         elif shifts:
             away = center_course(started, motion) - posed.center_in_ground
         fit = _joint_alone(posed, seen, away, motion, certain, progress)
-        wrench, clock, doubts = _wrench(posed, trial, away, fit.motion, options)
+        wrench, clock, doubts = _wrench(posed, trial, away, sway, fit.motion, options)
         lines = (*notes, *(slip.line for slip in certain), *(f"trial '{trial.name}': {doubt}" for doubt in doubts))
         untouched = np.zeros(len(fit.motion), bool)
         tracked.append(
@@ -272,7 +272,7 @@ def _plate_origin(specimen: Specimen, trial: SwingTrial) -> Array:
 
 
 def _wrench(
-    specimen: Specimen, trial: SwingTrial, away: Array, motion: Motion, options: TrackingOptions
+    specimen: Specimen, trial: SwingTrial, away: Array, sway: Array, motion: Motion, options: TrackingOptions
 ) -> tuple[Array, Clock, list[str]]:
     """The wrench about the center at the motion's times, the plate's clock, and what is doubtful."""
     center = specimen.center_in_ground
@@ -284,7 +284,7 @@ def _wrench(
         raw[:, :3] -= np.cross(moved, raw[:, 3:])
     clock, doubts = Clock(), list[str]()
     if options.clock and np.isfinite(raw).all(axis=1).sum() > 3:
-        rows, slow, whole = _rows(specimen, motion)
+        rows, slow, whole = _rows(specimen, motion, sway)
         clock, doubts = plate_clock(motion.time, rows, slow, whole, time, raw, options.contact_threshold)
     wrench = on_clock(clock.times(time), raw, motion.time)
     if not np.isfinite(wrench).any():
@@ -295,13 +295,13 @@ def _wrench(
     return wrench, clock, doubts
 
 
-def _rows(specimen: Specimen, motion: Motion) -> tuple[Array, Array, np.ndarray]:
+def _rows(specimen: Specimen, motion: Motion, sway: Array) -> tuple[Array, Array, np.ndarray]:
     """(frames, 6, 10) rows, and those at the cutoff that looks for hands, and the frames out of reach of its ends. Rows
     are filtered as the wrench is, after the motion has passed a filter that leaves fast twists as they are: what is
     then left of wrench - rows phi is no matter of filters.
     """
     quick = differentiate_joint(specimen, motion, QUICK)
-    rows = limb_motion(specimen, quick).wrench_rows
+    rows = swung_limb(specimen, quick, sway, QUICK).wrench_rows
     slow = lowpass_runs(rows.reshape(len(rows), -1), motion.rate, CUTOFF).reshape(rows.shape)
     finite = np.asarray(np.isfinite(slow).all(axis=(1, 2)))
     return rows, slow, whole_frames(motion.time, finite, CUTOFF)
@@ -309,7 +309,7 @@ def _rows(specimen: Specimen, motion: Motion) -> tuple[Array, Array, np.ndarray]
 
 def _with_touches(specimen: Specimen, trials: Sequence[TrackedTrial], share: float) -> list[TrackedTrial]:
     """The trials with the frames in which somebody touches the limb, found over all of them together."""
-    _, rows, whole = zip(*(_rows(specimen, trial.motion) for trial in trials), strict=True)
+    _, rows, whole = zip(*(_rows(specimen, trial.motion, trial.sway) for trial in trials), strict=True)
     wrenches = [lowpass_runs(trial.wrench, trial.motion.rate, CUTOFF) for trial in trials]
     frames = [
         complete & np.asarray(np.isfinite(wrench).all(axis=1)) for complete, wrench in zip(whole, wrenches, strict=True)

@@ -132,11 +132,16 @@ def _filtered(specimen: Specimen, trial: TrackedTrial, cutoff: float | None) -> 
     motion = differentiate_joint(specimen, trial.motion, cutoff)
     wrench = lowpass_runs(trial.wrench, motion.rate, cutoff)
     finite = np.asarray(np.isfinite(motion.values).all(axis=1) & np.isfinite(wrench).all(axis=1))
-    limb = limb_motion(specimen, motion)
-    if len(trial.sway):
-        base = differentiate(Motion(motion.time, SWAYING, trial.sway), cutoff)
-        limb = on_moving_base(specimen, limb, base)
+    limb = swung_limb(specimen, motion, trial.sway, cutoff)
     return _Filtered(motion, limb, wrench, whole_frames(motion.time, finite, cutoff))
+
+
+def swung_limb(specimen: Specimen, motion: Motion, sway: Array, cutoff: float | None) -> LimbMotion:
+    """The limb in a motion with derivatives, on a base that goes to and fro where there is `sway`."""
+    limb = limb_motion(specimen, motion)
+    if not len(sway):
+        return limb
+    return on_moving_base(specimen, limb, differentiate(Motion(motion.time, SWAYING, sway), cutoff))
 
 
 def _rest(specimen: Specimen, made: list[_Filtered], free: list[np.ndarray]) -> Array:
