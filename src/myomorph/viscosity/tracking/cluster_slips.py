@@ -74,7 +74,7 @@ def _gap(joint: Joint, poses: dict[str, Poses]) -> Array:
 
 def _step(values: Array, least: int) -> tuple[int, float]:
     """The frame at which the mean of values (frames, 3) changes most surely, and by how much [m]."""
-    seen = np.isfinite(values).all(axis=1)
+    seen = np.asarray(np.isfinite(values).all(axis=1))
     filled = np.where(seen[:, None], values, 0.0)
     before, count = np.cumsum(filled, axis=0)[:-1], np.cumsum(seen)[:-1].astype(np.float64)
     after, rest = filled.sum(axis=0) - before, seen.sum() - count
@@ -127,7 +127,7 @@ def _put_back(
     if still is not None:
         turn = still[0].transpose(0, 2, 1)
         rotations, origins = turn @ rotations, np.einsum("fij,fj->fi", turn, origins - still[1])
-    seen = np.isfinite(origins).all(axis=1)
+    seen = np.asarray(np.isfinite(origins).all(axis=1))
     sides = [seen & (np.arange(len(seen)) < at), seen & (np.arange(len(seen)) >= at)]
     (before, there), (after, here) = ((mean_rotation(rotations[use]), origins[use].mean(axis=0)) for use in sides)
     # In the cluster's own frame: from where it is to where it was.
