@@ -10,7 +10,7 @@ import numpy as np
 from benchmarks.accuracy.viscosity.faulty_limbs import Faults, random_faults
 from benchmarks.accuracy.viscosity.limbs import LimbRun, Row, limb_runs
 
-LIMBS = 6
+LIMBS = 12
 FIRST = 40_000
 """Seed of the first limb; thresholds were chosen on limbs of other seeds."""
 LEVEL = 0.95
