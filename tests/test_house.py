@@ -6,9 +6,9 @@ import pytest
 from benchmarks.house import CHECKOUT, checkout_texts, count
 
 LIMITS = {
-    ("lines", "src"): 125_900,
-    ("lines", "benchmarks"): 24_550,
-    ("words", "documentation"): 99_650,
+    ("lines", "src"): 126_450,
+    ("lines", "benchmarks"): 24_900,
+    ("words", "documentation"): 100_000,
     ("vague", "src"): 6.5,
 }
 
