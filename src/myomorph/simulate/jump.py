@@ -30,7 +30,7 @@ from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
 from myomorph.motion.measurements import place_markers
 from myomorph.motion.sync import cut
 from myomorph.muscles.kinematics import default_path_lengths
-from myomorph.rigid.kinematics import forward_kinematics, standing_poses
+from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.study.analyze.generic_model import legs_and_trunk
 
@@ -215,12 +215,18 @@ def _shoulder_girdle() -> tuple[Body, Joint, Coordinate]:
     return body, joint, Coordinate(name, "translational", range=(-0.15, 0.15), clamped=True)
 
 
+def _default_poses(model: Model) -> dict[str, Transform]:
+    """Poses in ground at the coordinates' defaults, coupled ones too."""
+    tree = compile_tree(model)
+    return forward_kinematics(tree, tree.defaults[None]).transforms()
+
+
 def fitted_model(model: Model, quiet: Markers, mass: float) -> tuple[Model, dict[str, float]]:
     """The model with segments as long as the jumper's, and the factors by which each body grew. Pelvis by the distance
     of the hip centers, thighs from hip to knee, shanks and feet from knee to ankle, the trunk by the mean of thigh and
     shank. Both legs get the right leg's factors.
     """
-    poses = standing_poses(model)
+    poses = _default_poses(model)
 
     def ratio(body: str, other: str, marker: str, other_marker: str) -> float:
         recorded = np.linalg.norm(quiet[marker] - quiet[other_marker], axis=1)
@@ -244,7 +250,7 @@ def calibrated(model: Model, quiet: Markers) -> Model:
     inverse kinematics, the sole level (the jumper wears shoes, so heights of foot markers show nothing), the trunk
     upright. The mirrored markers lie on the left leg as their originals on the right one.
     """
-    neutral = standing_poses(model)
+    neutral = _default_poses(model)
     talus, calcn = (neutral[name].translation for name in ("talus_r", "calcn_r"))
     still = Markers(quiet.time[:1], quiet.names, quiet.values.mean(axis=0)[None])
     values = still.values.copy()
