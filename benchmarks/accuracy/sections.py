@@ -47,6 +47,7 @@ PAGES: dict[str, dict[str, str]] = {
     "raw-recordings": {
         "analyze": "accuracy.analyze:measure",
         "vendors": "accuracy.vendors:measure",
+        "laboratories": "accuracy.laboratories:measure",
         "weighing": "accuracy.analyze:measure_weighing",
     },
     "opensim-setups": {
