@@ -8,7 +8,7 @@ from benchmarks.house import CHECKOUT, checkout_texts, count
 LIMITS = {
     ("lines", "src"): 126_450,
     ("lines", "benchmarks"): 24_900,
-    ("words", "documentation"): 100_000,
+    ("words", "documentation"): 100_100,
     ("vague", "src"): 6.5,
 }
 
