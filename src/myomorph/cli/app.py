@@ -147,12 +147,7 @@ def command_names() -> tuple[str, ...]:
 
 
 def new_app(everything: bool = False) -> App:
-    """The program with all its commands.
-
-    Parameters
-    ----------
-    everything : help names every option, with its whole text
-    """
+    """The program with all its commands. `everything`: help names every option, with its whole text."""
     app = App(
         name="myomorph",
         help=HELP,

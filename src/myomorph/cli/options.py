@@ -52,12 +52,8 @@ Threads = Annotated[int | None, Parameter(name="--threads", help="Threads to use
 
 
 def options_class(*sources: type, leave_out: tuple[str, ...] = ()) -> Any:
-    """A dataclass whose fields are the settings of option dataclasses, each a command-line option.
-
-    Parameters
-    ----------
-    sources : option dataclasses of steps
-    leave_out : settings that another option gives
+    """A dataclass whose fields are the settings of option dataclasses, each a command-line option. `sources`: option
+    dataclasses of steps; `leave_out`: settings that another option gives.
     """
     fields: list[tuple[str, Any, Any]] = []
     for source in sources:
@@ -72,12 +68,8 @@ def options_class(*sources: type, leave_out: tuple[str, ...] = ()) -> Any:
 
 
 def inputs_class(*names: str, leave_out: tuple[str, ...] = ()) -> Any:
-    """A dataclass whose fields are the keys of a trial's inputs, each a command-line option.
-
-    Parameters
-    ----------
-    names : of inputs, see `study.inputs.table`
-    leave_out : keys that the command has of its own, as several files of one
+    """A dataclass whose fields are the keys of a trial's inputs, each a command-line option. `names`: of inputs, see
+    `study.inputs.table`; `leave_out`: keys that the command has of its own, as several files of one.
     """
     keys = [key for name in names for key in input_of(name).keys if key.name not in leave_out]
     fields = [(key.name, flag(key), dataclasses.field(default=_no_flag(key))) for key in keys]
@@ -99,16 +91,9 @@ def _no_flag(key: Key) -> Any:
 
 
 def inputs_of_flags(flags: Any, near: bool = False) -> ByType:
-    """Settings of inputs from a value of `inputs_class`, None where no flag is there.
-
-    Parameters
-    ----------
-    near : files are looked for near the recordings too, so that what is said of them may stand without them
-
-    Raises
-    ------
-    BadData
-        where a flag stands without the one that it belongs to
+    """Settings of inputs from a value of `inputs_class`, None where no flag is there. `near`: files are looked for near
+    the recordings too, so that what is said of them may stand without them. Raises `BadData` where a flag stands
+    without the one that it belongs to.
     """
     if flags is None:
         return ByType()
@@ -143,13 +128,7 @@ def settings_by_step(options: Any, steps: Iterable[StepHead]) -> dict[str, dict[
 
 
 def use_threads(threads: int | None) -> None:
-    """Let the kernels use so many threads.
-
-    Raises
-    ------
-    BadData
-        where that is less than one
-    """
+    """Let the kernels use so many threads. Raises `BadData` where that is less than one."""
     if threads is None:
         return
     if threads < 1:

@@ -31,14 +31,9 @@ def warn(warnings: Sequence[str], where: str = "'myomorph info FILE' lists them"
 
 @contextmanager
 def table_beside(out: Path, step: str, name: str) -> Iterator[tuple[Path, ResultWriter]]:
-    """A folder in which a step writes its table `name`, which then becomes `out`; `OUT_STEP.nc` stands beside it.
-
-    The table's limits, where there are any, become `OUT_low` and `OUT_high`.
-
-    Raises
-    ------
-    BadFile
-        where `out` is a folder, its folder does not exist, or its name ends otherwise
+    """A folder in which a step writes its table `name`, which then becomes `out`; `OUT_STEP.nc` stands beside it. The
+    table's limits, where there are any, become `OUT_low` and `OUT_high`. Raises `BadFile` where `out` is a folder, its
+    folder does not exist, or its name ends otherwise.
     """
     check_out_file(out, Path(name).suffix)
     with tempfile.TemporaryDirectory(prefix=f".{out.name}.", dir=out.parent) as temporary:

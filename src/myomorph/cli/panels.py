@@ -83,12 +83,7 @@ FIRST = {
 
 
 def option_panel(option: str) -> str:
-    """The panel of an option, by its name without hyphens in front.
-
-    Parameters
-    ----------
-    option : as `joint-load`
-    """
+    """The panel of an option, by its name without hyphens in front. `option`: as `joint-load`."""
     for title, options in PANELS.items():
         if option in options or option.split("-")[0] == FAMILIES.get(title):
             return title
@@ -97,12 +92,8 @@ def option_panel(option: str) -> str:
 
 @dataclass(frozen=True)
 class PanelHelp:
-    """Cyclopts' formatter of one command's help.
-
-    Attributes
-    ----------
-    command : whose help it is
-    everything : all options with their whole text, else those of `FIRST` with their first sentence
+    """Cyclopts' formatter of one command's help. `command`: whose help it is; `everything`: all options with their
+    whole text, else those of `FIRST` with their first sentence.
     """
 
     command: str

@@ -20,13 +20,8 @@ DONE, OUR_FAULT, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line and return its exit status.
-
-    0 done; 2 bad input, reported in one line; 1 our fault; 130 interrupted with Ctrl-C.
-
-    Parameters
-    ----------
-    arguments : what follows the program's name; None takes them from the process
+    """Run the command line and return its exit status. 0 done; 2 bad input, reported in one line; 1 our fault; 130
+    interrupted with Ctrl-C. `arguments`: what follows the program's name; None takes them from the process.
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
     debug = "--debug" in words

@@ -153,12 +153,8 @@ def _inputs_of(keys: Mapping[str, object]) -> ByType:
 
 
 def prepare_request(request: AnalyzeRequest, out: Path) -> PreparedStudy:
-    """Look at the recordings and write `study.toml`, and the generic model where none is given, into a folder.
-
-    Raises
-    ------
-    MyomorphError
-        with one line that says what is missing, and the option that supplies it
+    """Look at the recordings and write `study.toml`, and the generic model where none is given, into a folder. Raises
+    `MyomorphError` with one line that says what is missing, and the option that supplies it.
     """
     _refuse_changed(out / STUDY)
     paths, passed_over = files_of(request.recordings)

@@ -49,14 +49,9 @@ MASS, HEIGHT = 75.0, 1.70
 
 class Cylinder(NamedTuple):
     """A surface of the right side that muscles go around, after Rajagopal et al. (2016), where myo-sim has none.
-
-    Attributes
-    ----------
-    muscles, body : names without the side, and that of the body with "_" where it has one
-    radius, length : [m]
-    side : of the surface that counts, "" for all
-    center, angles : in the body [m]; body-fixed x-y-z [rad]
-    between : numbers of the path points between which it counts, -1 for the ends
+    `muscles`, `body`: names without the side, and that of the body with "_" where it has one; `radius`, `length`: [m];
+    `side`: of the surface that counts, "" for all; `center`, `angles`: in the body [m]; body-fixed x-y-z [rad];
+    `between`: numbers of the path points between which it counts, -1 for the ends.
     """
 
     muscles: tuple[str, ...]
@@ -159,10 +154,7 @@ def with_architecture(model: Model) -> Model:
 
     with the path in the model's default pose.
 
-    Raises
-    ------
-    BadData
-        where the table lacks a muscle
+    Raises `BadData` where the table lacks a muscle.
     """
     lengths = default_path_lengths(model)
     return replace(
@@ -196,9 +188,7 @@ def strength_of(mass: float, height: float) -> float:
 
     Source: Handsfield et al. 2014.
 
-    Parameters
-    ----------
-    mass, height : [kg], [m]
+    `mass`, `height`: [kg], [m].
     """
     volume, table = (47.05 * m * h + 1289.6 for m, h in ((mass, height), (MASS, HEIGHT)))
     return volume / table * HEIGHT / height

@@ -136,17 +136,8 @@ def _generic(arms: bool) -> Model:
 
 def legs_and_trunk() -> Model:
     """`myo-sim`'s legs (80 muscles) under a trunk that bends (6 muscles), in a ground with x forward, y up, z right.
-
-    Knees and patellae move as anatomists measured (`anatomy`), not as in `myo-sim`.
-
-    The pelvis moves by the six coordinates that OpenSim's gait models have: `pelvis_tilt`, `pelvis_list`
-    and `pelvis_rotation` about z, x and y in this order, `pelvis_tx`, `pelvis_ty`, `pelvis_tz`.
-
-    Joints and the coordinates of the trunk have the names of the field (`knee_r`, `lumbar_extension`).
-
-    Raises
-    ------
-    BadData : myo-sim is not installed
+    Joints and coordinates have the names of the field and of OpenSim's gait models (`knee_r`, `pelvis_tilt`); knees
+    and patellae move as anatomists measured (`anatomy`). Raises `BadData` where myo-sim is not installed.
     """
     # Brings MuJoCo and myo-sim: loaded only where it is needed.
     from myomorph.io.mjcf.read import composed_model

@@ -19,19 +19,9 @@ MUSCLE = "Millard2012EquilibriumMuscle"
 
 
 def in_opensim_form(model: Model) -> Model:
-    """The model with paths that wrap as OpenSim's do.
-
-    A tendon of MuJoCo goes around a surface on the side of a site. OpenSim's surfaces have a constrained half instead:
-    each becomes one whose x axis points to the site, and whose positive half counts, once for every site that it is
-    used with.
-
-    Parameters
-    ----------
-    model : as `model_from_mujoco` makes it; a model without such tendons stays as it is
-
-    Returns
-    -------
-    the model, its muscles as Millard2012EquilibriumMuscle with the lengths and strengths that they had
+    """The model with Millard2012EquilibriumMuscle whose paths wrap as OpenSim's do. A tendon of MuJoCo goes around a
+    surface on the side of a site. OpenSim's surfaces have a constrained half instead: each becomes one whose x axis
+    points to the site, and whose positive half counts, once for every site that it is used with.
     """
     tree = compile_tree(model)
     poses = forward_kinematics(tree, tree.defaults[None])

@@ -9,12 +9,8 @@ from myomorph.motion.protocols import ProtocolTable, protocol_table, protocols
 
 
 def read_protocols(path: Path) -> ProtocolTable:
-    """The protocols of the package and those of a table in TOML.
-
-    Raises
-    ------
-    BadFile, BadData
-        where it cannot be read, or is wrong
+    """The protocols of the package and those of a table in TOML. Raises `BadFile` or `BadData` where it cannot be read,
+    or is wrong.
     """
     try:
         text = path.read_text("utf-8")

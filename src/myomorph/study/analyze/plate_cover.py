@@ -30,15 +30,8 @@ LASTS = 0.05
 
 def uncovered_share(recording: Recording, weight: float, options: ForceOptions | None = None) -> float:
     """Share of a recording's frames in which a foot stands and the measured forces carry less than half the weight.
-
-    Parameters
-    ----------
-    weight : of the body [N]
-    options : layout and clock of a table of forces, where it does not say them
-
-    Returns
-    -------
-    nan where there are no forces, or no marker of a foot
+    `weight`: of the body [N]; `options`: layout and clock of a table of forces, where it does not say them. Returns nan
+    where there are no forces, or no marker of a foot.
     """
     found = total_force(recording, options or ForceOptions())
     markers = recording.trial.markers

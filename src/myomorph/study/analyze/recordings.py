@@ -268,15 +268,10 @@ def same_body(recording: Recording, other: Recording) -> bool:
 
 
 def files_of(paths: Iterable[Path]) -> tuple[list[Path], list[str]]:
-    """The recordings that files and folders stand for, and what was passed over, one line each.
-
-    A folder is one of recordings, or of OpenCap (`MarkerData`) or Pose2Sim (`pose-3d`), of whose files of one
-    recording the last stage counts: with markers added, else filtered, else as triangulated.
-
-    Raises
-    ------
-    BadFile
-        where a path does not exist, is no recording, or a folder holds none
+    """The recordings that files and folders stand for, and what was passed over, one line each. A folder is one of
+    recordings, or of OpenCap (`MarkerData`) or Pose2Sim (`pose-3d`), of whose files of one recording the last stage
+    counts: with markers added, else filtered, else as triangulated. Raises `BadFile` where a path does not exist, is no
+    recording, or a folder holds none.
     """
     found: list[Path] = []
     notes: list[str] = []

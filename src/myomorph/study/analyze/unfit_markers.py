@@ -27,11 +27,8 @@ MOSTLY = 0.8
 
 
 def unfit_markers(recognized: Recognized, lacking: Sequence[str]) -> str:
-    """What keeps a recording's markers from moving the generic model, and the option that helps.
-
-    Parameters
-    ----------
-    lacking : segments that the generic model needs and no label lies on
+    """What keeps a recording's markers from moving the generic model, and the option that helps. `lacking`: segments
+    that the generic model needs and no label lies on.
     """
     unknown = recognized.unknown
     labels = (*recognized.sites, *unknown)

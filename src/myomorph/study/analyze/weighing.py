@@ -22,11 +22,7 @@ SECONDS = 1.5
 
 def weighed(static: Recording | None, moving: Sequence[Recording], options: ForceOptions) -> tuple[float, str]:
     """Mass of the subject [kg] by the plates of the static trial, else of a long gait on belts, and a sentence on it.
-
-    Raises
-    ------
-    BadData
-        no recording weighs the subject
+    Raises `BadData`: no recording weighs the subject.
     """
     recordings = [*([static] if static is not None else []), *moving]
     for recording in sorted(recordings, key=lambda recording: not recording.still):

@@ -156,19 +156,8 @@ def contact_sources(settings: ContactsFile) -> tuple[Source, ...]:
 
 
 def read_contacts(source: str | Path, model: Model, measured: Measured | None = None) -> ContactPlan:
-    """The contacts that a user asks for.
-
-    Parameters
-    ----------
-    source : "auto", a table of touches (.csv) or a contact file (.toml)
-    measured : what measured loads are used for, where it is not what the file says
-
-    Raises
-    ------
-    BadFile
-        where the file cannot be read, with a list of all that is wrong with it
-    UnknownName
-        where a site is on a body that the model does not have
+    """The contacts that a user asks for: "auto", a table of touches (.csv) or a contact file (.toml); `measured`, where
+    it is not what the file says. Raises `BadFile` with a list of all that is wrong.
     """
     if str(source) == AUTO:
         return ContactPlan(measured=measured or "exact")
@@ -211,12 +200,8 @@ def read_contacts(source: str | Path, model: Model, measured: Measured | None = 
 
 
 def contact_files(path: Path) -> tuple[Path, ...]:
-    """A contact file, and the table of touches, the sound and the stairs that it names.
-
-    Raises
-    ------
-    BadFile
-        where the contact file is not there
+    """A contact file, and the table of touches, the sound and the stairs that it names. Raises `BadFile` where the
+    contact file is not there.
     """
     if not path.is_file():
         near = [one.name for one in path.parent.glob("*") if one.suffix in (".csv", ".toml")]
@@ -294,15 +279,7 @@ def _all_reported(sites: Sequence[_Site], read: Contacts | None) -> Contacts | N
 
 
 def _sound_plan(table: _Sound, instruments: Sequence[_Instrument], path: Path, up: Array) -> SoundPlan:
-    """Read the recording that a contact file names.
-
-    Raises
-    ------
-    BadFile
-        where it is no WAV file
-    BadData
-        where no instrument is named, or loudness is to tell impulses and no impact of known impulse is given
-    """
+    """The recording that a contact file names, its instruments, and impacts of known impulse where loudness tells it."""
     if not instruments:
         raise BadData("a sound needs [[instrument]] tables: name, channel, distance and the sites that strike it")
     for instrument in instruments:
@@ -324,16 +301,9 @@ def _sound_plan(table: _Sound, instruments: Sequence[_Instrument], path: Path, u
 
 
 def read_stairs(path: str | Path, model: Model, trial: Path | None = None) -> Stairs:
-    """Stairs of a file, with the loads that were recorded.
-
-    Parameters
-    ----------
-    trial : file of the markers; with it, `recording` may leave the file out (channels in a C3D file of markers, or a
-        table `STEM_stairs.csv` beside it) and `{trial}` in it stands for the stem
-
-    Raises
-    ------
-    BadFile : with a list of all that is wrong
+    """Stairs of a file, with the loads that were recorded. `trial`: file of the markers; with it, `recording` may leave
+    the file out (channels in a C3D file of markers, or a table `STEM_stairs.csv` beside it) and `{trial}` in it stands
+    for the stem. Raises `BadFile` with a list of all that is wrong.
     """
     path = Path(path)
     found, problems = checked(_StairsFile, read_toml(path))

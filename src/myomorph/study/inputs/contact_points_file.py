@@ -41,20 +41,8 @@ def opened(settings: ContactPointsFile, opening: Opening) -> Opened:
 
 
 def contact_points(given: str, model: Model) -> JointPoints | None:
-    """Contact points of a model's joints, and what is to be known of them; None where none are asked for.
-
-    Parameters
-    ----------
-    given : "auto" for the model's knees with the bones beside its file, a folder of bones, a TOML file; "" for none
-
-    Raises
-    ------
-    BadFile
-        where there is no such file or folder, or the file is not of contact points
-    BadModel
-        where the model has no knee for "auto" or a folder
-    UnknownName
-        where the file names a joint that the model does not have
+    """Contact points of a model's joints, and what is to be known of them: "auto" for the knees with the bones beside
+    the model's file, a folder of bones, a TOML file; None for "".
     """
     if not given:
         return None
@@ -68,13 +56,7 @@ def contact_points(given: str, model: Model) -> JointPoints | None:
 
 
 def read_contact_points(path: Path) -> tuple[ContactPoint, ...]:
-    """Contact points of a file.
-
-    Raises
-    ------
-    BadFile
-        where it is not of contact points
-    """
+    """Contact points of a file. Raises `BadFile` where it is not of contact points."""
     found, problems = checked(_File, read_toml(path))
     refuse(path, problems)
     return tuple(ContactPoint(one.joint, one.name, one.frame, one.point, one.normal) for one in found.point)

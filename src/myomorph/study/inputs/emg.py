@@ -48,16 +48,9 @@ class EmgFiles:
 
 @dataclass(frozen=True, eq=False)
 class RecordedEmg:
-    """EMG of a recording.
-
-    Attributes
-    ----------
-    emg : envelopes of all channels that the file has, of a C3D file of those that tell a muscle
-    muscles : channel to the muscles it was measured on
-    notes : what was done, and what is wrong with it, one line each
-    maxima : envelope of channels in maximum voluntary contractions, empty where nobody measured any
-    scale : what each channel was divided by, in the units of the file
-    gains : delays and gains of the channels, None to find them on this recording
+    """EMG of a recording: envelopes (of a C3D file, of channels that tell a muscle), muscles of the channels, what was
+    done and what is wrong, one line each; envelopes in maximum voluntary contractions, where measured; what each
+    channel was divided by; and delays and gains, None to find them on this recording.
     """
 
     emg: Emg

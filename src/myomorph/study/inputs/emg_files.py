@@ -96,22 +96,11 @@ def open_emg(
     reference: Sequence[Path] = (),
     side: str = "",
 ) -> RecordedEmg:
-    """EMG of a table or of the analog channels of a C3D file, as envelopes.
-
-    Channels that swing about zero, or fast about an offset, are raw: they are filtered (see `envelopes`) and scaled to
-    their largest value in the reference recordings, or to their own. Envelopes are scaled to the reference, too, or
-    taken as they are; a table whose largest value is over 1.5 has every channel scaled to its own.
-
-    Parameters
-    ----------
-    named : channel to muscles, as a user tells it; other channels find theirs by name
-    reference : recordings of maximum voluntary contractions, raw or envelopes as the EMG itself
-    side : "right" or "left", of channels whose names contain none
-
-    Raises
-    ------
-    BadFile, UnknownName, BadData
-        where a file cannot be read, a channel or muscle does not exist, or raw EMG is too short or slow
+    """EMG of a table or of the analog channels of a C3D file, as envelopes. Channels that swing about zero, or fast
+    about an offset, are raw: filtered (`envelopes`) and scaled to their largest value in the `reference` recordings
+    (maximum voluntary contractions), else to their own. Envelopes are scaled to the reference, too, or taken as they
+    are; a table whose largest value is over 1.5 has every channel scaled to its own. `named` channels have the muscles
+    that a user tells, others find theirs by name, on `side` where that has none.
     """
     found = _channels(path)
     for channel, muscles in named.items():

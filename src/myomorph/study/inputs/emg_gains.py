@@ -21,11 +21,8 @@ FORMAT = "myomorph EMG gains 1"
 
 @dataclass(frozen=True, eq=False)
 class SubjectGains:
-    """Delay, gain and shape of a subject's channels.
-
-    Attributes
-    ----------
-    scale : what the envelopes of each channel were divided by, in the units of the recordings
+    """Delay, gain and shape of a subject's channels. `scale`: what the envelopes of each channel were divided by, in
+    the units of the recordings.
     """
 
     calibration: EmgCalibration

@@ -62,14 +62,9 @@ def plain_channel(channel: str) -> tuple[str, str]:
 
 def muscles_of_channels(channels: Sequence[str], model: Model, side: str = "") -> dict[str, tuple[str, ...]]:
     """The model's muscles that each EMG channel was measured on, as far as its name contains muscle and side.
-
-    "soleus_r" is the muscle of that name, "vas_lat_r_activation" the right vastus lateralis whatever the
-    model calls it, "R Hams" the right biceps femoris, semitendinosus and semimembranosus; "soleus" without a side is
-    not claimed to be either.
-
-    Parameters
-    ----------
-    side : "right" or "left", of channels whose names contain none
+    "soleus_r" is the muscle of that name, "vas_lat_r_activation" the right vastus lateralis whatever the model calls
+    it, "R Hams" the right biceps femoris, semitendinosus and semimembranosus; "soleus" without a side is not claimed to
+    be either. `side`: "right" or "left", of channels whose names contain none.
     """
     sided = {name: split_side(name) for name in model.muscle_names}
     result: dict[str, tuple[str, ...]] = {}

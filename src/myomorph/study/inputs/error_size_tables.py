@@ -33,12 +33,8 @@ def write_error_sizes(folder: Path, step: str, sizes: Iterable[ItemSize]) -> Non
 
 
 def read_error_sizes(paths: Sequence[Path]) -> ErrorSizes:
-    """What steps found, in their order; a file that is not there found nothing.
-
-    Raises
-    ------
-    BadFile
-        where a file is no such table
+    """What steps found, in their order; a file that is not there found nothing. Raises `BadFile` where a file is no
+    such table.
     """
     result = NOTHING
     for path in paths:

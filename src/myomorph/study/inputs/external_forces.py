@@ -35,12 +35,8 @@ NOBODY = ("", "-", "none")
 
 
 def opened(settings: LoadsFile, opening: Opening) -> Opened:
-    """External forces of a trial: of a file, or of the plates in its recording.
-
-    Raises
-    ------
-    BadData
-        where bodies are named, but there are no forces
+    """External forces of a trial: of a file, or of the plates in its recording. Raises `BadData` where bodies are
+    named, but there are no forces.
     """
     model, recording, torques = opening.model, opening.values.get(Recording), opening.settings.get(TorquesFile)
     sources: list[Source] = []
@@ -155,12 +151,8 @@ def read_loads(
 
 
 def on_feet(wrenches: Wrenches, model: Model, motion: Motion, options: ForceOptions | None = None) -> Wrenches:
-    """Forces held against the motion, each on a body: what is wrong is mended and noted, or noted only.
-
-    Raises
-    ------
-    BadData
-        where a body is not known and the model has no foot
+    """Forces held against the motion, each on a body: what is wrong is mended and noted, or noted only. Raises
+    `BadData` where a body is not known and the model has no foot.
     """
     options = options or ForceOptions()
     findings: tuple[Finding, ...] = ()
@@ -191,17 +183,9 @@ def _without_loads(wrenches: Wrenches, findings: Sequence[Finding]) -> Wrenches:
 
 
 def on_clock(wrenches: Wrenches, time: Array, mend: bool = True) -> Wrenches:
-    """Forces on the motion's clock where theirs begins at another zero, which is noted with the shift.
-
-    Parameters
-    ----------
-    time : of the motion (frames,) [s]
-    mend : move them where that is certain
-
-    Raises
-    ------
-    BadData
-        where they have no time in common with the motion, and nothing says by how much they are to be moved
+    """Forces on the motion's clock where theirs begins at another zero, which is noted with the shift. `time`: of the
+    motion (frames,) [s]; `mend`: move them where that is certain. Raises `BadData` where they have no time in common
+    with the motion, and nothing says by how much they are to be moved.
     """
     if not len(wrenches) or not len(time):
         return wrenches
@@ -288,12 +272,9 @@ def _refuse_wrong_kind(path: str | Path, ending: str, bodies: Mapping[str, str] 
 def force_table(
     path: str | Path, bodies: Mapping[str, str] | None = None, options: ForceOptions | None = None
 ) -> Wrenches:
-    """Forces of a table, by the names of its columns; the bodies are those given, else not known ("").
-
-    Parameters
-    ----------
-    bodies : prefix of each force's columns ("ground_force_", "1_ground_force_", "ground_force_r_"), and its body
-    options : columns, rate and origins that the table does not say
+    """Forces of a table, by the names of its columns; the bodies are those given, else not known (""). `bodies`: prefix
+    of each force's columns ("ground_force_", "1_ground_force_", "ground_force_r_"), and its body; `options`: columns,
+    rate and origins that the table does not say.
     """
     return read_forces(Path(path), bodies, layout_of(options or ForceOptions()))
 
@@ -306,12 +287,8 @@ def layout_of(options: ForceOptions) -> ForceLayout:
 def recording_wrenches(
     trial: Trial, model: Model, motion: Motion, plates: Sequence[str] = (), options: ForceOptions | None = None
 ) -> Wrenches:
-    """Forces of a recording's plates on the bodies that are named, or on the feet that are nearest.
-
-    Raises
-    ------
-    BadData
-        where there is no plate, more bodies than plates, or no foot to be found
+    """Forces of a recording's plates on the bodies that are named, or on the feet that are nearest. Raises `BadData`
+    where there is no plate, more bodies than plates, or no foot to be found.
     """
     return on_feet(plate_wrenches(trial, plates), model, motion, options)
 

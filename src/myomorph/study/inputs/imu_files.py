@@ -29,12 +29,8 @@ class RecordedSensors:
 
 
 def opened(settings: ImuFiles, opening: Opening) -> Opened:
-    """The sensors, each with a body of the model.
-
-    Raises
-    ------
-    BadFile, BadData, UnknownName
-        where a file cannot be read, or a sensor has no body
+    """The sensors, each with a body of the model. Raises `BadFile` or `BadData` or `UnknownName` where a file cannot be
+    read, or a sensor has no body.
     """
     if not settings.imu:
         return Opened()

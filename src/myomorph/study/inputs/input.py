@@ -18,14 +18,8 @@ from myomorph.study.inputs.keys import Key, keys_of
 
 @dataclass(frozen=True, eq=False)
 class Opening:
-    """A trial while its inputs are opened.
-
-    Attributes
-    ----------
-    model_file : that the model came from
-    options : of the steps
-    settings : of all inputs
-    values : that were opened so far, by type
+    """A trial while its inputs are opened: the model and its file, options of the steps, settings of all inputs, and
+    the `values` that were opened so far, by type.
     """
 
     model_file: Path
@@ -58,13 +52,7 @@ class Opened:
 
 
 class Beside(NamedTuple):
-    """A file that was looked for beside a recording.
-
-    Attributes
-    ----------
-    path : None where there is none that fits
-    remark : why one that is there does not fit
-    """
+    """A file that was looked for beside a recording, None where none fits, and why one that is there does not."""
 
     path: Path | None
     remark: str = ""

@@ -106,12 +106,7 @@ class Files(KeyKind):
 
 @dataclass(frozen=True)
 class WordOrFile(KeyKind):
-    """A word, or a file or folder, as text; "" for none.
-
-    Attributes
-    ----------
-    words : that are no files
-    """
+    """A word, or a file or folder, as text; "" for none. `words`: that are no files."""
 
     words: tuple[str, ...] = ("auto",)
     flag: ClassVar[Any] = str
@@ -147,13 +142,9 @@ class Span(KeyKind):
 
 @dataclass(frozen=True)
 class Pairs(KeyKind):
-    """Names and what belongs to each, as a mapping; on the command line `NAME=WORD`, in a study file a table.
-
-    Attributes
-    ----------
-    many : each name has several words, `NAME=WORD,WORD`
-    of : kind of the model's parts that the words are
-    shown : how the command line asks for one
+    """Names and what belongs to each, as a mapping; on the command line `NAME=WORD`, in a study file a table. `many`:
+    each name has several words, `NAME=WORD,WORD`; `of`: kind of the model's parts that the words are; `shown`: how the
+    command line asks for one.
     """
 
     many: bool = False
@@ -188,12 +179,8 @@ class Pairs(KeyKind):
 
 @dataclass(frozen=True)
 class Names(KeyKind):
-    """Names in an order, as `tuple[str, ...]`; on the command line `NAME,NAME`.
-
-    Attributes
-    ----------
-    of : kind of the model's parts that they are
-    nothing : words that stand for no name
+    """Names in an order, as `tuple[str, ...]`; on the command line `NAME,NAME`. `of`: kind of the model's parts that
+    they are; `nothing`: words that stand for no name.
     """
 
     of: str = ""
@@ -300,12 +287,8 @@ class Sentences(KeyKind):
 
 @dataclass(frozen=True)
 class Key:
-    """A field of settings as a key of study files and a flag of commands.
-
-    Attributes
-    ----------
-    type : of its value
-    help : its line in the docstring of the settings
+    """A field of settings as a key of study files and a flag of commands. `type`: of its value; `help`: its line in the
+    docstring of the settings.
     """
 
     name: str

@@ -8,13 +8,8 @@ from pathlib import Path
 
 @dataclass
 class Notes:
-    """What is found while a study file is being read.
-
-    Attributes
-    ----------
-    problems : all of them make the file be refused
-    remarks : what is not used, or not as one might think
-    found : files that were found by the rule of names
+    """What is found while a study file is being read. `problems`: all of them make the file be refused; `remarks`: what
+    is not used, or not as one might think; `found`: files that were found by the rule of names.
     """
 
     problems: list[str] = field(default_factory=list)
@@ -24,12 +19,8 @@ class Notes:
 
 @dataclass(frozen=True)
 class Place:
-    """A table of a study file.
-
-    Attributes
-    ----------
-    folder : that its paths are relative to
-    where : how problems name it, as "subject 's01'"
+    """A table of a study file. `folder`: that its paths are relative to; `where`: how problems name it, as "subject
+    's01'".
     """
 
     folder: Path

@@ -24,14 +24,9 @@ NOISE = 0.03
 
 
 def recorded_wrenches(trial: Trial, bodies: Sequence[str] | None = None) -> Wrenches:
-    """Forces of a recording's plates on the bodies that stand on them, in the plates' order; "" for none.
-
-    Without bodies all plates, whose bodies are not known.
-
-    Raises
-    ------
-    BadData
-        where there are fewer plates than bodies, or no plate has a body
+    """Forces of a recording's plates on the bodies that stand on them, in the plates' order; "" for none. Without
+    bodies all plates, whose bodies are not known. Raises `BadData` where there are fewer plates than bodies, or no
+    plate has a body.
     """
     if bodies is None:
         return wrenches_from_plates(trial.plates, trial.plate_time)
@@ -46,14 +41,9 @@ def recorded_wrenches(trial: Trial, bodies: Sequence[str] | None = None) -> Wren
 
 
 def nearest_feet(wrenches: Wrenches, model: Model, motion: Motion) -> Wrenches:
-    """Forces, each given to the foot that is nearest to its center of pressure, step by step.
-
-    A force that is nobody's, as that of a plate that nobody steps on, is left out; a note says so.
-
-    Raises
-    ------
-    BadData
-        where the model has no foot, or forces and motion have no time in common
+    """Forces, each given to the foot that is nearest to its center of pressure, step by step. A force that is nobody's,
+    as that of a plate that nobody steps on, is left out; a note says so. Raises `BadData` where the model has no foot,
+    or forces and motion have no time in common.
     """
     feet = feet_of(model)
     if not feet:

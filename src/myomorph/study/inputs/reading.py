@@ -86,17 +86,9 @@ def read_recording(path: str | Path) -> Trial:
 
 
 def with_labels(trial: Trial, labels: Mapping[str, str]) -> Trial:
-    """The trial with its markers under the model's names.
-
-    Parameters
-    ----------
-    labels : recorded label to the model's name, or to "" where the marker is left out; a label that the recording
-        lacks is passed over, for labels differ from file to file, but one of them must be there
-
-    Raises
-    ------
-    BadData
-        where two markers would have the same name
+    """The trial with its markers under the model's names. `labels`: recorded label to the model's name, or to "" where
+    the marker is left out; a label that the recording lacks is passed over, for labels differ from file to file, but
+    one of them must be there. Raises `BadData` where two markers would have the same name.
     """
     if trial.markers is None or not labels:
         return trial
@@ -124,16 +116,9 @@ def check_labels(labels: Mapping[str, str], model: Model) -> None:
 
 
 def fitted_to(model: Model, trial: Trial) -> Trial:
-    """The trial in the model's ground frame, its markers checked against the model's size.
-
-    A recording whose vertical axis is z is turned to the model's vertical, as its warnings report: a C3D
-    file in which a standing body is tallest along z or whose plates lie level with z, and a Qualisys export, whose z
-    points up by custom. Nothing is turned where a standing body is tallest along y.
-
-    Raises
-    ------
-    BadData
-        where there are no markers, none that the model has, or their unit cannot be what the file says
+    """The trial in the model's ground frame, its markers held against the model's size. A C3D file in which a standing
+    body is tallest along z, or whose plates lie level with z, and a Qualisys export, whose z points up by custom, are
+    turned to the model's vertical, with a warning; nothing is turned where a standing body is tallest along y.
     """
     markers = trial.markers
     if markers is None or not markers.names:
@@ -319,12 +304,8 @@ class PosesBy:
 
 
 def cut_to(time: tuple[float, float] | None, series: Series, path: object) -> tuple[float, float] | None:
-    """Check a time range that a user gave against a recording.
-
-    Raises
-    ------
-    BadData
-        where it ends before it starts, or holds no frame of the recording
+    """Check a time range that a user gave against a recording. Raises `BadData` where it ends before it starts, or
+    holds no frame of the recording.
     """
     if time is None:
         return None

@@ -12,12 +12,8 @@ from myomorph.study.inputs.input import Input, later
 
 @dataclass(frozen=True)
 class RefinedFile:
-    """What the subject's step `refine` found of a trial.
-
-    Attributes
-    ----------
-    path : of its coordinates; no such file where the trial was not among its own
-    cutoff : of the low-pass filter of the forces that these agree with [Hz]
+    """What the subject's step `refine` found of a trial. `path`: of its coordinates; no such file where the trial was
+    not among its own; `cutoff`: of the low-pass filter of the forces that these agree with [Hz].
     """
 
     path: Path
@@ -26,11 +22,8 @@ class RefinedFile:
 
 @read_only
 class RefinedMotion:
-    """Coordinates that agree with markers and forces.
-
-    Attributes
-    ----------
-    cutoff : of the low-pass filter of the forces; the motion holds nothing much above it [Hz]
+    """Coordinates that agree with markers and forces. `cutoff`: of the low-pass filter of the forces; the motion holds
+    nothing much above it [Hz].
     """
 
     motion: Motion

@@ -38,11 +38,8 @@ def opened(settings: RefinedFile, opening: Opening) -> Opened:
 
 
 def read_refined(path: Path, cutoff: float, model: Model) -> RefinedMotion:
-    """Refined coordinates of a trial.
-
-    Raises
-    ------
-    BadFile, BadData : it is no table of coordinates, or of another model
+    """Refined coordinates of a trial. Raises `BadFile` or `BadData`: it is no table of coordinates, or of another
+    model.
     """
     motion = read_motion(path, model)
     if motion.names != model.coordinate_names:
@@ -59,12 +56,8 @@ def filtered_loads(loads: Callable[[Motion], Wrenches], cutoff: float, motion: M
 def refined_fit(
     name: str, model: Model, refined: RefinedMotion, checked: CheckedFit
 ) -> tuple[CheckedFit, tuple[str, ...]]:
-    """Refined coordinates in the place of those of inverse kinematics, with their marker errors, and notes.
-
-    Raises
-    ------
-    BadData
-        where they are of other frames than the recording
+    """Refined coordinates in the place of those of inverse kinematics, with their marker errors, and notes. Raises
+    `BadData` where they are of other frames than the recording.
     """
     fit, time = checked.fit, refined.motion.time
     step = float(np.median(np.diff(fit.motion.time)))

@@ -16,12 +16,7 @@ from myomorph.study.inputs.soft_tissue import SoftTissueFile
 
 
 def read_soft_tissue(path: Path) -> SoftTissue:
-    """Read a table of `identify`.
-
-    Raises
-    ------
-    BadFile : it is none
-    """
+    """Read a table of `identify`. Raises `BadFile`: it is none."""
     hint = "give soft_tissue.csv of the folder that identify wrote beside its model"
     try:
         with path.open(encoding="utf-8", newline="") as stream:

@@ -52,11 +52,8 @@ def all_keys() -> dict[str, tuple[Input, Key]]:
 
 
 def settings_of_keys(values: Mapping[str, Any], among: Iterable[str] | None = None) -> ByType:
-    """Settings of inputs from values of their keys; inputs of which no key has a value are left out.
-
-    Parameters
-    ----------
-    among : inputs whose keys they are, None for all
+    """Settings of inputs from values of their keys; inputs of which no key has a value are left out. `among`: inputs
+    whose keys they are, None for all.
     """
     made = []
     for declared in map(input_of, INPUTS if among is None else among):

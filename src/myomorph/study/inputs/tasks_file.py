@@ -29,12 +29,8 @@ def opened(settings: TasksFile, opening: Opening) -> Opened:
 def with_tasks(
     options: InverseKinematicsOptions, tasks: IkTasks, model: Model, source: str
 ) -> InverseKinematicsOptions:
-    """Options with the weights and aims of an OpenSim task set; one without markers leaves all of them at 1.
-
-    Raises
-    ------
-    BadData
-        where the set gives no marker of the model a weight
+    """Options with the weights and aims of an OpenSim task set; one without markers leaves all of them at 1. Raises
+    `BadData` where the set gives no marker of the model a weight.
     """
     known = set(model.marker_names)
     weights = {name: weight for name, weight in tasks.marker_weights.items() if name in known}

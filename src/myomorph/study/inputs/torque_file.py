@@ -29,16 +29,9 @@ EXCLUDED = {
 
 
 def read_torques(path: Path, model: Model) -> tuple[Series, tuple[str, ...]]:
-    """Generalized forces (frames, coordinates) [N m or N] of a table, and a line on columns that are not used.
-
-    Columns are named as coordinates, or as OpenSim's inverse dynamics names them: `knee_angle_r_moment` of one that
-    rotates, `pelvis_tx_force` of one that translates (or does both).
-
-    Raises
-    ------
-    BadFile : it is no table
-    BadData : a column's name tells another unit than its coordinate has, one comes twice, or a value is missing
-    UnknownName : a coordinate that is free has no column
+    """Generalized forces (frames, coordinates) [N m or N] of a table, and a line on columns that are not used. Columns
+    are named as coordinates, or as OpenSim's inverse dynamics names them: `knee_angle_r_moment` of one that rotates,
+    `pelvis_tx_force` of one that translates (or does both). A free coordinate must have one, without gaps.
     """
     if path.suffix.lower() not in reading.TABLE_FILES:
         raise BadFile(path, f"is no table of torques: its name ends in '{path.suffix}'", "expected .sto or .mot")
@@ -88,12 +81,8 @@ def _coordinate(column: str, model: Model, path: Path) -> str | None:
 
 
 def opened(settings: TorquesFile, opening: Opening) -> Opened:
-    """Torques of a trial, where nothing is given beside them that they exclude.
-
-    Raises
-    ------
-    BadData
-        where they contradict each other
+    """Torques of a trial, where nothing is given beside them that they exclude. Raises `BadData` where they contradict
+    each other.
     """
     path = settings.torques
     if path is None:

@@ -13,12 +13,7 @@ from myomorph.study.trial.trial_files import TrialFiles
 
 
 class Exclusions:
-    """What a study file leaves out, while its subjects and trials are being found.
-
-    Attributes
-    ----------
-    found : what was left out so far
-    """
+    """What a study file leaves out, while its subjects and trials are being found. `found`: what was left out so far."""
 
     def __init__(self, tables: Sequence[ExcludeTable], problems: list[str]):
         self.tables = tables
@@ -80,14 +75,8 @@ def with_conditions(
     problems: list[str],
     remarks: list[str],
 ) -> tuple[list[TrialFiles], Conditions]:
-    """The trials with their conditions: what their own table says, else what a pattern of names says.
-
-    Parameters
-    ----------
-    study : patterns of trials' names by condition, for subjects that have none of their own
-    own : the same by subject
-    excluded : trials whose names a pattern may stand for without being wrong
-    problems, remarks : take up what is wrong, and which trials are in no condition
+    """The trials with their conditions: what their own table says, else what a pattern of names says, of `own` by
+    subject or of the `study` for those that have none. A pattern may stand for trials that are `excluded`.
     """
     named = [trial.condition for trial in trials if trial.condition]
     names = tuple(study) or tuple(dict.fromkeys([*(name for one in own.values() for name in one), *named]))

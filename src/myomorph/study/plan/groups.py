@@ -46,12 +46,8 @@ def groups_of(
     trials: Mapping[str, Sequence[str]],
     problems: list[str],
 ) -> GroupPlan | None:
-    """The tables `[groups]` and `[strides]` as a plan; what is wrong is added to the problems.
-
-    Parameters
-    ----------
-    groups : subjects by group
-    trials : names of trials by subject, of all subjects of the study
+    """The tables `[groups]` and `[strides]` as a plan; what is wrong is added to the problems. `groups`: subjects by
+    group; `trials`: names of trials by subject, of all subjects of the study.
     """
     if not groups:
         return None
@@ -115,11 +111,8 @@ def measured_groups(
     problems: list[str],
     remarks: list[str],
 ) -> dict[str, list[str]]:
-    """The two groups of the column `group` that are to be compared; none where nobody asks for it.
-
-    Parameters
-    ----------
-    compare : which two; () for none, since a comparison needs strides, which not every study has
+    """The two groups of the column `group` that are to be compared; none where nobody asks for it. `compare`: which
+    two; () for none, since a comparison needs strides, which not every study has.
     """
     found: dict[str, list[str]] = {}
     for subject in subjects:

@@ -46,14 +46,8 @@ HEADING = re.compile(r"^\s*(?P<name>[^\[(]*?)\s*(?:[\[(]\s*(?P<unit>[^\])]*?)\s*
 
 @dataclass(frozen=True)
 class Measures:
-    """What a table tells of one subject; None and "" where its cell is empty.
-
-    Attributes
-    ----------
-    model : file, as a path that can be opened
-    mass : [kg]
-    height, chest : [m]
-    age : [years]
+    """What a table tells of one subject; None and "" where its cell is empty. `model`: file, as a path that can be
+    opened; `mass`: [kg]; `height`, `chest`: [m]; `age`: [years].
     """
 
     subject: str
@@ -67,14 +61,8 @@ class Measures:
 
 
 def read_measures(path: Path, problems: list[str], remarks: list[str]) -> dict[str, Measures]:
-    """The lines of a table of measures by subject.
-
-    A CSV file with commas, semicolons or tabs, in the order and with the columns that it has; beside those of
-    `COLUMNS` it may have others, which are not used. Paths of models are relative to the table's folder.
-
-    Parameters
-    ----------
-    problems, remarks : take up what is wrong, by line and column, and what is not used
+    """The lines of a table of measures by subject: CSV with commas, semicolons or tabs, in any order of columns, those
+    beside `COLUMNS` unused. Paths of models are relative to the table's folder.
     """
     where = path.name
     try:

@@ -152,12 +152,8 @@ def read_plan(path: str | Path) -> Plan:
 
 @dataclass
 class _Subjects:
-    """Subjects and trials while a study file is being read.
-
-    Attributes
-    ----------
-    tables : of the subjects, in the order of the file
-    own : settings where they differ from those for all
+    """Subjects and trials while a study file is being read. `tables`: of the subjects, in the order of the file; `own`:
+    settings where they differ from those for all.
     """
 
     trials: list[TrialFiles] = field(default_factory=list)

@@ -62,13 +62,9 @@ def check_names(
     problems: list[str],
     flat: bool = False,
 ) -> None:
-    """Add to the problems the names that cannot be folders, and those that would be the same folder.
-
-    Parameters
-    ----------
-    steps : of every subject, by name
-    together : names of trials that are solved as one
-    flat : folders of trials lie beside the study's own files
+    """Add to the problems the names that cannot be folders, and those that would be the same folder. `steps`: of every
+    subject, by name; `together`: names of trials that are solved as one; `flat`: folders of trials lie beside the
+    study's own files.
     """
     for subject in steps:
         _possible(subject, f"subject '{subject}'", (*OF_STUDY, *STEPS["study"]), problems)

@@ -222,12 +222,8 @@ def lacking(raw: Mapping[str, Any]) -> list[str]:
 
 @dataclass(frozen=True)
 class Named:
-    """One subject, with its table.
-
-    Attributes
-    ----------
-    folder : that paths in its table are relative to
-    matched : it was found by a pattern, so a table that names it goes before
+    """One subject, with its table. `folder`: that paths in its table are relative to; `matched`: it was found by a
+    pattern, so a table that names it goes before.
     """
 
     name: str
@@ -246,14 +242,9 @@ def as_list(patterns: Patterns) -> list[str]:
 
 
 def named_subjects(tables: Sequence[SubjectTable], home: Path, problems: list[str], remarks: list[str]) -> list[Named]:
-    """Every subject of a study file, its name put into the texts of its table.
-
-    A subject that one table names is taken by no pattern of another.
-
-    Parameters
-    ----------
-    home : folder of the study file
-    problems, remarks : take up what is wrong, and who has a table of their own
+    """Every subject of a study file, its name put into the texts of its table. A subject that one table names is taken
+    by no pattern of another. `home`: folder of the study file; `problems`, `remarks`: take up what is wrong, and who
+    has a table of their own.
     """
     found = [one for table in tables for one in _of(table, home, problems)]
     own = {one.name for one in found if not one.matched}

@@ -138,12 +138,9 @@ def subject_trials(
     left_out: Callable[[str, str], bool],
     notes: Notes,
 ) -> Iterator[tuple[TrialFiles, dict[str, dict[str, Any]]]]:
-    """The trials of a subject, each with what its own table says of the steps.
-
-    Parameters
-    ----------
-    common : what the study says of inputs of all subjects, by key
-    left_out : whether the study leaves out a trial of a subject; its other files are then not looked for
+    """The trials of a subject, each with what its own table says of the steps. `common`: what the study says of inputs
+    of all subjects, by key; `left_out`: whether the study leaves out a trial of a subject; its other files are then not
+    looked for.
     """
     table, place = named.table, named.place(notes)
     file = existing(named.folder, table.model, f"{place.where}: model", notes.problems)
@@ -174,13 +171,9 @@ def subject_trials(
 
 
 def located(table: Any, per: str, place: Place, leave_out: Sequence[str] = ()) -> dict[str, Any]:
-    """What a table says of inputs, by key, its paths as files.
-
-    Parameters
-    ----------
-    table : of a subject, a trial, or the whole file, of which only options say something of inputs
-    per : "subject" or "trial": whose table it is
-    leave_out : keys that are looked at elsewhere
+    """What a table says of inputs, by key, its paths as files. `table`: of a subject, a trial, or the whole file, of
+    which only options say something of inputs; `per`: "subject" or "trial": whose table it is; `leave_out`: keys that
+    are looked at elsewhere.
     """
     values = {}
     for name, (_, key) in all_keys().items():

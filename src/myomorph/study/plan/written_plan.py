@@ -22,14 +22,9 @@ MARK = "# As it was written: "
 
 
 def study_text(plan: Plan, folder: Path, head: Sequence[str] = ()) -> str:
-    """The study file of one subject that begins with a model in a file; conditions are not written.
-
-    What an input says of all trials stands once, else in their tables.
-
-    Parameters
-    ----------
-    folder : that the file will lie in; paths are relative to it
-    head : lines of comment at the top
+    """The study file of one subject that begins with a model in a file; conditions are not written. What an input says
+    of all trials stands once, else in their tables. `folder`: that the file will lie in; paths are relative to it;
+    `head`: lines of comment at the top.
     """
     (files,) = plan.subjects.values()
     shared = _shared(files, plan.trials)

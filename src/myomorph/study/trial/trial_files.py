@@ -21,15 +21,8 @@ Held = TypeVar("Held")
 
 @dataclass(frozen=True)
 class TrialFiles:
-    """The files of one recording of one subject.
-
-    Attributes
-    ----------
-    model : file
-    name : of the trial, "" for that of its recording
-    subject : whose it is
-    condition : that it was recorded in, as the study file names it
-    inputs : settings of its inputs, see `study.inputs.table`
+    """The files of one recording of one subject: its model, its name ("" for that of its recording), whose it is, the
+    condition that it was recorded in, and settings of its inputs (`study.inputs.table`).
     """
 
     model: Path
