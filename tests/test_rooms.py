@@ -36,7 +36,9 @@ def test_import_is_light():
 
 def test_commands_begin_without_what_few_of_them_need():
     """SciPy's filters and statistics take half a second each; steps that use them import them there."""
-    program = "import sys, myomorph.cli.motion, myomorph.study.run.run, myomorph.study.plan.plan; print(*sys.modules)"
+    program = (
+        "import sys, myomorph.cli.step_command, myomorph.study.run.run, myomorph.study.plan.plan; print(*sys.modules)"
+    )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     loaded = set(done.stdout.split())
     assert "numpy" in loaded

@@ -71,22 +71,22 @@ COMMANDS = {
         "myomorph morph --source generic.osim --bones scan --landmarks pairs.csv --out subject.osim",
     ),
     "ik": Command(
-        "motion",
+        "step_command",
         "Inverse kinematics: coordinates of recorded markers, inertial sensors, or both.",
         "myomorph ik --model subject.osim --markers walk1.trc --out walk1.mot",
     ),
     "id": Command(
-        "motion",
+        "step_command",
         "Inverse dynamics: the generalized force of every coordinate.",
         "myomorph id --model subject.osim --motion walk1.mot --loads walk1_grf.xml --cutoff 6 --out walk1_torques.sto",
     ),
     "muscles": Command(
-        "muscles",
+        "step_command",
         "Muscle lengths, lengthening velocities and moment arms.",
         "myomorph muscles --model subject.osim --motion walk1.mot --out walk1_muscles",
     ),
     "tension": Command(
-        "muscles",
+        "step_command",
         "Muscle tensions that make the joint torques with the least effort.",
         "myomorph tension --model subject.osim --motion walk1.mot --loads walk1_grf.xml --cutoff 6 --out walk1_tension",
     ),

@@ -1,28 +1,37 @@
-"""A command for every step that has none of its own: a model and coordinates in, a folder of results out."""
+"""The command of a step of a trial: a model and what was recorded in, a table or a folder of results out."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Optional
+from inspect import Parameter, signature
+from pathlib import Path
+from typing import Any, Optional
 
 from myomorph.cli.options import (
+    DrawCount,
+    DrawProcesses,
     ModelFile,
     MotionFile,
+    OutFile,
     OutFolder,
     Threads,
+    UncertaintyFile,
     inputs_class,
     inputs_of_flags,
     options_class,
     settings_dict,
     use_threads,
 )
-from myomorph.cli.output import folder_with, said, warn
+from myomorph.cli.output import folder_with, said, table_beside, warn
+from myomorph.model.errors import BadData
 from myomorph.study.inputs.motion import MotionFile as Coordinates
-from myomorph.study.step.step import StepOutput, step_of
-from myomorph.study.trial.steps.ik import Poses, recorded_poses
+from myomorph.study.step.step import Step, StepOutput, step_of
+from myomorph.study.trial.steps.ik import Poses, put_fit_beside, recorded_poses
 from myomorph.study.trial.trial_files import TrialFiles
 from myomorph.study.trial.trial_inputs import open_trial
 from myomorph.study.trial.trial_step import StepResults, run_step, steps_before
+from myomorph.study.trial.uncertainty_file import STEP as UNCERTAINTY
+from myomorph.study.trial.uncertainty_file import drawn_settings, limits_summary
 
 
 def __getattr__(name: str) -> Callable[..., int]:
@@ -33,37 +42,65 @@ def __getattr__(name: str) -> Callable[..., int]:
 
 
 def step_command(name: str) -> Callable[..., int]:
-    """A command whose options are those of a step; earlier steps whose results it needs are run first."""
+    """A command whose options are those of a step and of its inputs."""
     step = step_of(name)
+    own = step.command
+    # The coordinates are those of a file, but for the step that finds them.
+    begins = step.gives is Poses
+    read = {*step.needs, *step.uses} if own.after else set()
+    before = [past for past in steps_before(step) if past.gives in read and past.gives is not Poses]
 
     def command(
         *,
         model: ModelFile,
-        motion: MotionFile,
-        out: OutFolder,
-        inputs: object = None,
-        options: object = None,
+        motion: Path | None = None,
+        out: Path,
+        inputs: Any = None,
+        draws: DrawCount = None,
+        uncertainty: UncertaintyFile = None,
+        workers: DrawProcesses = None,
+        options: Any = None,
         threads: Threads = None,
     ) -> int:
         use_threads(threads)
-        files = TrialFiles(model, inputs=inputs_of_flags(inputs).having(Coordinates(motion)))
-        trial = open_trial(files, {name: settings_dict(options)})
-        poses = recorded_poses(trial)
-        results = StepResults(poses)
-        with folder_with(out, name) as (folder, writer):
-            read = {*step.needs, *step.uses}
-            needed = [past for past in steps_before(step) if past.gives in read and results.get(past.gives) is None]
-            for part in (*needed, step):
+        settings = inputs_of_flags(inputs)
+        files = TrialFiles(model, inputs=settings if motion is None else settings.having(Coordinates(motion)))
+        if files.recording is None:
+            raise BadData("no recording: give markers (--markers FILE), inertial sensors (--imu FILE ...), or both")
+        drawn = drawn_settings(draws, uncertainty, workers) if own.draws else {}
+        trial = open_trial(files, {name: settings_dict(options), **drawn})
+        results = StepResults() if begins else StepResults(recorded_poses(trial))
+        written = table_beside(out, name, own.table) if own.table else folder_with(out, name)
+        with written as (folder, writer):
+            for part in (*before, step, *((step_of(UNCERTAINTY),) if drawn else ())):
                 results = run_step(part, trial, results, StepOutput(writer, folder))
-        warn((*results.notes, *trial.warnings))
-        said(f"{step.title}: {len(poses.recorded)} frames; wrote {out}")
+            if own.times is not None and motion is not None:
+                put_fit_beside(writer, motion, trial.model, own.times(results[step.gives]))
+        where = () if own.table else (f"the report lists them ('myomorph report {out}')",)
+        warn((*results.notes, *trial.warnings), *where)
+        line = f"{step.title}: {len(results[Poses].recorded)} frames" if own.line is None else own.line(trial, results)
+        said(f"{line}{limits_summary(results) if drawn else ''}; wrote {out}")
         return 0
 
-    settings = options_class(*step.options, leave_out=step.not_settings)
-    # Of earlier steps, inverse kinematics is not run: coordinates are there.
-    earlier = [past for past in steps_before(step) if past.gives is not Poses]
-    names = dict.fromkeys(name for part in (*earlier, step) for name in part.inputs)
-    command.__annotations__["inputs"] = Optional[inputs_class(*names)]  # noqa: UP045
-    command.__annotations__["options"] = Optional[settings]  # noqa: UP045
-    command.__doc__ = f"{step.title[:1].upper()}{step.title[1:]}."
+    _sign(command, step, [*before, step], begins)
     return command
+
+
+def _sign(command: Any, step: Step[Any], parts: list[Step[Any]], begins: bool) -> None:
+    """Give a command the options of its step, and no others."""
+    names = dict.fromkeys((*(("markers",) if begins else ()), *(name for part in parts for name in part.inputs)))
+    lacking = {"motion"} if begins else set()
+    lacking |= set() if step.command.draws else {"draws", "uncertainty", "workers"}
+    own = {
+        "motion": MotionFile,
+        "out": OutFile if step.command.table else OutFolder,
+        "inputs": Optional[inputs_class(*names)],  # noqa: UP045
+        "options": Optional[options_class(*step.options, leave_out=step.not_settings)],  # noqa: UP045
+    }
+    signed = signature(command, eval_str=True)
+    parameters = [part for part in signed.parameters.values() if part.name not in lacking]
+    parameters = [part.replace(annotation=own.get(part.name, part.annotation)) for part in parameters]
+    parameters = [part.replace(default=Parameter.empty) if part.name == "motion" else part for part in parameters]
+    command.__signature__ = signed.replace(parameters=parameters)
+    command.__annotations__ = {part.name: part.annotation for part in parameters} | {"return": int}
+    command.__doc__ = f"{step.title[:1].upper()}{step.title[1:]}."

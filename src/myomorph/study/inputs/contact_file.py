@@ -279,7 +279,7 @@ def _all_reported(sites: Sequence[_Site], read: Contacts | None) -> Contacts | N
 
 
 def _sound_plan(table: _Sound, instruments: Sequence[_Instrument], path: Path, up: Array) -> SoundPlan:
-    """The recording that a contact file names, its instruments, and impacts of known impulse where loudness tells it."""
+    """A contact file's recording and instruments, with impacts of known impulse where loudness tells impulses."""
     if not instruments:
         raise BadData("a sound needs [[instrument]] tables: name, channel, distance and the sites that strike it")
     for instrument in instruments:

@@ -13,7 +13,7 @@ from myomorph.study.trial.trial_files import TrialFiles
 
 
 class Exclusions:
-    """What a study file leaves out, while its subjects and trials are being found. `found`: what was left out so far."""
+    """What a study file leaves out (`found`, so far), while its subjects and trials are looked for."""
 
     def __init__(self, tables: Sequence[ExcludeTable], problems: list[str]):
         self.tables = tables

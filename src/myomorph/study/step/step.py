@@ -12,6 +12,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
+from myomorph.model.arrays import Array
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.provenance import Provenance
@@ -52,6 +53,21 @@ class StepOutput:
     folder: Path
 
 
+@dataclass(frozen=True)
+class StepCommand:
+    """The command of a step of a trial. `line`: what it prints, from the trial and the results, None for the step's
+    title and its frames; `table`: which of the step's tables is the file that it writes, "" for a folder of all;
+    `draws`: it is computed anew with errors where asked for; `after`: earlier steps that it uses are run first, else it
+    does without them; `times`: of its result, at which a fit of markers that lies beside the motion is kept.
+    """
+
+    line: Callable[[Any, Any], str] | None = None
+    table: str = ""
+    draws: bool = False
+    after: bool = False
+    times: Callable[[Any], Array] | None = None
+
+
 @dataclass(frozen=True, kw_only=True)
 class Step(StepHead, Generic[Result]):
     """One step.
@@ -84,6 +100,7 @@ class Step(StepHead, Generic[Result]):
     large : variables that are not read back, since nothing in a study or a page needs them
     outcome : adds what the result tells of a trial to its outcome
     outcome_variables : that must be read for this
+    command : what its command is like
 
     Of other scopes:
 
@@ -111,6 +128,7 @@ class Step(StepHead, Generic[Result]):
     large: tuple[str, ...] = ()
     outcome: Callable[[Outcome, Result], Outcome] | None = None
     outcome_variables: tuple[str, ...] = ()
+    command: StepCommand = StepCommand(after=True)
 
     applies: Callable[[Any], bool] = lambda inputs: True
     made_from: Callable[[Any], Provenance] | None = None

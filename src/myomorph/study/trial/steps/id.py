@@ -18,6 +18,7 @@ from myomorph.motion.filters import differentiate
 from myomorph.motion.sync import cut, resample_wrenches, torques_at
 from myomorph.motion.turns import floating_coordinates
 from myomorph.report.trial.report_input import Dynamics, ReportInput
+from myomorph.report.trial.summary_lines import dynamics_line
 from myomorph.report.trial.tables import residuals
 from myomorph.rigid.closed_motion import closed_motion, loop_torques
 from myomorph.rigid.dynamics import inverse_dynamics
@@ -25,12 +26,12 @@ from myomorph.store import stored as store
 from myomorph.store.outcome import Outcome
 from myomorph.store.results import Stored, get_findings, put_findings
 from myomorph.store.settings import Differentiation, ForceOptions, TorqueTable
-from myomorph.study.inputs.by_type import OptionSet
+from myomorph.study.inputs.by_type import ByType, OptionSet
 from myomorph.study.inputs.loads import ExternalLoads
 from myomorph.study.inputs.reading import has_mass
 from myomorph.study.inputs.refined import RefinedMotion
 from myomorph.study.inputs.torques import RecordedTorques
-from myomorph.study.step.step import Step, StepOutput
+from myomorph.study.step.step import Step, StepCommand, StepOutput
 from myomorph.study.trial.steps.ik import Poses
 from myomorph.study.trial.trial_inputs import EXTREMES, Signals, TrialInputs, Value, all_drawn
 
@@ -240,6 +241,15 @@ def _outcome(outcome: Outcome, torques: Torques) -> Outcome:
     return replace(outcome, findings=(*outcome.findings, *texts))
 
 
+def _line(trial: TrialInputs, results: ByType) -> str:
+    """Frames, residuals of the root, and the filter."""
+    found = results[Torques]
+    count = 0 if found.wrenches is None else len(found.wrenches.names)
+    text = f"{len(found.torques)} frames, {len(found.torques.names)} coordinates, {count} external forces"
+    residual = dynamics_line(trial.model, found.motion, found.torques, found.wrenches)
+    return text + (f"; {residual}" if residual else "") + filter_summary(trial, results[Poses].recorded, found)
+
+
 STEP = Step(
     name="id",
     title="inverse dynamics",
@@ -258,4 +268,5 @@ STEP = Step(
         *("time", "coordinate", "coordinate_filtered", "generalized_force", "axis", "external_force"),
         *("external_force_body", "external_force_vector", "external_force_point", "external_free_torque"),
     ),
+    command=StepCommand(_line, "torques.sto", draws=True),
 )

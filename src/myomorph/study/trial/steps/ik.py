@@ -23,16 +23,17 @@ from myomorph.motion.sensors.mounting import SensorOptions, trunk_acceleration
 from myomorph.motion.sensors.sensor_kinematics import sensor_kinematics
 from myomorph.motion.sync import cut
 from myomorph.report.trial.report_input import Kinematics, ReportInput
+from myomorph.report.trial.summary_lines import kinematics_line
 from myomorph.store import stored as store
 from myomorph.store.outcome import Outcome
 from myomorph.store.progress import progress
 from myomorph.store.results import STORED, ResultWriter, Stored, get_findings, put_findings, read_result
-from myomorph.study.inputs.by_type import OptionSet
+from myomorph.study.inputs.by_type import ByType, OptionSet
 from myomorph.study.inputs.imu_files import RecordedSensors
 from myomorph.study.inputs.motion import RecordedMotion
 from myomorph.study.inputs.reading import read_motion
 from myomorph.study.inputs.refined import RefinedMotion
-from myomorph.study.step.step import Step, StepOutput
+from myomorph.study.step.step import Step, StepCommand, StepOutput
 from myomorph.study.trial.trial_inputs import EXTREMES, Signals, TrialInputs, Value
 
 if TYPE_CHECKING:
@@ -220,6 +221,13 @@ def _outcome(outcome: Outcome, poses: Poses) -> Outcome:
     return outcome
 
 
+def _line(trial: TrialInputs, results: ByType) -> str:
+    """Frames, markers and errors."""
+    fit = results[Poses].fit
+    assert fit is not None
+    return kinematics_line(fit, trial.model, trial.recording.markers)
+
+
 STEP = Step(
     name="ik",
     title="inverse kinematics",
@@ -240,6 +248,7 @@ STEP = Step(
         *("sensor", "sensor_error"),
         *("ik_converged", "ik_iterations", "unused_marker", "missing_marker"),
     ),
+    command=StepCommand(_line, "coordinates.mot", draws=True),
 )
 
 

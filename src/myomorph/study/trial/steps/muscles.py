@@ -24,9 +24,9 @@ from myomorph.store import stored as store
 from myomorph.store.progress import progress
 from myomorph.store.results import ResultWriter, Stored, file_name
 from myomorph.store.settings import Differentiation
-from myomorph.study.inputs.by_type import OptionSet
-from myomorph.study.step.step import Step, StepOutput
-from myomorph.study.trial.steps.id import Torques, with_derivatives
+from myomorph.study.inputs.by_type import ByType, OptionSet
+from myomorph.study.step.step import Step, StepCommand, StepOutput
+from myomorph.study.trial.steps.id import Torques, filter_summary, with_derivatives
 from myomorph.study.trial.steps.ik import Poses
 from myomorph.study.trial.trial_inputs import EXTREMES, Signals, TrialInputs, all_drawn
 
@@ -145,6 +145,11 @@ def _signals(stored: Stored, model: Model, mass: float) -> Sequence[Signals]:
     return (all_drawn("muscles", lengths, "_length", "m", EXTREMES, "muscle length [mm]", 1000.0),)
 
 
+def _line(trial: TrialInputs, results: ByType) -> str:
+    """The ranges of lengths, and the filter."""
+    return results[MuscleLengths].summary + filter_summary(trial, results[Poses].recorded)
+
+
 STEP = Step(
     name="muscles",
     title="muscle paths",
@@ -160,4 +165,5 @@ STEP = Step(
     signals=_signals,
     large=("moment_arm",),
     tables="muscles",
+    command=StepCommand(_line),
 )

@@ -22,6 +22,7 @@ from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series, Table, Wrenches
 from myomorph.motion.envelope import EnvelopeOptions
 from myomorph.report.trial.report_input import EstimatedContacts, ReportInput, ShownTension, Situation
+from myomorph.report.trial.summary_lines import tension_line
 from myomorph.store import contact_store
 from myomorph.store import stored as store
 from myomorph.store.progress import progress
@@ -29,16 +30,16 @@ from myomorph.store.results import Stored
 from myomorph.store.settings import Differentiation, EmgUse, ForceOptions, TensionTables
 from myomorph.store.stored import get_conflicts
 from myomorph.study.inputs.actuators import Actuators
-from myomorph.study.inputs.by_type import OptionSet
+from myomorph.study.inputs.by_type import ByType, OptionSet
 from myomorph.study.inputs.emg import RecordedEmg
 from myomorph.study.inputs.imu_files import RecordedSensors
 from myomorph.study.inputs.loads import ExternalLoads
 from myomorph.study.inputs.torques import RecordedTorques
-from myomorph.study.step.step import Step, StepOutput
+from myomorph.study.step.step import Step, StepCommand, StepOutput
 from myomorph.study.trial.emg_tables import EMG_TABLE, write_calibration, write_conflicts
 from myomorph.study.trial.fiber_step import fiber_numbers, fiber_signals, write_fibers
 from myomorph.study.trial.joint_contact_step import joint_contact_numbers, joint_contact_signals, write_joint_contacts
-from myomorph.study.trial.steps.id import Torques, cutoff_of, put_dynamics, solve_dynamics, torque_table
+from myomorph.study.trial.steps.id import Torques, cutoff_of, filter_summary, put_dynamics, solve_dynamics, torque_table
 from myomorph.study.trial.steps.ik import Poses
 from myomorph.study.trial.trial_inputs import JoinedParts, Signals, TrialInputs, Value, all_drawn, statistics_of
 from myomorph.tension.contact_setting import Measurements, during
@@ -323,6 +324,11 @@ def _numbers(stored: Stored, model: Model, strides: TrialStrides | None) -> Iter
             yield Value("tension", f"{name}_reserve, largest", float(largest[index]), unit)
 
 
+def _line(trial: TrialInputs, results: ByType) -> str:
+    """Frames that are optimal, reserves, and the filter."""
+    return tension_line(trial.model, results[Tensions].tension) + filter_summary(trial, results[Poses].recorded)
+
+
 STEP = Step(
     name="tension",
     title="muscle tensions",
@@ -341,4 +347,5 @@ STEP = Step(
     signals=_signals,
     numbers=_numbers,
     numbers_last=True,
+    command=StepCommand(_line, draws=True, times=lambda tensions: tensions.tension.time),
 )
