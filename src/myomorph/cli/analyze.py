@@ -5,13 +5,11 @@ from __future__ import annotations
 import shlex
 import sys
 from pathlib import Path
-from typing import Annotated
-
-from cyclopts import Parameter
 
 from myomorph.cli.options import (
     DrawCount,
     Threads,
+    documented,
     inputs_class,
     inputs_of_flags,
     options_class,
@@ -28,57 +26,46 @@ AnalyzeInputs = inputs_class(*INPUTS)
 AnalyzeOptions = options_class(*(kind for step in STEPS for kind in step.options))
 
 
+@documented
 def analyze_command(
-    recordings: Annotated[
-        tuple[Path, ...],
-        Parameter(
-            help="Recordings of markers (.c3d, .trc) or inertial sensors (.sto, .mvnx, .h5, .csv, .txt), or folders of "
-            "them, those of OpenCap and Pose2Sim too.",
-            negative=(),
-        ),
-    ],
+    recordings: tuple[Path, ...],
     /,
     *,
-    mass: Annotated[
-        float | None, Parameter(help="Of the subject [kg]; by default what plates weigh, where they can.")
-    ] = None,
-    height: Annotated[
-        float | None, Parameter(help="Of the subject [m]: scales the generic model, and is held against the markers.")
-    ] = None,
-    static: Annotated[
-        Path | None,
-        Parameter(help="Recording of standing still; by default found among or beside the recordings."),
-    ] = None,
-    model: Annotated[
-        Path | None,
-        Parameter(help="OpenSim or MuJoCo model with markers; by default myo-sim's legs and trunk."),
-    ] = None,
-    arms: Annotated[
-        bool,
-        Parameter(negative=(), help="Give the generic model both arms and their muscles, where markers show them."),
-    ] = False,
-    protocol: Annotated[
-        Path | None, Parameter(help="Table of marker protocols of your own (.toml), beside those of the package.")
-    ] = None,
+    mass: float | None = None,
+    height: float | None = None,
+    static: Path | None = None,
+    model: Path | None = None,
+    arms: bool = False,
+    protocol: Path | None = None,
     inputs: AnalyzeInputs | None = None,  # type: ignore[valid-type]
     options: AnalyzeOptions | None = None,  # type: ignore[valid-type]
     draws: DrawCount = None,
-    out: Annotated[Path, Parameter(help="Folder to write.")] = Path("analysis"),
+    out: Path = Path("analysis"),
     threads: Threads = None,
-    workers: Annotated[int | None, Parameter(help="Processes that work side by side.")] = None,
-    prepare: Annotated[
-        bool, Parameter(negative=(), help="Only write the study file, so that it can be changed before it is run.")
-    ] = False,
-    dry_run: Annotated[
-        bool,
-        Parameter(
-            negative=(), help="Only write the study file, and print what would be computed and how long it takes."
-        ),
-    ] = False,
+    workers: int | None = None,
+    prepare: bool = False,
+    dry_run: bool = False,
 ) -> int:
-    """From raw recordings to a report: protocol, axes, static trial, forces, EMG and model are found, and said."""
+    """From raw recordings to a report: protocol, axes, static trial, forces, EMG and model are found, and said.
+
+    Parameters
+    ----------
+    recordings : recordings of markers (.c3d, .trc) or inertial sensors (.sto, .mvnx, .h5, .csv, .txt), or folders of
+        them, those of OpenCap and Pose2Sim too
+    mass : of the subject [kg]; by default what plates weigh, where they can
+    height : of the subject [m]: scales the generic model, and is held against the markers
+    static : recording of standing still; by default found among or beside the recordings
+    model : OpenSim or MuJoCo model with markers; by default myo-sim's legs and trunk
+    arms : give the generic model both arms and their muscles, where markers show them
+    protocol : table of marker protocols of your own (.toml), beside those of the package
+    out : folder to write
+    workers : processes that work side by side
+    prepare : only write the study file, so that it can be changed before it is run
+    dry_run : only write the study file, and print what would be computed and how long it takes
+    """
     # Imported by the command that needs it: --help and the others start without.
-    from myomorph.cli.study import dry_run_plan, run_plan
+    from myomorph.cli.running import Running
+    from myomorph.cli.study import run_plan
     from myomorph.model.errors import BadData
     from myomorph.study.analyze.analyze import prepare_request
     from myomorph.study.analyze.own_protocols import read_protocols
@@ -107,6 +94,6 @@ def analyze_command(
     for text in prepared.assumed:
         said(f"  {text}")
     said(f"study file, to be changed and run again: {prepared.study}")
-    if dry_run:
-        return dry_run_plan(read_plan(prepared.study), out, workers=workers, threads=threads)
-    return 0 if prepare else run_plan(read_plan(prepared.study), out, workers=workers, threads=threads)
+    if prepare and not dry_run:
+        return 0
+    return run_plan(read_plan(prepared.study), out, Running(dry_run=dry_run, workers=workers, threads=threads))

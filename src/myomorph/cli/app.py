@@ -154,7 +154,7 @@ def new_app(everything: bool = False) -> App:
         version=__version__,
         suppress_keyboard_interrupt=False,
         help_format="markdown",
-        default_parameter=Parameter(negative_iterable=(), negative_none=()),
+        default_parameter=Parameter(negative_iterable=(), negative_none=(), consume_multiple=True),
     )
     panels = {title: Group.create_ordered(title) for title in PANELS}
     groups = {name: panels[title] for title, names in PANELS.items() for name in names}

@@ -3,51 +3,40 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Literal
 
-from cyclopts import Parameter
-
-from myomorph.cli.options import inputs_class, inputs_of_flags
+from myomorph.cli.options import documented, inputs_class, inputs_of_flags
 from myomorph.cli.output import said, warn
 
 ConvertInputs = inputs_class("loads", "time", leave_out=("loads", "bodies"))
 
 
+@documented
 def convert_command(
-    files: Annotated[
-        list[Path],
-        Parameter(
-            help="Recording (.c3d, .trc, .mat), tables of forces and EMG (.mot, .sto, .csv), or several of them."
-        ),
-    ],
+    files: list[Path],
     /,
     *,
-    out: Annotated[
-        Path,
-        Parameter(
-            help="File to write, by its ending: .trc markers, .mot forces with external loads (.xml) beside it, .sto "
-            "or .csv EMG or a table, .c3d all of it; or a folder for all that there is."
-        ),
-    ],
-    up: Annotated[
-        Literal["", "y", "z", "keep"],
-        Parameter(help="Axis that points up: y by default, as OpenSim has it; kept where a C3D file is written."),
-    ] = "",
-    forward: Annotated[
-        Literal["", "x", "-x", "y", "-y", "z", "-z"],
-        Parameter(help="Axis that the walk goes along, by right angles; kept by default."),
-    ] = "",
-    axes: Annotated[
-        str, Parameter(help="Instead of both, the new axes in the old frame: x,z,-y turns z up to y up.")
-    ] = "",
-    units: Annotated[Literal["mm", "cm", "m"], Parameter(help="Of lengths in a TRC file.")] = "mm",
-    labels: Annotated[
-        Path | None,
-        Parameter(help="Table of names (.csv: label, new name; an empty new name drops the marker or channel)."),
-    ] = None,
+    out: Path,
+    up: Literal["", "y", "z", "keep"] = "",
+    forward: Literal["", "x", "-x", "y", "-y", "z", "-z"] = "",
+    axes: str = "",
+    units: Literal["mm", "cm", "m"] = "mm",
+    labels: Path | None = None,
     inputs: ConvertInputs | None = None,  # type: ignore[valid-type]
 ) -> int:
-    """A recording as other files: C3D to TRC, MOT with external loads and STO, and back."""
+    """A recording as other files: C3D to TRC, MOT with external loads and STO, and back.
+
+    Parameters
+    ----------
+    files : recording (.c3d, .trc, .mat), tables of forces and EMG (.mot, .sto, .csv), or several of them
+    out : file to write, by its ending: .trc markers, .mot forces with external loads (.xml) beside it, .sto or .csv EMG
+        or a table, .c3d all of it; or a folder for all that there is
+    up : axis that points up: y by default, as OpenSim has it; kept where a C3D file is written
+    forward : axis that the walk goes along, by right angles; kept by default
+    axes : instead of both, the new axes in the old frame: x,z,-y turns z up to y up
+    units : of lengths in a TRC file
+    labels : table of names (.csv: label, new name; an empty new name drops the marker or channel)
+    """
     # Imported by the command that needs it: --help and the others start without.
     from myomorph.io.labels import read_labels
     from myomorph.study.convert.convert import ConvertOptions, convert

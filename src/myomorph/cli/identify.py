@@ -4,23 +4,22 @@ from __future__ import annotations
 
 from dataclasses import fields
 from pathlib import Path
-from typing import Annotated, Literal
-
-from cyclopts import Parameter
+from typing import Literal
 
 from myomorph.cli.options import (
-    LOADS_HELP,
+    Loads,
     ModelFile,
     Threads,
+    documented,
     inputs_class,
     inputs_of_flags,
     options_class,
     settings_dict,
     use_threads,
 )
-from myomorph.cli.output import said, warn
+from myomorph.cli.output import made
 from myomorph.identify.recordings import RecordingOptions
-from myomorph.identify.subject import GENERIC, IdentificationOptions
+from myomorph.identify.subject import IdentificationOptions
 from myomorph.live.identification import LiveOptions
 from myomorph.store.settings import ForceOptions, with_settings
 from myomorph.study.subject.subject_files import BodyOptions
@@ -28,48 +27,45 @@ from myomorph.study.subject.subject_files import BodyOptions
 IdentifySettings = options_class(ForceOptions, RecordingOptions, IdentificationOptions, BodyOptions, LiveOptions)
 IdentifyInputs = inputs_class("loads", "time", leave_out=("loads",))
 
-Motions = Annotated[
-    tuple[Path, ...],
-    Parameter(name="--motion", help="Coordinates over time, one file a recording.", consume_multiple=True),
-]
-Loads = Annotated[
-    tuple[Path, ...],
-    Parameter(
-        name="--loads",
-        help=f"External forces, one file a recording, in the same order: {LOADS_HELP}.",
-        consume_multiple=True,
-    ),
-]
 
-
+@documented
 def identify_command(
     *,
     model: ModelFile,
-    out: Annotated[Path, Parameter(help="Model to write (.osim); tables and a report go into a folder beside it.")],
-    motion: Motions = (),
+    out: Path,
+    motion: tuple[Path, ...] = (),
     loads: Loads = (),
-    mass: Annotated[float | None, Parameter(help="Of the subject [kg]; the model's by default.")] = None,
-    skin: Annotated[Path | None, Parameter(help="Mesh of the subject's skin: .obj, .stl or .ply.")] = None,
-    landmarks: Annotated[
-        Path | None, Parameter(help="Markers on the skin (CSV: name, x, y, z in metres), to pose the model in it.")
-    ] = None,
-    height: Annotated[float | None, Parameter(help="Of the subject [m], for a statistical body shape.")] = None,
-    chest: Annotated[float | None, Parameter(help="Circumference of the chest [m].")] = None,
-    sex: Annotated[Literal["female", "male"] | None, Parameter(help="Of the subject.")] = None,
-    age: Annotated[float | None, Parameter(help="In years.")] = None,
-    check_motion: Annotated[
-        tuple[Path, ...],
-        Parameter(help="Motions that are not identified from, to compare the models on.", consume_multiple=True),
-    ] = (),
-    check_loads: Annotated[tuple[Path, ...], Parameter(help="Their external loads.", consume_multiple=True)] = (),
+    mass: float | None = None,
+    skin: Path | None = None,
+    landmarks: Path | None = None,
+    height: float | None = None,
+    chest: float | None = None,
+    sex: Literal["female", "male"] | None = None,
+    age: float | None = None,
+    check_motion: tuple[Path, ...] = (),
+    check_loads: tuple[Path, ...] = (),
     inputs: IdentifyInputs | None = None,  # type: ignore[valid-type]
-    live: Annotated[
-        bool, Parameter(negative=(), help="Show what is known so far while frames arrive, from the files or streams.")
-    ] = False,
+    live: bool = False,
     options: IdentifySettings | None = None,  # type: ignore[valid-type]
     threads: Threads = None,
 ) -> int:
-    """Masses, mass centers and inertias of every body from motions, their forces and the body's shape."""
+    """Masses, mass centers and inertias of every body from motions, their forces and the body's shape.
+
+    Parameters
+    ----------
+    out : model to write (.osim); tables and a report go into a folder beside it
+    motion : coordinates over time, one file a recording
+    mass : of the subject [kg]; the model's by default
+    skin : mesh of the subject's skin: .obj, .stl or .ply
+    landmarks : markers on the skin (CSV: name, x, y, z in metres), to pose the model in it
+    height : of the subject [m], for a statistical body shape
+    chest : circumference of the chest [m]
+    sex : of the subject
+    age : in years
+    check_motion : motions that are not identified from, to compare the models on
+    check_loads : their external loads
+    live : show what is known so far while frames arrive, from the files or streams
+    """
     # Imported by the command that needs it: --help and the others start without.
     from myomorph.live.identification import live_motions
     from myomorph.study.inputs.loads import LoadsFile
@@ -97,12 +93,5 @@ def identify_command(
     chosen = identifying.IdentifyOptions.of(settings)
     identified = identifying.identify_subject(scaled, motions, shape, mass, chosen, sources)
     lost = identifying.write_identified(identified, out)
-    warn((*scaled.warnings, *identified.found.notes, *lost))
-    for line in identifying.summary(identified.found):
-        said(line)
-    for name, validation in identified.validation.items():
-        moment, force = validation.rms(identified.found.identified)
-        generic = validation.rms(GENERIC)
-        said(f"{name}, not used: {force:.1f} N, {moment:.1f} N m (generic {generic[1]:.1f} N, {generic[0]:.1f} N m)")
-    said(f"wrote {out} and {tables_folder(out, identifying.STEP.tables)}")
-    return 0
+    notes = (*scaled.warnings, *identified.found.notes, *lost)
+    return made(out, tables_folder(out, identifying.STEP.tables), identifying.summary(identified), notes)

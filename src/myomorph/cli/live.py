@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated, Literal
-
-from cyclopts import Parameter
+from typing import Literal
 
 from myomorph.cli.options import (
     ModelFile,
     UncertaintyFile,
+    documented,
     inputs_class,
     inputs_of_flags,
     options_class,
@@ -28,38 +27,40 @@ LiveSettings = options_class(ChainOptions, TensionOptions, LimitOptions, leave_o
 LiveInputs = inputs_class("labels", "imu")
 
 
+@documented
 def live_command(
     *,
     model: ModelFile,
-    markers: Annotated[
-        Path | None, Parameter(help="Recording to play: markers (.trc, .c3d), or coordinates (.mot, .sto).")
-    ] = None,
-    loads: Annotated[
-        Path | None,
-        Parameter(
-            help="Its external forces: an OpenSim external loads file (.xml), or a table of plates (.mot), each given "
-            "to the foot that is nearest. A C3D file's own plates by default."
-        ),
-    ] = None,
+    markers: Path | None = None,
+    loads: Path | None = None,
     inputs: LiveInputs | None = None,  # type: ignore[valid-type]
-    speed: Annotated[float, Parameter(help="Of the recording, times real time; 0 as fast as it goes.")] = 1.0,
-    lsl_markers: Annotated[str, Parameter(help="Stream of markers of the Lab Streaming Layer.")] = "",
-    lsl_imu: Annotated[
-        str, Parameter(help="Stream of orientations of inertial sensors; --imu plays a recording of them.")
-    ] = "",
-    lsl_forces: Annotated[str, Parameter(help="Stream of forces of the Lab Streaming Layer.")] = "",
-    up: Annotated[
-        Literal["y", "z"], Parameter(help="Vertical axis of the streams' laboratory; the model's is y.")
-    ] = "y",
-    web: Annotated[int | None, Parameter(help="Port of a web page on this machine that shows the body.")] = None,
-    lsl_out: Annotated[str, Parameter(help="Send coordinates, torques and activations as a stream of this name.")] = "",
-    out: Annotated[
-        Path | None, Parameter(help="Folder for tables of all frames, and of how late each of them was.")
-    ] = None,
+    speed: float = 1.0,
+    lsl_markers: str = "",
+    lsl_imu: str = "",
+    lsl_forces: str = "",
+    up: Literal["y", "z"] = "y",
+    web: int | None = None,
+    lsl_out: str = "",
+    out: Path | None = None,
     uncertainty: UncertaintyFile = None,
     options: LiveSettings | None = None,  # type: ignore[valid-type]
 ) -> int:
-    """Joint angles, torques and muscle activations while frames arrive."""
+    """Joint angles, torques and muscle activations while frames arrive.
+
+    Parameters
+    ----------
+    markers : recording to play: markers (.trc, .c3d), or coordinates (.mot, .sto)
+    loads : its external forces: an OpenSim external loads file (.xml), or a table of plates (.mot), each given to the
+        foot that is nearest. A C3D file's own plates by default
+    speed : of the recording, times real time; 0 as fast as it goes
+    lsl_markers : stream of markers of the Lab Streaming Layer
+    lsl_imu : stream of orientations of inertial sensors; --imu plays a recording of them
+    lsl_forces : stream of forces of the Lab Streaming Layer
+    up : vertical axis of the streams' laboratory; the model's is y
+    web : port of a web page on this machine that shows the body
+    lsl_out : send coordinates, torques and activations as a stream of this name
+    out : folder for tables of all frames, and of how late each of them was
+    """
     # Imported by the command that needs it: --help and the others start without.
     from myomorph.live.run import LiveFiles, LiveOutputs, LiveSensors, LiveStreams, run_live_chain
     from myomorph.store.settings import with_settings

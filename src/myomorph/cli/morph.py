@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Literal
 
-from cyclopts import Parameter
-
-from myomorph.cli.options import Threads, options_class, settings_dict, use_threads
-from myomorph.cli.output import said, warn
+from myomorph.cli.options import Threads, documented, options_class, settings_dict, use_threads
+from myomorph.cli.output import made
 from myomorph.model.errors import BadData
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.morph.maps.fields import MapOptions
@@ -21,65 +19,51 @@ from myomorph.study.subject.morph_files import Unit
 MorphSettings = options_class(MatchOptions, MapOptions, MorphOptions)
 
 
+@documented
 def morph_command(
     *,
-    source: Annotated[
-        Path,
-        Parameter(
-            help="Model whose muscles are carried over (.osim, .xml; myo-sim:myoarm and others of that package)."
-        ),
-    ],
-    out: Annotated[Path, Parameter(help="Model to write (.osim); bones, tables and report stand beside it.")],
-    bones: Annotated[
-        Path | None, Parameter(help="Folder of the target's bones: one file a body, BODY.obj, .stl, .ply or .vtp.")
-    ] = None,
-    landmarks: Annotated[
-        Path | None,
-        Parameter(help="Pairs of points (.csv): body, name, source_x, source_y, source_z, target_x, ... [m]."),
-    ] = None,
-    geometry: Annotated[
-        Path | None, Parameter(help="Folder of the source model's own meshes, where they do not lie beside it.")
-    ] = None,
-    skin: Annotated[
-        Path | None, Parameter(help="Closed surface of the target's skin, which masses are taken from.")
-    ] = None,
-    mass: Annotated[float | None, Parameter(help="Mass of the target [kg].")] = None,
-    unit: Annotated[Unit, Parameter(help="Unit of the target's bones and skin.")] = "m",
-    together: Annotated[
-        bool, Parameter(negative=(), help="The bones share one frame, as a scan shows them: joints must meet.")
-    ] = False,
-    mirror: Annotated[
-        bool,
-        Parameter(negative=(), help="The other side's bones, or with --target muscles, are this side's mirrored."),
-    ] = False,
-    across: Annotated[
-        Literal["x", "y", "z"], Parameter(help="Axis of ground across the source's plane of symmetry, for --mirror.")
-    ] = "z",
-    link: Annotated[
-        list[str] | None,
-        Parameter(
-            negative=(),
-            help="A body without a bone on which muscles branch, and the bones that carry it: LINK=BONE,BONE.",
-        ),
-    ] = None,
-    species: Annotated[
-        str,
-        Parameter(help="Instead of bones: which bones correspond to those of another species, a name or .toml file."),
-    ] = "",
-    target: Annotated[
-        Path | None, Parameter(help="Model of the other species' skeleton, whose joints and masses stay.")
-    ] = None,
-    target_geometry: Annotated[
-        Path | None, Parameter(help="Folder of the skeleton's meshes, where they do not lie beside it.")
-    ] = None,
-    beside: Annotated[bool, Parameter(negative=(), help="Keep the muscles that the skeleton has.")] = False,
-    protocol: Annotated[
-        str, Parameter(help="With --target, whose recordings the model shall follow: a marker table of the species.")
-    ] = "",
+    source: Path,
+    out: Path,
+    bones: Path | None = None,
+    landmarks: Path | None = None,
+    geometry: Path | None = None,
+    skin: Path | None = None,
+    mass: float | None = None,
+    unit: Unit = "m",
+    together: bool = False,
+    mirror: bool = False,
+    across: Literal["x", "y", "z"] = "z",
+    link: list[str] | None = None,
+    species: str = "",
+    target: Path | None = None,
+    target_geometry: Path | None = None,
+    beside: bool = False,
+    protocol: str = "",
     options: MorphSettings | None = None,  # type: ignore[valid-type]
     threads: Threads = None,
 ) -> int:
-    """A model's muscles in other bones: those of a subject, from a scan or a shape model."""
+    """A model's muscles in other bones: those of a subject, from a scan or a shape model.
+
+    Parameters
+    ----------
+    source : model whose muscles are carried over (.osim, .xml; myo-sim:myoarm and others of that package)
+    out : model to write (.osim); bones, tables and report stand beside it
+    bones : folder of the target's bones: one file a body, BODY.obj, .stl, .ply or .vtp
+    landmarks : pairs of points (.csv): body, name, source_x, source_y, source_z, target_x, ... [m]
+    geometry : folder of the source model's own meshes, where they do not lie beside it
+    skin : closed surface of the target's skin, which masses are taken from
+    mass : mass of the target [kg]
+    unit : unit of the target's bones and skin
+    together : the bones share one frame, as a scan shows them: joints must meet
+    mirror : the other side's bones, or with --target muscles, are this side's mirrored
+    across : axis of ground across the source's plane of symmetry, for --mirror
+    link : a body without a bone on which muscles branch, and the bones that carry it: LINK=BONE,BONE
+    species : instead of bones: which bones correspond to those of another species, a name or .toml file
+    target : model of the other species' skeleton, whose joints and masses stay
+    target_geometry : folder of the skeleton's meshes, where they do not lie beside it
+    beside : keep the muscles that the skeleton has
+    protocol : with --target, whose recordings the model shall follow: a marker table of the species
+    """
     # Imported by the command that needs it: --help and the others start without.
     from myomorph.study.subject import morphing
     from myomorph.study.subject.morph_files import MorphFiles
@@ -111,11 +95,7 @@ def morph_command(
         morphed, drawn = morphing.morph_files(MorphFiles(source, bones, *details), settings), None
     lost = morphing.write_morphed(morphed, out, bones=drawn)
     notes = dict.fromkeys((*morphed.warnings, *morphed.morph.notes, *morphing.bone_notes(morphed), *lost))
-    warn(tuple(notes), f"{tables / REPORT} lists them")
-    for line in morphing.summary(morphed):
-        said(line)
-    said(f"wrote {out} and {tables}")
-    return 0
+    return made(out, tables, morphing.summary(morphed), tuple(notes), f"{tables / REPORT} lists them")
 
 
 def _links(words: list[str]) -> Mapping[str, tuple[str, ...]]:

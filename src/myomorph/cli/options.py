@@ -4,25 +4,31 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from inspect import signature
 from pathlib import Path
-from typing import Annotated, Any, get_origin
+from typing import Annotated, Any, TypeVar, get_origin, get_type_hints
 
 from cyclopts import Parameter
 
 from myomorph.model.errors import BadData
-from myomorph.store.settings import settings_of
+from myomorph.store.settings import attribute_help, settings_of
 from myomorph.study.inputs.by_type import ByType
 from myomorph.study.inputs.keys import Key, flag_of
 from myomorph.study.inputs.table import input_of, settings_of_keys
 from myomorph.study.step.step import StepHead
 
+Documented = TypeVar("Documented", bound=Callable[..., Any])
 ModelFile = Annotated[Path, Parameter(name="--model", help="OpenSim (.osim) or MuJoCo (.xml) model.")]
 MotionFile = Annotated[Path, Parameter(name="--motion", help="Coordinates over time (.mot or .sto).")]
 LOADS_HELP = (
     "an OpenSim external loads file (.xml), a table of forces (.mot, .sto, .csv), or a recording with force plates "
     "(.c3d)"
 )
+Loads = Annotated[
+    tuple[Path, ...],
+    Parameter(name="--loads", help=f"External forces, one file a recording, in the same order: {LOADS_HELP}."),
+]
 OutFile = Annotated[Path, Parameter(name="--out", help="File to write; the same values go into a .nc file beside it.")]
 OutFolder = Annotated[Path, Parameter(name="--out", help="Folder to write; it is made where it does not exist.")]
 DrawCount = Annotated[
@@ -60,8 +66,7 @@ def options_class(*sources: type, leave_out: tuple[str, ...] = ()) -> Any:
         for setting in settings_of(source):
             if setting.name in leave_out or setting.name in {name for name, _, _ in fields}:
                 continue
-            text = f"{setting.help[:1].upper()}{setting.help[1:]}".rstrip(".") + "."
-            kind = Annotated[setting.kind, Parameter(help=text)]  # type: ignore[name-defined]
+            kind = Annotated[setting.kind, Parameter(help=_sentence(setting.help))]  # type: ignore[name-defined]
             fields.append((setting.name, kind, dataclasses.field(default=setting.default)))
     made = dataclasses.make_dataclass("Options", fields, frozen=True, namespace={"__module__": __name__})
     return Annotated[made, Parameter(name="*")]
@@ -79,8 +84,24 @@ def inputs_class(*names: str, leave_out: tuple[str, ...] = ()) -> Any:
 
 def flag(key: Key) -> Any:
     """A key of an input as an annotation of a command's parameter."""
-    help_text = f"{key.help[:1].upper()}{key.help[1:]}".rstrip(".") + "."
-    return Annotated[key.flag, Parameter(name=flag_of(key.name), help=help_text, consume_multiple=True)]
+    return Annotated[key.flag, Parameter(name=flag_of(key.name), help=_sentence(key.help))]
+
+
+def documented(owner: Documented) -> Documented:
+    """A command, or a dataclass of its options, with the help of each parameter or attribute in its docstring. What is
+    off by default is only switched on.
+    """
+    kinds = get_type_hints(owner, include_extras=True)
+    defaults = {name: parameter.default for name, parameter in signature(owner).parameters.items()}
+    for name, text in attribute_help(owner, "Attributes" if isinstance(owner, type) else "Parameters").items():
+        switch = {"negative": ()} if defaults[name] is False else {}
+        kinds[name] = Annotated[kinds[name], Parameter(help=_sentence(text), **switch)]
+    owner.__annotations__ = kinds
+    return owner
+
+
+def _sentence(text: str) -> str:
+    return f"{text[:1].upper()}{text[1:]}".rstrip(".") + "."
 
 
 def _no_flag(key: Key) -> Any:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -13,6 +13,7 @@ from myomorph.model.errors import BadFile, one_line
 from myomorph.store.results import STORED, ResultWriter, new_result, whole_folder
 
 MAX_WARNINGS = 5
+LISTED = "'myomorph info FILE' lists them"
 
 
 def said(text: str) -> None:
@@ -21,12 +22,21 @@ def said(text: str) -> None:
     sys.stdout.flush()
 
 
-def warn(warnings: Sequence[str], where: str = "'myomorph info FILE' lists them") -> None:
+def warn(warnings: Sequence[str], where: str = LISTED) -> None:
     """Print what looked wrong but did not stop the work, and where all of it is listed."""
     for text in warnings[:MAX_WARNINGS]:
         sys.stderr.write(f"warning: {one_line(' '.join(text.split()))}\n")
     if len(warnings) > MAX_WARNINGS:
         sys.stderr.write(f"warning: and {len(warnings) - MAX_WARNINGS} more: {where}\n")
+
+
+def made(out: Path, tables: Path, lines: Iterable[str], notes: Sequence[str], where: str = LISTED) -> int:
+    """Say what was found for a model that was written beside its tables, and what is doubtful; the exit status."""
+    warn(notes, where)
+    for line in lines:
+        said(line)
+    said(f"wrote {out} and {tables}")
+    return 0
 
 
 @contextmanager

@@ -4,21 +4,19 @@ from __future__ import annotations
 
 from dataclasses import fields, replace
 from pathlib import Path
-from typing import Annotated
 
-from cyclopts import Parameter
-
-from myomorph.cli.identify import Loads
 from myomorph.cli.options import (
+    Loads,
     ModelFile,
     Threads,
+    documented,
     inputs_class,
     inputs_of_flags,
     options_class,
     settings_dict,
     use_threads,
 )
-from myomorph.cli.output import said, warn
+from myomorph.cli.output import made
 from myomorph.identify.refine.options import RefineOptions
 from myomorph.store.settings import ForceOptions, with_settings
 
@@ -26,22 +24,26 @@ RefineSettings = options_class(ForceOptions, RefineOptions)
 RefineInputs = inputs_class("loads", "tasks", "labels", "laboratory", "time", leave_out=("loads",))
 
 
+@documented
 def refine_command(
     *,
     model: ModelFile,
-    out: Annotated[
-        Path, Parameter(help="Model to write (.osim); motions, tables and a report go into a folder beside it.")
-    ],
-    markers: Annotated[
-        tuple[Path, ...], Parameter(help="Recordings: .trc, .c3d, .mat or .h5, one or more.", consume_multiple=True)
-    ] = (),
+    out: Path,
+    markers: tuple[Path, ...] = (),
     loads: Loads = (),
-    mass: Annotated[float | None, Parameter(help="Of the subject [kg]; the model's by default.")] = None,
+    mass: float | None = None,
     inputs: RefineInputs | None = None,  # type: ignore[valid-type]
     options: RefineSettings | None = None,  # type: ignore[valid-type]
     threads: Threads = None,
 ) -> int:
-    """Motions, link lengths, marker positions and masses that agree with markers and force plates at once."""
+    """Motions, link lengths, marker positions and masses that agree with markers and force plates at once.
+
+    Parameters
+    ----------
+    out : model to write (.osim); motions, tables and a report go into a folder beside it
+    markers : recordings: .trc, .c3d, .mat or .h5, one or more
+    mass : of the subject [kg]; the model's by default
+    """
     # Imported by the command that needs it: --help and the others start without.
     from myomorph.model.errors import BadData
     from myomorph.study.inputs.loads import LoadsFile
@@ -71,8 +73,5 @@ def refine_command(
     chosen = with_settings(RefineOptions(), settings)
     refined = refining.refine_files(model, files, mass, chosen, {"id": forces} if forces else {})
     lost = refining.write_refined(refined, out)
-    warn((*refined.found.notes, *refined.warnings, *lost))
-    for line in refining.summary(refined.found):
-        said(line)
-    said(f"wrote {out} and {tables_folder(out, refining.STEP.tables)}")
-    return 0
+    notes = (*refined.found.notes, *refined.warnings, *lost)
+    return made(out, tables_folder(out, refining.STEP.tables), refining.summary(refined.found), notes)

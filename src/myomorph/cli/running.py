@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
+from myomorph.cli.options import documented, use_threads
 from myomorph.cli.output import said
 from myomorph.model.errors import BadData
 
@@ -19,83 +21,85 @@ if TYPE_CHECKING:
 
 BAD_INPUT, OUR_FAULT = 2, 1
 
-Resume = Annotated[bool, Parameter(negative=(), help="Reuse what has not changed; this is so without it, too.")]
-Fresh = Annotated[
-    bool, Parameter(negative=(), help="Compute every step anew, whatever an earlier run left in the folder.")
-]
-DryRun = Annotated[
-    bool, Parameter(negative=(), help="Compute nothing: say what would be done, why, and how long it would take.")
-]
-WorkerCount = Annotated[
-    int | None, Parameter(help="Processes that work side by side; by default as many as cores and memory allow.")
-]
-Memory = Annotated[
-    float | None, Parameter(help="That one process may take [GB]; by default its share of this machine's.")
-]
-Scheduler = Annotated[
-    str | None, Parameter(help="Dask cluster that does the work: its address, or the file that the scheduler wrote.")
-]
-WorkerThreads = Annotated[
-    int | None, Parameter(help="Threads of each process: one by default, all cores where there is a single job.")
-]
+
+@documented
+@dataclass(frozen=True)
+class Running:
+    """How a study is run.
+
+    Attributes
+    ----------
+    resume : reuse what has not changed; this is so without it, too
+    fresh : compute every step anew, whatever an earlier run left in the folder
+    dry_run : compute nothing: say what would be done, why, and how long it would take
+    workers : processes that work side by side; by default as many as cores and memory allow
+    memory : that one process may take [GB]; by default its share of this machine's
+    scheduler : Dask cluster that does the work: its address, or the file that the scheduler wrote
+    threads : threads of each process: one by default, all cores where there is a single job
+    """
+
+    resume: bool = False
+    fresh: bool = False
+    dry_run: bool = False
+    workers: int | None = None
+    memory: float | None = None
+    scheduler: str | None = None
+    threads: int | None = None
+
+    def begin(self) -> None:
+        """Set the threads of the kernels; raise `BadData` where options exclude each other."""
+        if self.resume and self.fresh:
+            raise BadData("--resume and --fresh exclude each other: one reuses what is there, the other does not")
+        if self.scheduler is not None and (self.workers, self.memory, self.threads) != (None, None, None):
+            raise BadData("--scheduler: --workers, --memory and --threads are the cluster's: set them at 'dask worker'")
+        use_threads(self.threads)
+
+    def place(self, path: Path) -> Path:
+        """A path as the workers see it: those of a cluster are in folders of their own."""
+        return path if self.scheduler is None else path.resolve()
+
+    def _here(self, jobs: int) -> Workers:
+        # Imported by the command that needs it: --help and the others start without.
+        from myomorph.study.run.local_workers import local_workers
+
+        if self.memory is not None and not math.isfinite(self.memory):
+            raise BadData(f"--memory {self.memory:g}: expected a number of GB")
+        memory = None if self.memory is None else int(self.memory * 1e9)
+        return local_workers(self.workers, memory, jobs, self.threads)
+
+    def hands(self, jobs: int, out: Path) -> Workers:
+        """Workers of a cluster where one is named, else of this machine."""
+        if self.scheduler is None:
+            return self._here(jobs)
+        # Brings Dask: loaded only where it is needed.
+        from myomorph.study.run.dask_workers import DaskWorkers
+
+        cluster = DaskWorkers(self.scheduler, out)
+        for text in cluster.refused.values():
+            said(f"{text}; it gets no work")
+        return cluster
+
+    def print_dry_run(
+        self,
+        graph_of: Callable[[Path], Graph],
+        out: Path,
+        jobs: int,
+        excluded: Sequence[Excluded] = (),
+        conditions: Sequence[str] = (),
+    ) -> int:
+        """Print what a run of so many jobs would do; the exit status."""
+        # Imported by the command that needs it: --help and the others start without.
+        from myomorph.study.run.dry_run import dry_run, dry_run_lines
+
+        count = 1 if self.scheduler else self._here(jobs).count
+        looked = dry_run(graph_of(out), out, self.fresh, count)
+        for line in dry_run_lines(looked, excluded, conditions):
+            said(line)
+        return BAD_INPUT if looked.problems else 0
 
 
-def check_running(
-    resume: bool,
-    fresh: bool,
-    scheduler: str | None,
-    workers: int | None,
-    memory: float | None,
-    threads: int | None,
-) -> None:
-    """Raise `BadData` where options of a run exclude each other."""
-    if resume and fresh:
-        raise BadData("--resume and --fresh exclude each other: one reuses what is there, the other does not")
-    if scheduler is not None and (workers, memory, threads) != (None, None, None):
-        raise BadData("--scheduler: --workers, --memory and --threads are the cluster's: set them at 'dask worker'")
-
-
-def workers_here(jobs: int, workers: int | None, memory: float | None, threads: int | None) -> Workers:
-    """Workers of this machine for so many jobs; raises `BadData` where there cannot be any."""
-    # Imported by the command that needs it: --help and the others start without.
-    from myomorph.study.run import local_workers
-
-    if memory is not None and not math.isfinite(memory):
-        raise BadData(f"--memory {memory:g}: expected a number of GB")
-    return local_workers.local_workers(workers, None if memory is None else int(memory * 1e9), jobs, threads)
-
-
-def workers_of(
-    scheduler: str | None, out: Path, jobs: int, workers: int | None, memory: float | None, threads: int | None
-) -> Workers:
-    """Workers of a cluster where one is named, else of this machine."""
-    if scheduler is None:
-        return workers_here(jobs, workers, memory, threads)
-    # Brings Dask: loaded only where it is needed.
-    from myomorph.study.run.dask_workers import DaskWorkers
-
-    cluster = DaskWorkers(scheduler, out)
-    for text in cluster.refused.values():
-        said(f"{text}; it gets no work")
-    return cluster
-
-
-def print_dry_run(
-    graph_of: Callable[[Path], Graph],
-    out: Path,
-    fresh: bool,
-    count: int,
-    excluded: Sequence[Excluded] = (),
-    conditions: Sequence[str] = (),
-) -> int:
-    """Print what a run by so many workers would do; the exit status."""
-    # Imported by the command that needs it: --help and the others start without.
-    from myomorph.study.run.dry_run import dry_run, dry_run_lines
-
-    looked = dry_run(graph_of(out), out, fresh, count)
-    for line in dry_run_lines(looked, excluded, conditions):
-        said(line)
-    return BAD_INPUT if looked.problems else 0
+RunOptions = Annotated[Running, Parameter(name="*")]
+AS_USUAL = Running()
 
 
 def print_outcome(outcome: Outcome) -> None:

@@ -10,26 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from myomorph.cli.options import OutFolder, Threads, use_threads
+from myomorph.cli.options import OutFolder, Threads, documented, use_threads
 from myomorph.cli.output import said
-from myomorph.cli.running import (
-    BAD_INPUT,
-    OUR_FAULT,
-    DryRun,
-    Fresh,
-    Memory,
-    Resume,
-    Scheduler,
-    WorkerCount,
-    WorkerThreads,
-    check_running,
-    named,
-    print_dry_run,
-    print_outcome,
-    status_of,
-    workers_here,
-    workers_of,
-)
+from myomorph.cli.running import AS_USUAL, BAD_INPUT, OUR_FAULT, Running, RunOptions, named, print_outcome, status_of
 
 if TYPE_CHECKING:
     from myomorph.store.outcome import Outcome
@@ -38,20 +21,22 @@ if TYPE_CHECKING:
 MAX_REMARKS = 12
 
 
+@documented
 def demo_command(
     *,
-    out: Annotated[Path, Parameter(help="Folder to write.")] = Path("demo"),
-    study: Annotated[
-        Literal["simulated", "jump", "shoulder", "judo", "morph"],
-        Parameter(
-            help="A simulated full-body squat with known truth, a recorded countermovement jump with markers on one "
-            "leg, six virtual shoulders that swing on a force plate, two simulated fighters whose contact forces are "
-            "found, or a leg's muscles transferred to bones whose deformation is known."
-        ),
-    ] = "simulated",
+    out: Path = Path("demo"),
+    study: Literal["simulated", "jump", "shoulder", "judo", "morph"] = "simulated",
     threads: Threads = None,
 ) -> int:
-    """The main job on data that come with the installation, from markers to a report."""
+    """The main job on data that come with the installation, from markers to a report.
+
+    Parameters
+    ----------
+    out : folder to write
+    study : a simulated full-body squat with known truth, a recorded countermovement jump with markers on one leg, six
+        virtual shoulders that swing on a force plate, two simulated fighters whose contact forces are found, or a leg's
+        muscles transferred to bones whose deformation is known
+    """
     use_threads(threads)
     if study == "shoulder":
         # Imported by the command that needs it: --help and the others start without.
@@ -94,73 +79,33 @@ def _say_remarks(plan: Plan) -> None:
         said(f"and {len(plan.remarks) - MAX_REMARKS} more: --dry-run lists the files of every trial")
 
 
-def dry_run_plan(
-    plan: Plan,
-    out: Path,
-    *,
-    fresh: bool = False,
-    workers: int | None = None,
-    memory: float | None = None,
-    scheduler: str | None = None,
-    threads: int | None = None,
-) -> int:
-    """Print what a run of a plan would do; the exit status."""
-    # Imported by the command that needs it: --help and the others start without.
-    from myomorph.study.run.job_plan import graph_of
-
-    _say_remarks(plan)
-    count = 1 if scheduler else workers_here(_jobs(plan), workers, memory, threads).count
-    return print_dry_run(partial(graph_of, plan), out, fresh, count, plan.excluded, plan.conditions.names)
-
-
-def _jobs(plan: Plan) -> int:
-    return len(plan.trials) + len(plan.together)
-
-
 def run_command(
     study: Annotated[Path, Parameter(help="Study file (.toml).")],
     /,
     *,
     out: OutFolder,
-    resume: Resume = False,
-    fresh: Fresh = False,
-    dry_run: DryRun = False,
-    workers: WorkerCount = None,
-    memory: Memory = None,
-    scheduler: Scheduler = None,
-    threads: WorkerThreads = None,
+    running: RunOptions = AS_USUAL,
 ) -> int:
     """Run a study file: subjects, models, trials and steps; what has not changed since an earlier run is taken over."""
     # Imported by the command that needs it: --help and the others start without.
     from myomorph.study.plan.plan import read_plan
 
-    check_running(resume, fresh, scheduler, workers, memory, threads)
-    if scheduler is not None:
-        # Its processes are in folders of their own.
-        study, out = study.resolve(), out.resolve()
-    use_threads(threads)
-    run = dry_run_plan if dry_run else run_plan
-    return run(read_plan(study), out, fresh=fresh, workers=workers, memory=memory, scheduler=scheduler, threads=threads)
+    running.begin()
+    return run_plan(read_plan(running.place(study)), running.place(out), running)
 
 
-def run_plan(
-    plan: Plan,
-    out: Path,
-    *,
-    fresh: bool = False,
-    workers: int | None = None,
-    memory: float | None = None,
-    scheduler: str | None = None,
-    threads: int | None = None,
-) -> int:
-    """Run a plan and say what became of it; the exit status."""
+def run_plan(plan: Plan, out: Path, running: Running) -> int:
+    """Run a plan and say what became of it, or what a run would do; the exit status."""
     # Imported by the command that needs it: --help and the others start without.
+    from myomorph.study.run.job_plan import graph_of
     from myomorph.study.run.run import run_study
 
     _say_remarks(plan)
-    hands = workers_of(scheduler, out, _jobs(plan), workers, memory, threads)
-    outcomes = run_study(plan, out, fresh=fresh, workers=hands, report=print_outcome)
-    return _ended(outcomes, out)
+    jobs = len(plan.trials) + len(plan.together)
+    if running.dry_run:
+        return running.print_dry_run(partial(graph_of, plan), out, jobs, plan.excluded, plan.conditions.names)
+    hands = running.hands(jobs, out)
+    return _ended(run_study(plan, out, fresh=running.fresh, workers=hands, report=print_outcome), out)
 
 
 def _ended(outcomes: Sequence[Outcome], out: Path) -> int:

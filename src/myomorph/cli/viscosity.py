@@ -10,23 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from myomorph.cli.options import inputs_class, inputs_of_flags, options_class, settings_dict, use_threads
+from myomorph.cli.options import documented, inputs_class, inputs_of_flags, options_class, settings_dict
 from myomorph.cli.output import said, warn
-from myomorph.cli.running import (
-    DryRun,
-    Fresh,
-    Memory,
-    Resume,
-    Scheduler,
-    WorkerCount,
-    WorkerThreads,
-    check_running,
-    print_dry_run,
-    print_outcome,
-    status_of,
-    workers_here,
-    workers_of,
-)
+from myomorph.cli.running import AS_USUAL, RunOptions, print_outcome, status_of
 from myomorph.model.errors import BadData
 from myomorph.viscosity.identification.identify import ViscosityOptions
 from myomorph.viscosity.study.results import NOTES
@@ -42,72 +28,48 @@ MAX_NOTES = 4
 ViscositySettings = options_class(FilterOptions, TrackingOptions, ViscosityOptions)
 
 
-Intact = Annotated[
-    tuple[Path, ...],
-    Parameter(
-        name="--intact", help="Recordings with muscles intact: markers, or C3D with plates.", consume_multiple=True
-    ),
-]
-Without = Annotated[
-    tuple[Path, ...], Parameter(name="--removed", help="Recordings with muscles removed.", consume_multiple=True)
-]
-IntactLoads = Annotated[
-    tuple[Path, ...],
-    Parameter(
-        name="--intact-loads",
-        help="Forces on the base with muscles intact, in the same order; by default those beside each recording.",
-        consume_multiple=True,
-    ),
-]
-WithoutLoads = Annotated[
-    tuple[Path, ...],
-    Parameter(name="--removed-loads", help="The same with muscles removed.", consume_multiple=True),
-]
 SwingInputs = inputs_class("time")
 
 
+@documented
 def viscosity_command(
-    study: Annotated[Path | None, Parameter(help="Study file (.toml) of one or more specimens.")] = None,
+    study: Path | None = None,
     /,
     *,
-    out: Annotated[
-        Path | None,
-        Parameter(name="--out", help="Folder to write; it is made where it does not exist. With --into, the model."),
-    ] = None,
-    template: Annotated[
-        Path | None, Parameter(name="--template", help="Write a study file with every key into this folder, and end.")
-    ] = None,
-    into: Annotated[
-        Path | None,
-        Parameter(
-            name="--into",
-            help="Model (.osim or .xml) to write as --out with the viscosities of the specimen in --results.",
-        ),
-    ] = None,
-    results: Annotated[
-        Path | None, Parameter(name="--results", help="Folder of a specimen in results, for --into.")
-    ] = None,
-    model: Annotated[Path | None, Parameter(help="Model of one specimen (.osim or .xml), in place of a study.")] = None,
-    intact: Intact = (),
-    without: Without = (),
-    with_loads: IntactLoads = (),
-    without_loads: WithoutLoads = (),
-    base: Annotated[str | None, Parameter(help="Body that is fixed to the plate; the scapula by default.")] = None,
-    first: Annotated[
-        str | None, Parameter(name="--first-body", help="First body of the limb; the humerus by default.")
-    ] = None,
-    muscle_mass: Annotated[float | None, Parameter(help="Of the removed muscles, as weighed [kg].")] = None,
+    out: Path | None = None,
+    template: Path | None = None,
+    into: Path | None = None,
+    results: Path | None = None,
+    model: Path | None = None,
+    intact: tuple[Path, ...] = (),
+    removed: tuple[Path, ...] = (),
+    intact_loads: tuple[Path, ...] = (),
+    removed_loads: tuple[Path, ...] = (),
+    base: str | None = None,
+    first: Annotated[str | None, Parameter(name="--first-body")] = None,
+    muscle_mass: float | None = None,
     inputs: SwingInputs | None = None,  # type: ignore[valid-type]
     options: ViscositySettings | None = None,  # type: ignore[valid-type]
-    resume: Resume = False,
-    fresh: Fresh = False,
-    dry_run: DryRun = False,
-    workers: WorkerCount = None,
-    memory: Memory = None,
-    scheduler: Scheduler = None,
-    threads: WorkerThreads = None,
+    running: RunOptions = AS_USUAL,
 ) -> int:
-    """Viscosity of a joint and of its muscles from swings of a limb on a force plate, with and without muscles."""
+    """Viscosity of a joint and of its muscles from swings of a limb on a force plate, with and without muscles.
+
+    Parameters
+    ----------
+    study : study file (.toml) of one or more specimens
+    out : folder to write; it is made where it does not exist. With --into, the model
+    template : write a study file with every key into this folder, and end
+    into : model (.osim or .xml) to write as --out with the viscosities of the specimen in --results
+    results : folder of a specimen in results, for --into
+    model : model of one specimen (.osim or .xml), in place of a study
+    intact : recordings with muscles intact: markers, or C3D with plates
+    removed : recordings with muscles removed
+    intact_loads : forces on the base with muscles intact, in the same order; by default those beside each recording
+    removed_loads : the same with muscles removed
+    base : body that is fixed to the plate; the scapula by default
+    first : first body of the limb; the humerus by default
+    muscle_mass : of the removed muscles, as weighed [kg]
+    """
     # Imported by the command that needs it: --help and the others start without.
     from myomorph.study.inputs.time_span import TimeSpan
     from myomorph.viscosity.study.into_model import write_identified
@@ -127,28 +89,24 @@ def viscosity_command(
         for line in (*write_identified(into, read_specimen(results), out, base, first), f"wrote {out}"):
             said(line)
         return 0
-    check_running(resume, fresh, scheduler, workers, memory, threads)
-    if scheduler is not None:
-        # Its processes are in folders of their own.
-        study, out = None if study is None else study.resolve(), out.resolve()
-    use_threads(threads)
+    running.begin()
+    study, out = None if study is None else running.place(study), running.place(out)
     time = inputs_of_flags(inputs).or_default(TimeSpan).time
     if study is not None:
         plan = read_viscosity_plan(study)
-        refuse_files(model, intact, without, changed(options))
+        refuse_files(model, intact, removed, changed(options))
     else:
-        files = {"without": (without, without_loads), "with": (intact, with_loads)}
+        files = {"without": (removed, removed_loads), "with": (intact, intact_loads)}
         plan = fixed_plan(model, files, base, first, muscle_mass, time, settings_dict(options))
     for remark in plan.remarks:
         said(remark)
     jobs = len(plan.specimens)
-    if dry_run:
-        count = 1 if scheduler else workers_here(jobs, workers, memory, threads).count
-        return print_dry_run(partial(graph_of, plan), out, fresh, count)
+    if running.dry_run:
+        return running.print_dry_run(partial(graph_of, plan), out, jobs)
     # What is wrong with options is reported before workers begin.
     graph_of(plan, out)
-    hands = workers_of(scheduler, out, jobs, workers, memory, threads)
-    return ended(run_viscosity(plan, out, print_specimen, fresh=fresh, workers=hands), out)
+    hands = running.hands(jobs, out)
+    return ended(run_viscosity(plan, out, print_specimen, fresh=running.fresh, workers=hands), out)
 
 
 def ended(outcomes: Sequence[Outcome], out: Path) -> int:

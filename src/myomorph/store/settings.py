@@ -167,11 +167,11 @@ def prefix_of(options: type) -> str:
     return getattr(options, "SETTING_PREFIX", "")
 
 
-def attribute_help(owner: type) -> dict[str, str]:
-    """What the `Attributes` section of a numpydoc docstring says of each attribute, as one line; those of bases too."""
+def attribute_help(owner: Any, heading: str = "Attributes") -> dict[str, str]:
+    """What a section of a numpydoc docstring says of each attribute or parameter, as one line; those of bases too."""
     text = inspect.cleandoc(owner.__doc__ or "")
-    section = re.search(r"^Attributes\n-+\n(.*?)(?=\n\S+\n-+\n|\Z)", text, re.DOTALL | re.MULTILINE)
-    result = {name: text for base in owner.__bases__ for name, text in attribute_help(base).items()}
+    section = re.search(rf"^{heading}\n-+\n(.*?)(?=\n\S+\n-+\n|\Z)", text, re.DOTALL | re.MULTILINE)
+    result = {name: text for base in getattr(owner, "__bases__", ()) for name, text in attribute_help(base).items()}
     names: list[str] = []
     for line in section.group(1).splitlines() if section else []:
         start = re.match(r"(\w+(?:, \w+)*) : (.*)", line)

@@ -238,8 +238,9 @@ def _surfaces(model: Model) -> Mapping[str, Surface]:
     return surfaces_of(model)
 
 
-def summary(identification: Identification) -> list[str]:
-    """What the command says: frames, misfits, and what the data did not show."""
+def summary(identified: Identified) -> list[str]:
+    """What the command says: frames, misfits, what the data did not show, and motions that were held out."""
+    identification = identified.found
     used = sum(int(recording.use.sum()) for recording in identification.recordings)
     total = sum(recording.frames for recording in identification.recordings)
     lines = [
@@ -269,6 +270,12 @@ def summary(identification: Identification) -> list[str]:
         f"from the prior ({identification.points.source})"
     )
     lines.append(identification.consistency[identification.chosen].verdict)
+    for name, validation in identified.validation.items():
+        moment, force = validation.rms(identification.identified)
+        generic = validation.rms(GENERIC)
+        lines.append(
+            f"{name}, not used: {force:.1f} N, {moment:.1f} N m (generic {generic[1]:.1f} N, {generic[0]:.1f} N m)"
+        )
     return lines
 
 
