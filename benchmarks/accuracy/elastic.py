@@ -21,7 +21,6 @@ from benchmarks.recordings import read_torques
 from benchmarks.speed.elastic import stride, tiled, with_degroote
 from myomorph.model.arrays import Array
 from myomorph.model.model import Actuator
-from myomorph.motion.sync import take_frames
 from myomorph.tension.tension import Tension
 
 RATE = 100.0
@@ -55,7 +54,7 @@ def thinned(motion: mm.Motion, start: float, end: float) -> mm.Motion:
     """Frames from `start` to `end` [s] at `RATE`, or every frame of a slower recording."""
     step = max(1, round(1.0 / (RATE * float(np.median(np.diff(motion.time))))))
     keep = np.flatnonzero((motion.time >= start - 1e-9) & (motion.time <= end + 1e-9))[::step]
-    return take_frames(motion, keep)
+    return motion.frames(keep)
 
 
 def forward_rows(folder: Path) -> Iterator[dict[str, object]]:
@@ -242,7 +241,7 @@ def convergence_rows(folder: Path) -> Iterator[dict[str, object]]:
         found = prepare(folder, case, Path(work))
         motion = mm.differentiate(found.motion, case.cutoff or 6.0)
         keep = np.flatnonzero((motion.time >= case.start - 1e-9) & (motion.time <= case.end + 1e-9))
-        motion = take_frames(motion, keep)
+        motion = motion.frames(keep)
         loads = None if found.loads is None else mm.read_loads(found.loads, found.model, motion)
         torques = _torques(found.model, motion, loads)
         tension = mm.solve_tension(found.model, motion, torques, PASSIVE, found.actuators)
@@ -277,7 +276,7 @@ def _run(folder: Path) -> Tension:
     assert markers is not None
     whole = mm.differentiate(mm.inverse_kinematics(model, markers).motion, cutoff=RUN_CUTOFF)
     first, last = (whole.time[0] + one for one in RUN_SECONDS)
-    motion = take_frames(whole, np.flatnonzero((whole.time >= first) & (whole.time <= last)))
+    motion = whole.frames(np.flatnonzero((whole.time >= first) & (whole.time <= last)))
     feet = {"R_ground_force_": "calcn_r", "L_ground_force_": "calcn_l"}
     loads = mm.read_loads(home / "run200" / "grf.mot", model, motion, feet)
     return mm.solve_tension(model, motion, _torques(model, motion, loads), DEFAULT)

@@ -15,7 +15,6 @@ from benchmarks import opensim_tools
 from benchmarks.accuracy.passive import TRUNK
 from benchmarks.opensim_static import static_optimization, write_actuators
 from myomorph.model.paths import MovingPathPoint
-from myomorph.motion.sync import take_frames
 from myomorph.muscles.coupled_arms import loop_couplings, loop_groups
 from myomorph.muscles.path import compile_paths
 from myomorph.rigid.bushings import angular_velocities
@@ -237,7 +236,7 @@ def measure_static(folder: Path) -> Iterator[dict[str, object]]:
         theirs = static_optimization(path, recorded, None, 2.55, 3.0, reserves, CUTOFF, 1000)
     motion = mm.differentiate(mm.read_motion(recorded, model), CUTOFF)
     frames = np.searchsorted(motion.time, theirs.time - 1e-6)
-    some = replace(take_frames(motion, frames), time=theirs.time)
+    some = replace(motion.frames(frames), time=theirs.time)
     ours = mm.solve_tension(
         model, some, mm.inverse_dynamics(model, some), mm.TensionOptions(min_activation="model"), actuators
     )

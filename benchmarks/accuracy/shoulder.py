@@ -13,7 +13,6 @@ import myomorph as mm
 from benchmarks.accuracy.passive import TRUNK
 from myomorph.model.arrays import Array
 from myomorph.model.model import Actuator
-from myomorph.motion.sync import take_frames
 from myomorph.rigid.closed_motion import closed_motion
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
@@ -81,7 +80,7 @@ def measure_shoulder(folder: Path) -> Iterator[dict[str, object]]:
         name: mm.solve_tension(one.model, one.motion, torques, options, one.actuators)
         for name, options in SETTINGS.items()
     }
-    some = take_frames(one.motion, list(one.frames))
+    some = one.motion.frames(list(one.frames))
     few = mm.solve_tension(one.model, some, mm.inverse_dynamics(one.model, some), None, one.actuators)
     theirs = replace(few, forces=_of_opensim(folder, one, few))
     yield {"tensions": "OpenSim's static optimization", **_row(one, _force(one, some, theirs), theirs.forces)}

@@ -20,7 +20,6 @@ from benchmarks.recordings import RECORDINGS, read_torques
 from myomorph.io.osim.actuators import read_actuators
 from myomorph.io.sto import table_from_motion
 from myomorph.model.model import Actuator
-from myomorph.motion.sync import take_frames
 from myomorph.rigid.tree import compile_tree
 from myomorph.tension.tension import Tension
 from myomorph.tension.terms.actuators import default_reserves
@@ -148,7 +147,7 @@ def ours(prepared: Prepared, at: np.ndarray | None = None) -> Tension:
         keep = np.flatnonzero((whole.time >= case.start) & (whole.time <= case.end))
     else:
         keep = np.abs(whole.time[:, None] - at[None]).argmin(axis=0)
-    motion = take_frames(whole, keep)
+    motion = whole.frames(keep)
     torques = read_torques(prepared.loads, prepared.model, motion)
     return mm.solve_tension(
         prepared.model, motion, torques, mm.TensionOptions(min_activation="model"), prepared.actuators

@@ -9,7 +9,6 @@ from benchmarks.speed.timing import clocked, in_own_process
 from data_collection import data_folder
 from myomorph.model.scale import scale
 from myomorph.motion.lengths import factors_of, lengths_of
-from myomorph.motion.sync import take_frames
 from myomorph.rigid.coordinates import couple_frames
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
@@ -29,7 +28,7 @@ def _rows() -> list[dict[str, object]]:
     mm.calibrate(generic, [markers], mm.CalibrationOptions(frames=20))
     rows = []
     for frames in SIZES:
-        part = take_frames(markers, slice(frames))
+        part = markers.frames(slice(frames))
         taken = clocked(lambda part=part: mm.calibrate(generic, [part], mm.CalibrationOptions(frames=len(part))))
         found = taken.result
         used = sum(map(len, found.frames))

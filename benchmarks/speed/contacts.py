@@ -22,7 +22,6 @@ from myomorph.contact.sites import foot_sites
 from myomorph.contact.states import contact_activations
 from myomorph.model.contacts import Cone, Site
 from myomorph.model.join import join_models, join_motions
-from myomorph.motion.sync import take_frames
 from myomorph.rigid.frames import over_frames, thread_count
 from myomorph.tension.problem import Balance, TensionInputs, TensionProblem, tension_problem
 from myomorph.tension.terms.contacts import ContactOptions, ContactTask
@@ -50,7 +49,7 @@ def at_rate(motion: mm.Motion, rate: float, start: float = -np.inf, stop: float 
     """Every n-th frame of a motion between two times, so that about `rate` are left a second."""
     step = max(1, round(motion.rate / rate))
     keep = np.flatnonzero((motion.time >= start) & (motion.time <= stop))[::step]
-    return take_frames(motion, keep)
+    return motion.frames(keep)
 
 
 def walk(folder: Path, rate: float = RATE) -> tuple[mm.Model, mm.Motion]:

@@ -15,7 +15,6 @@ import numpy as np
 import myomorph as mm
 from benchmarks.speed.timing import clocked
 from data_collection import data_folder
-from myomorph.motion.sync import take_frames
 
 FRAMES, FIRST, RATE = 110, 0.4, 100.0
 LONG = 60.0
@@ -36,7 +35,7 @@ def stride() -> tuple[mm.Model, mm.Motion, mm.Series]:
     whole = mm.differentiate(mm.read_motion(folder / "coordinates.sto", model), cutoff=6.0)
     every = round(1.0 / (RATE * float(np.median(np.diff(whole.time)))))
     keep = np.searchsorted(whole.time, FIRST) + every * np.arange(FRAMES)
-    motion = take_frames(whole, keep[keep < len(whole.time)])
+    motion = whole.frames(keep[keep < len(whole.time)])
     loads = mm.resample_wrenches(mm.read_loads(folder / "grf_walk.xml", model, motion), motion.time)
     return model, motion, mm.inverse_dynamics(model, motion, loads)
 

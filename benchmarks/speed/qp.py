@@ -16,7 +16,6 @@ import myomorph as mm
 from benchmarks.recordings import RECORDINGS, read_torques
 from benchmarks.speed.timing import alternate
 from data_collection import data_folder
-from myomorph.motion.sync import take_frames
 from myomorph.tension.dual import solve_separable
 from myomorph.tension.problem import TensionInputs, tension_problem
 from myomorph.tension.separable import Separable, no_links, no_penalties
@@ -83,7 +82,7 @@ def frames_of(folder: Path, case: QpCase) -> QuadraticFrames:
         else mm.differentiate(made_motion(model, 30))
     )
     keep = np.flatnonzero((whole.time >= case.start) & (whole.time <= case.end))[:: case.step]
-    motion = take_frames(whole, keep)
+    motion = whole.frames(keep)
     torques = read_torques(folder / case.loads if case.loads else None, model, motion)
     problem = tension_problem(
         TensionInputs(model, motion, torques, mm.TensionOptions(passive=False, reserve=10.0, residual=100.0))

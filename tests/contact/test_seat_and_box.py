@@ -16,7 +16,7 @@ from myomorph.model.join import join_models, join_motions
 from myomorph.model.scale import scale
 from myomorph.model.series import Motion
 from myomorph.motion.filters import differentiate
-from myomorph.motion.sync import resample_wrenches, take_frames
+from myomorph.motion.sync import resample_wrenches
 
 CHAIR = "opencap-subject4-multitask"
 
@@ -65,7 +65,7 @@ def test_palms_hold_a_box_that_they_carry(standing_up):
     """A box put at the palms of a real motion while it stands: held then, not before."""
     model, motion, _ = standing_up
     short = slice(60, 200)
-    cut = take_frames(motion, short)
+    cut = motion.frames(short)
     hands = body_sites(model, ("hand_r", "hand_l"))
     middle = site_motion(model, cut, hands).places.mean(axis=1)
     taken = 70

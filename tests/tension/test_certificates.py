@@ -17,7 +17,6 @@ from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series
 from myomorph.motion.filters import differentiate
-from myomorph.motion.sync import take_frames
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.frames import over_frames
 from myomorph.tension.certificates import (
@@ -151,7 +150,7 @@ def walk(data) -> tuple[Model, Motion, ContactTask]:
     model = read_osim(data("rajagopal-walk-emg/subject_walk_scaled.osim"))
     whole = differentiate(motion_from_table(read_sto(data("rajagopal-walk-emg/coordinates.sto")), model), 6.0)
     keep = np.arange(200, 1000, 40)
-    motion = take_frames(whole, keep)
+    motion = whole.frames(keep)
     sites = foot_sites(model)
     ready = contact_activations(model, motion, sites, find_contacts(model, motion, sites))
     return model, motion, ContactTask(sites, ready)
@@ -238,7 +237,7 @@ def test_smoothness_takes_part_in_optimality(walk, data):
     model, _, _ = walk
     whole = differentiate(motion_from_table(read_sto(data("rajagopal-walk-emg/coordinates.sto")), model), 6.0)
     keep = np.arange(400, 500, 10)
-    motion = take_frames(whole, keep)
+    motion = whole.frames(keep)
     sites = foot_sites(model)
     task = ContactTask(sites, contact_activations(model, motion, sites, find_contacts(model, motion, sites)))
     problem, tension = solved(model, motion, task, None)

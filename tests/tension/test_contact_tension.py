@@ -17,7 +17,6 @@ from myomorph.model.errors import BadData, BadModel
 from myomorph.model.join import join_models, join_motions
 from myomorph.model.series import Motion, Series
 from myomorph.motion.filters import differentiate
-from myomorph.motion.sync import take_frames
 from myomorph.rigid.closed_motion import closed_motion
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.kinematics import center_of_mass, forward_kinematics
@@ -154,7 +153,7 @@ def test_forces_of_hands_and_thorax_pass_a_closed_loop(data):
     model = read_osim(data("shoulder-thoracoscapular/model_cmc/TSM_subject_CMC_noWeight.osim"))
     whole = differentiate(motion_from_table(read_sto(data("shoulder-thoracoscapular/ik/ABD01.mot")), model), 3.0)
     keep = np.array([150, 300, 420])
-    motion = take_frames(whole, keep)
+    motion = whole.frames(keep)
     motion, _ = closed_motion(model, motion)
     cone = Cone(direction=[0.0, 1.0, 0.0], frame="thorax", friction=np.inf)
     sites = (Site("hand", "hand", [[0.0, -0.05, 0.0]], cone, "thorax"), Site("blade", "scapula", [[-0.05, -0.05, 0.0]]))

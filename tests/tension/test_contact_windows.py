@@ -11,7 +11,6 @@ from readable import frame_program
 from walking import task, walk
 
 from myomorph.model.series import Motion, Series
-from myomorph.motion.sync import take_frames
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.tension.dual import OPTIMAL
 from myomorph.tension.problem import TensionInputs, tension_problem
@@ -127,7 +126,7 @@ def test_a_frame_without_input_parts_those_beside_it(walker):
     found = solve_tension(model, broken, inverse_dynamics(model, broken), contacts=ask)
     assert np.flatnonzero(found.status != OPTIMAL).tolist() == [10]
     kept = np.arange(len(motion)) < 10
-    before = take_frames(motion, kept)
+    before = motion.frames(kept)
     activations = Series(before.time, ask.activations.names, ask.activations.values[kept])
     part = replace(ask, activations=activations)
     alone = solve_tension(model, before, Series(before.time, tau.names, tau.values[kept]), contacts=part)

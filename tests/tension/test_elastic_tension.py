@@ -16,7 +16,6 @@ from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series
 from myomorph.motion.filters import differentiate
-from myomorph.motion.sync import take_frames
 from myomorph.muscles.fiber_jets import FLOOR, SLACKENED, TONE
 from myomorph.muscles.hill_arrays import compile_hill, muscle_model
 from myomorph.muscles.kinematics import muscle_kinematics
@@ -47,7 +46,7 @@ def arm(data, kind: str = DEGROOTE, count: int = 40, **parameters: float) -> tup
     model = as_class(read_osim(data(ARM + "arm26_bounds.osim")), kind, **parameters)
     whole = differentiate(motion_from_table(read_sto(data(ARM + "arm26_InverseKinematics.mot")), model), 6.0)
     keep = slice(0, 2 * count, 2)
-    motion = take_frames(whole, keep)
+    motion = whole.frames(keep)
     return model, motion, inverse_dynamics(model, motion)
 
 

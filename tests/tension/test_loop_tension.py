@@ -14,7 +14,6 @@ from myomorph.model.passive_dynamics import with_passive_dynamics
 from myomorph.model.paths import MovingPathPoint
 from myomorph.model.series import Series
 from myomorph.motion.filters import differentiate
-from myomorph.motion.sync import take_frames
 from myomorph.muscles.hill import hill_forces
 from myomorph.muscles.kinematics import muscle_kinematics
 from myomorph.muscles.passive import passive_generalized_forces
@@ -34,7 +33,7 @@ def shoulder(data):
     model = read_osim(data(f"{FOLDER}/model_cmc/TSM_subject_CMC_noWeight.osim"))
     whole = differentiate(motion_from_table(read_sto(data(f"{FOLDER}/ik/ABD01.mot")), model), 3.0)
     kept = np.array([150, 300, 420])
-    motion = take_frames(whole, kept)
+    motion = whole.frames(kept)
     motion, _ = closed_motion(model, motion)
     return model, motion, inverse_dynamics(model, motion)
 

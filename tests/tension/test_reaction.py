@@ -18,7 +18,7 @@ from myomorph.model.segments import joint_labels
 from myomorph.model.series import Motion, Series, Wrenches
 from myomorph.model.spatial import Transform
 from myomorph.motion.filters import differentiate
-from myomorph.motion.sync import resample_wrenches, take_frames
+from myomorph.motion.sync import resample_wrenches
 from myomorph.muscles.path import compile_paths
 from myomorph.rigid.bushings import bushing_forces
 from myomorph.rigid.dynamics import inverse_dynamics, joint_wrenches
@@ -48,7 +48,7 @@ def walk(data):
     model = read_osim(data(WALK + "subject_walk_scaled.osim"))
     whole = differentiate(motion_from_table(read_sto(data(WALK + "coordinates.sto")), model))
     keep = np.linspace(150, 1150, 6).astype(int)
-    motion = take_frames(whole, keep)
+    motion = whole.frames(keep)
     wrenches = resample_wrenches(read_external_loads(data(WALK + "grf_walk.xml")), motion.time)
     return model, motion, wrenches, solve_tension(model, motion, inverse_dynamics(model, motion, wrenches))
 

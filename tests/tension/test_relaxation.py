@@ -15,7 +15,6 @@ from myomorph.model.contacts import Cone, Site
 from myomorph.model.errors import BadData
 from myomorph.model.series import Series
 from myomorph.motion.filters import differentiate
-from myomorph.motion.sync import take_frames
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.frames import over_frames
 from myomorph.tension.problem import TensionInputs, tension_problem
@@ -121,7 +120,7 @@ def test_a_foot_that_is_forgotten_in_a_walk_is_found(data):
     model = read_osim(data("rajagopal-walk-emg/subject_walk_scaled.osim"))
     whole = differentiate(motion_from_table(read_sto(data("rajagopal-walk-emg/coordinates.sto")), model), 6.0)
     keep = np.arange(300, 900, 50)
-    motion = take_frames(whole, keep)
+    motion = whole.frames(keep)
     sites = foot_sites(model)
     ready = contact_activations(model, motion, sites, find_contacts(model, motion, sites))
     groups = np.array([one.group for one in sites])

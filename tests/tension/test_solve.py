@@ -15,7 +15,7 @@ from myomorph.model.errors import BadData, BadModel, UnknownName
 from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Motion, Series
 from myomorph.motion.filters import differentiate
-from myomorph.motion.sync import resample_wrenches, take_frames
+from myomorph.motion.sync import resample_wrenches
 from myomorph.muscles.hill import hill_forces
 from myomorph.muscles.kinematics import muscle_kinematics
 from myomorph.rigid.dynamics import inverse_dynamics
@@ -31,7 +31,7 @@ SPRING = "opensim-gait-subject01/ref_so_10dof18musc/"
 
 def frames(motion: Motion, keep) -> Motion:
     """Some frames of a motion."""
-    return take_frames(motion, keep)
+    return motion.frames(keep)
 
 
 def arm(data) -> tuple[Model, Motion, Series]:

@@ -11,7 +11,7 @@ from myomorph.model.contacts import Cone, Site
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series, Wrenches
 from myomorph.motion.filters import differentiate
-from myomorph.motion.sync import resample_wrenches, take_frames
+from myomorph.motion.sync import resample_wrenches
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.tension.terms.contacts import ContactOptions, ContactTask
@@ -32,7 +32,7 @@ def walk(data, keep) -> tuple[Model, Motion, Wrenches]:
     """Frames of the walk, filtered at 6 Hz, and what the plates measured."""
     model = read_osim(data(WALK + "subject_walk_scaled.osim"))
     whole = differentiate(motion_from_table(read_sto(data(WALK + "coordinates.sto")), model), 6.0)
-    motion = take_frames(whole, keep)
+    motion = whole.frames(keep)
     return model, motion, resample_wrenches(read_external_loads(data(WALK + "grf_walk.xml")), motion.time)
 
 

@@ -116,18 +116,5 @@ def action_reaction(model: Model, motion: Motion, parts: Sequence[str], measured
         passed[block.frames] = np.einsum("fik,pk->fpi", block.rows, parameters.reshape(len(parts), -1))
     for index, part in enumerate(parts):
         own = [w for w, body in enumerate(measured.bodies) if own_name(body, part) is not None]
-        passed[:, index] -= sum_of_wrenches(model, motion, _some(measured, own), origin)
+        passed[:, index] -= sum_of_wrenches(model, motion, measured.columns(own), origin)
     return ActionReaction(frozen_array(motion.time), tuple(parts), frozen_array(passed))
-
-
-def _some(wrenches: Wrenches, columns: Sequence[int]) -> Wrenches:
-    names, bodies = (tuple(values[column] for column in columns) for values in (wrenches.names, wrenches.bodies))
-    chosen = list(columns)
-    return Wrenches(
-        wrenches.time,
-        names,
-        bodies,
-        wrenches.forces[:, chosen],
-        wrenches.points[:, chosen],
-        wrenches.torques[:, chosen],
-    )

@@ -125,15 +125,9 @@ def part_of(whole: Timed, part: str) -> Timed:
         raise UnknownName("part", part, begins, "the columns' names begin with what it")
     columns, names = [index for index, _ in columns_of_part], tuple(name for _, name in columns_of_part)
     if isinstance(whole, Series):
-        changes: dict[str, Any] = {"names": names, "values": whole.values[:, columns]}
-        if isinstance(whole, Motion):
-            for rate in ("velocities", "accelerations"):
-                rates = getattr(whole, rate)
-                changes[rate] = None if rates is None else rates[:, columns]
-        return replace(whole, **changes)
+        return replace(whole.columns(columns), names=names)
     bodies = tuple(own_name(whole.bodies[column], part) or whole.bodies[column] for column in columns)
-    vectors = [getattr(whole, what)[:, columns] for what in ("forces", "points", "torques")]
-    return Wrenches(whole.time, names, bodies, *vectors)
+    return replace(whole.columns(columns), names=names, bodies=bodies)
 
 
 def own_name(name: str, part: str) -> str | None:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, Self, TypeVar
 
 import numpy as np
 
@@ -16,6 +17,19 @@ from myomorph.model.model import index_of
 
 Z_UP_TO_Y_UP: Array = frozen_array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 """Turns a laboratory whose z points up into OpenSim's y up, x kept: (x, y, z) -> (x, z, -y)."""
+
+
+Over = TypeVar("Over", bound="Series | Wrenches")
+
+
+def _of_arrays(value: Over, which: Any, **changes: Any) -> Over:
+    """The value with parts of its arrays: `which` of their frames or, as a tuple, of frames and columns."""
+    arrays = {part.name: getattr(value, part.name) for part in fields(value)}
+    least = len(which) if isinstance(which, tuple) else 1
+    chosen = {
+        name: array[which] for name, array in arrays.items() if isinstance(array, np.ndarray) and array.ndim >= least
+    }
+    return replace(value, **chosen, **changes)
 
 
 @read_only
@@ -50,6 +64,14 @@ class Series(Labelled):
 
     def __len__(self) -> int:
         return len(self.time)
+
+    def frames(self, which: Any) -> Self:
+        """Some of the frames, by a slice, numbers or truth values (frames,)."""
+        return _of_arrays(self, which)
+
+    def columns(self, which: Sequence[int]) -> Self:
+        """Some of the columns, by their numbers."""
+        return _of_arrays(self, (slice(None), list(which)), names=tuple(self.names[column] for column in which))
 
     def __getitem__(self, name: str) -> Array:
         """Column of that name, (frames,) or (frames, 3); raises `UnknownName`."""
@@ -166,6 +188,28 @@ class Wrenches(Labelled):
     def __len__(self) -> int:
         return len(self.time)
 
+    def frames(self, which: Any) -> Self:
+        """Some of the frames, by a slice, numbers or truth values (frames,)."""
+        return _of_arrays(self, which)
+
+    def columns(self, which: Sequence[int]) -> Self:
+        """Some of the forces, by their numbers."""
+        names, bodies = (tuple(texts[column] for column in which) for texts in (self.names, self.bodies))
+        return _of_arrays(self, (slice(None), list(which)), names=names, bodies=bodies)
+
+    def rotated(self, rotation: Array) -> Wrenches:
+        """The same forces seen in a frame whose axes are the rows of `rotation` (3, 3)."""
+        turned = {name: getattr(self, name) @ np.asarray(rotation).T for name in ("forces", "points", "torques")}
+        return replace(self, **turned)
+
+    def and_others(self, others: Wrenches) -> Wrenches:
+        """The forces and those of others at the same times."""
+        parts = {
+            name: np.concatenate([getattr(self, name), getattr(others, name)], axis=1)
+            for name in ("forces", "points", "torques")
+        }
+        return replace(self, names=(*self.names, *others.names), bodies=(*self.bodies, *others.bodies), **parts)
+
     def variables(self) -> dict[str, Variable]:
         """Forces, points of application and free torques."""
         named = {"forces": (self.forces, "N"), "points": (self.points, "m"), "torques": (self.torques, "N m")}
@@ -181,6 +225,10 @@ class Analog(Series):
     """Analog channels: values (frames, channels) in `units` (one per channel)."""
 
     units: tuple[str, ...] = ()
+
+    def columns(self, which: Sequence[int]) -> Self:
+        """Some of the channels, by their numbers."""
+        return replace(super().columns(which), units=tuple(self.units[column] for column in which if self.units))
 
 
 @read_only

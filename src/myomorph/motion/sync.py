@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
@@ -61,17 +60,7 @@ def cut(series: SeriesKind, start: float, end: float) -> SeriesKind:
             f"no frames between {start:g} and {end:g} s: the recording runs from {series.time[0]:g} "
             f"to {series.time[-1]:g} s"
         )
-    return take_frames(series, kept)
-
-
-def take_frames(series: SeriesKind, chosen: NDArray[Any] | slice) -> SeriesKind:
-    """Some frames of a recording: their numbers, a mask over all frames, or a slice."""
-    changes: dict[str, Any] = {"time": series.time[chosen], "values": series.values[chosen]}
-    if isinstance(series, Motion):
-        for name in ("velocities", "accelerations"):
-            rates = getattr(series, name)
-            changes[name] = None if rates is None else rates[chosen]
-    return replace(series, **changes)
+    return series.frames(kept)
 
 
 def resample_wrenches(wrenches: Wrenches, time: Array, cutoff: float | None = None) -> Wrenches:

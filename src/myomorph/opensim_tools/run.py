@@ -131,8 +131,7 @@ def torques_in_order(model: Model, torques: Series) -> Series:
     joints = sorted(model.joints, key=lambda joint: depth[joint.child])
     names = [name for joint in joints for name in joint.coordinates]
     names += [name for name in torques.names if name not in names]
-    columns = [torques.names.index(name) for name in names]
-    return Series(torques.time, tuple(names), torques.values[:, columns])
+    return torques.columns([torques.names.index(name) for name in names])
 
 
 def table_path(folder: Path, name: str) -> Path:

@@ -229,9 +229,7 @@ def _recorded(
 
 def _plates(truth: PairTruth, part: str) -> Wrenches:
     feet = [index for index, body in enumerate(truth.wrenches.bodies) if body in FEET and body.startswith(part)]
-    w = truth.wrenches
-    names, bodies = (tuple(entries[foot] for foot in feet) for entries in (w.names, w.bodies))
-    return Wrenches(w.time, names, bodies, w.forces[:, feet], w.points[:, feet], w.torques[:, feet])
+    return truth.wrenches.columns(feet)
 
 
 def pair_sites(builds: Mapping[str, fighter.Build], directed: bool = False) -> tuple[Site, ...]:

@@ -91,7 +91,7 @@ def set_contacts(
     if heard is not None:
         # Their forces are known already.
         ready = _with(ready, dict.fromkeys(heard.sites, 0.0))
-        exact = heard.impacts if exact is None else _beside(exact, heard.impacts)
+        exact = heard.impacts if exact is None else exact.and_others(heard.impacts)
     doubts = misplaced_forces(model, motion, feet, measured) if feet and measured is not None else ()
     task = ContactTask(sites, ready, shared, options, preferred_directions(model, motion, sites))
     return ContactSetting(task, contacts, exact, (*contacts.warnings, *elsewhere, *doubts))
@@ -226,15 +226,6 @@ def _with(ready: Series, columns: Mapping[str, Array | float]) -> Series:
     for name, column in columns.items():
         values[:, ready.names.index(name)] = column
     return replace(ready, values=values)
-
-
-def _beside(first: Wrenches, second: Wrenches) -> Wrenches:
-    """Two sets of external forces at the same times as one."""
-    vectors = [
-        np.concatenate([getattr(first, name), getattr(second, name)], axis=1)
-        for name in ("forces", "points", "torques")
-    ]
-    return Wrenches(first.time, (*first.names, *second.names), (*first.bodies, *second.bodies), *vectors)
 
 
 def all_loads(exact: Wrenches | None, estimated: ContactForces) -> Wrenches:

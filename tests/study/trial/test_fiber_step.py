@@ -13,7 +13,6 @@ from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series
 from myomorph.motion.filters import differentiate
-from myomorph.motion.sync import take_frames
 from myomorph.muscles.kinematics import muscle_kinematics
 from myomorph.report.page.parts import PageHead
 from myomorph.report.trial.muscle_sections import _fiber_lines, fiber_section
@@ -45,7 +44,7 @@ def arm(data) -> tuple[Model, Motion, Series]:
     model = read_osim(data(ARM + "arm26_bounds.osim"))
     whole = differentiate(motion_from_table(read_sto(data(ARM + "arm26_InverseKinematics.mot")), model), 6.0)
     keep = slice(0, 80, 2)
-    motion = take_frames(whole, keep)
+    motion = whole.frames(keep)
     return model, motion, inverse_dynamics(model, motion)
 
 

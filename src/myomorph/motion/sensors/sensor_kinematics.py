@@ -53,7 +53,6 @@ from myomorph.motion.sensors.mounting import (
 )
 from myomorph.motion.sensors.sensor_names import bodies_of_sensors
 from myomorph.motion.sensors.undetermined import LikelyAngles, Seen, joint_angles, likely_angles, undetermined
-from myomorph.motion.sync import take_frames
 from myomorph.motion.tasks.coordinates import CoordinateTask
 from myomorph.motion.tasks.orientations import OrientationTask
 from myomorph.motion.turns import floating_coordinates
@@ -330,13 +329,13 @@ class _Finder:
         frames = frames[np.unique(np.linspace(0, len(frames) - 1, min(most, len(frames))).astype(int))]
         shown = self.marked is not None
         names, weights = tracked_markers(self.model, self.markers, self.options) if shown else ((), np.empty(0))
-        markers = take_frames(self.markers, frames)
+        markers = self.markers.frames(frames)
         independent = min(duration / CORRELATED, INDEPENDENT)
         return Chosen(time[frames], markers, names, weights, min(1.0, max(independent, 1.0) / len(frames)))
 
     def _cost(self, fit: MountingFit, guess: Guess, delay: float) -> float:
         """Mean over some frames of the squared angles between sensors and bodies, in squares of the noise."""
-        markers = take_frames(fit.chosen.markers, slice(None, None, 5))
+        markers = fit.chosen.markers.frames(slice(None, None, 5))
         thin = replace(fit, chosen=fit.chosen._replace(time=markers.time, markers=markers))
         _, _, cost = thin.poses(thin.at(guess, delay), np.tile(fit.tree.defaults, (len(thin.chosen.time), 1)))
         return float(np.mean(cost[np.isfinite(cost)])) / self.sizes.imu_marker_noise**2

@@ -112,14 +112,10 @@ def _facing(recording: Recording, forward: Forward) -> Recording:
 
 def rotated(recording: Recording, matrix: Array, note: str) -> Recording:
     """The recording in a frame whose axes are the rows of a matrix (3, 3)."""
-    wrenches = recording.wrenches
-    if wrenches is not None:
-        parts = {name: getattr(wrenches, name) @ matrix.T for name in ("forces", "points", "torques")}
-        wrenches = replace(wrenches, **parts)
     return replace(
         recording,
         markers=None if recording.markers is None else recording.markers.rotated(matrix),
-        wrenches=wrenches,
+        wrenches=None if recording.wrenches is None else recording.wrenches.rotated(matrix),
         plates=tuple(replace(plate, corners=plate.corners @ matrix.T) for plate in recording.plates),
         level=False,
         notes=(*recording.notes, note),

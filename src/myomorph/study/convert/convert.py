@@ -167,9 +167,9 @@ def _write_forces(wrenches: Wrenches, path: Path) -> list[tuple[Path, str]]:
 def _emg(recording: Recording) -> Table:
     """Channels of EMG as a table, in the file's units."""
     assert recording.analog is not None
-    columns = [recording.analog.names.index(name) for name in recording.emg if name in recording.analog.names]
-    names = tuple(recording.analog.names[column] for column in columns)
-    return Table(recording.analog.time, names, recording.analog.values[:, columns], facts=FrozenMap({"name": "EMG"}))
+    names = recording.analog.names
+    emg = recording.analog.columns([names.index(name) for name in recording.emg if name in names])
+    return Table(emg.time, emg.names, emg.values, facts=FrozenMap({"name": "EMG"}))
 
 
 def _write_channels(table: Table, path: Path) -> str:
@@ -291,19 +291,19 @@ def on_feet(wrenches: Wrenches, markers: Markers | None, bodies: Sequence[str] =
         if len(bodies) > len(wrenches.names):
             raise BadData(f"{len(bodies)} bodies are given, but the forces are {', '.join(wrenches.names)}")
         chosen = [index for index, body in enumerate(bodies) if body]
-        return _some(wrenches, chosen, tuple(bodies[index] for index in chosen))
+        bodies = (*bodies, *wrenches.bodies[len(bodies) :])
+        return replace(wrenches, bodies=bodies).columns(chosen)
     size = np.nan_to_num(np.linalg.norm(wrenches.forces, axis=2))
     used = [index for index in range(len(wrenches.names)) if size[:, index].max(initial=0.0) > LOADED]
     idle = [name for index, name in enumerate(wrenches.names) if index not in used]
     notes = (*wrenches.notes, *((f"nobody steps on {', '.join(idle)}: left out",) if idle else ()))
-    wrenches = replace(_some(wrenches, used, tuple(wrenches.bodies[index] for index in used)), notes=notes)
+    wrenches = replace(wrenches.columns(used), notes=notes)
     places = {} if markers is None else foot_places(markers, wrenches.time)
     if all(wrenches.bodies) or len(places) < 2 or not used:
         return wrenches
     assigned = assign_bodies(wrenches, places)
     kept = [index for index, body in enumerate(assigned.wrenches.bodies) if body]
-    bodies = tuple(assigned.wrenches.bodies[index] for index in kept)
-    return replace(_some(assigned.wrenches, kept, bodies), notes=(*notes, *assigned.warnings))
+    return replace(assigned.wrenches.columns(kept), notes=(*notes, *assigned.warnings))
 
 
 def foot_places(markers: Markers, time: Array) -> dict[str, Array]:
@@ -337,9 +337,3 @@ def side_of(name: str) -> str:
     if not side and re.match(r"[rl][A-Z]", name):
         side = "right" if name[0] == "r" else "left"
     return side
-
-
-def _some(wrenches: Wrenches, chosen: Sequence[int], bodies: tuple[str, ...]) -> Wrenches:
-    columns = list(chosen)
-    parts = {name: getattr(wrenches, name)[:, columns] for name in ("forces", "points", "torques")}
-    return replace(wrenches, names=tuple(wrenches.names[column] for column in columns), bodies=bodies, **parts)

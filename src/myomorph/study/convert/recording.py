@@ -82,13 +82,7 @@ def _with_recording(recording: Recording, path: Path) -> Recording:
     others = None
     if trial.analog is not None:
         kept = [index for index, name in enumerate(trial.analog.names) if name not in plates]
-        units = trial.analog.units or ("",) * len(trial.analog.names)
-        others = Analog(
-            trial.analog.time,
-            tuple(trial.analog.names[index] for index in kept),
-            trial.analog.values[:, kept],
-            units=tuple(units[index] for index in kept),
-        )
+        others = trial.analog.columns(kept)
     notes = [f"{path.name}: {text}" for text in trial.warnings]
     if trial.other_points is not None:
         count = len(trial.other_points.names)
@@ -126,8 +120,7 @@ def between(recording: Recording, start: float, end: float) -> Recording:
     plates, plate_time = recording.plates, recording.plate_time
     if wrenches is not None:
         inside = (wrenches.time >= start - 1e-9) & (wrenches.time <= end + 1e-9)
-        parts = {name: getattr(wrenches, name)[inside] for name in ("time", "forces", "points", "torques")}
-        wrenches = replace(wrenches, **parts)
+        wrenches = wrenches.frames(inside)
     if len(plate_time):
         inside = (plate_time >= start - 1e-9) & (plate_time <= end + 1e-9)
         plates = tuple(replace(plate, channels=plate.channels[inside], zero=None) for plate in plates)
@@ -154,11 +147,10 @@ def labelled(recording: Recording, labels: Mapping[str, str]) -> Recording:
         )
     if markers is not None:
         names, kept = _renamed(markers.names, labels)
-        markers = Markers(markers.time, names, markers.values[:, kept])
+        markers = replace(markers.columns(kept), names=names)
     if analog is not None:
         names, kept = _renamed(analog.names, labels)
-        units = analog.units or ("",) * len(analog.names)
-        analog = Analog(analog.time, names, analog.values[:, kept], units=tuple(units[index] for index in kept))
+        analog = replace(analog.columns(kept), names=names)
     emg = tuple(labels.get(name, name) for name in recording.emg if labels.get(name, name))
     return replace(recording, markers=markers, analog=analog, emg=emg)
 

@@ -26,7 +26,7 @@ from myomorph.study.inputs.input import Opened, Opening
 from myomorph.study.inputs.laboratory import AS_RECORDED, Laboratory
 from myomorph.study.inputs.loads import TABLES, ExternalLoads, LoadsFile
 from myomorph.study.inputs.markers import MarkersFile, Recording
-from myomorph.study.inputs.plate_wrenches import chosen_wrenches, nearest_feet, recorded_wrenches
+from myomorph.study.inputs.plate_wrenches import nearest_feet, recorded_wrenches
 from myomorph.study.inputs.reading import PosesBy, about, faces_z, read_recording
 from myomorph.study.inputs.torques import TorquesFile
 
@@ -179,7 +179,7 @@ def _without_loads(wrenches: Wrenches, findings: Sequence[Finding]) -> Wrenches:
     loads = {finding.place for finding in findings if finding.kind == LOAD}
     names = zip(wrenches.names, wrenches.bodies, strict=True)
     kept = [index for index, (name, body) in enumerate(names) if body or name not in loads]
-    return wrenches if len(kept) == len(wrenches.names) else chosen_wrenches(wrenches, kept)
+    return wrenches if len(kept) == len(wrenches.names) else wrenches.columns(kept)
 
 
 def on_clock(wrenches: Wrenches, time: Array, mend: bool = True) -> Wrenches:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import numpy as np
@@ -54,10 +54,7 @@ class Laboratory:
 
     def wrenches(self, wrenches: Wrenches) -> Wrenches:
         """External forces in the model's ground."""
-        if not self:
-            return wrenches
-        turned = {name: getattr(wrenches, name) @ self.rotation.T for name in ("forces", "points", "torques")}
-        return replace(wrenches, **turned)
+        return wrenches.rotated(self.rotation) if self else wrenches
 
 
 AS_RECORDED: Laboratory = Laboratory()

@@ -67,34 +67,14 @@ def nearest_feet(wrenches: Wrenches, model: Model, motion: Motion) -> Wrenches:
         places[foot] = np.stack([origins, origins + ahead], axis=1)
     named = [index for index, body in enumerate(wrenches.bodies) if body]
     unnamed = [index for index, body in enumerate(wrenches.bodies) if not body]
-    found = assign_bodies(chosen_wrenches(wrenches, unnamed), places)
-    return _carried(_joined(chosen_wrenches(wrenches, named), found.wrenches), found.warnings)
+    found = assign_bodies(wrenches.columns(unnamed), places)
+    return _carried(wrenches.columns(named).and_others(found.wrenches), found.warnings)
 
 
 def _during(wrenches: Wrenches, motion: Motion) -> Wrenches:
     """Forces during a motion, and as long before and after as filters reach."""
     near = (wrenches.time >= motion.time[0] - MARGIN) & (wrenches.time <= motion.time[-1] + MARGIN)
-    parts = {name: getattr(wrenches, name)[near] for name in ("time", "forces", "points", "torques")}
-    return replace(wrenches, **parts)
-
-
-def chosen_wrenches(wrenches: Wrenches, columns: list[int]) -> Wrenches:
-    """Some of the forces."""
-    parts = {name: getattr(wrenches, name)[:, columns] for name in ("forces", "points", "torques")}
-    names, bodies = (tuple(one[column] for column in columns) for one in (wrenches.names, wrenches.bodies))
-    return replace(wrenches, names=names, bodies=bodies, **parts)
-
-
-def _joined(first: Wrenches, second: Wrenches) -> Wrenches:
-    """Two sets of forces of the same times as one."""
-    return replace(
-        first,
-        names=(*first.names, *second.names),
-        bodies=(*first.bodies, *second.bodies),
-        forces=np.concatenate([first.forces, second.forces], axis=1),
-        points=np.concatenate([first.points, second.points], axis=1),
-        torques=np.concatenate([first.torques, second.torques], axis=1),
-    )
+    return wrenches.frames(near)
 
 
 def _without_noise(wrenches: Wrenches, model: Model, motion: Motion) -> Wrenches:
@@ -118,4 +98,4 @@ def _carried(wrenches: Wrenches, warnings: Sequence[str]) -> Wrenches:
         findings = (*findings, Finding("idle plate", idle, text, mended=True))
         warnings = (*warnings, text)
     notes = (*wrenches.notes, *warnings)
-    return replace(chosen_wrenches(wrenches, kept), notes=notes, findings=findings)
+    return replace(wrenches.columns(kept), notes=notes, findings=findings)

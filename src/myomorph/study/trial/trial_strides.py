@@ -257,14 +257,12 @@ def _signals(stored: Stored, model: Model) -> dict[str, Series]:
     """What a result has over time, by family, in the units of its name."""
     motion = store.get_motion(stored)
     turning = [index for index, name in enumerate(motion.names) if model.coordinate(name).motion == "rotational"]
-    values = np.degrees(motion.values[:, turning])
-    signals = {ANGLES: Series(motion.time, tuple(motion.names[index] for index in turning), values)}
+    angles = motion.columns(turning)
+    signals = {ANGLES: Series(motion.time, angles.names, np.degrees(angles.values))}
     torques = store.get_torques(stored)
     if torques is not None:
-        columns = [index for index, name in enumerate(torques.names) if name in signals[ANGLES].names]
-        signals[TORQUES] = Series(
-            torques.time, tuple(torques.names[column] for column in columns), torques.values[:, columns]
-        )
+        columns = [index for index, name in enumerate(torques.names) if name in angles.names]
+        signals[TORQUES] = torques.columns(columns)
     if "muscle_length" in stored.values:
         signals[LENGTHS] = Series(stored.time, stored.names["muscle"], 1000.0 * stored.values["muscle_length"])
     if "muscle_force" in stored.values:
@@ -280,7 +278,7 @@ def _moving(series: Series) -> Series:
         if len(series)
         else []
     )
-    return Series(series.time, tuple(series.names[column] for column in columns), series.values[:, columns])
+    return series.columns(columns)
 
 
 def by_side(series: Series, strides: TrialStrides) -> Cycles | None:
@@ -294,8 +292,7 @@ def by_side(series: Series, strides: TrialStrides) -> Cycles | None:
     values = np.full((most, SAMPLES, len(series.names)), np.nan)
     for limb in dict.fromkeys(limbs):
         indices = [index for index, other in enumerate(limbs) if other == limb]
-        columns = Series(series.time, tuple(series.names[column] for column in indices), series.values[:, indices])
-        values[: len(spans[limb]), :, indices] = over_cycles(columns, spans[limb]).values
+        values[: len(spans[limb]), :, indices] = over_cycles(series.columns(indices), spans[limb]).values
     return Cycles(series.names, values)
 
 

@@ -35,7 +35,7 @@ from myomorph.study.inputs.loads import ExternalLoads
 from myomorph.study.inputs.refined import RefinedMotion
 from myomorph.study.inputs.torques import RecordedTorques
 from myomorph.study.trial.steps.drawn_quantities import Quantity, Strength, TooWeak, muscle_quantities, torque_quantity
-from myomorph.study.trial.steps.id import Torques, cutoff_of, every_frame, solve_dynamics
+from myomorph.study.trial.steps.id import Torques, cutoff_of, solve_dynamics
 from myomorph.study.trial.steps.ik import Poses, solve_kinematics
 from myomorph.study.trial.steps.tension import task_of
 from myomorph.study.trial.trial_inputs import TrialInputs
@@ -176,9 +176,10 @@ class Chain:
         if self.cutoff is None:
             # What is not filtered holds no noise that a filter would take off.
             draw = replace(draw, sources=replace(draw.sources, marker_noise=0.0))
-        markers = thinned(self.markers, self.pose_step)
+        every_pose = slice(None, None, self.pose_step)
+        markers = self.markers.frames(every_pose)
         moved = drawn_markers(trial.model, markers, draw, self.residuals)
-        near = thinned(self.base, self.pose_step)
+        near = Motion(markers.time, self.base.names, self.base.values[every_pose])
         options = trial.options[InverseKinematicsOptions]
         mounting = None if self.sensors is None else self._mounted(draw)
         if self.sensors is not None and mounting is not None:
@@ -253,23 +254,11 @@ def _with_contacts(task: TensionTask, draw: Draw) -> TensionTask:
     return replace(task, setting=replace(task.setting, task=changed))
 
 
-def thinned(series: Held, step: int) -> Held:
-    """Every so manieth frame of a series without derivatives."""
-    some = slice(None, None, step)
-    return series if step == 1 else replace(series, time=series.time[some], values=series.values[some])
-
-
 def every(step: int, torques: Torques) -> Torques:
     """Every so manieth frame of a motion with its torques and external forces."""
-    if step == 1:
-        return torques
-    some, wrenches = slice(None, None, step), torques.wrenches
-    thin = every_frame(step, torques.motion)
-    if wrenches is not None:
-        parts = {name: getattr(wrenches, name)[some] for name in ("time", "forces", "points", "torques")}
-        wrenches = replace(wrenches, **parts)
-    series = torques.torques
-    return Torques(thin, replace(series, time=series.time[some], values=series.values[some]), wrenches)
+    some = slice(None, None, step)
+    wrenches = None if torques.wrenches is None else torques.wrenches.frames(some)
+    return Torques(torques.motion.frames(some), torques.torques.frames(some), wrenches)
 
 
 def chain_of(trial: TrialInputs, poses: Poses, torques: Torques | None, tense: bool, thin: bool) -> Chain:

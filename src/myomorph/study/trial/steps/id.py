@@ -110,25 +110,17 @@ def with_derivatives(trial: TrialInputs, recorded: Motion) -> tuple[Motion, tupl
     return closed_motion(trial.model, motion if trial.time is None else cut(motion, *trial.time))
 
 
-def every_frame(step: int, motion: Motion) -> Motion:
-    """Every so manieth frame of a motion with its derivatives."""
-    assert motion.velocities is not None
-    assert motion.accelerations is not None
-    parts = {name: getattr(motion, name)[::step] for name in ("time", "values", "velocities", "accelerations")}
-    return motion if step == 1 else replace(motion, **parts)
-
-
 def solve_dynamics(trial: TrialInputs, recorded: Motion, step: int = 1) -> Torques:
     """Inverse dynamics, forces filtered as the motion, of one in `step` frames; or the torques that a file gives."""
     recorded_torques, loads = trial.get(RecordedTorques), trial.get(ExternalLoads)
     if recorded_torques is not None:
         motion, notes = with_derivatives(trial, recorded)
-        motion = every_frame(step, motion)
+        motion = motion.frames(slice(None, None, step))
         notes = (*notes, "joint torques are those of the file that was given: no inverse dynamics was computed")
         return Torques(motion, torques_at(recorded_torques.torques, motion), None, notes)
     has_mass(trial.model, "inverse dynamics")
     motion, notes = with_derivatives(trial, recorded)
-    motion = every_frame(step, motion)
+    motion = motion.frames(slice(None, None, step))
     wrenches = None
     if loads is not None:
         wrenches = resample_wrenches(loads.of(recorded), motion.time, cutoff_of(trial, recorded))
