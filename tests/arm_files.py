@@ -34,6 +34,6 @@ def command(capfd: pytest.CaptureFixture[str]) -> Callable[..., SimpleNamespace]
 @pytest.fixture
 def in_process(monkeypatch: pytest.MonkeyPatch) -> None:
     """Studies of the command line do their jobs in this process, where the processes are not what is tested."""
-    from myomorph.study.run import local_workers
+    from myomorph.study.workers import local_workers
 
     monkeypatch.setattr(local_workers, "local_workers", lambda *_: local_workers.InProcess())

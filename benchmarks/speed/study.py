@@ -22,7 +22,7 @@ import myomorph as mm
 from data_collection import data_folder
 from myomorph.store.outcome import Outcome
 from myomorph.study.run.dask_workers import DaskWorkers
-from myomorph.study.run.local_workers import LocalWorkers
+from myomorph.study.workers.local_workers import LocalWorkers
 from truths.cluster import cluster_in
 
 TRIALS = 1000

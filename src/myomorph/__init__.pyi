@@ -120,7 +120,6 @@ from .study.inputs.reading import read_recording as read_recording
 from .study.plan.groups import GroupPlan as GroupPlan
 from .study.plan.plan import Plan as Plan
 from .study.plan.plan import read_plan as read_plan
-from .study.run.jobs import Workers as Workers
 from .study.run.run import run_study as run_study
 from .study.subject.body_points import body_points as body_points
 from .study.subject.calibrating import with_marker_set as with_marker_set
@@ -133,6 +132,7 @@ from .study.trial.load import load as load
 from .study.trial.reporting import report_folder as report_folder
 from .study.trial.together import Together as Together
 from .study.trial.trial_files import TrialFiles as TrialFiles
+from .study.workers.jobs import Workers as Workers
 from .tension.joint_contact import ContactPoint as ContactPoint
 from .tension.joint_contact import JointContactForces as JointContactForces
 from .tension.joint_contact import joint_contact_forces as joint_contact_forces

@@ -16,8 +16,8 @@ from myomorph.model.errors import BadData
 
 if TYPE_CHECKING:
     from myomorph.store.outcome import Excluded, Outcome
-    from myomorph.study.run.jobs import Workers
     from myomorph.study.run.work import Graph
+    from myomorph.study.workers.jobs import Workers
 
 BAD_INPUT, OUR_FAULT = 2, 1
 
@@ -60,7 +60,7 @@ class Running:
 
     def _here(self, jobs: int) -> Workers:
         # Imported by the command that needs it: --help and the others start without.
-        from myomorph.study.run.local_workers import local_workers
+        from myomorph.study.workers.local_workers import local_workers
 
         if self.memory is not None and not math.isfinite(self.memory):
             raise BadData(f"--memory {self.memory:g}: expected a number of GB")

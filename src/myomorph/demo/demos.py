@@ -25,9 +25,9 @@ from myomorph.study.inputs.markers import Recording
 from myomorph.study.inputs.mass import BodyMass
 from myomorph.study.inputs.time_span import TimeSpan
 from myomorph.study.step.step_table import usual_steps
-from myomorph.study.trial.ahead import TENDONS, compile_ahead, compile_curves, compile_motion, compiling
 from myomorph.study.trial.run_trial import run_trial
 from myomorph.study.trial.trial_inputs import KnownTruth, TrialInputs, TrialNotes
+from myomorph.study.workers.ahead import TENDONS, compile_ahead, compile_curves, compile_motion, compiling
 
 DemoName = Literal["jump", "simulated", "judo"]
 DEMO_STEPS = usual_steps()

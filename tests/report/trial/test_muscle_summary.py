@@ -7,7 +7,7 @@ import pytest
 
 from myomorph.model.model import GROUND
 from myomorph.report.trial.summary_lines import muscles_line
-from myomorph.study.trial.ahead import two_links
+from myomorph.study.workers.ahead import two_links
 
 TIME = np.linspace(0.0, 1.0, 101)
 

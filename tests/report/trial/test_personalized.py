@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from myomorph.report.trial.personalized import personal_lines
-from myomorph.study.trial.ahead import two_links
+from myomorph.study.workers.ahead import two_links
 from myomorph.tension.personal.fit import HeldOut
 from myomorph.tension.personal.personalize import Estimate, Personalized
 

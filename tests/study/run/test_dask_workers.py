@@ -21,7 +21,7 @@ from myomorph.store.outcome import Outcome
 from myomorph.study.run import dask_workers
 from myomorph.study.run.dask_cluster import connected, do_job, fitness, scheduler_address, unfit
 from myomorph.study.run.dask_workers import DaskWorkers
-from myomorph.study.run.jobs import Ended, Job
+from myomorph.study.workers.jobs import Ended, Job
 from truths.cluster import Cluster, cluster_in
 from truths.interrupted_checks import differences, left_over
 

@@ -13,7 +13,7 @@ import worker_jobs as made
 
 from myomorph.model.errors import BadData
 from myomorph.study.inputs.reading import open_model
-from myomorph.study.run.local_workers import InProcess, LocalWorkers, local_workers
+from myomorph.study.workers.local_workers import InProcess, LocalWorkers, local_workers
 
 LONG = 120.0
 
@@ -95,7 +95,7 @@ import sys, time
 sys.path[:0] = [{tests!r}]
 import worker_jobs as made
 from pathlib import Path
-from myomorph.study.run.local_workers import LocalWorkers
+from myomorph.study.workers.local_workers import LocalWorkers
 workers = LocalWorkers(1)
 workers.start(made.job(made.sleep, "a", mark=Path({mark!r})), None)
 time.sleep(600)
@@ -128,7 +128,7 @@ def test_how_many_workers():
 
 
 def test_on_a_new_machine_the_first_job_compiles_alone(hands, monkeypatch):
-    monkeypatch.setattr("myomorph.study.run.local_workers.motion_cached", lambda: False)
+    monkeypatch.setattr("myomorph.study.workers.local_workers.motion_cached", lambda: False)
     jobs = [made.job(made.plain, name) for name in ("a", "b", "c")]
     for job in jobs[:2]:
         hands.start(job, None)

@@ -9,9 +9,9 @@ import worker_jobs as made
 
 from myomorph.model.errors import BadFile
 from myomorph.store.outcome import Outcome
-from myomorph.study.run.jobs import Ended
-from myomorph.study.run.local_workers import InProcess
 from myomorph.study.run.run import run_jobs
+from myomorph.study.workers.jobs import Ended
+from myomorph.study.workers.local_workers import InProcess
 
 
 class Told:

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from myomorph.store.outcome import Outcome
-from myomorph.study.run.jobs import Job
+from myomorph.study.workers.jobs import Job
 
 
 def outcome(name, *done):

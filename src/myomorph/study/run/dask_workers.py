@@ -17,7 +17,7 @@ from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.store.outcome import Outcome
 from myomorph.study.run.dask_cluster import KEPT, connected, do_job, fitness, leave_mark, scheduler_address, unfit
-from myomorph.study.run.jobs import Ended, Job, pack
+from myomorph.study.workers.jobs import Ended, Job, pack
 
 PATIENCE = 12.0
 """How long a scheduler may take to answer, and its first worker to come [s]."""

@@ -17,11 +17,11 @@ from myomorph.store.outcome import Key, Outcome, failed, no_space
 from myomorph.store.results import file_source
 from myomorph.study.plan.plan import Plan
 from myomorph.study.run.job_plan import graph_of
-from myomorph.study.run.jobs import Ended, Job, Workers
-from myomorph.study.run.local_workers import InProcess
 from myomorph.study.run.step_times import Learning
 from myomorph.study.run.watching import StudyWatcher
 from myomorph.study.run.work import Graph, Work, not_run
+from myomorph.study.workers.jobs import Ended, Job, Workers
+from myomorph.study.workers.local_workers import InProcess
 
 PATIENCE = 0.5
 """How often the loop looks round although nothing has ended [s]."""

@@ -16,8 +16,8 @@ from myomorph.io.parsing.text import write_csv
 from myomorph.model.errors import BadFile
 from myomorph.rigid.kernels import kernel_folder
 from myomorph.store.outcome import Key, Outcome
-from myomorph.study.run.jobs import Job
 from myomorph.study.run.work import Work
+from myomorph.study.workers.jobs import Job
 
 VARIABLE = "MYOMORPH_STEP_TIMES"
 """Names another file, or none where it is empty."""

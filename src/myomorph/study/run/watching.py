@@ -17,9 +17,9 @@ from myomorph.model.errors import BadFile
 from myomorph.store.outcome import GATHERED, Key, Outcome
 from myomorph.store.progress import PATIENCE, silence
 from myomorph.store.results import fixed_date
-from myomorph.study.run.jobs import Job, Workers
 from myomorph.study.run.step_times import Learning, in_words
 from myomorph.study.run.work import Graph
+from myomorph.study.workers.jobs import Job, Workers
 
 if TYPE_CHECKING:
     from rich.progress import Progress

@@ -14,11 +14,11 @@ from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.store.locks import PATIENCE, RunMark, folder_lock
 from myomorph.store.outcome import Key, Outcome, failed
-from myomorph.study.run.jobs import Job
 from myomorph.study.step.job_steps import JobSteps, run_steps
 from myomorph.study.step.step import WHOLE_STUDY
 from myomorph.study.step.step_table import REPORT, Scope
 from myomorph.study.trial.trial_files import Settings
+from myomorph.study.workers.jobs import Job
 
 Open = Callable[[Model | None, str, bool], JobSteps]
 """From the model that a job is given ("" or the hash of its file when it was read, whether all is computed anew) to its

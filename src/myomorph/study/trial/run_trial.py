@@ -33,7 +33,6 @@ from myomorph.store.results import (
 from myomorph.study.step.job_steps import JobSteps, run_steps
 from myomorph.study.step.step import StepOutput, large_variables, step_of, trial_steps
 from myomorph.study.step.step_table import REPORT, STEPS
-from myomorph.study.trial.ahead import Ahead, compile_ahead, wraps_of
 from myomorph.study.trial.reporting import TrialResults, write_report
 from myomorph.study.trial.tidy import write_trial_values
 from myomorph.study.trial.trial_inputs import TrialInputs
@@ -48,6 +47,7 @@ from myomorph.study.trial.trial_step import (
     same_report,
     step_provenance,
 )
+from myomorph.study.workers.ahead import Ahead, compile_ahead, wraps_of
 
 PARTS = ".steps"
 PART = f"step{STORED}"

@@ -12,12 +12,12 @@ from myomorph.store.locks import RunMark
 from myomorph.store.outcome import GATHERED, Outcome
 from myomorph.store.results import file_name
 from myomorph.study.inputs.reading import open_model
-from myomorph.study.run.jobs import Workers
 from myomorph.study.run.run import run_graph
 from myomorph.study.run.work import Graph, Recording, Work
 from myomorph.study.step.folder_steps import FolderSteps
 from myomorph.study.step.job_steps import JobSteps
 from myomorph.study.step.step_table import STEPS
+from myomorph.study.workers.jobs import Workers
 from myomorph.viscosity.study import specimen_step
 from myomorph.viscosity.study.cohort_step import CohortInputs
 from myomorph.viscosity.study.plan import SpecimenFiles, StudyOptions, ViscosityPlan

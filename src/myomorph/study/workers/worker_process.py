@@ -1,7 +1,7 @@
 """A process that does jobs for another: models and jobs come in on its input, outcomes go out on its output.
 
-It is started with `python -m myomorph.study.run.worker_process` and ends at once when the other process does, because
-its input then ends.
+It is started with `python -m myomorph.study.workers.worker_process` and ends at once when the other process does,
+because its input then ends.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from typing import Any
 
 from myomorph.model.model import Model
 from myomorph.store.outcome import Outcome
-from myomorph.study.run.jobs import Begin, Do, Done, Stop, receive, send
+from myomorph.study.workers.jobs import Begin, Do, Done, Stop, receive, send
 
 
 class _Stopping:

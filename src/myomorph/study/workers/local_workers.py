@@ -21,8 +21,8 @@ import psutil
 
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
-from myomorph.study.run.jobs import Begin, Do, Done, Ended, Job, Stop, Workers, pack, receive, send
-from myomorph.study.trial.ahead import motion_cached
+from myomorph.study.workers.ahead import motion_cached
+from myomorph.study.workers.jobs import Begin, Do, Done, Ended, Job, Stop, Workers, pack, receive, send
 
 GROUP = Path("/sys/fs/cgroup")
 """Where Linux tells what a group of processes may take; absent elsewhere."""
@@ -185,7 +185,7 @@ class LocalWorkers:
         environment["MYOMORPH_THREADS"] = str(self.threads)
         errors = tempfile.TemporaryFile()  # noqa: SIM115 - closed when the process ends
         child = subprocess.Popen(
-            [sys.executable, "-m", "myomorph.study.run.worker_process"],
+            [sys.executable, "-m", "myomorph.study.workers.worker_process"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=errors,

@@ -73,7 +73,7 @@ def compile_ahead(steps: Sequence[str], wraps: frozenset[str] = frozenset()) -> 
     """Compile the muscle kernels in a child where steps after the first need them and they are not cached."""
     child = None
     if any(step in MUSCLE_STEPS for step in steps[1:]) and not cached(wraps):
-        command = [sys.executable, "-m", "myomorph.study.trial.ahead", *sorted(wraps)]
+        command = [sys.executable, "-m", "myomorph.study.workers.ahead", *sorted(wraps)]
         child = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     return Ahead(child)
 
