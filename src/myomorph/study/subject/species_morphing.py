@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from collections import abc
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, is_dataclass, replace
 from importlib.resources import files
+from inspect import Parameter, signature
 from pathlib import Path
-from typing import Any
+from types import UnionType
+from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
@@ -20,15 +23,13 @@ from myomorph.morph.checks.checks import check_morph
 from myomorph.morph.mirror.muscles import with_other_muscles
 from myomorph.morph.morphed import Morph
 from myomorph.morph.species.architecture import DENSITY, SPECIFIC_TENSION, ArchitectureTable, MuscleRow, ScalingLaw
-from myomorph.morph.species.attachments import Attachment, RelativeBone
+from myomorph.morph.species.attachments import RelativeBone
 from myomorph.morph.species.counterparts import (
     DIRECTIONS,
     AnatomicalFrame,
     BoneHomology,
     CoordinateHomology,
-    LandmarkRule,
     MuscleHomology,
-    Ray,
     SpeciesTable,
 )
 from myomorph.morph.species.maps import coordinate_table, species_morph
@@ -48,6 +49,7 @@ from myomorph.study.subject.morph_masses import with_skin_masses
 from myomorph.study.subject.morphing import Morphed, MorphSettings
 
 Table = Mapping[str, Any]
+Row = TypeVar("Row")
 KEYS = frozenset(
     (
         *("name", "frames", "posture", "missing", "extra", "bone", "coordinate", "muscle", "architecture", "scaling"),
@@ -56,7 +58,6 @@ KEYS = frozenset(
 )
 TABLE_KEYS = frozenset(("species", "citation", "measured", "lengths", "body_mass", "muscles"))
 ROW_KEYS = frozenset(("name", "sources", "force", "mass", "fiber", "pennation"))
-BONE_KEYS = frozenset(field.name for field in fields(BoneHomology))
 
 
 def species_tables() -> tuple[str, ...]:
@@ -86,79 +87,74 @@ def read_species(table: str | Path) -> SpeciesTable:
 
 def _table(table: Table, name: str) -> SpeciesTable:
     _known(table, KEYS, "the table")
-    frames = table["frames"]
-    posture = table.get("posture", {})
+    frames, posture = table["frames"], table.get("posture", {})
+
+    def rows(kind: type[Row], key: str, what: str) -> tuple[Row, ...]:
+        return tuple(_row(kind, entry, what) for entry in table.get(key, ()))
+
     return SpeciesTable(
         table.get("name", name),
         _frame(frames["source"]),
         _frame(frames["target"]),
-        tuple(_bone(entry) for entry in table["bone"]),
-        tuple(CoordinateHomology(**entry) for entry in table.get("coordinate", ())),
-        tuple(
-            MuscleHomology(tuple(entry["sources"]), tuple(entry["targets"]), entry.get("why", ""))
-            for entry in table.get("muscle", ())
-        ),
+        tuple(_row(BoneHomology, entry, "a bone") for entry in table["bone"]),
+        rows(CoordinateHomology, "coordinate", "a coordinate"),
+        rows(MuscleHomology, "muscle", "a muscle"),
         posture.get("source", {}),
         posture.get("target", {}),
         table.get("missing", {}),
         table.get("extra", {}),
         tuple(_architecture(entry) for entry in table.get("architecture", ())),
-        _scaling(table["scaling"]) if "scaling" in table else None,
-        tuple(_share(entry) for entry in table.get("mass", ())),
+        _row(ScalingLaw, table["scaling"], "the scaling") if "scaling" in table else None,
+        rows(SegmentShare, "mass", "a mass"),
         tuple(_markers(entry) for entry in table.get("markers", ())),
-        tuple(_relative(entry) for entry in table.get("relative", ())),
+        rows(RelativeBone, "relative", "a relative's bone"),
         tuple(table.get("straight", {}).get("muscles", ())),
         float(table.get("unlike", {}).get("attachments", 0.0)),
     )
 
 
+def _known(table: Table, keys: Iterable[str], what: str) -> None:
+    for key in table:
+        if key not in keys:
+            raise BadData(f"{what} has '{key}': known are {', '.join(sorted(keys))}")
+
+
+def _row(kind: type[Row], table: Table, what: str) -> Row:
+    """A value of a dataclass from a table that has its fields; raises `KeyError` where one is missing."""
+    kinds = get_type_hints(kind)
+    _known(table, kinds, what)
+    for name, parameter in signature(kind).parameters.items():
+        if parameter.default is Parameter.empty and name not in table:
+            raise KeyError(name)
+    return kind(**{name: _value(kinds[name], value) for name, value in table.items()})
+
+
+def _value(kind: Any, value: Any) -> Any:
+    """What a table holds as a field has it: lists as tuples, numbers as `float`, tables as the field's dataclasses."""
+    kinds = get_args(kind)
+    if get_origin(kind) in (Union, UnionType):
+        return _value(kinds[0], value)
+    if get_origin(kind) is tuple:
+        return tuple(_value(kinds[0], part) for part in value)
+    if get_origin(kind) is abc.Mapping:
+        return {name: _value(kinds[1], part) for name, part in value.items()}
+    if kind is AnatomicalFrame:
+        return _frame(value)
+    if kind is MuscleRow:
+        return _muscle(value)
+    if is_dataclass(kind):
+        return _row(kind, value, f"a table of {kind.__name__}")
+    return float(value) if kind is float else value
+
+
 def _architecture(table: Table) -> ArchitectureTable:
-    _known(table, TABLE_KEYS, "a table of architecture")
+    what = "a table of architecture"
+    _known(table, TABLE_KEYS, what)
     kept = {key: value for key, value in table.items() if key != "muscles"}
-    return ArchitectureTable(rows=tuple(_row(entry) for entry in table["muscles"]), **kept)
+    return _row(ArchitectureTable, {**kept, "rows": table["muscles"]}, what)
 
 
-def _scaling(table: Table) -> ScalingLaw:
-    _known(table, frozenset(field.name for field in fields(ScalingLaw)), "the scaling")
-    kept: dict[str, Any] = {key: tuple(value) if isinstance(value, list) else value for key, value in table.items()}
-    return ScalingLaw(**kept)
-
-
-def _share(table: Table) -> SegmentShare:
-    _known(table, frozenset(("name", "bodies", "share", "interval")), "a mass")
-    low, high = table["interval"]
-    return SegmentShare(table["name"], tuple(table["bodies"]), float(table["share"]), (float(low), float(high)))
-
-
-def _relative(table: Table) -> RelativeBone:
-    _known(table, frozenset(("body", "landmarks", "attachments", "citation")), "a relative's bone")
-    attachments = []
-    for attachment in table["attachments"]:
-        _known(attachment, frozenset(("muscles", "end", "at")), "an attachment")
-        attachments.append(Attachment(tuple(attachment["muscles"]), attachment["end"], _point(attachment["at"])))
-    landmarks = {name: _point(at) for name, at in table["landmarks"].items()}
-    return RelativeBone(table["body"], landmarks, tuple(attachments), table.get("citation", ""))
-
-
-def _point(coordinates: Any) -> tuple[float, float, float]:
-    """Three coordinates [m]; raises `ValueError` where they are not three numbers."""
-    x, y, z = map(float, coordinates)
-    return x, y, z
-
-
-def _markers(table: Table) -> MarkerTable:
-    _known(table, frozenset(("name", "citation", "moving", "start", "places")), "a table of markers")
-    places: dict[str, tuple[str, tuple[float, float, float]]] = {}
-    for label, place in table["places"].items():
-        if len(place["at"]) != 3:
-            raise BadData(f"markers of '{table['name']}': expected three numbers at '{label}'")
-        x, y, z = map(float, place["at"])
-        places[label] = place["body"], (x, y, z)
-    moving = tuple(table.get("moving", ("*",)))
-    return MarkerTable(table["name"], table["citation"], places, moving, table.get("start", {}))
-
-
-def _row(table: Table) -> MuscleRow:
+def _muscle(table: Table) -> MuscleRow:
     """A muscle's row: `force` [N] or `mass` [kg], `fiber` [m], `pennation` [degrees]."""
     _known(table, ROW_KEYS, "a muscle of the architecture")
     if ("force" in table) == ("mass" in table):
@@ -169,40 +165,15 @@ def _row(table: Table) -> MuscleRow:
     return MuscleRow(table["name"], tuple(table["sources"]), fiber, float(strength), pennation)
 
 
-def _known(table: Table, keys: frozenset[str], what: str) -> None:
-    for key in table:
-        if key not in keys:
-            raise BadData(f"{what} has '{key}': known are {', '.join(sorted(keys))}")
-
-
-def _bone(table: Table) -> BoneHomology:
-    _known(table, BONE_KEYS, "a bone")
-    kept = dict(table)
-    for side in ("source_frame", "target_frame"):
-        if side in kept:
-            kept[side] = _frame(kept[side])
-    for several in ("sources", "targets", "transferred"):
-        if several in kept:
-            kept[several] = tuple(kept[several])
-    if "rays" in kept:
-        kept["rays"] = tuple(_ray(ray) for ray in kept["rays"])
-    kept["landmarks"] = tuple(_rule(rule) for rule in table["landmarks"])
-    return BoneHomology(**kept)
-
-
-def _ray(table: Table) -> Ray:
-    _known(table, frozenset(("toe", "metatarsal", "extensors", "flexors")), "a ray")
-    return Ray(table["toe"], table["metatarsal"], tuple(table.get("extensors", ())), tuple(table.get("flexors", ())))
-
-
-def _rule(table: Table) -> LandmarkRule:
-    kept = dict(table)
-    for box in ("within", "source_within", "target_within"):
-        if box in kept:
-            kept[box] = {name: (float(low), float(high)) for name, (low, high) in kept[box].items()}
-    if "at" in kept:
-        kept["at"] = tuple(float(value) for value in kept["at"])
-    return LandmarkRule(**kept)
+def _markers(table: Table) -> MarkerTable:
+    made = _row(MarkerTable, {**table, "places": {}}, "a table of markers")
+    places: dict[str, tuple[str, tuple[float, float, float]]] = {}
+    for label, place in table["places"].items():
+        if len(place["at"]) != 3:
+            raise BadData(f"markers of '{table['name']}': expected three numbers at '{label}'")
+        x, y, z = map(float, place["at"])
+        places[label] = place["body"], (x, y, z)
+    return replace(made, places=places)
 
 
 def _frame(table: Table) -> AnatomicalFrame:
