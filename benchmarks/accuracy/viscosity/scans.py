@@ -36,12 +36,8 @@ SHOWN = {
 
 
 class ScanRun(NamedTuple):
-    """A specimen, and what was found by the names of `SHOWN`.
-
-    Attributes
-    ----------
-    fit : mean root mean square of scans on the model's bones [mm]
-    arms : 95 % of d_M under errors of attachments as the report assumes them [N s/m]
+    """A specimen, and what was found by the names of `SHOWN`. `fit`: mean root mean square of scans on the model's
+    bones [mm]; `arms`: 95 % of d_M under errors of attachments as the report assumes them [N s/m].
     """
 
     name: str

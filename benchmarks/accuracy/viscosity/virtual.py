@@ -19,11 +19,8 @@ WORKERS = 2
 
 
 class JointRun(NamedTuple):
-    """One virtual joint and what was found of it; the intervals are of 95 %.
-
-    Attributes
-    ----------
-    viscosity, mass, com : (truth, estimate, low, high) [N m s/rad], [kg], [m]
+    """One virtual joint and what was found of it; the intervals are of 95 %. `viscosity`, `mass`, `com`: (truth,
+    estimate, low, high) [N m s/rad], [kg], [m].
     """
 
     seed: int
