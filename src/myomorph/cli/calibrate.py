@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from myomorph.cli.options import (
@@ -15,6 +16,7 @@ from myomorph.cli.options import (
     use_threads,
 )
 from myomorph.cli.output import made
+from myomorph.model.errors import BadData
 from myomorph.motion.calibration import CalibrationOptions
 
 CalibrateSettings = options_class(CalibrationOptions)
@@ -43,20 +45,37 @@ def calibrate_command(
     marker_set : OpenSim marker set (.xml) that comes before the model's markers
     """
     # Imported by the command that needs it: --help and the others start without.
+    from myomorph.store.results import file_source
     from myomorph.store.settings import with_settings
     from myomorph.study.inputs.labels import Labels
+    from myomorph.study.inputs.markers import MarkersFile
+    from myomorph.study.inputs.reading import open_model
     from myomorph.study.inputs.tasks import TasksFile
-    from myomorph.study.inputs.time_span import TimeSpan
     from myomorph.study.subject import calibrating
-    from myomorph.study.subject.calibrating import CalibrationFiles
+    from myomorph.study.subject.subject_files import SubjectFiles, SubjectInputs, recordings_provenance
     from myomorph.study.subject.subjects import check_out_model, tables_folder
+    from myomorph.study.trial.trial_files import TrialFiles
 
     use_threads(threads)
-    shared = inputs_of_flags(inputs)
-    named = (shared.or_default(TasksFile).tasks, shared.or_default(TimeSpan).time, shared.or_default(Labels).labels)
-    files = CalibrationFiles(model, markers, static, marker_set, *named)
+    if not markers and static is None:
+        raise BadData("no recording to calibrate from: give --markers FILE, --static FILE or both")
     check_out_model(out, read=(model,))
-    calibrated = calibrating.calibrate_files(files, with_settings(CalibrationOptions(), settings_dict(options)))
+    shared, settings = inputs_of_flags(inputs), settings_dict(options)
+    tasks, labels = shared.or_default(TasksFile).tasks, shared.or_default(Labels).labels
+    body, chosen = open_model(model), with_settings(CalibrationOptions(), settings)
+    if marker_set is not None:
+        body = calibrating.with_marker_set(body, marker_set)
+    if tasks is not None:
+        chosen = replace(chosen, marker_weights=calibrating.task_weights(tasks, body))
+    each = shared.without(TasksFile)
+    trials = tuple(TrialFiles(model, path.name, inputs=each.having(MarkersFile(path))) for path in markers)
+    files = SubjectFiles(model.stem, model, static=static, trials=trials, labels=labels)
+    subject = SubjectInputs(files, {"calibrate": settings}, model, body)
+    made_from = recordings_provenance("calibrate", subject)
+    named = (("marker set", marker_set), ("tasks", tasks))
+    more = [file_source(role, path) for role, path in named if path is not None]
+    made_from = replace(made_from, sources=(*made_from.sources, *more))
+    calibrated = calibrating.calibrated(subject, chosen, made_from)
     lost = calibrating.write_calibrated(calibrated, out)
     notes = (*map(str, calibrated.findings), *calibrated.warnings, *calibrated.found.notes, *lost)
     return made(out, tables_folder(out, calibrating.STEP.tables), calibrating.summary(calibrated.found), notes)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +14,7 @@ from myomorph.model.errors import BadData
 from myomorph.model.findings import Finding
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
-from myomorph.model.provenance import Source
+from myomorph.model.provenance import Provenance
 from myomorph.model.series import Markers
 from myomorph.motion.calibrate import Calibration, CalibrationOptions, calibrate
 from myomorph.motion.calibration import SOURCES
@@ -22,15 +22,13 @@ from myomorph.motion.ik import InverseKinematicsOptions
 from myomorph.motion.label_repair import mended_labels
 from myomorph.motion.lengths import length_unit
 from myomorph.motion.marker_sides import side_findings
-from myomorph.motion.sync import cut
 from myomorph.muscles.kinematics import default_path_lengths
 from myomorph.report.trial.summary_lines import calibration_line
 from myomorph.rigid.tree import compile_tree
 from myomorph.store.progress import progress
-from myomorph.store.results import file_source, findings_of, findings_text, provenance_of
-from myomorph.store.settings import plain_settings, with_settings
+from myomorph.store.results import findings_of, findings_text
+from myomorph.store.settings import with_settings
 from myomorph.study.inputs import reading
-from myomorph.study.inputs.laboratory import AS_RECORDED, Laboratory
 from myomorph.study.step.folder_steps import NOTES, FolderOutput
 from myomorph.study.step.step import Step
 from myomorph.study.subject.subject_files import SubjectInputs, recordings_provenance
@@ -41,29 +39,6 @@ FINDINGS = "findings.json"
 """What checks of the markers found, in the folder of tables."""
 
 
-@dataclass(frozen=True)
-class CalibrationFiles:
-    """The files of a calibration: recordings (TRC, C3D), one of standing still, an OpenSim marker set that replaces the
-    model's markers of the same names, a task set or setup file whose weights count; start and end of every recording
-    but the static one [s]; what the model calls markers that the recordings call otherwise, "" for those to leave out.
-    """
-
-    model: Path
-    markers: tuple[Path, ...]
-    static: Path | None = None
-    marker_set: Path | None = None
-    tasks: Path | None = None
-    time: tuple[float, float] | None = None
-    labels: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
-
-    def sources(self) -> tuple[Source, ...]:
-        """The files by their hashes."""
-        named = (("static", self.static), ("marker set", self.marker_set), ("tasks", self.tasks))
-        files = [("model", self.model), *(("markers", path) for path in self.markers)]
-        files += [(role, path) for role, path in named if path is not None]
-        return tuple(file_source(role, path) for role, path in files)
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Calibrated(Made[Calibration]):
     """A calibration, the names of its recordings in its order, and what checks of their markers found."""
@@ -72,49 +47,32 @@ class Calibrated(Made[Calibration]):
     findings: tuple[Finding, ...] = ()
 
 
-def calibrate_files(files: CalibrationFiles, options: CalibrationOptions, model: Model | None = None) -> Calibrated:
-    """Lengths and marker positions of the body that the files show."""
-    if not files.markers and files.static is None:
-        raise BadData("no recording to calibrate from: give --markers FILE, --static FILE or both")
-    model = reading.open_model(files.model) if model is None else model
-    warnings, findings = list(model.warnings), list[Finding]()
-    if files.marker_set is not None:
-        model = with_marker_set(model, files.marker_set)
-    if files.tasks is not None:
-        options = replace(options, marker_weights=_weights(files.tasks, model))
+def calibrated(subject: SubjectInputs, options: CalibrationOptions, made: Provenance) -> Calibrated:
+    """Lengths and marker positions of the body that all recordings of a subject show."""
+    files, model, trials = subject.files, subject.model, subject.trials()
     reading.check_labels(files.labels, model)
-    recordings = [
-        _checked(path.name, _recording(path, model, files.time, warnings, files.labels), model, findings)
-        for path in files.markers
-    ]
+    warnings, findings = [f"{files.model.name}: {text}" for text in model.warnings], list[Finding]()
+    warnings += [text for trial in trials for text in trial.warnings]
+    recordings = {}
+    for trial in trials:
+        markers = trial.recording.markers
+        if markers is not None:
+            recordings[trial.name] = _checked(trial.name, used_markers(trial, markers), model, findings)
+            weights = trial.options[InverseKinematicsOptions].marker_weights
+            options = replace(options, marker_weights=weights or options.marker_weights)
     if files.static is not None:
-        standing = _recording(files.static, model, None, warnings, files.labels)
-        options = replace(options, static=_checked(files.static.name, standing, model, findings))
-    with reading.about(files.model), progress("calibration", options.iterations, "steps") as advance:
-        calibration = calibrate(model, recordings, options, advance, default_path_lengths)
-    names = tuple(path.stem for path in (*files.markers, *((files.static,) if files.static else ())))
-    plain = plain_settings(options) | {"time": files.time}
-    if files.labels:
-        plain["labels"] = dict(files.labels)
-    made = provenance_of("calibrate", files.sources(), plain)
-    return Calibrated(calibration, made, tuple(warnings), recordings=names, findings=tuple(findings))
-
-
-def _recording(
-    path: Path,
-    model: Model,
-    time: tuple[float, float] | None,
-    warnings: list[str],
-    labels: Mapping[str, str] = FrozenMap({}),
-    laboratory: Laboratory = AS_RECORDED,
-) -> Markers:
-    recorded = reading.with_labels(laboratory.trial(reading.read_recording(path)), labels)
-    trial = reading.fitted_to(model, recorded)
-    assert trial.markers is not None
-    warnings += [f"{path.name}: {text}" for text in trial.warnings]
-    warnings += [f"{path.name}: {text}" for text in reading.cut_warning(time, trial.markers)]
-    span = reading.cut_to(time, trial.markers, path)
-    return trial.markers if span is None else cut(trial.markers, *span)
+        recorded = files.static_laboratory.trial(reading.read_recording(files.static))
+        standing = reading.fitted_to(model, reading.with_labels(recorded, files.labels))
+        assert standing.markers is not None
+        warnings += [f"{files.static.name}: {text}" for text in standing.warnings]
+        options = replace(options, static=_checked(files.static.name, standing.markers, model, findings))
+    if not recordings and options.static is None:
+        raise BadData(f"subject '{files.name}': no trial has markers, so 'calibrate' has nothing to fit")
+    with reading.about(files.model), progress(f"{files.name}: calibration", options.iterations, "steps") as advance:
+        calibration = calibrate(model, list(recordings.values()), options, advance, default_path_lengths)
+    names = (*recordings, *((files.static.stem,) if files.static else ()))
+    texts = tuple(dict.fromkeys(warnings))
+    return Calibrated(calibration, made, texts, recordings=names, findings=tuple(findings))
 
 
 def stored_findings(tables: Path) -> tuple[Finding, ...]:
@@ -133,37 +91,15 @@ def _checked(name: str, markers: Markers, model: Model, findings: list[Finding])
     return markers
 
 
-def _weights(path: Path, model: Model) -> dict[str, float]:
+def task_weights(path: Path, model: Model) -> dict[str, float]:
     """Weights of a task set; markers that it does not name do not count."""
     weights = read_ik_tasks(path).marker_weights
     return {name: weights.get(name, 0.0) for name in model.marker_names}
 
 
-def calibrate_subject(subject: SubjectInputs, output: FolderOutput) -> Calibrated:
-    """The step `calibrate` of a study: all recordings of a subject into its model and tables."""
-    files, model, trials = subject.files, subject.model, subject.trials()
-    options = with_settings(CalibrationOptions(mass=files.mass), subject.settings.get("calibrate", {}))
-    warnings, findings = [text for trial in trials for text in trial.warnings], list[Finding]()
-    recordings = {}
-    for trial in trials:
-        markers = trial.recording.markers
-        if markers is not None:
-            reading.cut_to(trial.time, markers, trial.name)
-            recordings[trial.name] = _checked(trial.name, used_markers(trial, markers), model, findings)
-            weights = trial.options[InverseKinematicsOptions].marker_weights
-            options = replace(options, marker_weights=weights or options.marker_weights)
-    if files.static is not None:
-        standing = _recording(files.static, model, None, warnings, files.labels, files.static_laboratory)
-        options = replace(options, static=_checked(files.static.name, standing, model, findings))
-    if not recordings and options.static is None:
-        raise BadData(f"subject '{files.name}': no trial has markers, so 'calibrate' has nothing to fit")
-    with reading.about(files.model), progress(f"{files.name}: calibration", options.iterations, "steps") as advance:
-        calibration = calibrate(model, list(recordings.values()), options, advance, default_path_lengths)
-    names = (*recordings, *((files.static.stem,) if files.static else ()))
-    texts = tuple(dict.fromkeys(warnings))
-    calibrated = Calibrated(calibration, output.made, texts, recordings=names, findings=tuple(findings))
-    write_calibrated(calibrated, output.path("model"), output.tables)
-    return calibrated
+def _run(subject: SubjectInputs, output: FolderOutput) -> None:
+    options = with_settings(CalibrationOptions(mass=subject.files.mass), subject.settings.get("calibrate", {}))
+    write_calibrated(calibrated(subject, options, output.made), output.path("model"), output.tables)
 
 
 def write_calibrated(calibrated: Calibrated, out: Path, tables: Path | None = None) -> tuple[str, ...]:
@@ -255,7 +191,7 @@ STEP = Step(
     not_settings=("mass",),
     tables="calibration",
     leaves=FrozenMap({"model": "calibrated.osim"}),
-    run=calibrate_subject,
+    run=_run,
     made_from=lambda subject: recordings_provenance("calibrate", subject),
 )
 
