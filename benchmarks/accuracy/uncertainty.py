@@ -28,8 +28,7 @@ from myomorph.rigid.tree import compile_tree
 from myomorph.store.results import Stored, read_result
 from myomorph.study.inputs.loads import ExternalLoads
 from myomorph.study.trial.steps.ik import recorded_poses
-from myomorph.study.trial.trial_files import trial_files
-from myomorph.study.trial.trial_inputs import open_trial
+from myomorph.study.trial.trial_inputs import open_trial, trial_files
 from myomorph.uncertainty.bodies import Draw, drawn_subject
 from myomorph.uncertainty.drawn_inputs import drawn_markers, drawn_wrenches
 from myomorph.uncertainty.normals import Normals

@@ -131,7 +131,7 @@ from .study.trial.load import TrialResult as TrialResult
 from .study.trial.load import load as load
 from .study.trial.reporting import report_folder as report_folder
 from .study.trial.together import Together as Together
-from .study.trial.trial_files import TrialFiles as TrialFiles
+from .study.trial.trial_inputs import TrialFiles as TrialFiles
 from .study.workers.jobs import Workers as Workers
 from .tension.joint_contact import ContactPoint as ContactPoint
 from .tension.joint_contact import JointContactForces as JointContactForces

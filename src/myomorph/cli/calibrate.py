@@ -54,7 +54,7 @@ def calibrate_command(
     from myomorph.study.subject import calibrating
     from myomorph.study.subject.subject_files import SubjectFiles, SubjectInputs, recordings_provenance
     from myomorph.study.subject.subjects import check_out_model, tables_folder
-    from myomorph.study.trial.trial_files import TrialFiles
+    from myomorph.study.trial.trial_inputs import TrialFiles
 
     use_threads(threads)
     if not markers and static is None:

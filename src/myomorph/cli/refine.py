@@ -50,7 +50,7 @@ def refine_command(
     from myomorph.study.inputs.markers import MarkersFile
     from myomorph.study.subject import refining
     from myomorph.study.subject.subjects import check_out_model, tables_folder
-    from myomorph.study.trial.trial_files import TrialFiles
+    from myomorph.study.trial.trial_inputs import TrialFiles
 
     use_threads(threads)
     check_out_model(out, read=(model,))

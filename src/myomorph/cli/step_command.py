@@ -27,8 +27,7 @@ from myomorph.model.errors import BadData
 from myomorph.study.inputs.motion import MotionFile as Coordinates
 from myomorph.study.step.step import Step, StepOutput, step_of
 from myomorph.study.trial.steps.ik import Poses, put_fit_beside, recorded_poses
-from myomorph.study.trial.trial_files import TrialFiles
-from myomorph.study.trial.trial_inputs import open_trial
+from myomorph.study.trial.trial_inputs import TrialFiles, open_trial
 from myomorph.study.trial.trial_step import StepResults, run_step, steps_before
 from myomorph.study.trial.uncertainty_file import STEP as UNCERTAINTY
 from myomorph.study.trial.uncertainty_file import drawn_settings, limits_summary

@@ -13,7 +13,7 @@ from myomorph.store.results import file_name
 from myomorph.study.plan.measures import LARGEST, UNITS, read_measures
 from myomorph.study.plan.plan_checks import check_names, folder_key
 from myomorph.study.plan.subject_tables import filtered_steps, merged
-from myomorph.study.trial.trial_files import TrialFiles
+from myomorph.study.trial.trial_inputs import TrialFiles
 
 DEVICES = ["CON", "PRN", "AUX", "NUL", "COM1", "COM2", "COM3", "COM9", "COM¹", "LPT1", "LPT2", "LPT9", "LPT³"]
 NAME = st.text(min_size=1, max_size=12) | st.sampled_from([*DEVICES, "con.txt", "nul. ", "com1.a.b", "a.", "A", "a"])

@@ -13,8 +13,7 @@ from myomorph.study.inputs.emg_files import open_emg
 from myomorph.study.inputs.emg_names import muscles_of_channels
 from myomorph.study.inputs.reading import open_model
 from myomorph.study.step.step import step_of
-from myomorph.study.trial.trial_files import trial_files
-from myomorph.study.trial.trial_inputs import open_trial
+from myomorph.study.trial.trial_inputs import open_trial, trial_files
 from myomorph.study.trial.trial_step import step_provenance
 
 WALK = "rajagopal-walk-emg"

@@ -35,8 +35,7 @@ from myomorph.study.trial.tidy import (
     read_values,
     write_trial_values,
 )
-from myomorph.study.trial.trial_files import trial_files
-from myomorph.study.trial.trial_inputs import open_trial
+from myomorph.study.trial.trial_inputs import open_trial, trial_files
 
 ANGLE, TORQUE = "joint angle [°]", "joint torque [N·m/kg]"
 

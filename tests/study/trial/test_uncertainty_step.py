@@ -19,8 +19,7 @@ from myomorph.study.trial.steps.draw_workers import attempts
 from myomorph.study.trial.steps.drawn_trials import chain_of
 from myomorph.study.trial.steps.id import solve_dynamics
 from myomorph.study.trial.steps.ik import recorded_poses
-from myomorph.study.trial.trial_files import trial_files
-from myomorph.study.trial.trial_inputs import open_trial
+from myomorph.study.trial.trial_inputs import open_trial, trial_files
 from myomorph.study.workers.local_workers import LocalWorkers
 from myomorph.uncertainty.bodies import Draw
 from myomorph.uncertainty.normals import Normals

@@ -53,7 +53,7 @@ from myomorph.study.inputs.table import all_keys, settings_of_keys
 from myomorph.study.plan.plan import Plan
 from myomorph.study.plan.written_plan import is_unchanged, study_text
 from myomorph.study.subject.subject_files import SubjectFiles
-from myomorph.study.trial.trial_files import TrialFiles
+from myomorph.study.trial.trial_inputs import TrialFiles
 from myomorph.study.trial.uncertainty_file import STEP as UNCERTAINTY
 
 STUDY, GENERIC, SUBJECT, PROPOSED = "study.toml", "generic.osim", "subject", "protocol.toml"

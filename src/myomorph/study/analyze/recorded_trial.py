@@ -26,7 +26,7 @@ from myomorph.study.inputs.laboratory import AS_RECORDED, Laboratory
 from myomorph.study.inputs.loads import TABLES, LoadsFile
 from myomorph.study.inputs.markers import MarkersFile
 from myomorph.study.inputs.time_span import TimeSpan
-from myomorph.study.trial.trial_files import Settings, TrialFiles
+from myomorph.study.trial.trial_inputs import Settings, TrialFiles
 
 EMG_SAMPLES, EMG_RATE = 300, 100.0
 """Less than so many samples, or a lower rate [Hz], does not show raw EMG."""

@@ -9,7 +9,7 @@ from fnmatch import fnmatchcase
 from myomorph.model.errors import listing
 from myomorph.store.outcome import Conditions, Excluded
 from myomorph.study.plan.subject_tables import ExcludeTable, Patterns, as_list
-from myomorph.study.trial.trial_files import TrialFiles
+from myomorph.study.trial.trial_inputs import TrialFiles
 
 
 class Exclusions:

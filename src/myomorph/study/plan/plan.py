@@ -39,7 +39,7 @@ from myomorph.study.plan.subject_trials import contacts_file, located, measured,
 from myomorph.study.step.step_table import STEPS, usual_steps
 from myomorph.study.subject.subject_files import SubjectFiles
 from myomorph.study.trial.together import Together, together_of
-from myomorph.study.trial.trial_files import Settings, TrialFiles
+from myomorph.study.trial.trial_inputs import Settings, TrialFiles
 from myomorph.study.trial.uncertainty_file import with_uncertainty
 
 

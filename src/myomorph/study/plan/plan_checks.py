@@ -16,7 +16,7 @@ from myomorph.study.inputs.table import input_of, inputs_of
 from myomorph.study.step.step import step_of
 from myomorph.study.step.step_table import STEPS
 from myomorph.study.subject.subject_files import SubjectFiles
-from myomorph.study.trial.trial_files import TrialFiles
+from myomorph.study.trial.trial_inputs import TrialFiles
 
 RESERVED = ("con", "prn", "aux", "nul", *(f"{port}{number}" for port in ("com", "lpt") for number in "123456789¹²³"))
 """Names that Windows gives to devices, with any ending."""

@@ -19,7 +19,7 @@ from myomorph.study.plan.subject_tables import Named, SubjectTable, given_option
 from myomorph.study.step.step_table import STEPS
 from myomorph.study.subject.morph_files import bones_of
 from myomorph.study.subject.subject_files import BodyShape, SubjectFiles
-from myomorph.study.trial.trial_files import TrialFiles
+from myomorph.study.trial.trial_inputs import TrialFiles
 
 BEGINS = ("markers", "motion")
 """Keys of what a trial begins with."""

@@ -14,7 +14,7 @@ from myomorph.study.inputs.laboratory import Laboratory
 from myomorph.study.inputs.table import all_keys
 from myomorph.study.plan.plan import Plan
 from myomorph.study.subject.subject_files import SubjectFiles
-from myomorph.study.trial.trial_files import TrialFiles
+from myomorph.study.trial.trial_inputs import TrialFiles
 from myomorph.study.trial.uncertainty_file import STEP as UNCERTAINTY
 
 MARK = "# As it was written: "

@@ -32,8 +32,7 @@ from myomorph.study.summary.study_inputs import StudyInputs
 from myomorph.study.trial.run_trial import TrialSteps
 from myomorph.study.trial.steps import ik
 from myomorph.study.trial.together import Part, Together, join_trials, object_part
-from myomorph.study.trial.trial_files import Settings, TrialFiles
-from myomorph.study.trial.trial_inputs import open_trial
+from myomorph.study.trial.trial_inputs import Settings, TrialFiles, open_trial
 from myomorph.study.trial.trial_step import StepResults
 
 TABLES = "tables"

@@ -17,7 +17,7 @@ from myomorph.store.outcome import Key, Outcome, failed
 from myomorph.study.step.job_steps import JobSteps, run_steps
 from myomorph.study.step.step import WHOLE_STUDY
 from myomorph.study.step.step_table import REPORT, Scope
-from myomorph.study.trial.trial_files import Settings
+from myomorph.study.trial.trial_inputs import Settings
 from myomorph.study.workers.jobs import Job
 
 Open = Callable[[Model | None, str, bool], JobSteps]

@@ -36,8 +36,7 @@ from myomorph.study.subject.subject_files import SubjectInputs, recordings_prove
 from myomorph.study.subject.subjects import Made, tables_folder, write_made_model, write_rows
 from myomorph.study.trial.steps.id import solve_dynamics
 from myomorph.study.trial.steps.ik import recorded_poses, solve_kinematics
-from myomorph.study.trial.trial_files import TrialFiles
-from myomorph.study.trial.trial_inputs import TrialInputs, open_trial
+from myomorph.study.trial.trial_inputs import TrialFiles, TrialInputs, open_trial
 from myomorph.tension.emg_targets import EmgOptions, emg_targets
 from myomorph.tension.personal.fit import STEPS
 from myomorph.tension.personal.personalize import Personalized, PersonalizeOptions, personalize

@@ -33,8 +33,7 @@ from myomorph.study.subject.identifying import check_mass
 from myomorph.study.subject.subject_files import SubjectInputs, recordings_provenance
 from myomorph.study.subject.subjects import Made, tables_folder, write_made_model, write_rows
 from myomorph.study.trial.steps.ik import solve_kinematics
-from myomorph.study.trial.trial_files import Settings, TrialFiles
-from myomorph.study.trial.trial_inputs import TrialInputs, open_trial
+from myomorph.study.trial.trial_inputs import Settings, TrialFiles, TrialInputs, open_trial
 
 Rows = Sequence[Mapping[str, object]]
 MOTIONS = "motions"

@@ -17,8 +17,7 @@ from myomorph.study.inputs.reading import open_model
 from myomorph.study.step.step import Step, step_of
 from myomorph.study.step.step_table import STEPS
 from myomorph.study.subject.morph_files import MorphFiles
-from myomorph.study.trial.trial_files import Settings, TrialFiles
-from myomorph.study.trial.trial_inputs import TrialInputs, open_trial
+from myomorph.study.trial.trial_inputs import Settings, TrialFiles, TrialInputs, open_trial
 
 WEIGHTS = ("bone", "cog", "nearest")
 

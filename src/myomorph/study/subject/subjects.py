@@ -17,7 +17,7 @@ from myomorph.model.provenance import Provenance
 from myomorph.store.outcome import Outcome
 from myomorph.study.step.folder_steps import FolderSteps, result_folder
 from myomorph.study.subject.subject_files import SubjectFiles, SubjectInputs, made_model
-from myomorph.study.trial.trial_files import Settings
+from myomorph.study.trial.trial_inputs import Settings
 
 Found = TypeVar("Found")
 

@@ -33,8 +33,7 @@ from myomorph.study.inputs.torques import RecordedTorques
 from myomorph.study.step.step import step_head
 from myomorph.study.step.step_table import REPORT, STEPS
 from myomorph.study.trial.steps.ik import Poses
-from myomorph.study.trial.trial_files import Settings, TrialFiles
-from myomorph.study.trial.trial_inputs import JoinedParts, TrialInputs, TrialNotes, options_of
+from myomorph.study.trial.trial_inputs import JoinedParts, Settings, TrialFiles, TrialInputs, TrialNotes, options_of
 from myomorph.tension.emg_targets import EmgOptions
 from myomorph.tension.terms.contacts import ContactOptions
 

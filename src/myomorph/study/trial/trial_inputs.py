@@ -1,4 +1,4 @@
-"""One trial as its steps take it, opened from its files: the recording, the options, and results as named columns."""
+"""One trial: its files, and what its steps take, opened from them: the recording, the options, named columns."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple, Self, TypeVar
+from pathlib import Path
+from typing import Any, NamedTuple, Self, TypeVar
 
 import numpy as np
 
@@ -20,17 +21,20 @@ from myomorph.store import stored as store
 from myomorph.store.results import ResultWriter, file_source
 from myomorph.store.settings import ReportOptions, with_settings
 from myomorph.study.inputs.by_type import ByType, OptionSet
+from myomorph.study.inputs.imu import ImuFiles
 from myomorph.study.inputs.input import Opened, Opening, Recorded
-from myomorph.study.inputs.markers import NO_RECORDING, Recording
+from myomorph.study.inputs.markers import NO_RECORDING, MarkersFile, Recording
 from myomorph.study.inputs.mass import BodyMass
+from myomorph.study.inputs.motion import MotionFile
 from myomorph.study.inputs.reading import open_model
-from myomorph.study.inputs.table import INPUTS, input_of, inputs_of
+from myomorph.study.inputs.table import INPUTS, input_of, inputs_of, settings_of_keys
 from myomorph.study.inputs.time_span import TimeSpan
 from myomorph.study.step.step import step_head
 from myomorph.study.step.step_table import REPORT, STEPS
-from myomorph.study.trial.trial_files import Settings, TrialFiles
 
 Held = TypeVar("Held")
+Settings = Mapping[str, Mapping[str, Any]]
+"""The settings of each step, by step and setting."""
 IN_STRIDE = "in a stride"
 """With which quantities end that are the mean over strides of each stride's own."""
 NO_FACTS = {"mass": "", "phases": "{}", "parts": "{}", "emg_muscles": "{}"}
@@ -38,6 +42,60 @@ NO_FACTS = {"mass": "", "phases": "{}", "parts": "{}", "emg_muscles": "{}"}
 EXTREMES = ("minimum", "maximum", "range", "mean")
 LOADED = 0.05
 """Of body weight: a foot that never carries more in a cycle did not stand on a plate."""
+
+
+@dataclass(frozen=True)
+class TrialFiles:
+    """The files of one recording of one subject: its model, its name ("" for that of its recording), whose it is, the
+    condition that it was recorded in, and settings of its inputs (`study.inputs.table`).
+    """
+
+    model: Path
+    name: str = ""
+    subject: str = ""
+    inputs: ByType = field(default_factory=ByType)
+    condition: str = ""
+
+    def get(self, kind: type[Held]) -> Held:
+        """Settings of an input, its defaults where nothing is said."""
+        return self.inputs.or_default(kind)
+
+    def having(self, *settings: object) -> Self:
+        """The same with other settings of inputs."""
+        return replace(self, inputs=self.inputs.having(*settings))
+
+    @property
+    def markers(self) -> Path | None:
+        """The recording of markers, None where the trial begins with coordinates."""
+        return self.get(MarkersFile).markers
+
+    @property
+    def recording(self) -> Path | None:
+        """The recording of markers, the coordinates or the sensors that the trial begins with."""
+        sensors = self.get(ImuFiles).imu
+        return self.markers or self.get(MotionFile).motion or (sensors[0] if sensors else None)
+
+    @property
+    def time(self) -> tuple[float, float] | None:
+        """Start and end of what is used [s]."""
+        return self.get(TimeSpan).time
+
+    @property
+    def paths(self) -> tuple[Path, ...]:
+        """All files but the model, in the order in which they are opened."""
+        return tuple(
+            path
+            for name, settings in inputs_of(self.inputs).items()
+            for key in input_of(name).keys
+            for path in key.kind.files(getattr(settings, key.name))
+        )
+
+
+def trial_files(model: Path, name: str = "", subject: str = "", **values: object) -> TrialFiles:
+    """The files of a trial from values of the keys of its inputs, as a study file names them:
+    `trial_files(Path("arm.osim"), motion=Path("reach.mot"), time=(0.0, 0.5))`.
+    """
+    return TrialFiles(model, name, subject, settings_of_keys(values))
 
 
 @dataclass(frozen=True)
