@@ -68,8 +68,7 @@ def analyze_command(
     from myomorph.cli.study import run_plan
     from myomorph.model.errors import BadData
     from myomorph.study.analyze.analyze import prepare_request
-    from myomorph.study.analyze.own_protocols import read_protocols
-    from myomorph.study.analyze.recorded_trial import AnalyzeRequest
+    from myomorph.study.analyze.recorded_trial import AnalyzeRequest, read_protocols
     from myomorph.study.plan.plan import read_plan
 
     if not recordings:

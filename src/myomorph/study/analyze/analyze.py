@@ -18,6 +18,7 @@ from myomorph.motion.sync import cut
 from myomorph.muscles.published_arms import arm_warnings
 from myomorph.study.analyze.arms import have_arms
 from myomorph.study.analyze.generic_model import generic_model
+from myomorph.study.analyze.plate_cover import weighed
 from myomorph.study.analyze.proposed_protocol import proposed_sites, proposed_table
 from myomorph.study.analyze.recorded_trial import (
     AnalyzeRequest,
@@ -39,7 +40,6 @@ from myomorph.study.analyze.recordings import (
 )
 from myomorph.study.analyze.sensor_trials import check_sensors, unmarked_model, unmarked_request, with_pose
 from myomorph.study.analyze.unfit_markers import is_arm, unfit_markers
-from myomorph.study.analyze.weighing import weighed
 from myomorph.study.inputs.assumed import Assumed
 from myomorph.study.inputs.by_type import ByType
 from myomorph.study.inputs.keys import flag_of

@@ -8,10 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
+from myomorph.model.errors import BadFile
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.segments import feet_of
-from myomorph.motion.protocols import ProtocolTable
+from myomorph.motion.protocols import ProtocolTable, protocol_table, protocols
 from myomorph.store.settings import ForceOptions, with_settings
 from myomorph.study.analyze.plate_cover import LASTS, SHARED, shared_time, uncovered_share
 from myomorph.study.analyze.recordings import Recording, bare
@@ -27,6 +28,22 @@ from myomorph.study.inputs.loads import TABLES, LoadsFile
 from myomorph.study.inputs.markers import MarkersFile
 from myomorph.study.inputs.time_span import TimeSpan
 from myomorph.study.trial.trial_inputs import Settings, TrialFiles
+
+
+def read_protocols(path: Path) -> ProtocolTable:
+    """The protocols of the package and those of a table in TOML. Raises `BadFile` or `BadData` where it cannot be read,
+    or is wrong.
+    """
+    try:
+        text = path.read_text("utf-8")
+    except OSError as error:
+        raise BadFile(
+            path, f"cannot be read ({error.strerror or error})", "give a table of protocols (.toml)"
+        ) from None
+    except UnicodeDecodeError:
+        raise BadFile(path, "is not text", "give a table of protocols (.toml)") from None
+    return protocol_table(text, str(path), protocols())
+
 
 EMG_SAMPLES, EMG_RATE = 300, 100.0
 """Less than so many samples, or a lower rate [Hz], does not show raw EMG."""

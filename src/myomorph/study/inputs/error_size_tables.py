@@ -1,16 +1,33 @@
-"""Sizes of errors that the steps of a subject found, as a table beside the model that they made."""
+"""How far off the model may be, as the steps found that made it: a table beside the model, and the input of a trial."""
 
 from __future__ import annotations
 
 import csv
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from myomorph.io.parsing.text import written
 from myomorph.model.errors import BadFile
+from myomorph.study.inputs.input import Input, Opened, Opening
 from myomorph.uncertainty.error_sizes import NOTHING, ErrorSizes, ItemSize
 from myomorph.uncertainty.sources import GROUPS
+
+
+@dataclass(frozen=True)
+class ErrorSizeTables:
+    """Tables of sizes of errors, in the order of the steps that found them; () for those beside the model."""
+
+    paths: tuple[Path, ...] = ()
+
+
+def _open(settings: ErrorSizeTables, opening: Opening) -> Opened:
+    return Opened((read_error_sizes(settings.paths or tables_beside(opening.model_file)),))
+
+
+INPUT = Input(name="error sizes", settings=ErrorSizeTables, open=_open)
+
 
 TABLE = "error_sizes.csv"
 HEAD = ("step", "source", "item", "sd", "shared")

@@ -25,7 +25,7 @@ INPUTS: dict[str, str] = {
     "torques": "myomorph.study.inputs.torques",
     "emg": "myomorph.study.inputs.emg",
     "actuators": "myomorph.study.inputs.actuators",
-    "error sizes": "myomorph.study.inputs.error_sizes",
+    "error sizes": "myomorph.study.inputs.error_size_tables",
     "phases": "myomorph.study.inputs.phases",
     "time": "myomorph.study.inputs.time_span",
     "mass": "myomorph.study.inputs.mass",

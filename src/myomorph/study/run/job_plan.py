@@ -16,7 +16,7 @@ from myomorph.store.outcome import GATHERED, Key, Outcome
 from myomorph.store.results import STORED, file_name, file_source, read_result
 from myomorph.store.settings import TrialMotion, with_settings
 from myomorph.study.inputs.emg import EmgFiles
-from myomorph.study.inputs.error_sizes import ErrorSizeTables
+from myomorph.study.inputs.error_size_tables import ErrorSizeTables
 from myomorph.study.inputs.reading import open_model
 from myomorph.study.inputs.refined import RefinedFile
 from myomorph.study.inputs.soft_tissue import SoftTissueFile

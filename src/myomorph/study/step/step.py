@@ -12,7 +12,6 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
-from myomorph.model.arrays import Array
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.provenance import Provenance
@@ -65,7 +64,7 @@ class StepCommand:
     table: str = ""
     draws: bool = False
     after: bool = False
-    times: Callable[[Any], Array] | None = None
+    times: Callable[[Any], Any] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
