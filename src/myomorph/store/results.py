@@ -262,6 +262,17 @@ class Stored:
         return self.values["time"]
 
 
+def result_files(folder: Path) -> list[Path]:
+    """The result files in a folder, or the one that is given; raises `BadFile` where there is none."""
+    if not folder.exists():
+        raise BadFile(folder, "does not exist", "give a folder that run, tension, muscles or demo wrote")
+    inside = [folder] if folder.is_file() else sorted(folder.rglob(f"*{STORED}"))
+    paths = [path for path in inside if ".steps" not in path.parts]
+    if not paths:
+        raise BadFile(folder, f"holds no results: no file in it ends in {STORED}", "give the --out of run or tension")
+    return paths
+
+
 DAMAGED = (OSError, ValueError, KeyError, AttributeError, TypeError, RuntimeError, MemoryError)
 """What HDF5 raises on a damaged file, or on one of another kind: links to nothing, groups, sizes beyond all memory."""
 

@@ -8,13 +8,13 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from myomorph.model.errors import BadFile, from_extra
+from myomorph.model.errors import from_extra
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.provenance import Provenance
 from myomorph.model.series import Emg, Markers, Motion, Series, Wrenches
 from myomorph.motion.ik import KinematicsFit
 from myomorph.store import stored as store
-from myomorph.store.results import STORED, Stored, read_result
+from myomorph.store.results import Stored, read_result, result_files
 from myomorph.store.uncertainty_store import get_uncertainty
 from myomorph.tension.tension import Tension, TensionOptions
 from myomorph.uncertainty.spread import Uncertainty
@@ -145,15 +145,10 @@ def load(folder: str | Path) -> Mapping[str, TrialResult]:
     ('shoulder_flexion', 'elbow_flexion')
     """
     folder = Path(folder)
-    if not folder.exists():
-        raise BadFile(folder, "does not exist", "give a folder that run, tension, muscles or demo wrote")
-    paths = [folder] if folder.is_file() else sorted(folder.rglob(f"*{STORED}"))
     results: dict[str, TrialResult] = {}
-    for path in (path for path in paths if ".steps" not in path.parts):
+    for path in result_files(folder):
         stored = read_result(path, leave_out=("moment_arm",))
         home = path.parent.relative_to(folder if folder.is_dir() else folder.parent)
         name = path.stem if home == Path() else (home if home.name == path.stem else home / path.stem).as_posix()
         results[name] = TrialResult(path, stored.provenance, stored.facts, stored)
-    if not results:
-        raise BadFile(folder, f"holds no results: no file in it ends in {STORED}", "give the --out of run or tension")
     return FrozenMap(results)

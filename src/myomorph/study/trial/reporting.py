@@ -28,7 +28,7 @@ from myomorph.report.trial.prepared import Prepared, prepare
 from myomorph.report.trial.report_input import AnalysisChoice, Recorded, ReportInput, Truth
 from myomorph.report.trial.trial_page import prepared_page
 from myomorph.store import stored as store
-from myomorph.store.results import STORED, Stored, file_source, read_result
+from myomorph.store.results import STORED, Stored, file_source, read_result, result_files
 from myomorph.study.inputs.reading import open_model
 from myomorph.study.step.step import large_variables, step_of
 from myomorph.study.step.step_table import STEPS
@@ -81,9 +81,7 @@ def report_folder(
     if not folder.is_dir():
         raise BadFile(folder, "is not a folder of results", "give the --out of run, muscles or tension")
     homes = [folder] if any(folder.glob(f"*{STORED}")) else []
-    homes = homes or sorted({path.parent for path in folder.rglob(f"*{STORED}") if ".steps" not in path.parts})
-    if not homes:
-        raise BadFile(folder, f"holds no results: no file in it ends in {STORED}", "give the --out of run or tension")
+    homes = homes or sorted({path.parent for path in result_files(folder)})
     model = partial(model_of, demo_model=demo_model)
     return [_write(home, sorted(home.glob(f"*{STORED}")), preset, times, model) for home in homes]
 

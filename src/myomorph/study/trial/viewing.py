@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from myomorph.model.errors import BadFile
 from myomorph.store.netcdf import open_netcdf
-from myomorph.store.results import DAMAGED, STORED, read_result
+from myomorph.store.results import DAMAGED, read_result, result_files
 
 if TYPE_CHECKING:
     from myomorph.report.trial.report_input import ReportInput
@@ -44,17 +44,9 @@ def recordings(folder: str | Path, demo_model: ModelMaker | None = None) -> Mapp
     folder belong together where they tell of the same trial at the same times.
     """
     folder = Path(folder)
-    if folder.is_file():
-        paths = [folder]
-    elif folder.is_dir():
-        paths = sorted(path for path in folder.rglob(f"*{STORED}") if ".steps" not in path.parts)
-    else:
-        raise BadFile(folder, "does not exist", "give a folder that run, tension, muscles or demo wrote")
-    if not paths:
-        raise BadFile(folder, f"holds no results: no file in it ends in {STORED}", "give the --out of run or tension")
     groups: dict[tuple[object, ...], list[Path]] = {}
     moving: set[tuple[object, ...]] = set()
-    for path in paths:
+    for path in result_files(folder):
         key, has_motion = _what_is_in(path)
         if key is not None:
             groups.setdefault(key, []).append(path)
