@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-from myomorph.study.inputs.input import Input, Opened, Opening
+from myomorph.study.inputs.input import Input, Opened
 from myomorph.study.inputs.keys import Sentences
 
 
@@ -21,8 +21,4 @@ class Assumed:
     assumed: Annotated[tuple[str, ...], Sentences()] = ()
 
 
-def _open(settings: Assumed, opening: Opening) -> Opened:
-    return Opened(assumed=settings.assumed)
-
-
-INPUT = Input(name="assumed", settings=Assumed, open=_open)
+INPUT = Input(name="assumed", settings=Assumed, open=lambda settings, opening: Opened(assumed=settings.assumed))

@@ -15,7 +15,7 @@ from myomorph.store import stored as store
 from myomorph.store.results import ResultWriter
 from myomorph.store.settings import Side
 from myomorph.study.inputs.beside import companion, is_alone
-from myomorph.study.inputs.input import Beside, Input, later
+from myomorph.study.inputs.input import Beside, Input, Recorded, later
 from myomorph.study.inputs.keys import File, Files, KeyKind, Pairs
 
 WORDS, ENDINGS = ("emg", "EMG", "electromyography", "envelopes"), (".sto", ".mot", ".csv")
@@ -47,7 +47,7 @@ class EmgFiles:
 
 
 @dataclass(frozen=True, eq=False)
-class RecordedEmg:
+class RecordedEmg(Recorded):
     """EMG of a recording: envelopes (of a C3D file, of channels that tell a muscle), muscles of the channels, what was
     done and what is wrong, one line each; envelopes in maximum voluntary contractions, where measured; what each
     channel was divided by; and delays and gains, None to find them on this recording.

@@ -8,6 +8,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.provenance import Source
 from myomorph.model.series import Trial
@@ -65,9 +66,10 @@ class Recorded(Protocol):
     @property
     def facts(self) -> Mapping[str, str]:
         """Texts, by name."""
+        return FrozenMap({})
 
     def put(self, writer: ResultWriter) -> None:
-        """Write the values."""
+        """Write what is more than texts."""
 
 
 Open = Callable[[Any, Opening], Opened]

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 from myomorph.model.arrays import Array
-from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.series import Event, ForcePlate, Markers, Trial
 from myomorph.store import stored as store
 from myomorph.store.results import ResultWriter, file_source
 from myomorph.study.inputs import reading
-from myomorph.study.inputs.input import Input, Opened, Opening
+from myomorph.study.inputs.input import Input, Opened, Opening, Recorded
 from myomorph.study.inputs.keys import File
 from myomorph.study.inputs.labels import Labels
 from myomorph.study.inputs.laboratory import AS_RECORDED, Laboratory
@@ -32,7 +30,7 @@ class MarkersFile:
 
 
 @dataclass(frozen=True, eq=False)
-class Recording:
+class Recording(Recorded):
     """A recording in the model's ground, its markers under the model's names."""
 
     trial: Trial
@@ -56,11 +54,6 @@ class Recording:
     def plate_time(self) -> Array:
         """Clock of their forces (samples,) [s]."""
         return self.trial.plate_time
-
-    @property
-    def facts(self) -> Mapping[str, str]:
-        """Nothing but its values."""
-        return FrozenMap({})
 
     def put(self, writer: ResultWriter) -> None:
         """Write events and outlines of plates."""

@@ -7,13 +7,12 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from myomorph.model.frozen_map import FrozenMap
-from myomorph.store.results import ResultWriter
-from myomorph.study.inputs.input import Input, Opened, Opening
+from myomorph.study.inputs.input import Input, Opened, Recorded
 from myomorph.study.inputs.keys import KeyKind
 
 
 @dataclass(frozen=True)
-class BodyMass:
+class BodyMass(Recorded):
     """What the subject weighs.
 
     Attributes
@@ -28,12 +27,5 @@ class BodyMass:
         """The number."""
         return FrozenMap({"mass": "" if self.mass is None else repr(self.mass)})
 
-    def put(self, writer: ResultWriter) -> None:
-        """Write nothing beside the facts."""
 
-
-def _open(settings: BodyMass, opening: Opening) -> Opened:
-    return Opened((settings,))
-
-
-INPUT = Input(name="mass", settings=BodyMass, open=_open)
+INPUT = Input(name="mass", settings=BodyMass, open=lambda settings, opening: Opened((settings,)))

@@ -8,14 +8,13 @@ from dataclasses import dataclass, field
 from typing import Annotated
 
 from myomorph.model.frozen_map import FrozenMap
-from myomorph.store.results import ResultWriter
-from myomorph.study.inputs.input import Input, Opened, Opening
+from myomorph.study.inputs.input import Input, Opened, Opening, Recorded
 from myomorph.study.inputs.keys import Spans
 from myomorph.study.inputs.markers import NO_RECORDING, Recording
 
 
 @dataclass(frozen=True)
-class Phases:
+class Phases(Recorded):
     """Named parts of a motion.
 
     Attributes
@@ -31,9 +30,6 @@ class Phases:
     def facts(self) -> Mapping[str, str]:
         """Start and end of each."""
         return FrozenMap({"phases": json.dumps({name: list(span) for name, span in self.phases.items()})})
-
-    def put(self, writer: ResultWriter) -> None:
-        """Write nothing beside the facts."""
 
 
 def _open(settings: Phases, opening: Opening) -> Opened:

@@ -25,7 +25,7 @@ from myomorph.study.trial.trial_strides import PARAMETERS
 Curve = tuple[str, str]
 """Family and name."""
 Name = TypeVar("Name", bound=Hashable)
-PER_STRIDE = tuple(label.partition(" [")[0] for label, _ in PARAMETERS)
+PER_STRIDE = tuple(name for name, *_ in PARAMETERS)
 COMPARED = ("joint angle", "joint torque")
 """Curves whose distance to the mean of the condition is looked at."""
 DISTANCE = "distance of its curve from the mean, RMS"

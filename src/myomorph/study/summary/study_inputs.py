@@ -35,7 +35,8 @@ def tables_provenance(study: StudyInputs, tables: tuple[str, ...]) -> Provenance
     sources = []
     for outcome in study.outcomes:
         told = (outcome.condition, outcome.done, outcome.error, outcome.frames, outcome.changed)
-        hashes = [_hash(outcome.folder / name) for name in tables]
+        paths = [outcome.folder / name for name in tables]
+        hashes = [file_source("", path).sha256 if path.is_file() else "" for path in paths]
         sources.append(value_source("trial", "/".join(name for name in outcome.key if name), *told, hashes))
     options = {
         "name": plan.name,
@@ -72,8 +73,3 @@ def _result_key(path: Path) -> tuple[object, ...]:
         return attributes.get(KEY, ""), sorted((step, made.key) for step, made in made_from(attributes).items())
     except DAMAGED:
         return ()
-
-
-def _hash(path: Path) -> str:
-    """Hash of a file, "" for one that is not there."""
-    return file_source("", path).sha256 if path.is_file() else ""

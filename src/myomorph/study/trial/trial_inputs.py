@@ -109,15 +109,10 @@ class TrialNotes:
 
 
 @dataclass(frozen=True, eq=False)
-class KnownTruth:
+class KnownTruth(Recorded):
     """What is known of a simulated recording: "motion", "torques", "activations"."""
 
     series: Mapping[str, Series]
-
-    @property
-    def facts(self) -> Mapping[str, str]:
-        """Nothing but its values."""
-        return FrozenMap({})
 
     def put(self, writer: ResultWriter) -> None:
         """Write each on its own clock."""
@@ -125,7 +120,7 @@ class KnownTruth:
 
 
 @dataclass(frozen=True, eq=False)
-class JoinedParts:
+class JoinedParts(Recorded):
     """Parts of a joined recording by name: the file of its model or the table of an object."""
 
     models: Mapping[str, str | dict[str, object]]
@@ -134,9 +129,6 @@ class JoinedParts:
     def facts(self) -> Mapping[str, str]:
         """The models."""
         return FrozenMap({"parts": json.dumps(dict(self.models))})
-
-    def put(self, writer: ResultWriter) -> None:
-        """Write nothing beside the facts."""
 
 
 @dataclass(frozen=True, eq=False)

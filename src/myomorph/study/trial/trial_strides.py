@@ -34,12 +34,13 @@ LONGEST_HIDDEN = 0.25
 SHORTEST_PART = 16
 """Frames of a part from which strides are looked for."""
 PARAMETERS = (
-    ("stride duration [s]", "duration"),
-    ("stride length [m]", "length"),
-    ("speed [m/s]", "speed"),
-    ("duty factor", "duty"),
-    ("step width [m]", "width"),
+    ("stride duration", "s", "duration"),
+    ("stride length", "m", "length"),
+    ("speed", "m/s", "speed"),
+    ("duty factor", "", "duty"),
+    ("step width", "m", "width"),
 )
+"""Name, unit ("" for none) and attribute of a stride."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,11 +71,10 @@ class TrialStrides:
         for limb in self.limbs:
             strides = self.of(limb)
             yield Value(step, f"strides, {limb}", float(len(strides)), "1")
-            for label, attribute in PARAMETERS:
-                name, _, unit = label.partition(" [")
+            for name, unit, attribute in PARAMETERS:
                 values = np.array([getattr(stride, attribute) for stride in strides])
                 if np.isfinite(values).any():
-                    yield Value(step, f"{name}, {limb}", float(np.nanmean(values)), unit.removesuffix("]") or "1")
+                    yield Value(step, f"{name}, {limb}", float(np.nanmean(values)), unit or "1")
 
 
 def limbs_of(model: Model, plan: StridePlan) -> tuple[tuple[Limb, ...], str]:
@@ -206,10 +206,11 @@ def animal_of(name: str, results: Sequence[tuple[Stored, Model, TrialStrides]]) 
         count += strides.count
         for limb in strides.limbs:
             of_limb = strides.of(limb)
-            for label, attribute in PARAMETERS:
+            for parameter, unit, attribute in PARAMETERS:
                 values = np.array([getattr(stride, attribute) for stride in of_limb])
                 if np.isfinite(values).any():
-                    scalars.setdefault(f"{label.partition(' [')[0]}, {limb}{_unit(label)}", []).append(values)
+                    label = f"{parameter}, {limb}" + (f" [{unit}]" if unit else "")
+                    scalars.setdefault(label, []).append(values)
             if limb != strides.limbs[0]:
                 phase = np.concatenate([part.phases.get(limb, np.zeros(0)) for part in strides.parts] or [np.zeros(0)])
                 if np.isfinite(phase).any():
@@ -247,10 +248,6 @@ def _direction(turns: np.ndarray) -> float:
     """Of the mean of unit numbers, in turns; NaN where none is known."""
     known = turns[np.isfinite(turns)]
     return float(np.angle(known.mean()) / (2.0 * np.pi)) if len(known) else float("nan")
-
-
-def _unit(label: str) -> str:
-    return f" [{label.partition(' [')[2]}" if " [" in label else ""
 
 
 def _signals(stored: Stored, model: Model) -> dict[str, Series]:

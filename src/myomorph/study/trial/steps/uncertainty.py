@@ -18,7 +18,6 @@ from myomorph.report.trial.report_input import ReportInput
 from myomorph.store.progress import progress
 from myomorph.store.results import Stored
 from myomorph.store.uncertainty_store import ERRORS, get_uncertainty, put_uncertainty, put_value_errors
-from myomorph.study.inputs.by_type import OptionSet
 from myomorph.study.step.step import Step, StepOutput
 from myomorph.study.trial.steps.draw_workers import Tables, attempts
 from myomorph.study.trial.steps.drawn_quantities import Quantity, drawn_values
@@ -262,10 +261,6 @@ def _digest(error_sizes: ErrorSizes) -> str:
     return sha256(repr(rows).encode()).hexdigest()[:16]
 
 
-def _read(stored: Stored, options: OptionSet) -> Uncertainty | None:
-    return get_uncertainty(stored)
-
-
 def _show(report_input: ReportInput, stored: Stored) -> ReportInput:
     uncertainty = get_uncertainty(stored)
     return report_input if uncertainty is None else replace(report_input, uncertainty=uncertainty)
@@ -281,6 +276,6 @@ STEP = Step(
     hashed=_hashed,
     run=_run,
     large=(ERRORS,),
-    read=_read,
+    read=lambda stored, options: get_uncertainty(stored),
     show=_show,
 )
