@@ -48,11 +48,15 @@ class KeyKind:
 
     def located(self, key: str, given: Any, place: Place) -> Any:
         """A value from what stands in a study file, its paths as files; what is wrong goes to the place's problems."""
-        return given
+        if isinstance(given, Mapping):
+            return FrozenMap({name: tuple(part) if isinstance(part, list) else part for name, part in given.items()})
+        return tuple(given) if isinstance(given, list) else given
 
     def written(self, value: Any, folder: Path) -> Any:
         """A value as a study file in a folder has it."""
-        return value
+        if isinstance(value, Mapping):
+            return {name: list(part) if isinstance(part, tuple) else part for name, part in value.items()}
+        return list(value) if isinstance(value, tuple) else value
 
     def files(self, value: Any) -> tuple[Path, ...]:
         """Files that a value names."""
@@ -163,14 +167,6 @@ class Pairs(KeyKind):
             pairs[name.strip()] = several if self.many else words.strip()
         return FrozenMap(pairs)
 
-    def located(self, key: str, given: Any, place: Place) -> Mapping[str, Any]:
-        """The mapping of a table."""
-        return FrozenMap({name: tuple(words) if self.many else words for name, words in given.items()})
-
-    def written(self, value: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-        """The table."""
-        return {name: list(words) if self.many else words for name, words in value.items()}
-
     def parts(self, value: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         """The words."""
         for words in value.values() if self.of else ():
@@ -198,10 +194,6 @@ class Names(KeyKind):
 
     def _named(self, texts: list[str]) -> tuple[str, ...]:
         return tuple("" if text.strip().lower() in self.nothing else text.strip() for text in texts)
-
-    def written(self, value: tuple[str, ...], folder: Path) -> list[str]:
-        """A list."""
-        return list(value)
 
     def parts(self, value: tuple[str, ...]) -> Iterator[tuple[str, str]]:
         """The names that are none of `nothing`."""
@@ -233,10 +225,6 @@ class Spans(KeyKind):
             check_time(span, f"{place.where}: {key.removesuffix('s')} '{name}'", place.notes.problems)
         return FrozenMap(dict(given))
 
-    def written(self, value: Mapping[str, tuple[float, float]], folder: Path) -> dict[str, list[float]]:
-        """The table."""
-        return {name: list(span) for name, span in value.items()}
-
 
 @dataclass(frozen=True)
 class LabelMap(KeyKind):
@@ -260,10 +248,6 @@ class LabelMap(KeyKind):
             place.problem(key, str(error))
             return FrozenMap({})
 
-    def written(self, value: Mapping[str, str], folder: Path) -> dict[str, str]:
-        """The table."""
-        return dict(value)
-
     def parts(self, value: Mapping[str, str]) -> Iterator[tuple[str, str]]:
         """The model's markers."""
         return (("marker", name) for name in value.values() if name)
@@ -275,14 +259,6 @@ class Sentences(KeyKind):
 
     table: ClassVar[Any] = list[str]
     adds: ClassVar[bool] = True
-
-    def located(self, key: str, given: Any, place: Place) -> tuple[str, ...]:
-        """The texts."""
-        return tuple(given)
-
-    def written(self, value: tuple[str, ...], folder: Path) -> list[str]:
-        """A list."""
-        return list(value)
 
 
 @dataclass(frozen=True)

@@ -137,6 +137,6 @@ def _put_inputs(table: Any, values: Mapping[str, Any], folder: Path) -> None:
     kinds = {name: all_keys()[name][1].kind for name in values}
     written = {name: kinds[name].written(value, folder) for name, value in values.items() if not kinds[name].option_of}
     for name, value in sorted(written.items(), key=lambda item: isinstance(item[1], Mapping)):
-        table[name] = list(value) if isinstance(value, tuple) else value
+        table[name] = value
         if kinds[name].adds:
             table[name].multiline(True)

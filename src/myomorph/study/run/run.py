@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Protocol, cast
+from typing import Any, cast
 
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
@@ -28,22 +28,6 @@ PATIENCE = 0.5
 AT_ONCE = 0.001
 """How long it waits where there is more to begin [s]."""
 FULL = "no space is left where the results go: make room, then run again"
-
-
-class Watcher(Protocol):
-    """Whoever hears what happens to jobs."""
-
-    def started(self, job: Job) -> None:
-        """A worker has taken a job."""
-
-    def lost(self, job: Job, why: str, again: bool) -> None:
-        """Its worker is lost; the job is done again, or given up."""
-
-    def ended(self, outcome: Outcome) -> None:
-        """A job has ended, or could not begin."""
-
-    def idle(self) -> None:
-        """Nothing has happened for a while."""
 
 
 class _Models:
@@ -77,7 +61,7 @@ def run_jobs(
     homes: Mapping[Key, Path],
     workers: Workers,
     read: Callable[[Path], tuple[Model, str]],
-    watcher: Watcher,
+    watcher: StudyWatcher,
 ) -> dict[Key, Outcome]:
     """Do all jobs, each once what it needs has ended well; `read` gives the model of a file, and its hash."""
     return _Loop(tuple(jobs), homes, workers, read, watcher).run()
@@ -90,7 +74,7 @@ class _Loop:
         homes: Mapping[Key, Path],
         workers: Workers,
         read: Callable[[Path], tuple[Model, str]],
-        watcher: Watcher,
+        watcher: StudyWatcher,
     ):
         self.homes, self.workers, self.watcher = homes, workers, watcher
         self.jobs = {job.key: job for job in jobs}

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import json
 import time
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import PurePath
-from types import TracebackType
-from typing import Self
 
 from myomorph.model.provenance import Provenance, Source
 from myomorph.store.outcome import Outcome, failed
@@ -20,7 +19,7 @@ AFTER_OTHERS = "what it begins with is made anew"
 """Why a step is computed that begins with files of one that is computed."""
 
 
-class JobSteps(ABC):
+class JobSteps(AbstractContextManager["JobSteps"]):
     """The steps of a trial, a subject, a specimen or a study, with its inputs opened; `outcome` is that before the
     first. `linked`: a step begins with files that those before it write, so that its own inputs are known only then.
     """
@@ -71,12 +70,7 @@ class JobSteps(ABC):
             return None
         return self.end(replace(self.outcome, done=tuple(steps), reused=tuple(steps)))
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *raised: object) -> None:
         """Let go of what was only needed while steps run; an interrupted job keeps what it has found."""
         return
 

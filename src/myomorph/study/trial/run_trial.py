@@ -11,7 +11,6 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 from myomorph.model.provenance import Provenance
@@ -143,12 +142,10 @@ class TrialSteps(JobSteps):
             shutil.rmtree(self.parts, ignore_errors=True)
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *raised: object) -> None:
         if self._ahead is not None:
             self._ahead.stop()
-        if kind is not None:
+        if raised[0] is not None:
             self._held.keep()
 
     def compute(self, step: str) -> None:
