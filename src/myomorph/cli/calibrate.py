@@ -45,14 +45,15 @@ def calibrate_command(
     marker_set : OpenSim marker set (.xml) that comes before the model's markers
     """
     # Imported by the command that needs it: --help and the others start without.
-    from myomorph.store.results import file_source
-    from myomorph.store.settings import with_settings
+    from myomorph.store.results import file_source, provenance_of
+    from myomorph.store.settings import plain_settings, with_settings
     from myomorph.study.inputs.labels import Labels
     from myomorph.study.inputs.markers import MarkersFile
     from myomorph.study.inputs.reading import open_model
     from myomorph.study.inputs.tasks import TasksFile
+    from myomorph.study.inputs.time_span import TimeSpan
     from myomorph.study.subject import calibrating
-    from myomorph.study.subject.subject_files import SubjectFiles, SubjectInputs, recordings_provenance
+    from myomorph.study.subject.subject_files import SubjectFiles, SubjectInputs
     from myomorph.study.subject.subjects import check_out_model, tables_folder
     from myomorph.study.trial.trial_inputs import TrialFiles
 
@@ -71,10 +72,12 @@ def calibrate_command(
     trials = tuple(TrialFiles(model, path.name, inputs=each.having(MarkersFile(path))) for path in markers)
     files = SubjectFiles(model.stem, model, static=static, trials=trials, labels=labels)
     subject = SubjectInputs(files, {"calibrate": settings}, model, body)
-    made_from = recordings_provenance("calibrate", subject)
-    named = (("marker set", marker_set), ("tasks", tasks))
-    more = [file_source(role, path) for role, path in named if path is not None]
-    made_from = replace(made_from, sources=(*made_from.sources, *more))
+    time = shared.or_default(TimeSpan).time
+    named = [("model", model), *(("markers", path) for path in markers), ("static", static)]
+    named += [("marker set", marker_set), ("tasks", tasks)]
+    sources = [file_source(role, path) for role, path in named if path is not None]
+    plain = plain_settings(chosen) | {"time": time} | ({"labels": dict(labels)} if labels else {})
+    made_from = provenance_of("calibrate", sources, plain)
     calibrated = calibrating.calibrated(subject, chosen, made_from)
     lost = calibrating.write_calibrated(calibrated, out)
     notes = (*map(str, calibrated.findings), *calibrated.warnings, *calibrated.found.notes, *lost)

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from myomorph.io.parsing.text import written
+from myomorph.io.parsing.text import write_csv
 from myomorph.model.errors import BadFile
 from myomorph.study.inputs.input import Input, Opened, Opening
 from myomorph.uncertainty.error_sizes import NOTHING, ErrorSizes, ItemSize
@@ -41,12 +41,8 @@ def write_error_sizes(folder: Path, step: str, sizes: Iterable[ItemSize]) -> Non
         for size in sizes
         if math.isfinite(size.size) and size.size > 0.0
     ]
-    if not rows:
-        return
-    with written(folder / TABLE) as stream:
-        table = csv.writer(stream, lineterminator="\n")
-        table.writerow(HEAD)
-        table.writerows(rows)
+    if rows:
+        write_csv(folder / TABLE, HEAD, rows)
 
 
 def read_error_sizes(paths: Sequence[Path]) -> ErrorSizes:

@@ -6,7 +6,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Generic, Protocol, Self, TypeVar
@@ -43,11 +43,9 @@ class FolderOutput:
         """A file that later steps and jobs read (`Step.leaves`)."""
         return self.home / self.step.leaves[use]
 
-    @contextmanager
-    def whole(self, notes: Sequence[str] = ()) -> Iterator[Path]:
+    def whole(self, notes: Sequence[str] = ()) -> AbstractContextManager[Path]:
         """A folder to fill with the step's tables, all there in the end or not at all, and notes on doubts."""
-        with result_folder(self.tables, self.made, notes, self.step) as folder:
-            yield folder
+        return result_folder(self.tables, self.made, notes, self.step)
 
 
 @contextmanager
