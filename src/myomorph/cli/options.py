@@ -94,7 +94,7 @@ def documented(owner: Documented) -> Documented:
     kinds = get_type_hints(owner, include_extras=True)
     defaults = {name: parameter.default for name, parameter in signature(owner).parameters.items()}
     for name, text in attribute_help(owner, "Attributes" if isinstance(owner, type) else "Parameters").items():
-        switch = {"negative": ()} if defaults[name] is False else {}
+        switch: dict[str, Any] = {"negative": ()} if defaults[name] is False else {}
         kinds[name] = Annotated[kinds[name], Parameter(help=_sentence(text), **switch)]
     owner.__annotations__ = kinds
     return owner

@@ -204,7 +204,7 @@ class Wrenches(Labelled):
 
     def and_others(self, others: Wrenches) -> Wrenches:
         """The forces and those of others at the same times."""
-        parts = {
+        parts: dict[str, Any] = {
             name: np.concatenate([getattr(self, name), getattr(others, name)], axis=1)
             for name in ("forces", "points", "torques")
         }

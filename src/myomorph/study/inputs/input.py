@@ -70,6 +70,7 @@ class Recorded(Protocol):
 
     def put(self, writer: ResultWriter) -> None:
         """Write what is more than texts."""
+        return
 
 
 Open = Callable[[Any, Opening], Opened]

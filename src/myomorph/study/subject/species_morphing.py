@@ -142,7 +142,7 @@ def _value(kind: Any, value: Any) -> Any:
         return _frame(value)
     if kind is MuscleRow:
         return _muscle(value)
-    if is_dataclass(kind):
+    if isinstance(kind, type) and is_dataclass(kind):
         return _row(kind, value, f"a table of {kind.__name__}")
     return float(value) if kind is float else value
 
