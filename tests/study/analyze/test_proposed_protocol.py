@@ -12,9 +12,8 @@ from myomorph.model.series import Markers
 from myomorph.model.spatial import axis_rotation
 from myomorph.motion.protocols import protocols, recognize
 from myomorph.study.analyze.analyze import prepare_request
-from myomorph.study.analyze.own_protocols import read_protocols
 from myomorph.study.analyze.proposed_protocol import LANDMARKS, proposed_sites
-from myomorph.study.analyze.recorded_trial import AnalyzeRequest
+from myomorph.study.analyze.recorded_trial import AnalyzeRequest, read_protocols
 
 pytest.importorskip("myo_sim")
 
