@@ -33,7 +33,7 @@ from myomorph.motion.lengths import lengths_of
 from myomorph.motion.sync import cut
 from myomorph.study.inputs.loads import ExternalLoads
 from myomorph.study.subject.body_points import body_points
-from myomorph.study.subject.calibrating import _recording
+from myomorph.study.subject.calibrating import standing_markers
 from myomorph.study.subject.identifying import MAPS
 from myomorph.study.subject.subject_files import BodyOptions, BodyShape
 from myomorph.study.trial.steps.ik import solve_kinematics
@@ -277,7 +277,7 @@ def _analyzed(
         trials = [open_trial(one, plan.settings_of(subject, one.name)) for one in about.trials]
         model = trials[0].model
         assert about.static is not None
-        still = _recording(about.static, model, None, [], about.labels, about.static_laboratory)
+        still, _ = standing_markers(about.static, about, model)
         found = {}
         for one in trials:
             checked = solve_kinematics(one)

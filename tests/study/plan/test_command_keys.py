@@ -8,7 +8,8 @@ import typing
 
 import pytest
 
-from myomorph.cli import muscles, personalize
+from myomorph.cli import personalize
+from myomorph.cli.step_command import step_command
 from myomorph.store.settings import settings_of
 from myomorph.study.inputs.table import all_keys
 from myomorph.study.plan.subject_tables import SubjectTable, input_keys, step_settings, trial_table
@@ -20,28 +21,30 @@ TABLES = dict.fromkeys(("draws", "uncertainty", "method", "workers"), "uncertain
 """Parameters whose place is a table of their own, a step's."""
 
 COMMANDS = {
-    "tension": muscles.tension_command,
-    "muscles": muscles.muscles_command,
+    "tension": step_command("tension"),
+    "muscles": step_command("muscles"),
     "personalize": personalize.personalize_command,
 }
+
+
+def taken_by(command, parameter):
+    """Names of the options that a command takes as one parameter."""
+    kind = inspect.signature(command, eval_str=True).parameters[parameter].annotation
+    return {one.name for one in dataclasses.fields(typing.get_args(typing.get_args(kind)[0])[0])}
 
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_every_file_of_a_command_is_a_key_of_a_subject_or_a_trial(name):
     keys = {*input_keys("subject", SubjectTable), *trial_table().model_fields, *SubjectTable.model_fields}
     taken = inspect.signature(COMMANDS[name], eval_str=True).parameters
-    inputs = typing.get_args(typing.get_args(taken["inputs"].annotation)[0])[0]
-    asked = {*taken, *(field.name for field in dataclasses.fields(inputs))} - {*RUN, *TABLES, "inputs"}
+    asked = {*taken, *taken_by(COMMANDS[name], "inputs")} - {*RUN, *TABLES, "inputs"}
     assert set(TABLES.values()) <= set(step_settings())
     assert asked <= keys, sorted(asked - keys)
 
 
-@pytest.mark.parametrize(
-    ("step", "options"),
-    [("tension", muscles.TensionSettings), ("muscles", muscles.MusclesOptions)],
-)
-def test_every_option_of_a_command_is_a_setting_of_its_step(step, options):
-    own = {one.name for one in dataclasses.fields(typing.get_args(options)[0])}
+@pytest.mark.parametrize("step", ["tension", "muscles"])
+def test_every_option_of_a_command_is_a_setting_of_its_step(step):
+    own = taken_by(COMMANDS[step], "options")
     keys = {name for name, (_, key) in all_keys().items() if key.kind.option_of == step}
     assert own | keys == {setting.name for setting in step_settings()[step]}
 

@@ -31,7 +31,7 @@ from myomorph.store.settings import with_settings
 from myomorph.study.inputs import reading
 from myomorph.study.step.folder_steps import NOTES, FolderOutput
 from myomorph.study.step.step import Step
-from myomorph.study.subject.subject_files import SubjectInputs, recordings_provenance
+from myomorph.study.subject.subject_files import SubjectFiles, SubjectInputs, recordings_provenance
 from myomorph.study.subject.subjects import Made, tables_folder, write_made_model, write_rows
 from myomorph.study.trial.steps.ik import used_markers
 
@@ -61,18 +61,24 @@ def calibrated(subject: SubjectInputs, options: CalibrationOptions, made: Proven
             weights = trial.options[InverseKinematicsOptions].marker_weights
             options = replace(options, marker_weights=weights or options.marker_weights)
     if files.static is not None:
-        recorded = files.static_laboratory.trial(reading.read_recording(files.static))
-        standing = reading.fitted_to(model, reading.with_labels(recorded, files.labels))
-        assert standing.markers is not None
-        warnings += [f"{files.static.name}: {text}" for text in standing.warnings]
-        options = replace(options, static=_checked(files.static.name, standing.markers, model, findings))
+        standing, texts = standing_markers(files.static, files, model)
+        warnings += texts
+        options = replace(options, static=_checked(files.static.name, standing, model, findings))
     if not recordings and options.static is None:
         raise BadData(f"subject '{files.name}': no trial has markers, so 'calibrate' has nothing to fit")
     with reading.about(files.model), progress(f"{files.name}: calibration", options.iterations, "steps") as advance:
         calibration = calibrate(model, list(recordings.values()), options, advance, default_path_lengths)
     names = (*recordings, *((files.static.stem,) if files.static else ()))
-    texts = tuple(dict.fromkeys(warnings))
-    return Calibrated(calibration, made, texts, recordings=names, findings=tuple(findings))
+    warned = tuple(dict.fromkeys(warnings))
+    return Calibrated(calibration, made, warned, recordings=names, findings=tuple(findings))
+
+
+def standing_markers(path: Path, files: SubjectFiles, model: Model) -> tuple[Markers, list[str]]:
+    """Markers of a subject who stands still, in the model's ground under its names, and warnings."""
+    recorded = files.static_laboratory.trial(reading.read_recording(path))
+    standing = reading.fitted_to(model, reading.with_labels(recorded, files.labels))
+    assert standing.markers is not None
+    return standing.markers, [f"{path.name}: {text}" for text in standing.warnings]
 
 
 def stored_findings(tables: Path) -> tuple[Finding, ...]:
