@@ -7,6 +7,7 @@ the frame of the femur's shaft, as Fischer et al. (2021) list them (RWTHmediTEC/
 from __future__ import annotations
 
 import contextlib
+import csv
 import io
 import tempfile
 from collections.abc import Iterator
@@ -55,41 +56,33 @@ RAW = {
 """Activity, recordings, mass of the body [kg] and legs."""
 
 
-SETTINGS = {
-    "default": (),
-    "exponent 3": ("--exponent", "3"),
-    "loads of all joints, 0.1": ("--joint-load", "0.1", "--joint-load-joints", "all"),
-}
-"""Of `tension` on a set's own model."""
+HIPS = ("hip_r", "walker_hip_r")
+"""How models call the right hip."""
+LEAST = ("--joint-load", "10", "--reserve", "1")
+"""Of `tension`: hips' loads count more than all effort, and reserves cost more than either, so that what comes out is
+about the least force that any muscles with these moment arms can give."""
 
 
 def measure(folder: Path) -> Iterator[Row]:
-    """A row a leg: the peak force and its direction, and whether they lie inside the spread of the people."""
+    """Rows of each leg: the peak force and its direction while muscles flex the hip, and while they extend it."""
     for name, (activity, *files, legs) in OWN.items():
         model, motion, loads = (str(folder / file) for file in files)
-        weight = 9.80665 * mm.read_model(model).mass
-        for way, more in SETTINGS.items():
+        read = mm.read_model(model)
+        hip = next(joint.name for joint in read.joints if joint.name in HIPS)
+        hips = ("--joint-load-joints", f"{hip},{hip[:-1]}l")
+        for way, more in {"default": (), "least force": (*LEAST, *hips)}.items():
             with tempfile.TemporaryDirectory() as home:
-                typed = ("--model", model, "--motion", motion, "--loads", loads, "--reactions", "child", "--out", home)
-                _run("tension", *typed, *more)
-                table = mm.read_sto(Path(home) / "joint_reactions.sto")
-                yield from _rows(name, "the set's", way, activity, table, weight, legs)
+                typed = ("--model", model, "--motion", motion, "--loads", loads)
+                _run("tension", *typed, "--reactions", "child", "--out", home, *more)
+                _run("id", *typed, "--out", f"{home}/torques.sto")
+                yield from _rows(name, "the set's", way, activity, Path(home), read.mass, legs)
     for name, (activity, recordings, mass, legs) in RAW.items():
         with tempfile.TemporaryDirectory() as home:
-            _run(
-                "analyze",
-                *(str(folder / file) for file in recordings),
-                "--mass",
-                str(mass),
-                "--reactions",
-                "child",
-                "--out",
-                home,
-                "--workers",
-                "1",
-            )
-            table = next(Path(home).glob("*/joint_reactions.sto"))
-            yield from _rows(name, "generic, analyze", "default", activity, mm.read_sto(table), 9.80665 * mass, legs)
+            files = [str(folder / file) for file in recordings]
+            more = ("--mass", str(mass), "--reactions", "child", "--out", home, "--workers", "1")
+            _run("analyze", *files, *more)
+            trial = next(Path(home).glob("*/joint_reactions.sto")).parent
+            yield from _rows(name, "generic, analyze", "default", activity, trial, mass, legs)
 
 
 def _run(*typed: str) -> None:
@@ -97,31 +90,48 @@ def _run(*typed: str) -> None:
         assert main(list(typed)) == 0
 
 
-def _rows(
-    name: str, model: str, way: str, activity: str, table: mm.model.Table, weight: float, legs: str
-) -> Iterator[Row]:
+def _rows(name: str, model: str, way: str, activity: str, home: Path, mass: float, legs: str) -> Iterator[Row]:
     size, size_sd, lateral, lateral_sd, forward, forward_sd = PUBLISHED[activity]
+    loads, torques = mm.read_sto(home / "joint_reactions.sto"), mm.read_sto(home / "torques.sto")
     for leg in legs:
-        column = next(title for title in table.names if f"_on_femur_{leg}_in_femur_{leg}_fx" in title)
-        force = np.stack([table[column[:-1] + axis] for axis in "xyz"], axis=1)
-        peak = force[np.nanargmax(np.linalg.norm(force, axis=1))]
-        outward = peak[2] if leg == "r" else -peak[2]
-        angles = np.degrees(np.arctan2([outward, peak[0]], -peak[1])) + (SHAFT, 0.0)
-        share = 100.0 * float(np.linalg.norm(peak)) / weight
-        yield {
-            "recording": name,
-            "model": model,
-            "settings": way,
-            "activity": activity,
-            "leg": {"r": "right", "l": "left"}[leg],
-            "peak [% weight]": share,
-            "lateral [degrees]": angles[0],
-            "forward [degrees]": angles[1],
-            "measured peak": f"{size:.0f} ± {size_sd:.0f}",
-            "measured lateral": f"{lateral:.0f} ± {lateral_sd:.0f}",
-            "measured forward": f"{forward:.0f} ± {forward_sd:.0f}",
-            "peak inside": bool(abs(share - size) < SPREAD * size_sd),
-            "direction inside": bool(
-                abs(angles[0] - lateral) < SPREAD * lateral_sd and abs(angles[1] - forward) < SPREAD * forward_sd
-            ),
-        }
+        column = next(title for title in loads.names if f"_on_femur_{leg}_in_femur_{leg}_fx" in title)
+        force = np.stack([loads[column[:-1] + axis] for axis in "xyz"], axis=1)
+        moment = np.interp(loads.time, torques.time, torques[f"hip_flexion_{leg}_moment"]) / mass
+        share = 100.0 * np.linalg.norm(force, axis=1) / (9.80665 * mass)
+        share[~_measured(home, leg, loads.time)] = np.nan
+        for way_bent, frames in {"extended": moment < 0.0, "flexed": moment > 0.0}.items():
+            if activity == "rising" and way_bent == "flexed":
+                continue
+            frame = int(np.nanargmax(np.where(frames, share, np.nan)))
+            outward = force[frame, 2] if leg == "r" else -force[frame, 2]
+            angles = np.degrees(np.arctan2([outward, force[frame, 0]], -force[frame, 1])) + (SHAFT, 0.0)
+            yield {
+                "recording": name,
+                "model": model,
+                "settings": way,
+                "activity": activity,
+                "leg": {"r": "right", "l": "left"}[leg],
+                "while the hip is": way_bent,
+                "flexion moment [N m/kg]": moment[frame],
+                "peak [% weight]": share[frame],
+                "lateral [degrees]": angles[0],
+                "forward [degrees]": angles[1],
+                "measured peak": f"{size:.0f} ± {size_sd:.0f}",
+                "measured lateral": f"{lateral:.0f} ± {lateral_sd:.0f}",
+                "measured forward": f"{forward:.0f} ± {forward_sd:.0f}",
+                "peak inside": bool(abs(share[frame] - size) < SPREAD * size_sd),
+                "direction inside": bool(
+                    abs(angles[0] - lateral) < SPREAD * lateral_sd and abs(angles[1] - forward) < SPREAD * forward_sd
+                ),
+            }
+
+
+def _measured(home: Path, leg: str, time: np.ndarray) -> np.ndarray:
+    """(frames,) whether no force under a leg's foot had to be estimated; all where nothing was."""
+    result = np.ones(len(time), dtype=bool)
+    if (home / "contacts.csv").exists():
+        with (home / "contacts.csv").open(encoding="utf-8") as file:
+            for row in csv.DictReader(file):
+                if row["site"].endswith(f"_{leg}") and row["source"] != "plates":
+                    result &= (time < float(row["start"])) | (time > float(row["stop"]))
+    return result

@@ -20,7 +20,7 @@ from benchmarks.hidden_plates import CASES, Hidden, HiddenCase, feet_of, opened
 from myomorph.contact.states import preferred_directions
 from myomorph.model.arrays import Array
 from myomorph.motion.emg_delay import USUAL, channel_means, fit_gains, shifted
-from myomorph.tension.recruitment import RecruitmentOptions, recruitment_terms
+from myomorph.tension.recruitment import KNEE_LOAD, RecruitmentOptions, recruitment_terms
 from myomorph.tension.tension import Tension
 from myomorph.tension.terms.contacts import ContactOptions, ContactTask
 
@@ -50,6 +50,8 @@ LOADS: Mapping[str, RecruitmentOptions] = {
     for weight in weights
 }
 """Costs beside the effort; that of knees with 0.02 is the default."""
+HIPS = (0.1, 1.0)
+"""Weights of the hips' load beside the default's of the knees."""
 BIARTICULAR = ("recfem", "rect_fem", "gas")
 """How names of muscles begin, or hold, whose silence is a test of its own."""
 SILENT = 0.4
@@ -64,10 +66,21 @@ def measure_settings(folder: Path) -> Iterator[dict[str, object]]:
         motion, torques = walk.part(walk.tested)
         emg = _measured(walk, motion.time)
         wrenches = mm.resample_wrenches(walk.wrenches, motion.time)
-        asked = {name: (options, EFFORT) for name, options in SETTINGS.items()}
-        asked |= {name: (mm.TensionOptions(), loads) for name, loads in LOADS.items()}
-        for name, (options, costs) in asked.items():
-            terms = recruitment_terms(walk.model, motion, torques, wrenches, costs)
+        asked = {name: (options, (EFFORT,)) for name, options in SETTINGS.items()}
+        asked |= {name: (mm.TensionOptions(), (loads,)) for name, loads in LOADS.items()}
+        hips = ",".join(joint.name for joint in walk.model.joints if "hip" in joint.name)
+        knees = RecruitmentOptions(KNEE_LOAD)
+        asked |= {
+            f"loads of knees, {KNEE_LOAD:g}, and hips, {weight:g}": (
+                mm.TensionOptions(),
+                (knees, RecruitmentOptions(weight, hips)),
+            )
+            for weight in HIPS
+        }
+        for name, (options, every_cost) in asked.items():
+            terms = tuple(
+                term for costs in every_cost for term in recruitment_terms(walk.model, motion, torques, wrenches, costs)
+            )
             found = mm.solve_tension(walk.model, motion, torques, options, terms=terms)
             fits = {channel: _fit(found, walk, channel, emg[channel]) for channel in walk.channels}
             r, rms = zip(*fits.values(), strict=True)

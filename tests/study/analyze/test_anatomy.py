@@ -16,6 +16,7 @@ from myomorph.study.analyze.generic_model import generic_model
 
 pytest.importorskip("myo_sim")
 RAJAGOPAL = "rajagopal-walk-emg/raw/Rajagopal2016.osim"
+ABDUCTORS = "passive-joint-moments/Rajagopal_modifiedAbductors.osim"
 
 
 def arms(model, coordinate, angles):
@@ -25,13 +26,19 @@ def arms(model, coordinate, angles):
 
 
 @pytest.mark.parametrize(
-    ("coordinate", "low", "high"),
-    [("hip_flexion_r", -20.0, 110.0), ("knee_angle_r", 0.0, 120.0), ("ankle_angle_r", -40.0, 30.0)],
+    ("coordinate", "low", "high", "model"),
+    [
+        ("hip_flexion_r", -20.0, 110.0, ABDUCTORS),
+        ("hip_adduction_r", -30.0, 20.0, ABDUCTORS),
+        ("knee_angle_r", 0.0, 120.0, RAJAGOPAL),
+        ("ankle_angle_r", -40.0, 30.0, RAJAGOPAL),
+    ],
 )
-def test_moment_arms_are_those_of_rajagopals_model(data, coordinate, low, high) -> None:
-    """Within 5 mm, but for quadriceps beyond 60 degrees, where its patella leaves the measured ratio."""
+def test_moment_arms_are_those_of_rajagopals_model(data, coordinate, low, high, model) -> None:
+    """Within 5 mm, abductors as Uhlrich et al. moved them, but for quadriceps beyond 60 degrees, where its patella
+    leaves the measured ratio."""
     angles = np.linspace(low, high, 12)
-    ours, theirs = (arms(model, coordinate, angles) for model in (generic_model({})[0], read_osim(data(RAJAGOPAL))))
+    ours, theirs = (arms(model, coordinate, angles) for model in (generic_model({})[0], read_osim(data(model))))
     for name, expected in theirs.items():
         quadriceps = coordinate == "knee_angle_r" and name.startswith(("vas", "recfem"))
         near = angles <= 60.0 if quadriceps else angles >= low

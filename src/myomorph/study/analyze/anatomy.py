@@ -75,6 +75,21 @@ CYLINDERS = (
 is straight, and gastrocnemius half of its own where the knee is."""
 
 
+ABDUCTORS = {
+    "glmed1": {0: (-0.04914, 0.02615, 0.11529), 1: (-0.01389, -0.01829, 0.05919)},
+    "glmed2": {0: (-0.08473, 0.05463, 0.08198), 1: (-0.02204, -0.00996, 0.05613)},
+    "glmed3": {0: (-0.09987, 0.01556, 0.06390)},
+    "glmin1": {0: (-0.02958, -0.00011, 0.11845), 1: (0.00549, -0.01549, 0.05604)},
+    "glmin2": {0: (-0.06160, 0.01000, 0.10115), 1: (0.00354, -0.00901, 0.05246)},
+    "glmin3": {1: (-0.00358, -0.00127, 0.05126)},
+    "tfl": {0: (-0.02034, 0.01085, 0.12930)},
+}
+"""Attachments of abductors by the number of the path's point, of the right side (Uhlrich et al. 2022) [m].
+
+myo-sim has those of Rajagopal et al. (2016): arms to abduct by are up to 0.8 cm shorter, and fore parts extend the hip.
+"""
+
+
 class Architecture(NamedTuple):
     """Of one muscle: a line of `architecture.toml`.
 
@@ -122,6 +137,20 @@ def _centered(knee: Joint) -> Joint:
         parent_frame=Transform(parent.rotation, parent.translation + moved),
         child_frame=Transform(child.rotation, child.translation + place),
     )
+
+
+def with_abductors(model: Model) -> Model:
+    """The model with the attachments of `ABDUCTORS`."""
+    return replace(model, muscles=tuple(_attached(muscle) for muscle in model.muscles))
+
+
+def _attached(muscle: Muscle) -> Muscle:
+    stem, side = split_side(muscle.name)
+    points = list(muscle.path.points)
+    for number, place in ABDUCTORS.get(stem, {}).items():
+        location = np.array(place) * (1.0, 1.0, 1.0 if side == "right" else -1.0)
+        points[number] = replace(points[number], location=location)
+    return replace(muscle, path=replace(muscle.path, points=tuple(points)))
 
 
 def with_cylinders(model: Model) -> Model:

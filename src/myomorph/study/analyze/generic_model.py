@@ -24,6 +24,7 @@ from myomorph.rigid.tree import compile_tree
 from myomorph.study.analyze.anatomy import (
     HEIGHT,
     strength_of,
+    with_abductors,
     with_anatomical_knees,
     with_architecture,
     with_cylinders,
@@ -123,7 +124,7 @@ def _places(table: str) -> dict[str, tuple[str, Array]]:
 @cache
 def _generic(arms: bool) -> Model:
     model = with_arms(legs_and_trunk()) if arms else legs_and_trunk()
-    model = with_architecture(with_cylinders(in_opensim_form(model)))
+    model = with_architecture(with_cylinders(with_abductors(in_opensim_form(model))))
     held = [
         replace(coordinate, locked=True, default=0.0) if coordinate.name in LOCKED
         else replace(coordinate, range=(coordinate.range[0] - FURTHER, coordinate.range[1] + FURTHER), clamped=True)
