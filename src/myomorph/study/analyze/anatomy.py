@@ -69,6 +69,7 @@ CYLINDERS = (
     Cylinder(("glmax2",), "pelvis", 0.04, 0.10, "", (-0.080, -0.083, 0.068), (-0.75, 0.39, 0.0)),
     Cylinder(("glmax3",), "pelvis", 0.04, 0.10, "", (-0.083, -0.088, 0.068), (-0.1, 0.0, 0.0)),
     Cylinder(("psoas",), "pelvis", 0.05, 0.10, "-y", (-0.074, -0.060, 0.0656), (-0.25, -0.27, 0.1), (2, 3)),
+    Cylinder(("iliacus",), "pelvis", 0.0549, 0.10, "-y", (-0.071, -0.065, 0.0756), (-0.32, -0.24, 0.9), (2, 3)),
     Cylinder(("gasmed", "gaslat"), "femur_", 0.025, 0.10, "", (0.005, -0.410, 0.0), (0.0, 0.0, 0.0)),
 )
 """Without them gluteus maximus has no moment arm where a hip is bent by 100 degrees, psoas half of its own where it
@@ -154,7 +155,7 @@ def _attached(muscle: Muscle) -> Muscle:
 
 
 def with_cylinders(model: Model) -> Model:
-    """The model with muscles around `CYLINDERS`, gluteus maximus around these alone; paths are in OpenSim's form."""
+    """The model with muscles around `CYLINDERS`, gluteus maximus and iliacus around these alone, in OpenSim's form."""
     made: list[WrapObject] = []
     uses: dict[str, PathWrap] = {}
     for cylinder in CYLINDERS:
@@ -172,7 +173,7 @@ def with_cylinders(model: Model) -> Model:
 def _around(muscle: Muscle, wrap: PathWrap | None) -> Muscle:
     if wrap is None:
         return muscle
-    kept = () if muscle.name.startswith("glmax") else muscle.path.wraps
+    kept = () if muscle.name.startswith(("glmax", "iliacus")) else muscle.path.wraps
     return replace(muscle, path=replace(muscle.path, wraps=(*kept, wrap)))
 
 
