@@ -6,9 +6,9 @@ import pytest
 from benchmarks.house import CHECKOUT, checkout_texts, count
 
 LIMITS = {
-    ("lines", "src"): 125_450,
+    ("lines", "src"): 125_500,
     ("lines", "benchmarks"): 24_900,
-    ("words", "documentation"): 100_100,
+    ("words", "documentation"): 100_300,
     ("vague", "src"): 6.5,
 }
 

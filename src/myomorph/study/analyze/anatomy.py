@@ -15,7 +15,7 @@ from myomorph.model.errors import BadData
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.functions import PiecewisePolynomial
 from myomorph.model.model import Joint, Model
-from myomorph.model.paths import Muscle, PathWrap, WrapObject
+from myomorph.model.paths import Muscle, PathPoint, PathWrap, WrapObject
 from myomorph.model.sides import split_side
 from myomorph.model.spatial import Transform, rotation_from_euler_xyz
 from myomorph.muscles.kinematics import default_path_lengths
@@ -150,7 +150,7 @@ def _attached(muscle: Muscle) -> Muscle:
     points = list(muscle.path.points)
     for number, place in ABDUCTORS.get(stem, {}).items():
         location = np.array(place) * (1.0, 1.0, 1.0 if side == "right" else -1.0)
-        points[number] = replace(points[number], location=location)
+        points[number] = PathPoint(points[number].name, points[number].body, location)
     return replace(muscle, path=replace(muscle.path, points=tuple(points)))
 
 
