@@ -8,7 +8,7 @@ from benchmarks.house import CHECKOUT, checkout_texts, count
 LIMITS = {
     ("lines", "src"): 125_500,
     ("lines", "benchmarks"): 24_900,
-    ("words", "documentation"): 100_300,
+    ("words", "documentation"): 99_950,
     ("vague", "src"): 6.5,
 }
 
