@@ -44,6 +44,7 @@ class Stride:
     width : step width: distance to the other side's track, across the direction of travel [m]; nan without another side
     seen : share of the stride in which the foot was seen
     source : "markers", "running", "events" or "plates", what showed the strikes
+    step : step length: way from the other foot's last strike to the one that ends the stride [m]; nan without one
     """
 
     limb: str
@@ -54,6 +55,7 @@ class Stride:
     width: float
     seen: float
     source: str
+    step: float = float("nan")
 
     @property
     def duration(self) -> float:
@@ -256,9 +258,14 @@ def _strides(
         if stop - start > 1.6 * usual or seen < options.seen or len(lifts) > 1:
             continue
         way = (_at(time, track.place, stop) - _at(time, track.place, start)) @ along - ground * (stop - start)
-        width = np.nan if other is None else _width(time, track, other, start, stop, across)
+        width, step = np.nan, np.nan
+        between = np.zeros(0) if other is None else other.strikes[(other.strikes > start) & (other.strikes < stop)]
+        if other is not None and len(between):
+            width = _width(time, track, other, (start, float(between[0]), stop), across)
+            last = float(between[-1])
+            step = float((_at(time, track.place, stop) - _at(time, other.place, last)) @ along - ground * (stop - last))
         lift = float(lifts[0]) if len(lifts) else np.nan
-        result.append(Stride(name, float(start), lift, float(stop), float(way), width, seen, track.source))
+        result.append(Stride(name, float(start), lift, float(stop), float(way), width, seen, track.source, step))
     return result
 
 
@@ -267,11 +274,11 @@ def _at(time: Array, place: Array, at: float) -> Array:
     return np.array([np.interp(at, time[known], place[known, i]) for i in range(3)])
 
 
-def _width(time: Array, track: FootTrack, other: FootTrack, start: float, stop: float, across: Array) -> float:
-    between = other.strikes[(other.strikes > start) & (other.strikes < stop)]
-    if not len(between):
-        return float("nan")
-    at = float(between[0])
+def _width(
+    time: Array, track: FootTrack, other: FootTrack, strikes: tuple[float, float, float], across: Array
+) -> float:
+    """Distance of the other foot's strike from the line between two of this one."""
+    start, at, stop = strikes
     share = (at - start) / (stop - start)
     place = (1.0 - share) * _at(time, track.place, start) + share * _at(time, track.place, stop)
     return abs(float((_at(time, other.place, at) - place) @ across))

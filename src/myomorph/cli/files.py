@@ -42,8 +42,16 @@ def report_command(
         tuple[float, ...],
         Parameter(help="Instants to picture [s]; those of events by default.", consume_multiple=True),
     ] = (),
+    norms: Annotated[
+        tuple[str, ...],
+        Parameter(
+            help="What gait.html holds a walk against: folders of results of a control group, adults or none; "
+            "by default adults, for a body of their size.",
+            consume_multiple=True,
+        ),
+    ] = (),
 ) -> int:
-    """Make report.html of a folder of results."""
+    """Make report.html of a folder of results, and of a walk gait.html, one page for the clinic."""
     # Imported by the command that needs it: --help and the others start without.
     from myomorph.study.trial.reporting import report_folder
     from myomorph.viscosity.study.results import STORE, remake_report
@@ -51,7 +59,7 @@ def report_command(
     if (folder / STORE).is_file():
         paths = [remake_report(folder)]
     else:
-        paths = report_folder(folder, preset=preset, times=times, demo_model=_demo_model)
+        paths = report_folder(folder, preset=preset, times=times, demo_model=_demo_model, norms=norms)
     for path in paths:
         said(f"wrote {path}")
     return 0

@@ -23,7 +23,7 @@ PANELS = {
         "check-motion", "check-loads", "loads", "bodies", "plates", "torques", "actuators", "up", "forward", "axes",
         "units", "unit", "lsl-markers", "lsl-forces", "lsl-out", "web", "speed", "marker-set", "link", "species",
         "target", "target-geometry", "together", "mirror", "across", "beside", "preset", "times", "port", "browser",
-        "muscle-mass", "base", "first-body", "generic", "keep-generic", "mjcf",
+        "norms", "muscle-mass", "base", "first-body", "generic", "keep-generic", "mjcf",
     ),
     "Forces and filter": (
         "cutoff", "force-checks", "force-shift", "force-columns", "force-rate", "force-origins", "net",

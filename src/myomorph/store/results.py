@@ -117,8 +117,9 @@ class ResultWriter:
         self.texts(dimension, dimension, names)
 
     def sizes(self, dimension: str, size: int) -> None:
-        """Make a dimension without names."""
-        self._file.dimensions[dimension] = size
+        """Make a dimension without names, unless it exists already."""
+        if dimension not in self._file.dimensions:
+            self._file.dimensions[dimension] = size
 
     def texts(self, name: str, dimension: str, texts: Sequence[str]) -> None:
         """Write a text for every entry of a dimension, unless it is there already."""

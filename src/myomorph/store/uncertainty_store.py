@@ -16,6 +16,8 @@ from myomorph.uncertainty.spread import Shares, Spread, Uncertainty, ValueErrors
 DIMENSIONS = {"coordinates": "coordinate", "torques": "coordinate", "activations": "muscle", "forces": "muscle"}
 """Dimension of a table's columns in a result file; of the others one of their own."""
 ENDINGS = {"low": "lower limit of 90 %", "high": "upper limit of 90 %", "sd": "standard deviation of the draws"}
+GAIT = "gait_error_"
+"""Begins the names of the errors of gait curves, before the side."""
 GROUP, VALUE, ERRORS = "error_group", "drawn_value", "value_error"
 SEPARATOR = ": "
 """Between a step and its quantity in a result file."""
@@ -36,6 +38,11 @@ def put_uncertainty(writer: ResultWriter, uncertainty: Uncertainty, units: dict[
             meanings = {"alone": "share of the variance, by itself", "total": "share of the variance, with all others"}
             for kind, values in (("alone", shares.alone), ("total", shares.total)):
                 writer.put(f"{name}_{kind}", (GROUP, dimension), values, "1", meanings[kind])
+    for side, errors in uncertainty.gait.items():
+        for dimension, size in zip(("draw", "gait_sample", "gait_variable"), errors.shape, strict=True):
+            writer.sizes(dimension, size)
+        meaning = "error of a mean curve of gait under a draw, widened"
+        writer.put(f"{GAIT}{side}", ("draw", "gait_sample", "gait_variable"), errors.astype(np.float32), "", meaning)
     writer.fact("draws", f"{uncertainty.draws} {uncertainty.failed}")
     writer.fact("limits_widened", json.dumps(dict(uncertainty.factors)))
     writer.fact("error_sizes", json.dumps(uncertainty.sizes))
@@ -55,7 +62,12 @@ def get_uncertainty(stored: Stored) -> Uncertainty | None:
     draws, failed = map(int, stored.facts["draws"].split())
     factors = FrozenMap(json.loads(stored.facts.get("limits_widened", "{}")))
     sizes = tuple(SourceSize(*load) for load in json.loads(stored.facts.get("error_sizes", "[]")))
-    return Uncertainty(spreads, shares, draws, failed, factors=factors, sizes=sizes)
+    gait = {
+        key.removeprefix(GAIT): np.asarray(values, np.float64)
+        for key, values in stored.values.items()
+        if key.startswith(GAIT)
+    }
+    return Uncertainty(spreads, shares, draws, failed, factors=factors, sizes=sizes, gait=gait)
 
 
 def put_value_errors(writer: ResultWriter, value_errors: ValueErrors) -> None:

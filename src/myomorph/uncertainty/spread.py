@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path
 from types import TracebackType
 from zlib import crc32
@@ -73,7 +73,7 @@ class Shares:
     total: Array
 
 
-@dataclass(frozen=True, eq=False)
+@read_only
 class Uncertainty:
     """The spread of every table of a trial.
 
@@ -85,6 +85,7 @@ class Uncertainty:
     draws, failed : how many inputs were drawn, and of how many there is no solution
     factors : by which the limits of tables are wider than those that hold 90 % of the draws
     sizes : of the sources of error, and where each comes from
+    gait : by side, (draws, samples, variables) errors of the mean curves of clinical gait analysis; {} for no walk
     """
 
     spreads: Mapping[str, Spread] = field(default_factory=lambda: FrozenMap({}))
@@ -94,6 +95,7 @@ class Uncertainty:
     notes: tuple[str, ...] = ()
     factors: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
     sizes: tuple[SourceSize, ...] = ()
+    gait: Mapping[str, Array] = field(default_factory=lambda: FrozenMap({}))
 
     @property
     def summary(self) -> str:

@@ -156,9 +156,10 @@ def cycle_chart(
     shown: Sequence[Array],
     differs: Sequence[tuple[float, float, str]] = (),
     height: int = 220,
+    upright: Sequence[tuple[float, str]] = (),
 ) -> str:
     """Mean curves over the cycle with their intervals, and bars below where they differ (from, to [%], words). `shown`:
-    arrays of values that must be inside; intervals beyond them are cut.
+    arrays of values that must be inside; intervals beyond them are cut. `upright`: lines at a percent, with style.
     """
     width = 330.0
     area = svg.frame(46.0, 26.0, width - 8, height - 32.0, (0.0, 100.0), limits(shown), "%")
@@ -183,6 +184,10 @@ def cycle_chart(
         svg.grid_up(area),
         svg.grid_along(area, 4, lines=False, drop=24.0),
         *behind,
+        *(
+            svg.mark("path", f"event {style}", d=f"M{float(area.x.at(at)):.1f} {area.y.stop:.1f}V{area.y.start:.1f}")
+            for at, style in upright
+        ),
         *front,
         unit=unit,
         attributes=f'{area.data} data-clock="%"',

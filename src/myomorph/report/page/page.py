@@ -10,7 +10,7 @@ from importlib.resources import files
 from jinja2 import Environment, StrictUndefined
 
 from myomorph.report.charts.axis import number
-from myomorph.report.page.parts import PageHead, Reference, Section, Verdict
+from myomorph.report.page.parts import Link, PageHead, Reference, Section, Verdict
 
 _KINDS = {"real": "Measured", "assumed": "Assumed", "simulated": "Simulated", "warning": "Note"}
 
@@ -49,15 +49,16 @@ def rendered(
     motion: str = "",
     muscles_colored: bool = False,
     arrows: str = "",
+    pages: Sequence[Link] = (),
 ) -> str:
     """The page of given sections, as HTML text. `instants`, `motion`: pictures of the body, and the moving skeleton;
-    `muscles_colored`: whether they show activations; `arrows`: the kind of forces that they show, "" where none.
+    `muscles_colored`: whether they show activations; `arrows`: the kind of forces that they show, "" where none;
+    `pages`: further ones beside this one.
     """
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    return environment.from_string(_text("report.html.j2")).render(
+    return page_text(
+        "report.html.j2",
         head=head,
         date=_date(head.date),
-        style=_text("report.css"),
         script=_text("report.js"),
         facts=facts,
         tiles=tiles,
@@ -72,7 +73,14 @@ def rendered(
         muscles_colored=muscles_colored,
         arrows=arrows,
         references=references,
+        pages=pages,
     )
+
+
+def page_text(template: str, **values: object) -> str:
+    """A template of the room with the style of all pages, as HTML text."""
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    return environment.from_string(_text(template)).render(style=_text("report.css"), **values)
 
 
 def _date(text: str) -> str:

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from myomorph.analysis.center_of_mass import centroid
+from myomorph.analysis.gait_curves import GaitCurves, gait_curves
 from myomorph.analysis.length_analysis import LengthAnalysis, length_analysis
 from myomorph.analysis.phases import Movement, find_movement
 from myomorph.analysis.strides import Strides
@@ -95,6 +96,15 @@ class Prepared:
             wrenches=self.results.dynamics.wrenches,
             events=self.results.recorded.events or (),
         )
+
+    @cached_property
+    def gait(self) -> GaitCurves | None:
+        """Curves of clinical gait analysis over the strides; None where the motion is no walk of two legs."""
+        model, motion = self.results.model, self.results.kinematics.motion
+        if model is None or motion is None or self.strides is None or self.results.analysis.preset not in GAITS:
+            return None
+        dynamics = self.results.dynamics
+        return gait_curves(model, dynamics.motion or motion, self.strides, dynamics.torques, dynamics.wrenches)
 
     @cached_property
     def lengths(self) -> LengthAnalysis | None:

@@ -115,6 +115,7 @@ class Dynamics:
     # what the forces at the root joint are where they are not residuals (a model of the legs alone carries the trunk
     # there); with it, no residual is judged
     root_note: str = ""
+    motion: Motion | None = None  # coordinates that the torques are of, with velocities
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,11 +8,12 @@ from myomorph.model.series import Motion
 from myomorph.report.charts.axis import number
 from myomorph.report.charts.pictures import nearest_frames
 from myomorph.report.page.page import Instant, Tile, rendered
-from myomorph.report.page.parts import Note, Quantity, SourceFile, Step, references
+from myomorph.report.page.parts import Link, Note, Quantity, SourceFile, Step, references
 from myomorph.report.scene.image import data_uri
 from myomorph.report.scene.pictures import frames_to_play, pictures, player, proportion
 from myomorph.report.scene.scene import make_scene
 from myomorph.report.trial.estimated_forces import acting_forces
+from myomorph.report.trial.gait_page import GAIT_PAGE
 from myomorph.report.trial.prepared import Prepared, prepare
 from myomorph.report.trial.report_input import ReportInput, Truth
 from myomorph.report.trial.sections import sections
@@ -56,6 +57,7 @@ def prepared_page(prepared: Prepared) -> str:
         motion=motion,
         muscles_colored=results.tension is not None,
         arrows="" if acting_forces(results) is None else forces,
+        pages=() if prepared.gait is None else (Link("Gait on one page", GAIT_PAGE),),
     )
 
 

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
 
 from myomorph import __version__
+from myomorph.analysis.gait_curves import GaitCurves
+from myomorph.analysis.gait_scores import GaitNorm
 from myomorph.analysis.length_analysis import curves_table, ranges_table
 from myomorph.analysis.phases import Phase
 from myomorph.analysis.presets import preset_of
@@ -24,6 +26,7 @@ from myomorph.model.surface import Surface
 from myomorph.report.page.parts import Note, PageHead, SourceFile
 from myomorph.report.page.parts import Step as PageStep
 from myomorph.report.scene.shapes import reduced
+from myomorph.report.trial.gait_page import GAIT_PAGE, gait_page
 from myomorph.report.trial.prepared import Prepared, prepare
 from myomorph.report.trial.report_input import AnalysisChoice, Recorded, ReportInput, Truth
 from myomorph.report.trial.trial_page import prepared_page
@@ -32,6 +35,7 @@ from myomorph.store.results import STORED, Stored, file_source, read_result, res
 from myomorph.study.inputs.reading import open_model
 from myomorph.study.step.step import large_variables, step_of
 from myomorph.study.step.step_table import STEPS
+from myomorph.study.trial.gait_norms import ADULTS, NO_NORM, checked_norms, norm_of, result_files
 from myomorph.study.trial.together import object_model
 
 REPORT = "report.html"
@@ -47,7 +51,11 @@ LENGTH_CURVES, LENGTH_RANGES = "length_strides.csv", "length_ranges.csv"
 
 
 def report_folder(
-    folder: str | Path, preset: str = "", times: Sequence[float] = (), demo_model: ModelMaker | None = None
+    folder: str | Path,
+    preset: str = "",
+    times: Sequence[float] = (),
+    demo_model: ModelMaker | None = None,
+    norms: Sequence[str] = (),
 ) -> list[Path]:
     """Make `report.html` of every folder of results in a folder, or of the folder itself.
 
@@ -59,6 +67,8 @@ def report_folder(
     preset : how to look at the motion, see `presets`; "" as the results say
     times : instants to picture [s], () for those of events
     demo_model : makes the model of a demo by its name; without it results of demos are refused
+    norms : what the gait page holds a walk against: folders of results of a control group, ("adults",) or ("none",);
+        by default adults, for a body of their size
 
     Returns
     -------
@@ -83,22 +93,34 @@ def report_folder(
     homes = [folder] if any(folder.glob(f"*{STORED}")) else []
     homes = homes or sorted({path.parent for path in result_files(folder)})
     model = partial(model_of, demo_model=demo_model)
-    return [_write(home, sorted(home.glob(f"*{STORED}")), preset, times, model) for home in homes]
+    walks = GaitNorms.of(norms, model)
+    return [_write(home, sorted(home.glob(f"*{STORED}")), preset, times, model, walks) for home in homes]
 
 
 def _write(
-    home: Path, paths: Sequence[Path], preset: str, times: Sequence[float], model: Callable[[Stored], Model]
+    home: Path,
+    paths: Sequence[Path],
+    preset: str,
+    times: Sequence[float],
+    model: Callable[[Stored], Model],
+    norms: GaitNorms,
 ) -> Path:
     """The report of the results in one folder, whole or not at all."""
     stored = joined([read_result(path, leave_out=large_variables()) for path in paths])
     shown = report_input(stored, model(stored))
     chosen = replace(shown.analysis, preset=preset or shown.analysis.preset, times=tuple(times))
-    return write_report(home, prepare(replace(shown, analysis=chosen)))
+    return write_report(home, prepare(replace(shown, analysis=chosen)), norms)
 
 
-def write_report(home: Path, prepared: Prepared) -> Path:
-    """Write `report.html`, whole or not at all, and where the motion is a walk muscle lengths of every stride."""
+def write_report(home: Path, prepared: Prepared, norms: GaitNorms | None = None) -> Path:
+    """Write `report.html`, whole or not at all, and where the motion is a walk the page on its gait and muscle lengths
+    of every stride.
+    """
     texts = {REPORT: prepared_page(prepared)}
+    if prepared.gait is not None and prepared.results.model is not None:
+        person = prepared.results.recorded.subject
+        norm, note = (norms or GaitNorms()).for_person(prepared.results.model, person)
+        texts[GAIT_PAGE] = gait_page(prepared, prepared.gait, norm, note)
     analysis = prepared.lengths
     if analysis is not None and analysis.ranges:
         texts |= {LENGTH_CURVES: curves_table(analysis), LENGTH_RANGES: ranges_table(analysis)}
@@ -106,6 +128,28 @@ def write_report(home: Path, prepared: Prepared) -> Path:
         with written(home / name) as stream:
             stream.write(text)
     return home / REPORT
+
+
+@dataclass(frozen=True)
+class GaitNorms:
+    """What walks are held against, and the strides of a control group by person."""
+
+    names: tuple[str, ...] = ()
+    controls: Mapping[str, Sequence[GaitCurves]] = field(default_factory=lambda: FrozenMap({}))
+
+    @classmethod
+    def of(cls, norms: Sequence[str], model: Callable[[Stored], Model]) -> GaitNorms:
+        """Names are checked, and folders read."""
+        names, controls = checked_norms(norms), dict[str, list[GaitCurves]]()
+        for path in result_files(names if names not in ((ADULTS,), (NO_NORM,)) else ()):
+            results = TrialResults(path, model(stored := read_result(path, leave_out=large_variables())), stored)
+            if results.prepared.gait is not None:
+                controls.setdefault(stored.facts.get("subject", path.stem), []).append(results.prepared.gait)
+        return cls(names, FrozenMap({person: tuple(parts) for person, parts in controls.items()}))
+
+    def for_person(self, model: Model, person: str) -> tuple[GaitNorm | None, str]:
+        """The norm for a person, and a note where there is none."""
+        return norm_of(self.names, model, person, self.controls)
 
 
 class TrialResults:
@@ -164,15 +208,20 @@ def model_of(stored: Stored, demo_model: ModelMaker | None = None) -> Model:
 def _source_model(source: Source, stored: Stored, demo_model: ModelMaker | None) -> Model:
     if source.name.startswith(DEMO) and demo_model is not None:
         return demo_model(source.name.removeprefix(DEMO))
+    return open_model(source_file(source, stored))
+
+
+def source_file(source: Source, stored: Stored) -> Path:
+    """The file that results were made from, as it was then; raises `BadFile`."""
     # A name that was given relative to a folder is looked for from the results upwards too.
     places = dict.fromkeys([Path(source.name), *(parent / source.name for parent in stored.path.resolve().parents)])
     there = [place for place in places if place.is_file()]
     if not there:
-        raise BadFile(source.name, "is gone, but the model is needed", f"{stored.path} was made with it")
-    same = next((place for place in there if file_source("model", place).sha256 == source.sha256), None)
+        raise BadFile(source.name, f"is gone, but the {source.role} is needed", f"{stored.path} was made with it")
+    same = next((place for place in there if file_source(source.role, place).sha256 == source.sha256), None)
     if same is None:
         raise BadFile(there[0], "has changed since the results were made", "run the steps again")
-    return open_model(same)
+    return same
 
 
 def report_input(stored: Stored, model: Model) -> ReportInput:

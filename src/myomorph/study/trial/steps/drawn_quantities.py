@@ -7,12 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from myomorph.analysis.gait_curves import SIDES, VARIABLES, gait_curves
+from myomorph.analysis.strides import Strides
 from myomorph.io.loads import loads_table
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import MyomorphError
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
-from myomorph.model.series import Series, Table
+from myomorph.model.series import Motion, Series, Table, Wrenches
 from myomorph.store.settings import TensionTables
 from myomorph.study.trial.joint_contact_step import ENDING as JOINT_CONTACT
 from myomorph.study.trial.steps.id import Torques, shown_torques, torque_table
@@ -199,6 +201,34 @@ def drawn_values(quantities: Sequence[Quantity], strides: TrialStrides | None) -
         names += named_values
         tables += [name] * len(named_values)
     return DrawnValues(times, kept, strides, tuple(names), tuple(tables))
+
+
+@read_only
+class DrawnGait:
+    """What gait curves of a draw are made of, beside its tables of coordinates and torques."""
+
+    model: Model
+    time: Array
+    names: tuple[str, ...]  # of the coordinates
+    torques: Quantity | None
+    strides: Strides
+    wrenches: Wrenches | None
+
+    def means(self, tables: Mapping[str, Array]) -> Mapping[str, Array]:
+        """By side, (samples, variables); {} where the model has no such curves."""
+        torques = None
+        if self.torques is not None:
+            torques = Series(self.torques.time, self.torques.names, tables["torques"])
+        motion = Motion(self.time, self.names, tables["coordinates"])
+        curves = gait_curves(self.model, motion, self.strides, torques, self.wrenches)
+        return {} if curves is None else {side: curves.mean(side) for side in SIDES}
+
+
+def widened_gait(errors: Mapping[str, Array], factors: Mapping[str, float]) -> dict[str, Array]:
+    """Errors of gait curves (draws, samples, variables) by side, as much wider as those of angles and of torques."""
+    kinds = {"angle": factors.get("coordinates", 1.0), "force": 1.0}
+    factor = np.array([kinds.get(variable.kind, factors.get("torques", 1.0)) for variable in VARIABLES])
+    return {side: factor * values for side, values in errors.items()}
 
 
 def _first(columns: _Columns, time: Array) -> Series:

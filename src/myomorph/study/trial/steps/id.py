@@ -189,7 +189,8 @@ def _read(stored: Stored, options: OptionSet) -> Torques | None:
 
 def _show(report_input: ReportInput, stored: Stored) -> ReportInput:
     report_input = report_input.with_warnings(map(str, get_findings(stored, FINDINGS)))
-    dynamics = Dynamics(store.get_torques(stored), store.get_wrenches(stored), stored.facts.get("root_note", ""))
+    forces = store.get_torques(stored), store.get_wrenches(stored)
+    dynamics = Dynamics(*forces, stored.facts.get("root_note", ""), store.get_derivatives(stored))
     return replace(report_input, dynamics=dynamics)
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from myomorph.analysis.strides import Strides
 from myomorph.io.parsing.text import write_csv
 from myomorph.io.sto import write_sto
 from myomorph.model.arrays import Array
@@ -20,7 +21,7 @@ from myomorph.store.results import Stored
 from myomorph.store.uncertainty_store import ERRORS, get_uncertainty, put_uncertainty, put_value_errors
 from myomorph.study.step.step import Step, StepOutput
 from myomorph.study.trial.steps.draw_workers import Tables, attempts
-from myomorph.study.trial.steps.drawn_quantities import Quantity, drawn_values
+from myomorph.study.trial.steps.drawn_quantities import DrawnGait, Quantity, drawn_values, widened_gait
 from myomorph.study.trial.steps.drawn_trials import COARSE, ShareDraw, alone, chain_of, frozen
 from myomorph.study.trial.steps.id import Torques
 from myomorph.study.trial.steps.ik import Poses
@@ -112,8 +113,13 @@ def _run(
         for number in range(min(chosen.contributions, chosen.draws)):
             jobs += [ShareDraw(number, kind(sources, group), normals, sizes) for kind in (alone, frozen)]
     shapes = {quantity.name: quantity.values.shape for quantity in quantities}
-    numbers = drawn_values(quantities, TrialStrides.whole(trial.name, strides_of_trial(trial, poses, torques)))
-    true = numbers.of({quantity.name: quantity.values for quantity in quantities})
+    strides = strides_of_trial(trial, poses, torques)
+    numbers = drawn_values(quantities, TrialStrides.whole(trial.name, strides))
+    nominal = {quantity.name: quantity.values for quantity in quantities}
+    true = numbers.of(nominal)
+    walk = None if strides is None else _drawn_gait(trial, quantities, strides, torques)
+    usual = {} if walk is None else walk.means(nominal)
+    gait = {side: np.full((chosen.draws, *curves.shape), np.nan) for side, curves in usual.items()}
     errors = np.full((chosen.draws, len(numbers.names)), np.nan)
     workers = trial.options[DrawWorkers].workers or None
     with progress(f"{trial.name}: uncertainty", len(jobs), "draws") as advance, Draws(chosen.draws, shapes) as draws:
@@ -126,6 +132,8 @@ def _run(
             else:
                 draws.put(number, tables)
                 errors[number] = numbers.of(tables) - true
+                for side, curves in walk.means(tables).items() if walk is not None else ():
+                    gait[side][number] = curves - usual[side]
             advance(1)
         if len(draws.done) < 2:
             raise BadData(
@@ -144,7 +152,8 @@ def _run(
     notes, used = _notes(failed, weak, chosen.draws), source_sizes(sources, sizes)
     wider = widened_errors(errors, np.array([factors[name] for name in numbers.tables]))
     values = ValueErrors(numbers.names, wider)
-    uncertainty = Uncertainty(spreads, shares, chosen.draws, failed + weak, notes, factors, used)
+    curves_errors = widened_gait(gait, factors)
+    uncertainty = Uncertainty(spreads, shares, chosen.draws, failed + weak, notes, factors, used, curves_errors)
     for quantity in whole:
         _write_limits(quantity, spreads[quantity.name], output.folder)
     _write_table(whole, uncertainty, output.folder / TABLE)
@@ -152,6 +161,15 @@ def _run(
     put_uncertainty(output.writer, uncertainty, {quantity.name: quantity.unit for quantity in quantities})
     put_value_errors(output.writer, values)
     return uncertainty
+
+
+def _drawn_gait(
+    trial: TrialInputs, quantities: Sequence[Quantity], strides: Strides, torques: Torques | None
+) -> DrawnGait:
+    """How gait curves of a draw are made of its tables."""
+    tables = {quantity.name: quantity for quantity in quantities}
+    motion, wrenches = tables["coordinates"], None if torques is None else torques.wrenches
+    return DrawnGait(trial.model, motion.time, motion.names, tables.get("torques"), strides, wrenches)
 
 
 def _shares(

@@ -1,0 +1,102 @@
+"""Which norm a walk is held against: the adults that come along, or the control group of the user's own results."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+
+import numpy as np
+
+from myomorph.analysis.gait_curves import KEYS, SAMPLES, GaitCurves, joined_curves
+from myomorph.analysis.gait_parameters import UNITS
+from myomorph.analysis.gait_scores import GaitNorm, control_norm
+from myomorph.model.errors import BadFile, listing
+from myomorph.model.model import Model
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.tree import compile_tree
+from myomorph.store.results import STORED
+
+ADULTS, NO_NORM = "adults", "none"
+SOURCE = (
+    "healthy men and women of 30 to 39 years at comfortable speed on a treadmill (Normative 3D gait data of healthy "
+    "adults, Maastricht UMC+, doi 10.17605/OSF.IO/T72CW, CC BY 4.0; both sexes as one group by Myomorph)"
+)
+LEG, ADULT = 0.491, 1.5
+"""Thigh and shank as a share of stature (Drillis and Contini 1966); below this stature [m] adults are no norm."""
+
+
+@cache
+def adult_norm() -> GaitNorm:
+    """Mean and deviation of adults' curves and parameters; variables that are not in its source are NaN."""
+    mean, deviation = np.full((2, SAMPLES, len(KEYS)), np.nan)
+    parameters = {}
+    text = (files("myomorph.study.trial") / "data" / "gait_norm_adults.csv").read_text("utf-8")
+    rows = csv.DictReader(line for line in text.splitlines() if not line.startswith("#"))
+    for row in rows:
+        numbers = float(row["mean"]), float(row["sd"])
+        if row["variable"] in UNITS:
+            parameters[row["variable"]] = numbers
+        else:
+            at = int(row["percent"]) // 2, KEYS.index(row["variable"])
+            mean[at], deviation[at] = numbers
+    return GaitNorm(mean, deviation, 0, SOURCE, parameters=parameters, same_definitions=False)
+
+
+def checked_norms(norms: Sequence[str]) -> tuple[str, ...]:
+    """`norms` as they are: "adults" or "none" alone, or folders; raises `BadFile`."""
+    if len(norms) == 1 and norms[0] in (ADULTS, NO_NORM):
+        return tuple(norms)
+    for name in norms:
+        if not Path(name).is_dir():
+            raise BadFile(
+                name, "is no norm", f"give folders of results of a control group, or {listing(name, (ADULTS, NO_NORM))}"
+            )
+    return tuple(norms)
+
+
+def norm_of(
+    norms: Sequence[str], model: Model, person: str, controls: Mapping[str, Sequence[GaitCurves]]
+) -> tuple[GaitNorm | None, str]:
+    """The norm for a person, and a note where there is none. Controls are by person; nobody is the own control."""
+    if norms == (NO_NORM,):
+        return None, "No norm was asked for."
+    if norms and norms != (ADULTS,):
+        others = [joined_curves(parts) for name, parts in controls.items() if name != person]
+        return control_norm(others, f"own control group, {', '.join(Path(name).name for name in norms)}"), ""
+    stature = _leg(model) / LEG
+    if not norms and stature < ADULT:
+        return None, (
+            f"No norm: legs of a body of about {stature:.2f} m, and the norm that comes along is of adults. "
+            "myomorph report --norms FOLDER takes the results of a control group; --norms adults draws adults."
+        )
+    return adult_norm(), ""
+
+
+def _leg(model: Model) -> float:
+    """Length of thigh and shank, from hip to ankle [m]; the length of an adult's where the model has no such joints."""
+    tree = compile_tree(model)
+    origins = forward_kinematics(tree, tree.defaults[None]).origins[0]
+    chain = next(
+        (joint for joint in model.joints if any(name.startswith("ankle_") for name in joint.coordinates)), None
+    )
+    hip = next(
+        (joint for joint in model.joints if any(name.startswith("hip_flexion") for name in joint.coordinates)), None
+    )
+    if chain is None or hip is None:
+        return LEG * ADULT
+    ankle, top = (origins[tree.body_index[joint.child]] for joint in (chain, hip))
+    return float(np.linalg.norm(top - ankle))
+
+
+def result_files(folders: Sequence[str]) -> Iterator[Path]:
+    """Result files of all trials in folders, one after the other."""
+    for folder in folders:
+        paths = sorted(path for path in Path(folder).rglob(f"*{STORED}") if ".steps" not in path.parts)
+        if not paths:
+            raise BadFile(
+                folder, f"holds no results: no file in it ends in {STORED}", "give the --out of run or analyze"
+            )
+        yield from paths

@@ -1,0 +1,94 @@
+"""Scores of gait: known differences from a norm give known scores, and intervals are of what they say."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from myomorph.analysis.cycles import Cycles
+from myomorph.analysis.gait_curves import ANGLES, KEYS, SAMPLES, SIDES, GaitCurves, joined_curves
+from myomorph.analysis.gait_scores import GaitNorm, control_norm, gait_scores
+from myomorph.model.errors import BadData
+
+USUAL = 20.0 * np.sin(np.linspace(0.0, 2.0 * np.pi, SAMPLES))[:, None] + np.arange(len(KEYS))
+
+
+def curves(right, left):
+    """Strides (n, samples, variables) of both sides."""
+    return GaitCurves(Cycles(KEYS, right), Cycles(KEYS, left), dict.fromkeys(SIDES, ()))
+
+
+def norm(mean=USUAL, **more):
+    return GaitNorm(mean, np.ones_like(mean), 30, "made", **more)
+
+
+def test_the_norm_itself_scores_nothing():
+    scores = gait_scores(curves(USUAL[None], USUAL[None]), norm())
+    assert scores.score["both"].value == 0.0
+    assert scores.variables == ANGLES
+
+
+def test_offsets_are_their_own_score():
+    offsets = np.arange(1.0, len(KEYS) + 1.0)
+    scores = gait_scores(curves((USUAL + offsets)[None], USUAL[None]), norm())
+    for index, key in enumerate(KEYS[:ANGLES]):
+        assert scores.profile["right", key].value == pytest.approx(offsets[index])
+    assert scores.score["right"].value == pytest.approx(np.sqrt(np.mean(offsets[:ANGLES] ** 2)))
+    # Of both sides the pelvis counts once, by the left: fifteen variables (Baker et al. 2009).
+    assert scores.score["both"].value == pytest.approx(np.sqrt(np.sum(offsets[3:ANGLES] ** 2) / 15.0))
+    assert not scores.scaled
+
+
+def test_offsets_of_other_definitions_do_not_count():
+    there = GaitNorm(USUAL, np.ones_like(USUAL), 30, "made", same_definitions=False)
+    scores = gait_scores(curves((USUAL + 20.0)[None], (1.2 * USUAL + 20.0)[None]), there)
+    assert scores.score["right"].value == pytest.approx(0.0, abs=1e-9)
+    assert 2.0 < scores.score["left"].value < 4.0
+
+
+def test_variables_that_the_norm_lacks_take_no_part():
+    mean = np.array(USUAL)
+    mean[:, :5] = np.nan
+    scores = gait_scores(curves((USUAL + 2.0)[None], (USUAL + 2.0)[None]), norm(mean))
+    assert scores.variables == 4
+    assert scores.score["right"].value == pytest.approx(2.0)
+    assert ("right", KEYS[0]) not in scores.profile
+
+
+def test_intervals_of_strides_and_of_draws():
+    rng = np.random.default_rng(1)
+    strides = USUAL + 5.0 + rng.standard_normal((8, 1, 1))
+    scores = gait_scores(curves(strides, strides), norm())
+    assert scores.score["right"].low < scores.score["right"].value < scores.score["right"].high
+    assert not scores.drawn
+    errors = {side: np.broadcast_to(rng.standard_normal((400, 1, 1)), (400, SAMPLES, len(KEYS))) for side in SIDES}
+    drawn = gait_scores(curves(strides, strides), norm(), errors)
+    half = 1.645  # Of a normal error of one degree that all variables share.
+    assert drawn.drawn
+    assert drawn.score["right"].value == scores.score["right"].value
+    assert drawn.score["right"].high - drawn.score["right"].value == pytest.approx(half, abs=0.25)
+
+
+def test_a_control_group_scales_its_own_people_to_a_hundred():
+    rng = np.random.default_rng(2)
+    people = []
+    for _ in range(30):
+        person = USUAL + 4.0 * rng.standard_normal(len(KEYS))
+        people.append(curves(person[None], (person + rng.standard_normal(len(KEYS)))[None]))
+    group = control_norm(people, "made")
+    assert group.persons == 30
+    indices = [gait_scores(person, group).scaled[side].value for person in people for side in SIDES]
+    # Their own scores are a little low, for they are part of the mean.
+    assert 100.0 < np.mean(indices) < 105.0
+    assert 8.0 < np.std(indices) < 12.0
+    far = gait_scores(curves((USUAL + 25.0)[None], (USUAL + 25.0)[None]), group)
+    assert far.scaled["right"].value < 85.0
+    assert np.mean(group.deviation[0]) == pytest.approx(np.hypot(4.0, np.sqrt(0.5)), abs=0.4)
+
+
+def test_few_controls_are_no_norm():
+    person = curves(USUAL[None], USUAL[None])
+    with pytest.raises(BadData, match="2 persons with strides"):
+        control_norm([person, person], "made")
+    assert control_norm([person] * 3, "made").log_scores is None
+    assert joined_curves([person, person]).right.values.shape[0] == 2
