@@ -6,9 +6,9 @@ import pytest
 from benchmarks.house import CHECKOUT, checkout_texts, count
 
 LIMITS = {
-    ("lines", "src"): 125_500,
+    ("lines", "src"): 126_400,
     ("lines", "benchmarks"): 24_900,
-    ("words", "documentation"): 99_950,
+    ("words", "documentation"): 100_050,
     ("vague", "src"): 6.5,
 }
 
