@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
@@ -17,7 +17,6 @@ from myomorph.model.errors import BadFile, listing
 from myomorph.model.model import Model
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
-from myomorph.store.results import STORED
 
 ADULTS, NO_NORM = "adults", "none"
 SOURCE = (
@@ -89,14 +88,3 @@ def _leg(model: Model) -> float:
         return LEG * ADULT
     ankle, top = (origins[tree.body_index[joint.child]] for joint in (chain, hip))
     return float(np.linalg.norm(top - ankle))
-
-
-def result_files(folders: Sequence[str]) -> Iterator[Path]:
-    """Result files of all trials in folders, one after the other."""
-    for folder in folders:
-        paths = sorted(path for path in Path(folder).rglob(f"*{STORED}") if ".steps" not in path.parts)
-        if not paths:
-            raise BadFile(
-                folder, f"holds no results: no file in it ends in {STORED}", "give the --out of run or analyze"
-            )
-        yield from paths

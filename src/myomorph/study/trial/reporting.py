@@ -35,7 +35,7 @@ from myomorph.store.results import STORED, Stored, file_source, read_result, res
 from myomorph.study.inputs.reading import open_model
 from myomorph.study.step.step import large_variables, step_of
 from myomorph.study.step.step_table import STEPS
-from myomorph.study.trial.gait_norms import ADULTS, NO_NORM, checked_norms, norm_of, result_files
+from myomorph.study.trial.gait_norms import ADULTS, NO_NORM, checked_norms, norm_of
 from myomorph.study.trial.together import object_model
 
 REPORT = "report.html"
@@ -141,7 +141,8 @@ class GaitNorms:
     def of(cls, norms: Sequence[str], model: Callable[[Stored], Model]) -> GaitNorms:
         """Names are checked, and folders read."""
         names, controls = checked_norms(norms), dict[str, list[GaitCurves]]()
-        for path in result_files(names if names not in ((ADULTS,), (NO_NORM,)) else ()):
+        folders = () if names in ((ADULTS,), (NO_NORM,)) else names
+        for path in (path for folder in folders for path in result_files(Path(folder))):
             results = TrialResults(path, model(stored := read_result(path, leave_out=large_variables())), stored)
             if results.prepared.gait is not None:
                 controls.setdefault(stored.facts.get("subject", path.stem), []).append(results.prepared.gait)
