@@ -7,9 +7,9 @@ import pytest
 
 from myomorph.io.labels import read_labels
 from myomorph.model.errors import BadData, BadFile, UnknownName
-from myomorph.model.model import Model
+from myomorph.model.model import Marker, Model
 from myomorph.model.series import Markers, Trial
-from myomorph.study.inputs.reading import check_labels, cut_warning, with_labels
+from myomorph.study.inputs.reading import check_labels, cut_warning, fitted_to, with_labels
 
 WANTED = {"RASI": "R.ASIS", "LASI": "L.ASIS", "BAD": ""}
 
@@ -83,3 +83,18 @@ def test_a_time_beyond_the_recording_says_that_it_is_cut():
     assert cut_warning((0.0, 1.425), markers) == ()
     (told,) = cut_warning((0.4, 1.6), markers)
     assert "0.4 to 1.42 s are used" in told
+
+
+@pytest.mark.parametrize(
+    ("recorded", "fitted"),
+    [
+        (("r asis", "sacrum", "r+met"), ("r_asis", "sacrum", "r_met")),
+        (("r asis", "r_asis"), ("r asis", "r_asis")),
+        (("r asis", "r+asis", "sacrum"), ("r asis", "r+asis", "sacrum")),
+    ],
+)
+def test_a_recorded_label_is_the_marker_that_a_file_writes_for_it(recorded, fitted):
+    """OpenSim refuses blanks in names, so a model made of a recording has other names than the recording."""
+    names = ("r_asis", "sacrum", "r_met")
+    model = Model("hip", (), (), (), np.zeros(3)).with_markers(tuple(Marker(name, "ground", np.zeros(3)) for name in names))
+    assert fitted_to(model, trial(*recorded)).markers.names == fitted

@@ -11,6 +11,7 @@ import numpy as np
 
 from myomorph.contact.plates import force_plates
 from myomorph.io.formats import read_model, read_trial
+from myomorph.io.osim.document import legal
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, BadFile, BadModel, UnknownName, listing
@@ -120,6 +121,7 @@ def fitted_to(model: Model, trial: Trial) -> Trial:
     body is tallest along z, or whose plates lie level with z, and a Qualisys export, whose z points up by custom, are
     turned to the model's vertical, with a warning; nothing is turned where a standing body is tallest along y.
     """
+    trial = _with_legal_labels(trial, model)
     markers = trial.markers
     if markers is None or not markers.names:
         raise BadData(f"{trial.source}: holds no markers")
@@ -145,6 +147,14 @@ def fitted_to(model: Model, trial: Trial) -> Trial:
         return trial
     warning = f"{why}: the recording was turned to the model's y axis"
     return replace(trial.rotated(Z_UP_TO_Y_UP), warnings=(*trial.warnings, warning))
+
+
+def _with_legal_labels(trial: Trial, model: Model) -> Trial:
+    """The trial with labels as a model's file has them: `r asis` is `r_asis` there, for OpenSim refuses blanks."""
+    recorded = trial.markers.names if trial.markers is not None else ()
+    written = [legal(name) for name in recorded]
+    lacking = {name for name in model.marker_names if name not in recorded and written.count(name) == 1}
+    return with_labels(trial, {old: new for old, new in zip(recorded, written, strict=True) if new in lacking})
 
 
 def _check_size(source: str, own: Array, recorded: Array) -> None:
