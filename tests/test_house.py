@@ -6,9 +6,9 @@ import pytest
 from benchmarks.house import CHECKOUT, checkout_texts, count
 
 LIMITS = {
-    ("lines", "src"): 126_350,
-    ("lines", "benchmarks"): 24_900,
-    ("words", "documentation"): 100_050,
+    ("lines", "src"): 126_360,
+    ("lines", "benchmarks"): 24_876,
+    ("words", "documentation"): 100_040,
     ("vague", "src"): 6.5,
 }
 
