@@ -69,6 +69,20 @@ def test_intervals_of_strides_and_of_draws():
     assert drawn.score["right"].high - drawn.score["right"].value == pytest.approx(half, abs=0.25)
 
 
+def test_no_interval_goes_below_zero():
+    # Two strides that differ much: Student's t of their own scores, 1 and 9 degrees, reaches far below 0.
+    strides = USUAL + np.array([1.0, 9.0])[:, None, None]
+    group = norm(log_scores=(np.log(4.0), 0.3))
+    scores = gait_scores(curves(strides, strides), group)
+    for estimate in (*scores.score.values(), *scores.profile.values()):
+        assert 0.0 < estimate.low < estimate.value < estimate.high
+        assert estimate.low * estimate.high == pytest.approx(estimate.value**2)
+    assert all(np.isfinite([index.low, index.high]).all() for index in scores.scaled.values())
+    errors = {side: np.full((50, SAMPLES, len(KEYS)), -5.0) for side in SIDES}
+    drawn = gait_scores(curves(strides, strides), group, errors)
+    assert all(estimate.low >= 0.0 for estimate in (*drawn.score.values(), *drawn.profile.values()))
+
+
 def test_a_control_group_scales_its_own_people_to_a_hundred():
     rng = np.random.default_rng(2)
     people = []

@@ -137,8 +137,10 @@ def _estimate(strides: Array, drawn: Array | None) -> Estimate:
         return NONE
     if drawn is not None:
         return Estimate.of_draws(float(known.mean()), drawn, LEVEL)
-    limits = band(known[:, None], LEVEL)
-    return Estimate(float(known.mean()), float(limits.low[0]), float(limits.high[0]))
+    limits, value = band(known[:, None], LEVEL), float(known.mean())
+    # Of the logarithm, by its first derivative: no score is below 0.
+    factor = np.exp((limits.high[0] - value) / value) if value > 0.0 else 1.0
+    return Estimate(value, float(value / factor), float(value * factor))
 
 
 def _scaled(score: Estimate, log_scores: tuple[float, float]) -> Estimate:
