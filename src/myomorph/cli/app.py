@@ -56,7 +56,7 @@ COMMANDS = {
     ),
     "export": Command(
         "export",
-        "A model for MuJoCo, with a certificate of lengths, moment arms, masses and torques.",
+        "A model for MuJoCo, with a certificate of what differs; or a study as a dataset of BIDS.",
         "myomorph export subject.osim --mjcf subject.xml",
     ),
     "calibrate": Command(

@@ -9,22 +9,49 @@ from cyclopts import Parameter
 
 
 def export_command(
-    model: Annotated[Path, Parameter(help="Model (.osim or .xml), or one of myo-sim by name (myo-sim:myoarm).")],
+    source: Annotated[
+        Path,
+        Parameter(
+            help="With --mjcf a model (.osim or .xml), or one of myo-sim by name (myo-sim:myoarm); with --bids the "
+            "folder of results that run or another command wrote."
+        ),
+    ],
     /,
     *,
     mjcf: Annotated[
-        Path,
+        Path | None,
         Parameter(
             help="File of MuJoCo to write (.xml); meshes and tables (what differs, the muscles' curves) go beside it."
         ),
-    ],
+    ] = None,
+    bids: Annotated[
+        Path | None, Parameter(help="Folder to make: recordings and results as a dataset of BIDS (motion, EMG).")
+    ] = None,
     geometry: Annotated[
         Path | None,
         Parameter(help="Folder of the model's meshes; those beside its file and in Geometry there by default."),
     ] = None,
 ) -> int:
-    """A model for MuJoCo 3 and 4, with a certificate: which muscle differs, where and by how much."""
+    """A model for MuJoCo 3 and 4, with a certificate: which muscle differs, where and by how much. Or a study's
+    recordings and results as a dataset of BIDS.
+    """
     # Imported by the command that needs it: --help and the others start without.
+    from myomorph.cli.output import said, warn
+    from myomorph.model.errors import BadData
+
+    if mjcf is not None and bids is None:
+        return _mjcf(source, mjcf, geometry)
+    if bids is None or mjcf is not None:
+        which = "both --mjcf and --bids are" if bids is not None else "neither --mjcf nor --bids is"
+        raise BadData(f"{which} given: a model takes --mjcf FILE.xml, a folder of results --bids FOLDER")
+    from myomorph.study.convert.bids_dataset import export_bids
+
+    warn(export_bids(source, bids), "recordings are looked for where results name them")
+    said(f"wrote {bids}")
+    return 0
+
+
+def _mjcf(model: Path, mjcf: Path, geometry: Path | None) -> int:
     from myomorph.cli.output import said
     from myomorph.io.formats import read_model
     from myomorph.model.errors import BadFile

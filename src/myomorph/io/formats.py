@@ -18,7 +18,7 @@ class Format:
     """A kind of file."""
 
     name: str  # of the kind, in a few words
-    endings: tuple[str, ...]  # of the names of such files, in small letters, with the dot
+    endings: tuple[str, ...]  # of the names of such files, in small letters
     reader: str  # "module:function", imported when the first such file is read (MuJoCo and HDF5 take a moment)
 
     def read(self, path: Path) -> Any:
@@ -40,6 +40,7 @@ TRIALS: tuple[Format, ...] = (
     Format("TRC markers", (".trc",), "myomorph.io.trc:read_trc"),
     Format("C3D recording", (".c3d",), "myomorph.io.c3d.read:read_c3d"),
     Format("Qualisys recording", (".mat",), "myomorph.io.qualisys_mat:read_qualisys_mat"),
+    Format("BIDS motion", ("_motion.tsv",), "myomorph.io.bids.recording:read_motion_trial"),
     Format("keypoints", (".h5", ".hdf5"), "myomorph.io.keypoints:read_keypoints"),
 )
 """Each reader gives a `Trial` with markers in metres."""
@@ -103,7 +104,7 @@ def read_trial(path: str | os.PathLike[str]) -> Trial:
 
 
 def _format(path: str | os.PathLike[str], formats: tuple[Format, ...]) -> Format | None:
-    return next((kind for kind in formats if _ending(path) in kind.endings), None)
+    return next((kind for kind in formats if os.fspath(path).lower().endswith(kind.endings)), None)
 
 
 def _ending(path: str | os.PathLike[str]) -> str:

@@ -102,7 +102,7 @@ def open_emg(
     are; a table whose largest value is over 1.5 has every channel scaled to its own. `named` channels have the muscles
     that a user tells, others find theirs by name, on `side` where that has none.
     """
-    found = _channels(path)
+    found = channels_of(path)
     for channel, muscles in named.items():
         index_of("EMG channel", channel, found.names, str(path))
         for muscle in muscles:
@@ -119,7 +119,7 @@ def open_emg(
         if not _is_raw(found):
             made = _as_envelopes(found, measured_on, Path(path).name, reference)
             return _without_noise(replace(made, notes=(*mended, *made.notes)), named)
-        maxima = largest([_picked(_channels(one), found.names) for one in reference], options) if reference else None
+        maxima = largest([_picked(channels_of(one), found.names) for one in reference], options) if reference else None
         peaks = largest([found], options) if maxima is None else maxima
         faults = raw_faults(found)
         whole = without_faults(envelopes(found, options, maxima), faults)
@@ -161,7 +161,7 @@ def _left_out(path: str | Path, names: Sequence[str], measured_on: Mapping[str, 
     return (f"EMG of {which} takes no part: the name contains no muscle of the model; name them ({told_by})",)
 
 
-def _channels(path: str | Path) -> Series:
+def channels_of(path: str | Path) -> Series:
     """All channels of a file."""
     ending = Path(path).suffix.lower()
     if ending in (".csv", ".txt"):
@@ -179,7 +179,12 @@ def _channels(path: str | Path) -> Series:
         if analog is None:
             raise BadFile(path, "has no analog channels", "EMG of another file can be given as .sto or .mot")
         return analog
-    raise BadFile(path, f"holds no EMG: its name ends in '{ending}'", "expected .sto, .mot, .csv or .c3d")
+    if ending in (".bdf", ".edf"):
+        # As above.
+        from myomorph.io.bids.emg import read_emg
+
+        return read_emg(Path(path))
+    raise BadFile(path, f"holds no EMG: its name ends in '{ending}'", "expected .sto, .mot, .csv, .c3d, .bdf or .edf")
 
 
 def _picked(series: Series, names: tuple[str, ...]) -> Series:
@@ -230,7 +235,7 @@ def _largest_of(reference: Sequence[Path], channel: str) -> float:
     """Largest envelope of a channel in recordings of maximum voluntary contractions."""
     largest_found = 0.0
     for path in reference:
-        one = _channels(path)
+        one = channels_of(path)
         index_of("EMG channel", channel, one.names, str(path))
         if _is_raw(one):
             raise BadFile(path, "holds raw EMG, but the recording has envelopes", "give envelopes of the same units")
