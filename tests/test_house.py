@@ -6,9 +6,9 @@ import pytest
 from benchmarks.house import CHECKOUT, checkout_texts, count
 
 LIMITS = {
-    ("lines", "src"): 126_360,
+    ("lines", "src"): 127_310,
     ("lines", "benchmarks"): 24_876,
-    ("words", "documentation"): 100_040,
+    ("words", "documentation"): 100_110,
     ("vague", "src"): 6.5,
 }
 
