@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
+import tempfile
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +15,7 @@ from tests.truths.simulated_sensors import SensorErrors, SimulatedSensors, simul
 import myomorph as mm
 from benchmarks.errors import rms
 from benchmarks.hidden_plates import CASES, Hidden, HiddenCase, estimated, feet_of, foot_wrench, opened, tracked
+from myomorph.cli import main
 from myomorph.contact.foot_path import walked
 from myomorph.contact.site_motion import rest_on_floor
 from myomorph.contact.sites import foot_sites
@@ -20,6 +24,7 @@ from myomorph.motion.sensors.mounting import trunk_acceleration
 from myomorph.motion.sensors.sensor_kinematics import SensorRecording, sensor_kinematics
 from myomorph.motion.sync import cut
 from myomorph.tension.contact_setting import all_loads
+from tests.sensor_files import write_orientations
 
 Row = dict[str, object]
 WALKS = tuple(case for case in CASES if case.name.startswith("walk"))
@@ -93,3 +98,70 @@ def _speed(hidden: Hidden) -> float:
     """Of the pelvis along x, in the mean [m/s]."""
     way, time = hidden.motion["pelvis_tx"], hidden.motion.time
     return float((way[-1] - way[0]) / (time[-1] - time[0]))
+
+
+def measure_intervals(folder: Path) -> Iterator[Row]:
+    """Share of what plates measured within the limits that a study of sensors alone writes with `draws`."""
+    for case in WALKS:
+        hidden = opened(folder, case)
+        parts: dict[str, list[tuple[float, float]]] = {}
+        for seed in SEEDS[:1]:
+            _, made = by_sensors(folder, case, seed)
+            for name, part in _limits(hidden, made).items():
+                parts.setdefault(name, []).append(part)
+        for name, each in parts.items():
+            within, width = np.mean(each, axis=0)
+            yield {"recording": case.name, "what": name, "within [%]": 100.0 * within, "width": float(width)}
+
+
+STUDY = """
+[study]
+name = "sensors"
+[options.id]
+cutoff = {cutoff}
+[uncertainty]
+draws = 60
+[[subject]]
+name = "subject"
+model = "model.osim"
+steps = ["ik", "id", "muscles", "tension"]
+[[subject.trials]]
+name = "walk"
+imu = ["walk.sto"]
+imu_pose = ["pose.sto"]
+contacts = "auto"
+"""
+
+
+def _limits(hidden: Hidden, made: SimulatedSensors) -> dict[str, tuple[float, float]]:
+    """Share of measured vertical forces [% weight] and knee torques [N m/kg] within the limits, and mean widths."""
+    with tempfile.TemporaryDirectory() as name:
+        home = Path(name)
+        write_orientations(home / "walk.sto", made.sensors)
+        write_orientations(home / "pose.sto", made.pose)
+        mm.write_osim(hidden.model, home / "model.osim")
+        (home / "study.toml").write_text(STUDY.format(cutoff=hidden.cutoff))
+        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+            assert main(["run", str(home / "study.toml"), "--out", str(home / "out"), "--workers", "1"]) == 0
+        tables = {
+            f"{what}_{end}": mm.read_sto(next((home / "out").rglob(f"{what}_{end}.sto")))
+            for what in ("contact_forces", "torques_with_contacts") for end in ("low", "high")
+        }  # fmt: skip
+    time, use = hidden.motion.time, hidden.use
+    torques = mm.inverse_dynamics(hidden.model, hidden.motion, hidden.measured)
+    inside: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
+    for side, force, _ in feet_of(hidden):
+        pairs = (
+            ("vertical force [% weight]", "contact_forces", f"calcn_{side[0]}_force_vy", force[:, 1],
+             hidden.weight / 100.0),
+            ("knee torque [N m/kg]", "torques_with_contacts", f"{KNEES[side]}_moment", torques[KNEES[side]],
+             hidden.model.mass),
+        )  # fmt: skip
+        for name, table, column, truth, unit in pairs:
+            ends = [tables[f"{table}_{end}"] for end in ("low", "high")]
+            low, high = (np.interp(time, end.time, end[column])[use] for end in ends)
+            inside.setdefault(name, []).append(((low <= truth[use]) & (truth[use] <= high), (high - low) / unit))
+    return {
+        name: (float(np.mean([part[0] for part in parts])), float(np.mean([part[1] for part in parts])))
+        for name, parts in inside.items()
+    }

@@ -76,9 +76,22 @@ def test_a_table_of_the_user_adds_a_protocol_and_a_landmark() -> None:
     assert ours.site("LTIB") is ours.site("RTIB") is None
 
 
+def test_a_table_has_letters_of_its_own_for_sides() -> None:
+    text = """
+    [protocols.french]
+    sides = { D = "right", G = "left" }
+    [protocols.french.labels]
+    "EAS#" = "pelvis.asis"
+    """
+    french = protocol_table(text, "french.toml", protocols()).protocols["french"]
+    assert [french.site(label).side for label in ("EASD", "easg")] == ["right", "left"]  # type: ignore[union-attr]
+    assert french.site("EASR") is None
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
+        ("[protocols.a]\nsides = { D = 'droit' }", "'sides' of 'right' and 'left'"),
         ("[protocol]", "unknown table 'protocol'"),
         ("[protocols.a.labels]\nx = 'pelvis.asi'", "unknown landmark 'pelvis.asi'"),
         ("[protocols.a]\nalso = ['b']", "unknown protocol 'b'"),

@@ -9,6 +9,7 @@ from myomorph.model.model import Model
 from myomorph.model.scale import scale
 from myomorph.model.series import Markers
 from myomorph.model.spatial import axis_rotation
+from myomorph.motion.body import zero_angles
 from myomorph.motion.body.angle_slopes import Slides, angle_slopes, sliding
 from myomorph.motion.body.priors import symmetric_posture
 from myomorph.motion.body.shared_fit import reduce, settle
@@ -216,3 +217,18 @@ def test_segments_with_few_markers_and_unknown_names_are_said():
     note = next(note for note in found.notes if "fewer than 3" in note)
     assert all(part in note for part in ("foot_r (foot_r0, foot_r1)", "foot_r2", "strange"))
     assert not any("fewer than 3" in note for note in calibrate(model, [markers], CalibrationOptions(frames=8)).notes)
+
+
+def test_a_static_trial_takes_the_place_of_motion_that_would_put_zeros_where_no_bones_have_them(monkeypatch):
+    model = stick_figure()
+    moving = walk(model)
+    still = Markers(moving.time[:5], moving.names, np.repeat(moving.values[:1], 5, axis=0))
+    options = CalibrationOptions(static=still, static_pose={})
+    assert not calibrate(model, [moving], options).doubts
+    monkeypatch.setattr(zero_angles, "FAR", 1e-9)
+    mended, alone = calibrate(model, [moving], options), calibrate(model, [], options)
+    assert mended.factors["tibia_r"] == pytest.approx(alone.factors["tibia_r"], abs=1e-12)
+    assert mended.doubts[0].mended
+    (doubt,) = calibrate(model, [moving], replace(options, static=None)).doubts
+    assert not doubt.mended
+    assert doubt.place in model.coordinate_names

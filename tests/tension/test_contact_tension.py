@@ -23,7 +23,7 @@ from myomorph.rigid.kinematics import center_of_mass, forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.tension.problem import TensionInputs, tension_problem
 from myomorph.tension.solve import solve_contacts, solve_tension
-from myomorph.tension.tension import TensionOptions, contact_notes
+from myomorph.tension.tension import TensionOptions, contact_notes, missing_support
 from myomorph.tension.terms.contacts import ContactOptions, ContactTask
 from myomorph.tension.terms.emg import EmgTarget
 
@@ -70,6 +70,16 @@ def test_contacts_and_residuals_carry_the_body_as_newton_asks(walker, hidden):
     np.testing.assert_allclose(given, wanted, atol=0.02)
     # Residuals are dear enough that contacts carry the weight.
     assert np.abs(residual(hidden, "F")).max() < 0.01 * np.abs(wanted).max()
+
+
+def test_much_that_comes_from_nowhere_is_named_with_its_size_and_time(walker, hidden):
+    weight = 9.80665 * walker[0].mass
+    assert not missing_support(hidden, weight)
+    reserves = hidden.reserves.copy()
+    reserves[7, hidden.reserve_names.index("residual_FX")] += 20.0 * weight
+    (finding,) = missing_support(replace(hidden, reserves=reserves), weight)
+    assert f"at {hidden.time[7]:.2f} s" in finding.text
+    assert finding.size == pytest.approx(20.0 * weight / np.sqrt(len(hidden)), rel=0.1)
 
 
 @pytest.mark.parametrize("formulation", ["simultaneous", "sequential"])

@@ -19,7 +19,7 @@ from myomorph.motion.body.postures import overall_size, spread_postures
 from myomorph.motion.body.priors import calibration_prior, usual_shifts
 from myomorph.motion.body.shared_fit import reduce, settle
 from myomorph.motion.body.shared_problem import FrameSet, SharedProblem
-from myomorph.motion.body.zero_angles import posterior, zero_angles, zero_notes
+from myomorph.motion.body.zero_angles import far_zeros, posterior, zero_angles, zero_notes
 from myomorph.motion.calibration import (
     Calibration,
     CalibrationOptions,
@@ -120,7 +120,12 @@ def calibrate(
     if progress:
         progress(max(0, options.iterations - search.steps))
     calibration = _calibration(model, search.problem, search, names, chosen, options, distances, path_lengths)
-    return replace(calibration, notes=(*calibration.notes, *_thin_notes(model, names, recordings)))
+    usable = options.static is not None and len(recordings) > 1
+    doubt = far_zeros(calibration.zero_angles, mended=usable)
+    if doubt and usable:
+        return replace(calibrate(model, (), options, path_lengths=path_lengths), doubts=(doubt,))
+    notes = (*calibration.notes, *_thin_notes(model, names, recordings))
+    return replace(calibration, notes=notes, doubts=(doubt,) if doubt else ())
 
 
 def _check(options: CalibrationOptions) -> None:

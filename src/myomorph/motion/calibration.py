@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 
 from myomorph.model.arrays import Array, read_only
+from myomorph.model.findings import Finding
 from myomorph.model.model import Model
 from myomorph.model.series import Markers
 from myomorph.motion.lengths import Length
@@ -238,6 +239,7 @@ class Calibration:
     sides : what the data say of the lengths of both sides
     costs : the objective after every step of the last stage [m^2]
     notes : what the recordings do not show, one line each
+    doubts : what of the recordings the model's joints cannot explain, and whether it was left out
     """
 
     model: Model
@@ -259,6 +261,7 @@ class Calibration:
     last_change: float = 0.0
     zero_angles: tuple[ZeroAngle, ...] = ()
     sides: tuple[SideEstimate, ...] = ()
+    doubts: tuple[Finding, ...] = ()
 
     @property
     def rms_before(self) -> float:

@@ -189,6 +189,9 @@ def _protocol(
     source: str,
 ) -> Protocol:
     where = f"{source}: protocol '{name}'"
+    sides = raw.get("sides", SIDES)
+    if not isinstance(sides, Mapping) or sorted(sides.values()) != ["left", "right"]:
+        raise BadData(f"{where}: 'sides' of 'right' and 'left' are wanted, as {{ D = \"right\", G = \"left\" }}")
     labels: dict[str, Site] = {}
     for other in raw.get("also", ()):
         if other not in before:
@@ -196,14 +199,16 @@ def _protocol(
                 f"{where}: unknown protocol '{other}' in 'also': before it are {listing(other, list(before))}"
             )
         labels |= before[other].labels
-    dropped = {name for label, key in raw.get("labels", {}).items() if not key for name, _ in _sided(label)}
+    dropped = {name for label, key in raw.get("labels", {}).items() if not key for name, _ in _sided(label, sides)}
     labels = {label: site for label, site in labels.items() if label not in dropped}
-    labels |= _labels(raw.get("labels", {}), landmarks, where)
+    labels |= _labels(raw.get("labels", {}), landmarks, where, sides)
     title, origin = (str(raw.get(key, "")) for key in ("title", "source"))
     return Protocol(name, title or name, origin, FrozenMap(labels), tuple(raw.get("endings", ())))
 
 
-def _labels(raw: Mapping[str, str], landmarks: Mapping[str, tuple[str, Kind]], where: str) -> dict[str, Site]:
+def _labels(
+    raw: Mapping[str, str], landmarks: Mapping[str, tuple[str, Kind]], where: str, sides: Mapping[str, str] = SIDES
+) -> dict[str, Site]:
     """Labels with their sides, and what they lie on."""
     result: dict[str, Site] = {}
     for label, value in raw.items():
@@ -214,16 +219,16 @@ def _labels(raw: Mapping[str, str], landmarks: Mapping[str, tuple[str, Kind]], w
             raise BadData(f"{where}: unknown landmark '{value}': there are {listing(key, list(landmarks))}")
         words, kind = landmarks[key]
         segment = key.split(".")[0]
-        for name, side in _sided(label):
+        for name, side in _sided(label, sides):
             if name in result:
                 raise BadData(f"{where}: label '{name}' is there twice")
             result[name] = Site(segment, words, stated or side, key, kind)
     return result
 
 
-def _sided(label: str) -> Iterable[tuple[str, str]]:
+def _sided(label: str, sides: Mapping[str, str]) -> Iterable[tuple[str, str]]:
     """The labels that one of a table stands for, and their sides."""
-    return [(label.replace("#", letter), side) for letter, side in SIDES.items()] if "#" in label else [(label, "")]
+    return [(label.replace("#", letter), side) for letter, side in sides.items()] if "#" in label else [(label, "")]
 
 
 def _plain(label: str, loose: bool, endings: Sequence[str] = ()) -> str:

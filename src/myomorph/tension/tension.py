@@ -13,6 +13,7 @@ import numpy as np
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.contacts import ContactForces
 from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.findings import Finding
 from myomorph.model.join import own_name
 from myomorph.model.labelled import Labelled, Variable
 from myomorph.model.model import index_of
@@ -22,6 +23,8 @@ from myomorph.tension.fibers import Fibers
 
 RESERVE, RESIDUAL = "reserve_", "residual_"
 """With what the names of actuators begin that are added by default: of coordinates, and of a body that floats."""
+MISSING = 0.25
+"""Share of the weight, root mean square, from which on forces that come from nowhere void the result."""
 _CHOICES = {
     "recruitment": ("power", "minmax"),
     "weights": ("equal", "volume", "strength"),
@@ -320,3 +323,21 @@ def contact_notes(tension: Tension) -> tuple[str, ...]:
         f"muscles ({worst}{' ...' if len(order) > 3 else ''}): fibers of the model do not fit the motion; compare with "
         "--no-contact-passive",
     )
+
+
+def missing_support(tension: Tension, weight: float) -> tuple[Finding, ...]:
+    """Whether contacts carry a body of this weight [N], or much of what moves it comes from nowhere (its residuals; a
+    moment counts as a force at 1 m).
+    """
+    columns = [tension.reserve_names.index(name) for name in tension.residual_names]
+    left = np.linalg.norm(tension.reserves[:, columns], axis=1)
+    size = float(np.sqrt(np.nanmean(left**2))) if np.isfinite(left).any() else 0.0
+    if size <= MISSING * weight:
+        return ()
+    worst = int(np.nanargmax(left))
+    text = (
+        f"contacts cannot carry the motion: forces of {size:.0f} N (root mean square; {left[worst]:.0f} N at "
+        f"{tension.time[worst]:.2f} s) come from nowhere, beside a weight of {weight:.0f} N: believe neither contact forces "
+        "nor torques and tensions (is a support missing, --contacts, or the motion too noisy, --cutoff?)"
+    )
+    return (Finding("missing support", "contacts", text, size=size),)

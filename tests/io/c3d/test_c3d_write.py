@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -32,6 +34,22 @@ def test_round_trip(recording, tmp_path):
     np.testing.assert_allclose(again.channels, plate.channels, atol=1e-5)
     np.testing.assert_allclose(again.corners, plate.corners, atol=1e-6)
     np.testing.assert_allclose(again.origin, plate.origin, atol=1e-6)
+
+
+def test_moments_in_newton_millimeters_are_told_by_where_they_put_the_force(recording, tmp_path):
+    """As Vicon 370 wrote them, in N m by its own word; a force near the plate's middle or edge is left as it is."""
+    markers, plate = recording
+    channels = np.zeros((200, 6))
+    channels[:, 2], channels[:, 3:5] = -700.0, np.random.default_rng(1).uniform(-100.0, 100.0, (200, 2))
+    path = tmp_path / "one.c3d"
+    write_c3d(path, markers, replace(plate, channels=channels))
+    right = read_c3d(path)
+    path.write_bytes(path.read_bytes().replace(b"Nmm", b"Nm "))
+    mended = read_c3d(path)
+    np.testing.assert_allclose(right.plate_recordings[0].channels, channels, atol=1e-4)
+    np.testing.assert_allclose(mended.plate_recordings[0].channels, channels, atol=1e-4)
+    assert not right.warnings
+    assert "taken as N mm" in mended.warnings[0]
 
 
 def test_what_cannot_be_written_is_named(recording, tmp_path):

@@ -10,6 +10,7 @@ import pytest
 from made_standing import standing
 from myomorph.io.trc import write_trc
 from myomorph.model.errors import BadData, BadFile
+from myomorph.study.analyze.plate_cover import uncovered_share
 from myomorph.study.analyze.recordings import files_of, look_at, standing_height
 from myomorph.study.inputs.laboratory import UPRIGHT, Laboratory
 
@@ -76,3 +77,13 @@ def test_a_recording_without_markers_says_what_to_give(tmp_path) -> None:
 
     with pytest.raises(BadData, match="give the recording of the markers"):
         prepare_request(AnalyzeRequest((tmp_path / "empty.trc",), 70.0), tmp_path / "out")
+
+
+def test_plates_that_nobody_steps_on_cover_no_frame_though_feet_have_no_landmark(tmp_path, monkeypatch) -> None:
+    body = standing(0.05)
+    ankles = [index for index, name in enumerate(body.names) if name[1:] not in ("HEE", "TOE")]
+    bare = replace(body, names=tuple(body.names[index] for index in ankles), values=body.values[:, ankles])
+    write_trc(bare, tmp_path / "x.trc")
+    unloaded = (body.time, np.zeros(len(body)), np.zeros((len(body), 3)))
+    monkeypatch.setattr("myomorph.study.analyze.plate_cover.total_force", lambda *_: unloaded)
+    assert uncovered_share(look_at(tmp_path / "x.trc"), 700.0) > 0.9

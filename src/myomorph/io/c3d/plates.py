@@ -12,6 +12,7 @@ from myomorph.model.series import PlateRecording
 
 CHANNELS = {1: 6, 2: 6, 3: 8, 4: 6, 5: 8, 6: 12, 7: 8, 11: 8, 12: 8, 21: 6}
 FORCE_UNITS = {"n": 1.0, "nt": 1.0, "newton": 1.0, "newtons": 1.0, "kn": 1000.0, "lb": 4.4482216, "lbf": 4.4482216}
+LOADED = 50.0  # A plate that carries more is loaded [N]
 LENGTH_UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "meters": 1.0, "meter": 1.0}
 
 
@@ -60,6 +61,11 @@ def _plate(raw: RawC3d, group: str, index: int, kind: int, meters: float, notes:
     if kind in (1, 2, 3):
         texts = [units[column] if column < len(units) else "" for column in columns]
         samples = samples * _factors(kind, texts, meters, name, notes)
+    if kind == 2 and _in_millimeters(samples, corners):
+        notes.append(
+            f"the moments of {name}, in '{units[columns[3]]}' by the file, put its force far off the plate: taken as N mm"
+        )
+        samples[:, 3:] *= 1e-3
     polynomial = raw.numbers(group, "FPCOPPOLY")[12 * index : 12 * index + 12]
     return PlateRecording(
         name=name,
@@ -116,6 +122,17 @@ def _factors(kind: int, units: list[str], meters: float, name: str, notes: list[
     if unknown:
         notes.append(f"the channels of {name} are in '{', '.join(sorted(unknown))}': taken as newtons")
     return factors
+
+
+def _in_millimeters(samples: Array, corners: Array) -> bool:
+    """Whether moments (samples, 6) are N mm though the file says N m: the force's distance from the middle of a loaded
+    plate, mostly many plates away, is within it then.
+    """
+    pressing, moments = np.abs(samples[:, 2]), np.linalg.norm(samples[:, 3:5], axis=1)
+    loaded = pressing > max(LOADED, 0.5 * np.nanmax(pressing, initial=0.0))
+    away = np.median(moments[loaded] / pressing[loaded]) if loaded.any() else 0.0
+    reach = np.linalg.norm(corners - corners.mean(axis=0), axis=1).max()
+    return bool(away > 10.0 * reach and 1e-3 * away < reach)
 
 
 def _zero(raw: RawC3d, group: str) -> tuple[int, int] | None:

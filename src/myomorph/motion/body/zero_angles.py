@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from myomorph.model.arrays import Array
+from myomorph.model.findings import Finding
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.motion.body.angle_slopes import angle_slopes
 from myomorph.motion.body.shared_fit import reduce
@@ -21,6 +22,9 @@ from myomorph.motion.calibration import FUNCTIONAL, GENERIC, NORMAL_90, STATIC, 
 
 WIDE = np.radians(10.0)
 """An interval wider than this to either side is not left unsaid [rad]."""
+
+FAR = np.radians(30.0)
+"""About twice the largest distance between zeros of calibrated and of experts' models [rad]."""
 
 
 def posterior(problem: SharedProblem, at: Point, variance: float, free: NDArray[np.bool_], H: Array) -> Array:
@@ -114,3 +118,17 @@ def zero_notes(zeros: tuple[ZeroAngle, ...], static: bool) -> tuple[str, ...]:
     cause = f"{generic} of them fixed by the generic model's marker places" if generic else "90 % intervals"
     cure = "" if static else "; a static trial (--static) with known angles fixes them"
     return (f"zero angles known to no better than {np.degrees(WIDE):g}°: {named} ({cause}{cure})",)
+
+
+def far_zeros(zeros: tuple[ZeroAngle, ...], mended: bool) -> Finding | None:
+    """Angles whose zeros lie where no bones have them; `mended`: a static trial takes the motion's place."""
+    far = sorted((zero for zero in zeros if abs(zero.offset) > FAR), key=lambda zero: -abs(zero.offset))
+    if not far:
+        return None
+    named = ", ".join(f"{zero.coordinate} {np.degrees(zero.offset):.0f}°" for zero in far)
+    then = "calibrated on the static trial alone" if mended else "their angles are off by as much (--static shows them)"
+    text = (
+        f"zero angles are far from the generic model's ({named}), for the motion turns bones as the model's joints cannot "
+        f"(a foot that bends, a shank that twists): {then}"
+    )
+    return Finding("far zero angles", far[0].coordinate, text, mended=mended)

@@ -67,6 +67,8 @@ BETWEEN = 0.2
 """Share of the way between the feet at whose ends a center of pressure is one foot's."""
 SHARED = 0.3
 """Two feet that share a plate for so long are more than a step from one half of it to the other [s]."""
+ANKLES = ("shank.lateral_malleolus", "shank.medial_malleolus", "foot.ankle")
+"""What shows a foot that has no marker on a landmark."""
 LASTS = 0.05
 """Share of a recording in which feet stand without a force, from which on it counts."""
 
@@ -83,17 +85,14 @@ def uncovered_share(recording: Recording, weight: float, options: ForceOptions |
     time, force, _ = found
     shift = options.force_shift if options is not None and options.force_shift else clock_shift(markers.time, time)
     time = time + (shift or 0.0)
-    stands = np.zeros(len(markers), bool)
-    seen = False
+    places = []
     for side in SIDES:
-        for keys in (("foot.heel",), FOREFOOT):
-            place = mean_place(recording, *keys, side=side)
-            if place is None:
-                continue
-            seen = True
-            stands |= _stands(place @ recording.laboratory.rotation.T, markers.time)
-    if not seen:
+        ends = [mean_place(recording, *keys, side=side) for keys in (("foot.heel",), FOREFOOT)]
+        places += ends if any(end is not None for end in ends) else [mean_place(recording, *ANKLES, side=side)]
+    standing = [_stands(place @ recording.laboratory.rotation.T, markers.time) for place in places if place is not None]
+    if not standing:
         return float("nan")
+    stands = np.any(standing, axis=0)
     carried = np.interp(markers.time, time, np.nan_to_num(force), left=0.0, right=0.0)
     return float(np.mean(stands & (carried < CARRIES * weight)))
 

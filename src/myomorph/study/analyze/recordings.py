@@ -250,7 +250,7 @@ def same_body(recording: Recording, other: Recording) -> bool:
     """Whether two recordings share most of their markers, and distances on pelvis and shanks agree."""
     mine, theirs = ({site: label for label, site in each.found.sites.items()} for each in (recording, other))
     shared = mine.keys() & theirs.keys()
-    if len(shared) < 6 or len(shared) < SHARED * len(theirs):
+    if len(shared) < 6 or len(shared) < SHARED * max(len(mine), len(theirs)):
         return False
     assert recording.trial.markers is not None
     assert other.trial.markers is not None

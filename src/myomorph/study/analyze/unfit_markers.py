@@ -21,7 +21,9 @@ ARM_SHORT = frozenset(
 ARM_SEGMENTS = frozenset(("upper_arm", "forearm", "hand"))
 LEG_SEGMENTS = frozenset(("thigh", "shank", "foot"))
 MIN_ARM = 4
-"""So many labels on arms, none on a leg, make a recording of an arm."""
+"""So many labels on arms, none on a leg, make a recording of an arm, ..."""
+MIN_SHARE = 0.2
+"""... and so large a share of all labels."""
 MOSTLY = 0.8
 """Share of labels that makes all of them of a kind."""
 
@@ -58,4 +60,4 @@ def is_arm(recognized: Recognized) -> bool:
     plain = [name.split(":")[-1].strip().lower() for name in (*recognized.unknown, *recognized.sites)]
     named = sum(ARM_WORDS.search(name) is not None for name in plain)
     short = sum(name in ARM_SHORT for name in plain)
-    return max(known, named, short) >= MIN_ARM
+    return max(known, named, short) >= max(MIN_ARM, MIN_SHARE * len(plain))

@@ -70,7 +70,8 @@ def calibrated(subject: SubjectInputs, options: CalibrationOptions, made: Proven
         calibration = calibrate(model, list(recordings.values()), options, advance, default_path_lengths)
     names = (*recordings, *((files.static.stem,) if files.static else ()))
     warned = tuple(dict.fromkeys(warnings))
-    return Calibrated(calibration, made, warned, recordings=names, findings=tuple(findings))
+    used = names[-len(calibration.frames) :]
+    return Calibrated(calibration, made, warned, recordings=used, findings=(*calibration.doubts, *findings))
 
 
 def standing_markers(path: Path, files: SubjectFiles, model: Model) -> tuple[Markers, list[str]]:

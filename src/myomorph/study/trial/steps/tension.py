@@ -17,6 +17,7 @@ from myomorph.io.loads import write_external_loads
 from myomorph.io.sto import write_sto
 from myomorph.model.contacts import Contacts
 from myomorph.model.errors import BadData
+from myomorph.model.findings import Finding
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series, Table, Wrenches
@@ -26,7 +27,8 @@ from myomorph.report.trial.summary_lines import tension_line
 from myomorph.store import contact_store
 from myomorph.store import stored as store
 from myomorph.store.progress import progress
-from myomorph.store.results import Stored
+from myomorph.store.outcome import Outcome
+from myomorph.store.results import Stored, get_findings, put_findings
 from myomorph.store.settings import Differentiation, EmgUse, ForceOptions, TensionTables
 from myomorph.store.stored import get_conflicts
 from myomorph.study.inputs.actuators import Actuators
@@ -55,7 +57,7 @@ from myomorph.tension.task import (
     evenly_spaced,
     tension_task,
 )
-from myomorph.tension.tension import LARGE, Tension, TensionOptions, contact_notes
+from myomorph.tension.tension import LARGE, Tension, TensionOptions, contact_notes, missing_support
 from myomorph.tension.terms.contacts import ContactOptions
 
 if TYPE_CHECKING:
@@ -63,12 +65,14 @@ if TYPE_CHECKING:
 
 CONTACT_FORCES, CONTACTS, ALL_TORQUES = "contact_forces", "contacts.csv", "torques_with_contacts.sto"
 CONTACT_GROUPS = "contact_groups.sto"
+FINDINGS = "tension_findings"
 
 
 @dataclass(frozen=True, eq=False)
 class Tensions:
     """Muscle tensions of a motion; where contact forces were estimated, which site touches what. `loads` are every
-    external force, those of estimated contacts included, `carried` the generalized forces under all of them.
+    external force, those of estimated contacts included, `carried` the generalized forces under all of them;
+    `findings`: where contacts cannot carry the body.
     """
 
     tension: Tension
@@ -76,6 +80,7 @@ class Tensions:
     loads: Wrenches | None = None
     carried: Series | None = None
     notes: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
 
 
 def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques | None) -> Tensions:
@@ -111,7 +116,9 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques 
         notes += _write_warnings(trial, solution, output)
         # Where the tensions have passive force too, their own notes say it.
         notes = (*(() if tension.options.passive else contact_notes(solution.found)), *notes)
-    return Tensions(tension, task.setting.contacts, loads, carried, notes)
+    findings = missing_support(tension, trial.model.mass * float(np.linalg.norm(trial.model.gravity)))
+    put_findings(output.writer, FINDINGS, findings)
+    return Tensions(tension, task.setting.contacts, loads, carried, notes, findings)
 
 
 def strides_of_trial(trial: TrialInputs, poses: Poses, torques: Torques | None) -> Strides | None:
@@ -223,7 +230,10 @@ def _write_warnings(trial: TrialInputs, solution: ContactSolution, output: StepO
 
 def _read(stored: Stored, options: OptionSet) -> Tensions | None:
     tension = store.get_tension(stored, options[TensionOptions])
-    return None if tension is None else Tensions(tension, carried=contact_store.get_forces_with_contacts(stored))
+    if tension is None:
+        return None
+    carried = contact_store.get_forces_with_contacts(stored)
+    return Tensions(tension, carried=carried, findings=get_findings(stored, FINDINGS))
 
 
 def _hashed(trial: TrialInputs) -> Sequence[object]:
@@ -270,7 +280,7 @@ def _show(report_input: ReportInput, stored: Stored) -> ReportInput:
             tension.fibers,
         )
     return replace(
-        report_input,
+        report_input.with_warnings(map(str, get_findings(stored, FINDINGS))),
         contacts=contacts,
         tension=shown,
         joint_contacts=contact_store.get_joint_contacts(stored),
@@ -324,6 +334,11 @@ def _numbers(stored: Stored, model: Model, strides: TrialStrides | None) -> Iter
             yield Value("tension", f"{name}_reserve, largest", float(largest[index]), unit)
 
 
+def _outcome(outcome: Outcome, tensions: Tensions) -> Outcome:
+    """Where contacts cannot carry the body."""
+    return replace(outcome, findings=(*outcome.findings, *map(str, tensions.findings)))
+
+
 def _line(trial: TrialInputs, results: ByType) -> str:
     """Frames that are optimal, reserves, and the filter."""
     return tension_line(trial.model, results[Tensions].tension) + filter_summary(trial, results[Poses].recorded)
@@ -347,5 +362,10 @@ STEP = Step(
     signals=_signals,
     numbers=_numbers,
     numbers_last=True,
+    outcome=_outcome,
+    outcome_variables=(
+        *("time", "muscle", "activation", "muscle_force", "balanced_coordinate", "balanced_torque", "tension_status"),
+        *("equilibrium_residual", "tension_iterations", "activation_lower", "activation_upper", "muscle_overstretched"),
+    ),
     command=StepCommand(_line, draws=True, times=lambda tensions: tensions.tension.time),
 )
