@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from tests.sensor_files import write_orientations
 from tests.truths.simulated_sensors import SensorErrors, SimulatedSensors, simulated_sensors
 
 import myomorph as mm
@@ -24,7 +25,6 @@ from myomorph.motion.sensors.mounting import trunk_acceleration
 from myomorph.motion.sensors.sensor_kinematics import SensorRecording, sensor_kinematics
 from myomorph.motion.sync import cut
 from myomorph.tension.contact_setting import all_loads
-from tests.sensor_files import write_orientations
 
 Row = dict[str, object]
 WALKS = tuple(case for case in CASES if case.name.startswith("walk"))

@@ -337,7 +337,7 @@ def missing_support(tension: Tension, weight: float) -> tuple[Finding, ...]:
     worst = int(np.nanargmax(left))
     text = (
         f"contacts cannot carry the motion: forces of {size:.0f} N (root mean square; {left[worst]:.0f} N at "
-        f"{tension.time[worst]:.2f} s) come from nowhere, beside a weight of {weight:.0f} N: believe neither contact forces "
-        "nor torques and tensions (is a support missing, --contacts, or the motion too noisy, --cutoff?)"
+        f"{tension.time[worst]:.2f} s) come from nowhere, beside a weight of {weight:.0f} N: believe neither contact "
+        "forces nor torques and tensions (is a support missing, --contacts, or the motion too noisy, --cutoff?)"
     )
     return (Finding("missing support", "contacts", text, size=size),)

@@ -63,7 +63,7 @@ def _plate(raw: RawC3d, group: str, index: int, kind: int, meters: float, notes:
         samples = samples * _factors(kind, texts, meters, name, notes)
     if kind == 2 and _in_millimeters(samples, corners):
         notes.append(
-            f"the moments of {name}, in '{units[columns[3]]}' by the file, put its force far off the plate: taken as N mm"
+            f"moments of {name}, in '{units[columns[3]]}' by the file, put its force far off the plate: taken as N mm"
         )
         samples[:, 3:] *= 1e-3
     polynomial = raw.numbers(group, "FPCOPPOLY")[12 * index : 12 * index + 12]

@@ -128,7 +128,7 @@ def far_zeros(zeros: tuple[ZeroAngle, ...], mended: bool) -> Finding | None:
     named = ", ".join(f"{zero.coordinate} {np.degrees(zero.offset):.0f}°" for zero in far)
     then = "calibrated on the static trial alone" if mended else "their angles are off by as much (--static shows them)"
     text = (
-        f"zero angles are far from the generic model's ({named}), for the motion turns bones as the model's joints cannot "
-        f"(a foot that bends, a shank that twists): {then}"
+        f"zero angles are far from the generic model's ({named}), for the motion turns bones as the model's joints "
+        f"cannot (a foot that bends, a shank that twists): {then}"
     )
     return Finding("far zero angles", far[0].coordinate, text, mended=mended)

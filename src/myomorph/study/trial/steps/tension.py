@@ -26,8 +26,8 @@ from myomorph.report.trial.report_input import EstimatedContacts, ReportInput, S
 from myomorph.report.trial.summary_lines import tension_line
 from myomorph.store import contact_store
 from myomorph.store import stored as store
-from myomorph.store.progress import progress
 from myomorph.store.outcome import Outcome
+from myomorph.store.progress import progress
 from myomorph.store.results import Stored, get_findings, put_findings
 from myomorph.store.settings import Differentiation, EmgUse, ForceOptions, TensionTables
 from myomorph.store.stored import get_conflicts
