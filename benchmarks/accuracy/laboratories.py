@@ -106,11 +106,11 @@ def _row(recording: Recording, folder: Path) -> Row:
         row |= _result(out) if status == 0 else {"implausible": ""}
         said = said.replace(str(folder), "").replace(name, "")
     lines = [line.strip() for line in said.splitlines()]
-    warnings = [line for line in lines if "warning" in line.lower()]
+    findings = [line for line in said.partition("study file, ")[2].splitlines() if line.startswith("  ")]
     row["mass"] = "guessed" if guessed else "of the set" if recording.mass else "of the plates"
-    row["warnings"] = len(warnings)
-    first = next((line for line in lines if "marker protocol" in line), "") if status == 0 else lines[-1]
-    row["says"] = first.removeprefix("error: ")[:300]
+    row["warnings"] = len(findings)
+    told = [line for line in lines if "marker protocol" in line or "Nobody moves" in line] if status == 0 else lines[-1:]
+    row["says"] = " ".join(told).removeprefix("error: ")[:300]
     return row
 
 

@@ -53,6 +53,8 @@ def measure(folder: Path) -> Iterator[Row]:
             "moment arm of": f"{arm.muscle} about {arm.arm_about}, {arm.arm_at[0]} {arm.arm_at[1]:.2f}",
             "own [mm]": 1e3 * max(one.own for one in every),
             "poses within, all together [%]": 100.0 * float(np.mean([one.share for one in every])),
+            "force at rest [% of strength]": 100.0 * max(one.force for one in every),
+            "force in motion [% of strength]": 100.0 * max(one.moving_force for one in every),
             "torque [N m]": certificate.torque,
             "mass [kg]": certificate.mass,
             "steps": "yes" if certificate.steps else "no",

@@ -23,6 +23,8 @@ PAGES: dict[str, dict[str, str]] = {
         "loops_trees": "accuracy.loops:measure_trees",
         "loop_arms": "accuracy.loop_forces:measure_arms",
         "mujoco": "accuracy.mujoco_models:measure",
+        "mujoco_control": "accuracy.mujoco_control:measure",
+        "mujoco_control_torques": "accuracy.mujoco_control:measure_torques",
     },
     "kinematics-and-dynamics": {
         "inverse_kinematics": "accuracy.kinematics:measure_inverse_kinematics",

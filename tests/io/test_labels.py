@@ -98,3 +98,11 @@ def test_a_recorded_label_is_the_marker_that_a_file_writes_for_it(recorded, fitt
     markers = tuple(Marker(name, "ground", np.zeros(3)) for name in ("r_asis", "sacrum", "r_met"))
     model = Model("hip", (), (), (), np.zeros(3)).with_markers(markers)
     assert fitted_to(model, trial(*recorded)).markers.names == fitted
+
+
+def test_a_recording_of_which_the_model_has_few_markers_says_so():
+    markers = tuple(Marker(name, "ground", np.zeros(3)) for name in "abcd")
+    model = Model("hip", (), (), (), np.zeros(3)).with_markers(markers)
+    (warning,) = fitted_to(model, trial("a", "x", "y", "z")).warnings
+    assert "1 of the model's 4 markers were recorded, and 3 labels are none of its markers ('x', 'y', 'z')" in warning
+    assert not fitted_to(model, trial("a", "b", "y", "z")).warnings

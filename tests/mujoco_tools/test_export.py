@@ -19,7 +19,9 @@ from myomorph.mujoco_tools.certificate import TOLERANCE
 from myomorph.mujoco_tools.copy import MujocoCopy
 from myomorph.mujoco_tools.export import in_copy, mujoco_model
 from myomorph.mujoco_tools.joints import mujoco_joints
+from myomorph.mujoco_tools.muscle_forces import mujoco_muscles
 from myomorph.mujoco_tools.ranges import poses_over_ranges
+from myomorph.muscles.hill import hill_forces
 from myomorph.muscles.path import compile_paths
 from myomorph.rigid.dynamics import inverse_dynamics, motion_arrays
 from myomorph.rigid.tree import compile_tree
@@ -27,6 +29,7 @@ from myomorph.rigid.tree import compile_tree
 GAIT = "opensim-gait-subject01/ref_scale/gait2354_simbody.osim"
 WALKER = "rajagopal-walk-emg/raw/Rajagopal2016.osim"
 POSES = 40
+FIBER_AND_TENDON = ("optimal_fiber_length", "tendon_slack_length")
 
 
 @pytest.fixture(scope="module")
@@ -99,6 +102,21 @@ def test_torques_of_the_copy_are_those_of_the_model(gait):
         np.testing.assert_allclose(theirs[name], ours[:, i], atol=1e-6)
 
 
+def test_muscles_of_mujoco_pull_as_those_that_were_fitted(gait):
+    """MuJoCo puts defaults in the place of parameters that it does not allow, and says nothing."""
+    model, path, certificate = gait
+    fitted = replace(model, muscles=mujoco_muscles(model))
+    random = np.random.default_rng(4)
+    shape = 50, len(model.muscles)
+    fiber, slack = (np.array([getattr(muscle, name) for muscle in fitted.muscles]) for name in FIBER_AND_TENDON)
+    lengths, speeds = slack + fiber * random.uniform(0.4, 1.7, shape), fiber * random.uniform(-8.0, 8.0, shape)
+    ours = hill_forces(fitted, lengths, speeds)
+    active, passive = MujocoCopy(path, mujoco_joints(model)).muscle_forces(lengths, speeds)
+    np.testing.assert_allclose(active, ours.active, atol=1e-6)
+    np.testing.assert_allclose(passive, ours.passive, atol=1e-6)
+    assert any("differ by up to" in line and "where they move" in line for line in certificate.lines)
+
+
 def test_the_file_gives_the_model_back(gait):
     model, path, _ = gait
     back = mm.read_model(path)
@@ -163,7 +181,7 @@ def test_a_spline_is_held_by_a_cam(tmp_path):
     model = Model("leg", (body,), (joint,), (knee,), np.array([0.0, -9.81, 0.0]))
     path = tmp_path / "leg.xml"
     assert mm.write_mjcf(model, path).torque < 1e-6
-    copied, cams, _, _ = mujoco_model(model)
+    copied, cams, _ = mujoco_model(model)
     assert len(cams) == len(cams_of(mujoco_joints(model))[0]) == 1
     copy = MujocoCopy(path, copied)
     for angle in np.linspace(-1.99, 0.19, 23):

@@ -12,6 +12,7 @@ from myomorph.model.errors import quoted
 from myomorph.model.model import Model
 from myomorph.model.series import Motion
 from myomorph.mujoco_tools.copy import MujocoCopy
+from myomorph.mujoco_tools.muscle_forces import force_differences
 from myomorph.muscles.path import Paths, compile_paths
 from myomorph.rigid.dynamics import inverse_dynamics, motion_arrays
 from myomorph.rigid.tree import compile_tree
@@ -38,7 +39,8 @@ class Difference:
         [m/rad or m/m]
     length_together, arm_together : largest differences, all coordinates moved together
     share : of those poses, the share in which length and moment arms are within the tolerance
-    force : largest difference of isometric force, over the muscle's strength
+    force, moving_force : largest differences of MuJoCo's isometric force and of that in motion, over the muscle's
+        strength (`force_differences`)
     """
 
     muscle: str
@@ -52,6 +54,7 @@ class Difference:
     arm_together: float
     share: float
     force: float
+    moving_force: float
 
     @property
     def within(self) -> bool:
@@ -99,6 +102,7 @@ class Certificate:
                 "moment arm together [mm]": 1e3 * one.arm_together,
                 "share of poses within": one.share,
                 "isometric force": one.force,
+                "force in motion": one.moving_force,
             }
             for one in self.differences
         ]
@@ -144,8 +148,9 @@ class Certificate:
         if strengths:
             one = max(strengths, key=lambda one: one.force)
             lines.append(
-                f"MuJoCo's muscle curves differ by up to {100.0 * one.force:.0f} % of a muscle's strength "
-                f"('{one.muscle}'): the table of curves has ours"
+                f"MuJoCo's muscles differ by up to {100.0 * one.force:.0f} % of their strength where they rest "
+                f"('{one.muscle}'), by {100.0 * max(one.moving_force for one in strengths):.0f} % where they move: the "
+                "table of curves has ours"
             )
         return (*lines, *self.notes)
 
@@ -156,7 +161,6 @@ def certify(
     coordinates: Array,
     copied: Array,
     swept: Array,
-    forces: Array,
     notes: tuple[str, ...] = (),
 ) -> Certificate:
     """Compare MuJoCo's copy with the model.
@@ -165,9 +169,8 @@ def certify(
     ----------
     coordinates, copied : the poses (poses, coordinates) in the model's coordinates and in those of the copy
     swept : (poses,) as of `poses_over_ranges`
-    forces : (muscles,) as of `mujoco_muscles`
     """
-    differences = _differences(model, copy, coordinates, copied, swept, forces) if model.muscles else ()
+    differences = _differences(model, copy, coordinates, copied, swept) if model.muscles else ()
     torque, largest = _torques(copy, copied)
     mass = float(copy.m.body_mass.sum()) - model.mass
     return Certificate(
@@ -176,7 +179,7 @@ def certify(
 
 
 def _differences(
-    model: Model, copy: MujocoCopy, coordinates: Array, copied: Array, swept: Array, forces: Array
+    model: Model, copy: MujocoCopy, coordinates: Array, copied: Array, swept: Array
 ) -> tuple[Difference, ...]:
     paths = compile_paths(model)
     lengths, _, pairs = paths.evaluate(coordinates)
@@ -195,6 +198,7 @@ def _differences(
     columns = [model.coordinate_names.index(copy.free[free[index]]) for index in about]
     muscles = np.arange(len(model.muscles))
     own = _off_slopes(paths, coordinates[arms_at], columns, ours[arms_at, muscles, about])
+    still, moving = force_differences(model, copy)
     result = []
     for m, muscle in enumerate(model.muscles):
         at, arm_at = alone[np.argmax(off[alone, m])], arms_at[m]
@@ -211,7 +215,8 @@ def _differences(
                 float(off[together, m].max(initial=0.0)),
                 float(arms_off[together, m].max(initial=0.0)),
                 float(within.mean()),
-                float(forces[m]),
+                float(still[m]),
+                float(moving[m]),
             )
         )
     return tuple(result)

@@ -111,6 +111,21 @@ class MujocoCopy:
                     arms[pose] -= jacobian[:, self.followers] @ slopes
         return lengths, arms
 
+    def muscle_forces(self, lengths: Array, speeds: Array) -> tuple[Array, Array]:
+        """Active forces of full activation and passive ones, (samples, muscles), of tendons as long and fast [N]."""
+        forces = np.zeros((2, *lengths.shape))
+        for i in range(lengths.shape[1]):
+            bounds, strength, values = (
+                self.m.actuator_lengthrange[i],
+                self.m.actuator_acc0[i],
+                self.m.actuator_gainprm[i],
+            )
+            for sample, length in enumerate(lengths[:, i]):
+                gain = mujoco.mju_muscleGain(length, speeds[sample, i], bounds, strength, values[:9])
+                bias = mujoco.mju_muscleBias(length, bounds, strength, values[:9])
+                forces[:, sample, i] = -gain, -bias
+        return forces[0], forces[1]
+
     def generalized_forces(self, coordinates: Array, speeds: Array, accelerations: Array) -> Array:
         """(frames, `simple`) what moves MuJoCo's copy so, by `mj_inverse` without constraints and armature [N m or N].
 

@@ -68,7 +68,7 @@ def write_mjcf(
     (True, ['flexor', 'extensor'])
     """
     path = Path(path)
-    copied, cams, forces, notes = mujoco_model(model)
+    copied, cams, notes = mujoco_model(model)
     folders = [Path(folder) for folder in geometry]
     if model.source:
         beside = Path(model.source).parent
@@ -81,7 +81,7 @@ def write_mjcf(
     coordinates, swept = poses_over_ranges(model, CERTIFIED_POSES, CERTIFIED_SEED)
     copy = MujocoCopy(path, copied)
     there = in_copy(copied, model, coordinates)
-    return certify(model, copy, coordinates, there, swept, forces, (*notes, *document.warnings))
+    return certify(model, copy, coordinates, there, swept, (*notes, *document.warnings))
 
 
 def _drawn_by(model: Model, document: MjcfDocument) -> Model:
@@ -95,8 +95,8 @@ def _drawn_by(model: Model, document: MjcfDocument) -> Model:
     return replace(model, bodies=bodies, ground_meshes=tuple(map(drawn, model.ground_meshes)))
 
 
-def mujoco_model(model: Model) -> tuple[Model, tuple[Cam, ...], Array, tuple[str, ...]]:
-    """The model as MuJoCo can hold it, its cams, differences of its muscles' forces, and notes."""
+def mujoco_model(model: Model) -> tuple[Model, tuple[Cam, ...], tuple[str, ...]]:
+    """The model as MuJoCo can hold it, its cams, and notes."""
     jointed = mujoco_joints(model)
     coordinates, _ = poses_over_ranges(model, FITTED_POSES, FITTED_SEED)
     notes = []
@@ -104,8 +104,8 @@ def mujoco_model(model: Model) -> tuple[Model, tuple[Cam, ...], Array, tuple[str
     if changed:
         lines = [f"{muscle} without {what}" for muscle, what in changed.items()]
         notes.append(f"paths of {len(changed)} muscles have fewer surfaces in MuJoCo: {quoted(lines, 3)}")
-    muscles, forces = mujoco_muscles(model)
-    muscles = tuple(replace(muscle, path=other.path) for muscle, other in zip(muscles, made.muscles, strict=True))
+    pairs = zip(mujoco_muscles(model), made.muscles, strict=True)
+    muscles = tuple(replace(muscle, path=other.path) for muscle, other in pairs)
     cams, polynomials = cams_of(jointed)
     if polynomials:
         names = [coupler.dependent for coupler in polynomials]
@@ -114,7 +114,7 @@ def mujoco_model(model: Model) -> tuple[Model, tuple[Cam, ...], Array, tuple[str
         )
     by_name = {coupler.name: coupler for coupler in polynomials}
     couplers = tuple(by_name.get(coupler.name, coupler) for coupler in made.couplers)
-    return replace(made, muscles=muscles, couplers=couplers), cams, forces, tuple(notes)
+    return replace(made, muscles=muscles, couplers=couplers), cams, tuple(notes)
 
 
 def in_copy(copied: Model, model: Model, coordinates: Array) -> Array:

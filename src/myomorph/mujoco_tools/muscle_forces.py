@@ -1,9 +1,7 @@
 """The parameters of MuJoCo's muscles that come nearest to those of a model, and what they lack.
 
-MuJoCo's muscle has a rigid tendon and no pennation. Its fiber is that of ours along the tendon, L0 cos(pennation), its
-curves are parabolas through the points where ours are half as strong, come to rest, and hold passively:
-
-    l_min = 2 l(f_L = 1/2, rising) - 1,   l_max = 2 l(f_L = 1/2, falling) - 1,   fp_max = 2 f_PE((1 + l_max) / 2).
+MuJoCo's muscle has a rigid tendon and no pennation. Its fiber is that of ours along the tendon, L0 cos(pennation). Its
+curves are parabolas of the fiber's length and velocity, whose parameters have the least sum of squares to ours.
 """
 
 from __future__ import annotations
@@ -16,17 +14,23 @@ from myomorph.model.arrays import Array, read_only
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.paths import Muscle
+from myomorph.mujoco_tools.copy import MujocoCopy
 from myomorph.muscles.hill import hill_forces
 
-RANGE = (0.5, 1.6)
+SHORTEST, LONGEST = RANGE = (0.5, 1.6)
 """Normalized fiber lengths that MuJoCo's `lengthrange` stands for."""
 
 LENGTHS = np.linspace(0.3, 1.9, 321)
 SPEEDS = np.linspace(-1.5, 1.5, 301)
-HALF = 0.5
-STILL = 1e-3
-COMPARED = slice(40, 261)
-"""Of the lengths, those from 0.5 to 1.6, where both muscles are compared."""
+USUAL = 0.5
+"""Velocity up to which curves are fitted; walks and runs stay below it [of the fastest]."""
+COMPARED = (LENGTHS >= SHORTEST) & (LENGTHS <= LONGEST)
+"""Lengths at which both muscles are compared."""
+
+LOW, HIGH = np.linspace(0.0, 0.9, 181), np.linspace(1.1, 3.0, 381)
+"""Choices of `lmin` and `lmax`; MuJoCo takes a negative `lmin` for none and puts its default there."""
+FASTEST, STRONGEST = np.linspace(0.2, 1.5, 261), np.linspace(1.02, 2.5, 297)
+"""Choices of `vmax` over that of ours, and of `fvmax`."""
 
 TIME_CONSTANTS = (0.01, 0.04)
 """Activation and deactivation [s]."""
@@ -72,28 +76,27 @@ def _fibers(model: Model) -> tuple[Array, Array, Array]:
     return fiber, slack, np.array([muscle.max_contraction_velocity for muscle in model.muscles])
 
 
-def mujoco_muscles(model: Model) -> tuple[tuple[Muscle, ...], Array]:
-    """The muscles as MuJoCo's, and the largest difference of each one's isometric force, over its strength.
-
-    Returns
-    -------
-    muscles, differences : (muscles,) of active and passive force at fiber lengths from 0.5 to 1.6
-    """
+def mujoco_muscles(model: Model) -> tuple[Muscle, ...]:
+    """The muscles as MuJoCo's; those that are stay."""
     if not model.muscles:
-        return (), np.zeros(0)
+        return ()
     curves = curves_of(model)
     fiber, slack, fastest = _fibers(model)
+    rising, falling = COMPARED & (LENGTHS <= 1.0), COMPARED & (LENGTHS >= 1.0)
+    low = _nearest(LOW, _active(1.0 - LENGTHS[rising], 0.5 * (1.0 - LOW)), curves.active[rising])
+    half = 0.5 * (HIGH - 1.0)
+    high = _nearest(HIGH, _active(LENGTHS[falling] - 1.0, half), curves.active[falling])
+    slower, faster = (SPEEDS >= -USUAL) & (SPEEDS <= 0.0), (SPEEDS >= 0.0) & (SPEEDS <= USUAL)
+    share = _nearest(FASTEST, np.maximum(1.0 + SPEEDS[slower] / FASTEST[:, None], 0.0) ** 2, curves.velocity[slower])
     made = []
     for m, muscle in enumerate(model.muscles):
         if muscle.kind == "mujoco":
             made.append(muscle)
             continue
-        active, velocity = curves.active[:, m], curves.velocity[:, m]
-        peak = int(np.argmax(active))
-        low = np.interp(HALF, active[: peak + 1], LENGTHS[: peak + 1])
-        high = np.interp(-HALF, -active[peak:], LENGTHS[peak:])
-        low, high = 2.0 * low - 1.0, 2.0 * high - 1.0
-        still = SPEEDS[velocity > STILL]
+        stretch = (LENGTHS[falling] - 1.0) / (0.5 * (high[m] - 1.0))
+        shape = np.where(stretch < 1.0, 0.5 * stretch**2, stretch - 0.5)
+        over = STRONGEST[:, None] - 1.0
+        lengthening = 1.0 + over - np.maximum(over - SPEEDS[faster] / share[m], 0.0) ** 2 / over
         parameters = {
             "range0": RANGE[0],
             "range1": RANGE[1],
@@ -101,11 +104,11 @@ def mujoco_muscles(model: Model) -> tuple[tuple[Muscle, ...], Array]:
             "lengthrange1": slack[m] + RANGE[1] * fiber[m],
             "force": curves.strength[m],
             "scale": 200.0,
-            "lmin": low,
-            "lmax": high,
-            "vmax": fastest[m] * (-still[0] if len(still) else 1.0),
-            "fpmax": max(2.0 * np.interp(0.5 * (1.0 + high), LENGTHS, curves.passive[:, m]), 0.0),
-            "fvmax": max(float(velocity.max()), 1.01),
+            "lmin": low[m],
+            "lmax": high[m],
+            "vmax": fastest[m] * share[m],
+            "fpmax": max(float(shape @ curves.passive[falling, m] / (shape @ shape)), 0.0),
+            "fvmax": _nearest(STRONGEST, lengthening, curves.velocity[faster, m : m + 1])[0],
             "timeconst0": TIME_CONSTANTS[0],
             "timeconst1": TIME_CONSTANTS[1],
         }
@@ -122,6 +125,30 @@ def mujoco_muscles(model: Model) -> tuple[tuple[Muscle, ...], Array]:
                 viscosity=0.0,
             )
         )
-    after = curves_of(replace(model, muscles=tuple(made)))
-    wrong = np.abs(after.active - curves.active)[COMPARED] + np.abs(after.passive - curves.passive)[COMPARED]
-    return tuple(made), wrong.max(axis=0)
+    return tuple(made)
+
+
+def _active(away: Array, half: Array) -> Array:
+    """(choices, lengths) of MuJoCo's active curve at lengths `away` from the optimum, half as strong at `half`."""
+    x = away / half[:, None]
+    return np.where(x < 1.0, 1.0 - 0.5 * x**2, 0.5 * np.maximum(2.0 - x, 0.0) ** 2)
+
+
+def _nearest(choices: Array, shapes: Array, wanted: Array) -> Array:
+    """(muscles,) the choice whose shape (choices, samples) has the least sum of squares to what is wanted."""
+    costs = (shapes**2).sum(axis=1)[:, None] - 2.0 * shapes @ wanted
+    return np.asarray(choices[costs.argmin(axis=0)])
+
+
+def force_differences(model: Model, copy: MujocoCopy) -> tuple[Array, Array]:
+    """(muscles,) largest differences of MuJoCo's forces from ours over each muscle's strength: isometric, active and
+    passive, at fiber lengths from 0.5 to 1.6, and active at the optimal length at any velocity.
+    """
+    curves = curves_of(model)
+    fiber, slack, fastest = _fibers(model)
+    strength = np.where(curves.strength > 0.0, curves.strength, np.inf)
+    lengths, speeds = slack + LENGTHS[COMPARED, None] * fiber, SPEEDS[:, None] * (fastest * fiber)
+    active, passive = copy.muscle_forces(lengths, np.zeros_like(lengths))
+    still = np.abs(active / strength - curves.active[COMPARED]) + np.abs(passive / strength - curves.passive[COMPARED])
+    moving = copy.muscle_forces(np.broadcast_to(slack + fiber, speeds.shape), speeds)[0] / strength - curves.velocity
+    return still.max(axis=0), np.abs(moving).max(axis=0)

@@ -32,7 +32,10 @@ def test_standing_still_is_no_motion(tmp_path) -> None:
     write_trc(standing(), tmp_path / "still.trc")
     write_trc(standing(0.3), tmp_path / "moving.trc")
     assert look_at(tmp_path / "still.trc").still
-    assert not look_at(tmp_path / "moving.trc").still
+    moving = look_at(tmp_path / "moving.trc")
+    assert not moving.still
+    assert not moving.shown_still(None)
+    assert moving.shown_still((0.0, 0.02))
 
 
 def test_height_of_the_body_that_markers_show(tmp_path) -> None:

@@ -110,6 +110,8 @@ def recorded_trial(
             texts.append(f"{laboratory.up} points up in the laboratory, for {why}: turned to the model's y axis.")
         if laboratory.turn:
             texts.append(f"Turned by {laboratory.turn:g}° about the vertical, for {recording.why_turn}.")
+    if recording.shown_still(request.time):
+        texts.append("Nobody moves in it: angles, torques and tensions are those of one pose.")
     emg, of_emg = _emg(recording, model, files.get(EmgFiles))
     texts += of_emg
     plates, path = recording.trial.plates, recording.near.get("loads")

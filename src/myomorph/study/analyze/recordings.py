@@ -16,6 +16,7 @@ from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.inertial_sensors import InertialSensors
 from myomorph.model.series import Trial
 from myomorph.motion.protocols import ProtocolTable, Recognized, Site, recognize
+from myomorph.motion.sync import cut
 from myomorph.study.analyze.sensor_recordings import is_still
 from myomorph.study.inputs.beside import plain_stem
 from myomorph.study.inputs.laboratory import AS_RECORDED, Laboratory, Up
@@ -63,6 +64,14 @@ class Recording:
     near: Mapping[str, Path] = field(default_factory=lambda: FrozenMap({}))
     sensors: InertialSensors | None = None
     sensor_files: tuple[Path, ...] = ()
+
+    def shown_still(self, time: tuple[float, float] | None) -> bool:
+        """Whether its markers show somebody who stands still, in a part of it [s] or in all of it."""
+        markers = self.trial.markers
+        if markers is None:
+            return False
+        used = markers if time is None else cut(markers, *time)
+        return stands_still(used[label] for label in self.found.sites)
 
 
 def look_at(path: Path, name: str = "", table: ProtocolTable | None = None) -> Recording:

@@ -14,7 +14,7 @@ from myomorph.io.formats import read_model, read_trial
 from myomorph.io.osim.document import legal
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.arrays import Array
-from myomorph.model.errors import BadData, BadFile, BadModel, UnknownName, listing
+from myomorph.model.errors import BadData, BadFile, BadModel, UnknownName, listing, quoted
 from myomorph.model.model import Model
 from myomorph.model.series import Z_UP_TO_Y_UP, ForcePlate, Motion, Series, Trial
 
@@ -134,6 +134,13 @@ def fitted_to(model: Model, trial: Trial) -> Trial:
             from myomorph.motion.ik import InverseKinematicsOptions, tracked_markers
 
             tracked_markers(model, markers, InverseKinematicsOptions())
+    if 2 * len(shared) < min(len(model.markers), len(markers.names)):
+        others = [name for name in markers.names if name not in shared]
+        warning = (
+            f"{len(shared)} of the model's {len(model.markers)} markers were recorded, and {len(others)} labels are "
+            f"none of its markers ({quoted(others, 3)}): are these its markers under other names (--labels)?"
+        )
+        trial = replace(trial, warnings=(*trial.warnings, warning))
     # Brings Numba and SciPy: a model alone is read without.
     from myomorph.motion.measurements import default_markers
 

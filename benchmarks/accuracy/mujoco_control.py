@@ -1,0 +1,228 @@
+"""Recorded walks in MuJoCo under our activations: what its muscles give beside ours, and where its steps lead.
+
+The steps of a recording give angles, torques and activations; the model is exported. MuJoCo's copy gets the recorded
+ground forces, our reserves and our activations, as they are and without dynamics of its own, and computes the forces of
+its muscles itself.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline, CubicSpline
+
+import myomorph as mm
+from benchmarks.recordings import RECORDINGS, read_markers
+from myomorph.io.loads import read_external_loads
+from myomorph.io.mjcf.compile import silent_mujoco
+from myomorph.model.arrays import Array
+from myomorph.mujoco_tools.copy import MujocoCopy
+from myomorph.mujoco_tools.export import in_copy, mujoco_model
+from myomorph.mujoco_tools.muscle_forces import mujoco_muscles
+from myomorph.muscles.path import compile_paths
+from myomorph.rigid.dynamics import rates_of
+from myomorph.rigid.tree import compile_tree
+from myomorph.tension.tension import Tension, TensionOptions
+
+Row = dict[str, object]
+WALKS = {"gait2354": (0.5, 1.6), "rajagopal": (0.6, 1.6), "opencap-walk": (0.3, 1.2)}
+"""Recordings, and the part in which plates catch all steps [s]."""
+CUTOFF = 6.0
+WINDOWS = (0.05, 0.1)
+"""Steps without correction [s], from starts this far apart."""
+BETWEEN = 0.1
+STIFFNESS, DAMPING = (300.0, 2e4), (15.0, 1e3)
+"""Of the correction, for angles and for the pelvis' place [N m/rad], [N m s/rad] and [N/m], [N s/m]."""
+IDLE = int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
+TRANSLATIONS = ("pelvis_tx", "pelvis_ty", "pelvis_tz")
+COORDINATES = ("hip_flexion_r", "hip_adduction_r", "hip_rotation_r", "knee_angle_r", "ankle_angle_r")
+
+
+class Activations(NamedTuple):
+    """Activations of some muscles, and the torques that those muscles give with them, by our formulas."""
+
+    of: str
+    tension: Tension
+    torques: Array
+
+
+@dataclass(frozen=True)
+class Walk:
+    """A walk and the model's copy, its coordinates `there` and `rates` (frames, coordinates), our moment arms `arms`
+    (frames, muscles, free).
+    """
+
+    motion: mm.Motion
+    wrenches: mm.Wrenches
+    activations: tuple[Activations, ...]
+    copy: MujocoCopy
+    there: Array
+    rates: Array
+    arms: Array
+
+
+def measure(folder: Path) -> Iterator[Row]:
+    """A row a walk and choice of activations: torques of muscles, and errors of MuJoCo's steps."""
+    for name, walk in _walks(folder):
+        yield _row(walk, name, "none, torques of our muscles", walk.activations[0], False)
+        for choice in walk.activations:
+            yield _row(walk, name, choice.of, choice, True)
+
+
+def measure_torques(folder: Path) -> Iterator[Row]:
+    """A row a walk and coordinate: torques of MuJoCo's muscles less those of ours, by the choice of activations."""
+    for name, walk in _walks(folder):
+        theirs = [_mujoco_torques(walk, choice.tension) for choice in walk.activations]
+        for coordinate in COORDINATES:
+            column = walk.copy.free.index(coordinate)
+            ours = walk.activations[0].torques[:, column]
+            row: Row = {"walk": name, "coordinate": coordinate, "ours, range [N m]": float(np.ptp(ours))}
+            for choice, torques in zip(walk.activations, theirs, strict=True):
+                off = _rms(torques[:, column] - choice.torques[:, column])
+                row |= {f"{choice.of}, RMS [N m]": off, f"{choice.of} [% of range]": 100.0 * off / float(np.ptp(ours))}
+            yield row
+
+
+def _walks(folder: Path) -> Iterator[tuple[str, Walk]]:
+    for name in WALKS:
+        if (folder / RECORDINGS[name].model).exists():
+            yield name, _walk(folder, name)
+
+
+@lru_cache(maxsize=len(WALKS))
+def _walk(folder: Path, name: str) -> Walk:
+    files = RECORDINGS[name]
+    model = mm.read_model(folder / files.model)
+    whole = mm.differentiate(mm.inverse_kinematics(model, read_markers(folder / files.markers)).motion, CUTOFF)
+    motion = whole.frames((whole.time >= WALKS[name][0]) & (whole.time <= WALKS[name][1]))
+    wrenches = mm.resample_wrenches(read_external_loads(folder / files.loads), motion.time, CUTOFF)
+    torques = mm.inverse_dynamics(model, motion, wrenches)
+    with tempfile.TemporaryDirectory() as temporary:
+        path = Path(temporary) / "walk.xml"
+        mm.write_mjcf(model, path)
+        copied = mujoco_model(model)[0]
+        copy = MujocoCopy(path, copied)
+    coordinates, speeds = rates_of(compile_tree(model), motion)
+    there = in_copy(copied, model, coordinates)
+    rates = np.zeros_like(there)
+    rates[:, [copied.coordinate_names.index(column) for column in model.coordinate_names]] = speeds
+    rates = rates_of(compile_tree(copied), mm.Motion(motion.time, copied.coordinate_names, there, rates))[1]
+    paths = compile_paths(model)
+    _, _, pairs = paths.evaluate(coordinates)
+    arms = np.zeros((len(motion), len(model.muscles), len(model.coordinates)))
+    arms[:, paths.arm_muscle, paths.arm_coordinate] = pairs
+    arms = arms[:, :, [model.coordinate_names.index(column) for column in copy.free]]
+    choices = []
+    for of, muscles, passive in (
+        ("of our muscles", model.muscles, False),
+        ("of our muscles with passive force", model.muscles, True),
+        ("of MuJoCo's muscles", mujoco_muscles(model), True),
+    ):
+        tension = mm.solve_tension(replace(model, muscles=muscles), motion, torques, TensionOptions(passive=passive))
+        choices.append(Activations(of, tension, np.einsum("fmc,fm->fc", arms, tension.forces)))
+    return Walk(motion, wrenches, tuple(choices), copy, there, rates, arms)
+
+
+def _mujoco_torques(walk: Walk, tension: Tension) -> Array:
+    """(frames, free) what MuJoCo's muscles give in the recorded states [N m or N]."""
+    copy, torques = walk.copy, np.empty(walk.arms.shape[::2])
+    arms = copy.lengths_and_arms(walk.there)[1]
+    for frame in range(len(walk.motion)):
+        _start(walk, frame)
+        copy.d.act[:] = tension.activations[frame]
+        mujoco.mj_forward(copy.m, copy.d)
+        torques[frame] = -copy.d.actuator_force[: len(tension.muscles)] @ arms[frame]
+    return torques
+
+
+def _start(walk: Walk, frame: int, muscles: bool = True) -> None:
+    """Put MuJoCo's copy into the recorded state of a frame, its muscles idle where they are not wanted."""
+    copy = walk.copy
+    flags = copy.m.opt.disableflags & ~IDLE
+    copy.m.opt.disableflags = flags if muscles else flags | IDLE
+    mujoco.mj_resetData(copy.m, copy.d)
+    copy.place(walk.there[frame])
+    copy.d.qvel[copy.dofs] = walk.rates[frame, copy.columns]
+
+
+def _row(walk: Walk, name: str, title: str, choice: Activations, muscles: bool) -> Row:
+    joints = _joints(walk.copy)
+    row: Row = {"walk": name, "activations": title}
+    if muscles:
+        off = _mujoco_torques(walk, choice.tension) - choice.torques
+        row["muscle torques, RMS [N m]"] = _rms(off[:, joints])
+        row["of our muscle torques [%]"] = 100.0 * _rms(off[:, joints]) / _rms(choice.torques[:, joints])
+    time = walk.motion.time
+    for seconds in WINDOWS:
+        starts = np.searchsorted(time, np.arange(time[0], time[-1] - seconds, BETWEEN))
+        ends = [_forward(walk, choice, muscles, int(start), seconds, False)[0][-1] for start in starts]
+        row[f"after {1e3 * seconds:.0f} ms, RMS [deg]"] = _rms(np.array(ends))
+    angles, corrections = _forward(walk, choice, muscles, 0, float(time[-1] - time[0]), True)
+    row["corrected, RMS [deg]"] = _rms(angles)
+    row["correction, RMS [N m]"] = _rms(corrections)
+    row["correction [% of muscle torques]"] = 100.0 * _rms(corrections) / _rms(choice.torques[:, joints])
+    return row
+
+
+def _forward(
+    walk: Walk, choice: Activations, muscles: bool, start: int, seconds: float, corrected: bool
+) -> tuple[Array, Array]:
+    """Errors of angles [deg] and corrections (steps, joints) of MuJoCo's steps from a frame on.
+
+    `muscles`: whether MuJoCo's pull; else our muscles' torques act; `corrected`: whether springs and dampers help.
+    """
+    copy, time, tension = walk.copy, walk.motion.time, choice.tension
+    m, d = copy.m, copy.d
+    columns = [copy.model.coordinate_names.index(name) for name in copy.free]
+    asked = tension.torques[:, [tension.coordinates.index(name) for name in copy.free]]
+    path = CubicHermiteSpline(time, walk.there[:, columns], walk.rates[:, columns])
+    speed = path.derivative()
+    applied = CubicSpline(time, asked - choice.torques if muscles else asked)
+    active = CubicSpline(time, tension.activations)
+    loads = walk.wrenches
+    forces = CubicSpline(time, loads.forces)
+    moments = CubicSpline(time, loads.torques + np.cross(np.nan_to_num(loads.points), loads.forces))
+    bodies = [mujoco.mj_name2id(m, mujoco.mjtObj.mjOBJ_BODY, body) for body in loads.bodies]
+    _start(walk, start, muscles)
+    free = [copy.simple[name][0] for name in copy.free]
+    errors, corrections = [], []
+    translating = np.array([name in TRANSLATIONS for name in copy.free])
+    stiffness, damping = (corrected * np.where(translating, values[1], values[0]) for values in (STIFFNESS, DAMPING))
+    # Taken implicitly by MuJoCo's integrator, as feet are light.
+    m.dof_damping[copy.free_dofs] = damping
+    with silent_mujoco():
+        for step in range(round(seconds / m.opt.timestep)):
+            now = time[start] + step * m.opt.timestep
+            # Loads act at points of the laboratory: bodies are where this step finds them.
+            mujoco.mj_step1(m, d)
+            gap, rate = path(now) - d.qpos[free], speed(now) - d.qvel[copy.free_dofs]
+            corrections.append(stiffness * gap + damping * rate)
+            d.qfrc_applied[copy.free_dofs] = applied(now) + corrections[-1] + damping * d.qvel[copy.free_dofs]
+            d.act[:] = np.clip(active(now), 0.0, 1.0)
+            d.ctrl[: len(d.act)] = d.act
+            d.xfrc_applied[:] = 0.0
+            for i, body in enumerate(bodies):
+                force = forces(now)[i]
+                d.xfrc_applied[body, :3] += force
+                d.xfrc_applied[body, 3:] += moments(now)[i] - np.cross(d.xipos[body], force)
+            mujoco.mj_step2(m, d)
+            after = time[start] + (step + 1) * m.opt.timestep
+            errors.append(np.degrees(d.qpos[free] - path(after)))
+    joints = _joints(copy)
+    return np.array(errors)[:, joints], np.array(corrections)[:, joints]
+
+
+def _joints(copy: MujocoCopy) -> list[int]:
+    """Numbers of the free coordinates between bodies; in these models all of them are angles."""
+    return [i for i, name in enumerate(copy.free) if not name.startswith("pelvis")]
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
