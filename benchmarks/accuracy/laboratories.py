@@ -109,8 +109,8 @@ def _row(recording: Recording, folder: Path) -> Row:
     findings = [line for line in said.partition("study file, ")[2].splitlines() if line.startswith("  ")]
     row["mass"] = "guessed" if guessed else "of the set" if recording.mass else "of the plates"
     row["warnings"] = len(findings)
-    told = [line for line in lines if "marker protocol" in line or "Nobody moves" in line] if status == 0 else lines[-1:]
-    row["says"] = " ".join(told).removeprefix("error: ")[:300]
+    parts = [line for line in lines if "marker protocol" in line or "Nobody moves" in line]
+    row["says"] = " ".join(lines[-1:] if status else parts).removeprefix("error: ")[:300]
     return row
 
 
