@@ -6,9 +6,9 @@ import pytest
 from benchmarks.house import CHECKOUT, checkout_texts, count
 
 LIMITS = {
-    ("lines", "src"): 127_401,
-    ("lines", "benchmarks"): 24_948,
-    ("words", "documentation"): 100_128,
+    ("lines", "src"): 127_466,
+    ("lines", "benchmarks"): 25_180,
+    ("words", "documentation"): 100_153,
     ("vague", "src"): 6.5,
 }
 
