@@ -18,6 +18,7 @@ def transfer_command(
     to: Path,
     out: Path,
     pose: Path | None = None,
+    motion: tuple[Path, ...] = (),
     options: TransferSettings | None = None,  # type: ignore[valid-type]
     threads: Threads = None,
 ) -> int:
@@ -29,6 +30,7 @@ def transfer_command(
     out : model to write (.osim); tables go into a folder beside it
     pose : coordinates of the subject's model (.mot or .sto) in whose first frame it stands much like the other's
         default pose; its own default pose without
+    motion : coordinates of the subject's model over time, carried to the other: into the folder `motions` of the tables
     """
     # Imported by the command that needs it: --help and the others start without.
     from myomorph.store.settings import with_settings
@@ -36,8 +38,8 @@ def transfer_command(
     from myomorph.study.subject.subjects import check_out_model, tables_folder
 
     use_threads(threads)
-    tables = tables_folder(out, transferring.TABLES)
-    check_out_model(out, tables, (model, to, pose))
-    transferred = transferring.transfer_files(model, to, pose, with_settings(TransferOptions(), settings_dict(options)))
+    tables, chosen = tables_folder(out, transferring.STEP.tables), settings_dict(options)
+    check_out_model(out, tables, (model, to, pose, *motion))
+    transferred = transferring.transfer_files(model, to, pose, with_settings(TransferOptions(), chosen), motion)
     lost = transferring.write_transferred(transferred, out)
-    return made(out, tables, transferring.summary(transferred.found), (*transferred.found.notes, *lost))
+    return made(out, tables, transferring.summary(transferred), (*transferred.found.notes, *lost))

@@ -229,7 +229,7 @@ def _with_masses(
     masses = ground_pseudo_inertias(higher, higher_pose)
     both = tuple(zip((lower, higher), regions, strict=True))
     heavy = [{region for body, region in table.items() if model.body(body).mass > 0.0} for model, table in both]
-    members = [[_counted(table[name], heavy[0] & heavy[1]) for name in model.body_names] for model, table in both]
+    members = [[common_region(table[name], heavy[0] & heavy[1]) for name in model.body_names] for model, table in both]
     spread_ = masses.copy()
     matches = []
     for region in dict.fromkeys(members[1]):
@@ -262,7 +262,7 @@ def _with_masses(
     return with_inertial_parameters(higher, parameters), tuple(matches)
 
 
-def _counted(region: Region, common: set[Region]) -> Region:
+def common_region(region: Region, common: set[Region]) -> Region:
     """The region itself or the nearest it hangs on that both models have."""
     above: Region | None = region
     while above is not None and above not in common:
@@ -285,7 +285,7 @@ def _markers(
     links = links_of(higher, higher_pose)
     frames, theirs = frames_in_ground(higher, higher_pose), frames_in_ground(lower, lower_pose)
     common = set(regions[0].values()) & set(regions[1].values())
-    counted = {name: _counted(region, common) for name, region in regions[1].items()}
+    counted = {name: common_region(region, common) for name, region in regions[1].items()}
     body_of = {marker.name: marker.body for marker in higher.markers}
     placed, notes = [], []
     for marker in lower.markers:
@@ -294,7 +294,7 @@ def _markers(
             continue
         frame = theirs[lower.body_names.index(marker.body)]
         place = rotation @ (frame[:3, :3] @ marker.location + frame[:3, 3])
-        region = _counted(regions[0][marker.body], common)
+        region = common_region(regions[0][marker.body], common)
         inside = [name for name in higher.body_names if counted[name] == region]
         body = body_of.get(marker.name, marker.body)
         if body not in inside:

@@ -21,8 +21,8 @@ from myomorph.study.step.step_table import REPORT, STEPS, usual_steps
 from myomorph.study.subject.morph_files import BonesTable
 from myomorph.study.trial.together import TogetherTable
 
-BEFORE_IK = ("morph", "calibrate")
-"""Steps on subjects that make the model which inverse kinematics fits; the others use its coordinates."""
+BEFORE_IK = ("morph", "calibrate", "transfer")
+"""Steps on subjects that make the model whose coordinates the others use."""
 Patterns = str | list[str]
 """One pattern or several."""
 PLACE = "{subject}"
@@ -121,6 +121,7 @@ class SubjectTable(Strict):
     age: float | None = Field(default=None, gt=0.0)
     passive: list[str] = Field(default_factory=list)
     generic: str | None = None
+    detailed: str | None = None
     static_turn: float | None = None
     bones: BonesTable | None = None
 

@@ -72,7 +72,7 @@ def subject_files(named: Named, model: Path | None, trials: tuple[TrialFiles, ..
         role: existing(folder, name, f"{where}: {role}", problems)
         for role, name in (
             *(("static", table.static), ("skin", table.skin), ("landmarks", table.landmarks)),
-            ("generic", table.generic),
+            *(("generic", table.generic), ("detailed", table.detailed)),
         )
     }
     passive = [path for given in table.passive for path in matching(folder, given, f"{where}: passive", problems)]
@@ -87,6 +87,8 @@ def subject_files(named: Named, model: Path | None, trials: tuple[TrialFiles, ..
         problems.append(f"{where}: a body shape takes 'height' and 'chest' [m], but '{lacking}' is missing")
     if "morph" in table.steps and table.bones is None:
         problems.append(f"{where}: the step 'morph' needs a table 'bones' with the folder of the subject's bones")
+    if ("transfer" in table.steps) != (table.detailed is not None):
+        problems.append(f"{where}: the step 'transfer' and 'detailed', the model with more joints, go together")
     shared = located(table, "subject", named.place(notes))
     source = model or folder / (table.model or "")
     bones = None if table.bones is None else bones_of(table.bones, source, table.mass, folder, where, problems)
@@ -106,6 +108,7 @@ def subject_files(named: Named, model: Path | None, trials: tuple[TrialFiles, ..
         ),
         passive=tuple(passive),
         generic=files["generic"],
+        detailed=files["detailed"],
     )
 
 

@@ -26,7 +26,7 @@ from myomorph.study.step.folder_steps import FolderSteps
 from myomorph.study.step.job_steps import JobSteps
 from myomorph.study.step.step import large_variables, step_of
 from myomorph.study.step.step_table import REPORT, STEPS
-from myomorph.study.subject.subject_files import MadeModel, SubjectFiles, made_model
+from myomorph.study.subject.subject_files import MadeModel, SubjectFiles, carried_trial, made_model
 from myomorph.study.subject.subjects import subject_steps
 from myomorph.study.summary.study_inputs import StudyInputs
 from myomorph.study.trial.run_trial import TrialSteps
@@ -135,8 +135,8 @@ def with_made(files: TrialFiles, made: MadeModel, maker: str, settings: Settings
     refining = settings.get("refine", {})
     if made.motions is not None and with_settings(TrialMotion(), refining).use_motions:
         cutoff = with_settings(RefineOptions(), refining).cutoff
-        files = files.having(RefinedFile(made.motions / f"{file_name(files.name)}.mot", cutoff))
-    return files
+        return files.having(RefinedFile(made.motions / f"{file_name(files.name)}.mot", cutoff))
+    return carried_trial(files, made.carried)
 
 
 def _recordings(*trials: TrialFiles) -> tuple[Recording, ...]:
@@ -169,7 +169,7 @@ class _Works:
         steps = tuple(step for step in STEPS["subject"] if step in self.plan.steps_of(name))
         home, settings = self.plan.home(self.out, name), self.plan.settings_of(name)
         self.made[name] = made_model(files, steps, home)
-        read = (files.model, files.static, files.shape.skin, files.shape.landmarks)
+        read = (files.model, files.detailed, files.static, files.shape.skin, files.shape.landmarks)
         self.works.append(
             Work(
                 "subject",

@@ -12,6 +12,7 @@ STEPS: dict[Scope, dict[str, str]] = {
     "subject": {
         "morph": "myomorph.study.subject.morphing",
         "calibrate": "myomorph.study.subject.calibrating",
+        "transfer": "myomorph.study.subject.transferring",
         "refine": "myomorph.study.subject.refining",
         "identify": "myomorph.study.subject.identifying",
         "personalize": "myomorph.study.subject.personalizing",

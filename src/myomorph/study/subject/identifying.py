@@ -15,7 +15,7 @@ from myomorph.identify.validation import CrossValidation, cross_validate
 from myomorph.model.errors import BadData
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.inertia import with_inertial_parameters
-from myomorph.model.model import Model
+from myomorph.model.model import Model, index_of
 from myomorph.model.provenance import Provenance, Source
 from myomorph.model.series import Motion, Wrenches
 from myomorph.model.soft_tissue import SoftTissue
@@ -36,7 +36,7 @@ from myomorph.study.subject.body_points import OWN, body_points
 from myomorph.study.subject.found_errors import identified_errors
 from myomorph.study.subject.subject_files import BodyOptions, BodyShape, SubjectInputs, recordings_provenance
 from myomorph.study.subject.subjects import Made, tables_folder, write_made_model
-from myomorph.study.trial.steps.ik import solve_kinematics
+from myomorph.study.trial.steps.ik import trial_motion
 
 MAPS = {"bone": "w_b", "cog": "w_d", "nearest": "w_n", OWN: "own link"}
 """Weight maps as the command names them, and as [D] and the tables do."""
@@ -46,9 +46,22 @@ LIGHTEST, HEAVIEST = 1e-3, 1e4
 
 
 @dataclass(frozen=True)
+class CheckTrials:
+    """Trials of a study that identification is held against.
+
+    Attributes
+    ----------
+    check : names of trials, between commas, that masses are not fitted to; their forces are only predicted
+    """
+
+    check: str = ""
+
+
+@dataclass(frozen=True)
 class IdentifyOptions(SettingGroup):
     """All that identification may be told, each part in its own place."""
 
+    trials: CheckTrials = field(default_factory=CheckTrials)
     recording: RecordingOptions = field(default_factory=RecordingOptions)
     identification: IdentificationOptions = field(default_factory=IdentificationOptions)
     body: BodyOptions = field(default_factory=BodyOptions)
@@ -288,18 +301,22 @@ def _tissue_line(tissue: SoftTissue) -> str:
 
 def _run(subject: SubjectInputs, output: FolderOutput) -> None:
     files, motions = subject.files, []
+    shared = {name: value for step in ("id", "identify") for name, value in subject.settings.get(step, {}).items()}
+    options = IdentifyOptions.of(shared)
+    check = [name.strip() for name in options.trials.check.split(",") if name.strip()]
+    for name in check:
+        index_of("trial", name, [trial.name for trial in files.trials], f"subject '{files.name}'")
     for trial in subject.trials():
         loads = trial.get(ExternalLoads)
         if loads is None:
             continue
-        motion = solve_kinematics(trial).fit.motion
-        motions.append(SubjectMotion(trial.name, motion, loads.of(motion)))
+        motion = trial_motion(trial)
+        motions.append(SubjectMotion(trial.name, motion, loads.of(motion), held_out=trial.name in check))
     if not motions:
         raise BadData(
             f"subject '{files.name}': no trial has external forces, so 'identify' has nothing to hold masses against"
         )
-    shared = {name: value for step in ("id", "identify") for name, value in subject.settings.get(step, {}).items()}
-    identified = identify_subject(subject.model, motions, files.shape, files.mass, IdentifyOptions.of(shared))
+    identified = identify_subject(subject.model, motions, files.shape, files.mass, options)
     write_identified(replace(identified, provenance=output.made), output.path("model"), files.name, output.tables)
 
 
@@ -313,7 +330,7 @@ STEP = Step(
     name="identify",
     scope="subject",
     title="identification of masses",
-    options=(RecordingOptions, IdentificationOptions, BodyOptions),
+    options=(CheckTrials, RecordingOptions, IdentificationOptions, BodyOptions),
     tables="identification",
     leaves=FrozenMap({"model": "identified.osim", "soft_tissue": "identification/soft_tissue.csv"}),
     run=_run,

@@ -10,9 +10,10 @@ from typing import Any, Literal
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.provenance import Provenance
-from myomorph.store.results import file_source, provenance_of, value_source
+from myomorph.store.results import file_name, file_source, provenance_of, value_source
 from myomorph.study.inputs.error_size_tables import TABLE as ERROR_SIZES
 from myomorph.study.inputs.laboratory import AS_RECORDED, Laboratory
+from myomorph.study.inputs.motion import MotionFile
 from myomorph.study.inputs.reading import open_model
 from myomorph.study.step.step import Step, step_of
 from myomorph.study.step.step_table import STEPS
@@ -81,6 +82,7 @@ class SubjectFiles:
     static_laboratory : how the axes of the static recording stand to the model's
     passive : tables of measured passive torques, for personalization
     generic : the model that was scaled, for personalization; None for the one before calibration, where there is one
+    detailed : model with more joints, for a transfer
     """
 
     name: str
@@ -96,13 +98,14 @@ class SubjectFiles:
     static_laboratory: Laboratory = AS_RECORDED
     passive: tuple[Path, ...] = ()
     generic: Path | None = None
+    detailed: Path | None = None
 
 
 @dataclass(frozen=True)
 class MadeModel:
     """Where a subject's own steps leave the model that the trials use, and the file beside which its meshes lie. None
-    where no step makes them: gains of EMG channels, folder with refined coordinates of trials, table of how much more
-    markers move than the mass (no file where they do not). `sizes` are tables of how far off the model may be; where a
+    where no step makes them: gains of EMG channels, folders with refined coordinates of trials and with those carried
+    to a model of more joints, table of how much more markers move than the mass (no file where they do not). `sizes` are tables of how far off the model may be; where a
     step finds none it is not there.
     """
 
@@ -110,6 +113,7 @@ class MadeModel:
     drawn: Path
     gains: Path | None = None
     motions: Path | None = None
+    carried: Path | None = None
     soft_tissue: Path | None = None
     sizes: tuple[Path, ...] = ()
 
@@ -123,7 +127,8 @@ class MadeModel:
 @dataclass(frozen=True)
 class SubjectInputs:
     """What a step on a subject begins with: its files, all steps' settings, and the model (with its file) that the
-    steps `done` have made; the model's source is the file beside which its meshes lie.
+    steps `done` have made; the model's source is the file beside which its meshes lie. `carried`: folder of the motions
+    that a transfer carried to it.
     """
 
     files: SubjectFiles
@@ -131,16 +136,23 @@ class SubjectInputs:
     path: Path
     model: Model
     done: tuple[str, ...] = ()
+    carried: Path | None = None
 
     def trials(self) -> list[TrialInputs]:
         """The subject's recordings with this model."""
-        return [open_trial(replace(trial, model=self.path), self.settings, self.model) for trial in self.files.trials]
+        files = [carried_trial(replace(trial, model=self.path), self.carried) for trial in self.files.trials]
+        return [open_trial(trial, self.settings, self.model) for trial in files]
 
     def after(self, step: Step[Any], home: Path) -> SubjectInputs:
         """The same with the model that a step has left."""
         done = (*self.done, step.name)
         made = made_model(self.files, done, home)
-        return replace(self, path=made.path, model=made.open(), done=done)
+        return replace(self, path=made.path, model=made.open(), done=done, carried=made.carried)
+
+
+def carried_trial(trial: TrialFiles, carried: Path | None) -> TrialFiles:
+    """A trial that goes on with the motion of a folder where one was carried for it."""
+    return trial if carried is None else trial.having(MotionFile(carried / f"{file_name(trial.name)}.mot"))
 
 
 def recordings_provenance(
@@ -171,9 +183,10 @@ def made_model(files: SubjectFiles, steps: Sequence[str], folder: Path) -> MadeM
         path = left.get("model", made.path)
         made = MadeModel(
             path,
-            left.get("meshes", made.drawn),
+            left.get("meshes", (files.detailed if "carried" in left else None) or made.drawn),
             left.get("gains", made.gains),
             left.get("motions", made.motions),
+            left.get("carried", made.carried),
             left.get("soft_tissue", made.soft_tissue),
             (*made.sizes, folder / step.tables / ERROR_SIZES),
         )

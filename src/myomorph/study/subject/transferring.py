@@ -1,38 +1,58 @@
-"""A subject's lengths, markers and masses for a model with more joints, from files: `myomorph transfer`."""
+"""A subject's lengths, markers, masses and motions for a model with more joints: `myomorph transfer` and the step."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
+from myomorph.identify.carry import CarriedMotion, carry_motion
 from myomorph.identify.transfer import Transfer, transfer
 from myomorph.identify.transfer_options import TransferOptions
 from myomorph.io.sto import table_from_motion, write_sto
-from myomorph.store.results import file_source, provenance_of
-from myomorph.store.settings import plain_settings
-from myomorph.study.inputs.reading import open_model, read_motion
+from myomorph.model.errors import BadData
+from myomorph.model.frozen_map import FrozenMap
+from myomorph.model.provenance import Provenance
+from myomorph.store.results import file_name, file_source, provenance_of
+from myomorph.store.settings import plain_settings, with_settings
+from myomorph.study.inputs.reading import about, open_model, read_motion
+from myomorph.study.step.folder_steps import FolderOutput
+from myomorph.study.step.step import Step
+from myomorph.study.subject.subject_files import SubjectInputs, recordings_provenance
 from myomorph.study.subject.subjects import Made, tables_folder, write_made_model, write_rows
+from myomorph.study.trial.steps.ik import trial_motion
 
 Rows = Sequence[Mapping[str, object]]
-TABLES = "transfer"
-"""With which the name of the folder of tables ends."""
+MOTIONS = "motions"
+"""Folder of carried motions."""
 
 
-def transfer_files(lower: Path, higher: Path, pose: Path | None, options: TransferOptions) -> Made[Transfer]:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Transferred(Made[Transfer]):
+    """A transfer, and the motions that were carried with it, by the names of their trials."""
+
+    motions: Mapping[str, CarriedMotion]
+
+
+def transfer_files(
+    lower: Path, higher: Path, pose: Path | None, options: TransferOptions, motions: Sequence[Path] = ()
+) -> Transferred:
     """Give a model with more joints the lengths, markers and masses of a subject's calibrated and identified one, in a
-    pose of this: the first frame of a file, its default without.
+    pose of this: the first frame of a file, its default without; and carry motions of the subject's to it.
     """
     subject = open_model(lower)
     motion = None if pose is None else read_motion(pose, subject)
     result = transfer(subject, open_model(higher), options, motion)
-    named = (("model", lower), ("model to", higher), *((("pose", pose),) if pose is not None else ()))
-    sources = [file_source(role, path) for role, path in named]
-    return Made(result, provenance_of("transfer", sources, plain_settings(options)))
+    named = [("model", lower), ("model to", higher), *((("pose", pose),) if pose is not None else ())]
+    sources = [file_source(role, path) for role, path in (*named, *(("motion", path) for path in motions))]
+    made = provenance_of("transfer", sources, plain_settings(options))
+    carried = {path.stem: carry_motion(subject, read_motion(path, subject), result, options) for path in motions}
+    return Transferred(result, made, motions=carried)
 
 
-def write_transferred(transferred: Made[Transfer], out: Path) -> tuple[str, ...]:
+def write_transferred(transferred: Transferred, out: Path, tables: Path | None = None) -> tuple[str, ...]:
     """Write the model, and a folder of tables, whole or not at all; returns what is lost in the model's file."""
     result = transferred.found
 
@@ -42,8 +62,22 @@ def write_transferred(transferred: Made[Transfer], out: Path) -> tuple[str, ...]
         write_rows(mass_rows(result), folder / "masses.csv")
         # In it the joint centers of both models coincide.
         write_sto(table_from_motion(result.higher_pose, result.model), folder / "pose.mot")
+        (folder / MOTIONS).mkdir()
+        for name, carried in transferred.motions.items():
+            write_sto(table_from_motion(carried.motion, result.model), folder / MOTIONS / f"{file_name(name)}.mot")
+        if transferred.motions:
+            write_rows(coordinate_rows(transferred.motions), folder / "coordinates.csv")
 
-    return write_made_model(result.model, transferred.provenance, out, tables_folder(out, TABLES), fill)
+    tables = tables or tables_folder(out, STEP.tables)
+    return write_made_model(result.model, transferred.provenance, out, tables, fill, result.notes)
+
+
+def coordinate_rows(motions: Mapping[str, CarriedMotion]) -> Rows:
+    """A row for each free coordinate: how far each motion's points determine it; near 0 it is held."""
+    return [
+        {"coordinate": name, **{trial: carried.known[name] for trial, carried in motions.items()}}
+        for name in next(iter(motions.values())).known
+    ]
 
 
 def joint_rows(transfer: Transfer) -> Rows:
@@ -85,8 +119,9 @@ def mass_rows(transfer: Transfer) -> Rows:
     ]
 
 
-def summary(transfer: Transfer) -> list[str]:
-    """What the command prints: joint centers, masses, and what has no counterpart."""
+def summary(transferred: Transferred) -> list[str]:
+    """What the command prints: joint centers, masses, what has no counterpart, and carried motions."""
+    transfer = transferred.found
     errors = np.array(list(transfer.joint_errors.values()))
     lines = [
         f"{len(errors)} joint centers in common, at most {1e3 * errors.max():.1f} mm apart; "
@@ -98,4 +133,39 @@ def summary(transfer: Transfer) -> list[str]:
     ):
         if names:
             lines.append(f"{what}: {', '.join(names)}")
+    for name, carried in transferred.motions.items():
+        held = sum(share < 0.5 for share in carried.known.values())
+        lines.append(
+            f"{name}: carried, its points {1e3 * np.sqrt(np.nanmean(carried.errors**2)):.1f} mm apart (RMS); "
+            f"{len(carried.known) - held} coordinates follow the subject's, {held} are mostly held"
+        )
     return lines
+
+
+def _run(subject: SubjectInputs, output: FolderOutput) -> None:
+    options, higher = with_settings(TransferOptions(), subject.settings.get("transfer", {})), subject.files.detailed
+    if higher is None:
+        raise BadData(f"subject '{subject.files.name}': 'transfer' needs the model with more joints, 'detailed'")
+    with about(higher):
+        result = transfer(subject.model, open_model(higher), options)
+    motions = {
+        trial.name: carry_motion(subject.model, trial_motion(trial), result, options) for trial in subject.trials()
+    }
+    write_transferred(Transferred(result, output.made, motions=motions), output.path("model"), output.tables)
+
+
+def _made_from(subject: SubjectInputs) -> Provenance:
+    made, higher = recordings_provenance("transfer", subject, earlier=("ik",)), subject.files.detailed
+    return made if higher is None else replace(made, sources=(*made.sources, file_source("model to", higher)))
+
+
+STEP = Step(
+    name="transfer",
+    scope="subject",
+    title="transfer to a model with more joints",
+    options=(TransferOptions,),
+    tables="transfer",
+    leaves=FrozenMap({"model": "transferred.osim", "carried": f"transfer/{MOTIONS}"}),
+    run=_run,
+    made_from=_made_from,
+)

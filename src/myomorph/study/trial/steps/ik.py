@@ -66,6 +66,14 @@ def solve_kinematics(trial: TrialInputs) -> CheckedFit:
     return checked if sensors is None and checked is not None else _with_sensors(trial, checked)
 
 
+def trial_motion(trial: TrialInputs) -> Motion:
+    """Coordinates that a trial begins with, else those of inverse kinematics."""
+    recorded = trial.get(RecordedMotion)
+    if recorded is None:
+        return solve_kinematics(trial).fit.motion
+    return recorded.motion if trial.time is None else cut(recorded.motion, *trial.time)
+
+
 def _with_sensors(trial: TrialInputs, checked: CheckedFit | None) -> CheckedFit:
     """The fit of markers and sensors, or of sensors alone."""
     options, recording = trial.options, trial.inputs[RecordedSensors].recording
@@ -113,9 +121,8 @@ def sensor_table(fit: KinematicsFit) -> Table:
 
 
 def _run(trial: TrialInputs, output: StepOutput) -> Poses:
-    recorded_motion = trial.get(RecordedMotion)
-    if recorded_motion is not None:
-        return _given(trial, recorded_motion.motion, output)
+    if trial.get(RecordedMotion) is not None:
+        return _given(trial, trial_motion(trial), output)
     checked, writer = solve_kinematics(trial), output.writer
     notes = tuple(map(str, checked.findings))
     if checked.sensors is not None:
@@ -147,9 +154,8 @@ def recorded_poses(trial: TrialInputs) -> Poses:
     return Poses(trial.inputs[RecordedMotion].motion)
 
 
-def _given(trial: TrialInputs, motion: Motion, output: StepOutput) -> Poses:
+def _given(trial: TrialInputs, used: Motion, output: StepOutput) -> Poses:
     """Coordinates of a file in the place of inverse kinematics."""
-    used = motion if trial.time is None else cut(motion, *trial.time)
     write_sto(table_from_motion(used, trial.model), output.folder / "coordinates.mot")
     store.put_motion(output.writer, used, trial.model)
     return Poses(used)

@@ -1,0 +1,164 @@
+"""A motion of a model of few joints carried to the model with more joints that has its lengths ([D] 3.2.1, step 5)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from myomorph.identify.body.points import frames_in_ground
+from myomorph.identify.body.regions import Region, centers_of, regions_of
+from myomorph.identify.transfer import Transfer, common_region
+from myomorph.identify.transfer_options import TransferOptions
+from myomorph.model.arrays import Array, read_only
+from myomorph.model.errors import BadData
+from myomorph.model.model import Marker, Model
+from myomorph.model.series import Markers, Motion
+from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
+from myomorph.motion.tasks.coordinates import CoordinateTask
+from myomorph.motion.turns import floating_coordinates
+from myomorph.rigid.coordinates import couple_frames
+from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.tree import compile_tree
+
+LEVER = 0.1
+"""Of the points beside a joint center that carry the orientation of its segment [m]."""
+TARGET_SD = 2e-3
+"""By which points of the two models may differ [m]."""
+FREE_SD = {"rotational": 0.1, "translational": 0.002}
+"""Of a coordinate of a joint inside a region, which the lower model does not have [rad or m]."""
+
+
+@read_only
+class CarriedMotion:
+    """A motion of a transferred model.
+
+    Attributes
+    ----------
+    motion : of all its coordinates, NaN where the lower model's is unknown
+    errors : (frames, targets) distances of the two models' points [m]
+    targets : names of the points
+    known : share of each coordinate's variance that the points remove, mean over frames: near 0 it stays where the
+        transfer left it, near 1 it follows the lower model; coordinates that are locked or driven have none
+    """
+
+    motion: Motion
+    errors: Array
+    targets: tuple[str, ...]
+    known: dict[str, float]
+
+
+def carry_motion(
+    lower: Model, motion: Motion, transfer: Transfer, options: TransferOptions | None = None
+) -> CarriedMotion:
+    """The motion of a transferred model that follows one of the lower model, frame by frame.
+
+    Points that coincide in the transfer's pose are kept together: markers, joint centers, and three points around each
+    center of a limb, which carry its segment's orientation (the torso's follows from markers and shoulders, as one body
+    became many). What the points leave open is held: coordinates of joints inside a region (vertebrae, ribs, shoulder
+    blades) are pulled to where the transfer left them, with a standard deviation of `FREE_SD` against the points' of
+    `TARGET_SD`; so a bend of the trunk is spread evenly over its joints.
+
+    Parameters
+    ----------
+    lower : the model that was transferred
+    motion : of `lower` [rad or m]
+    transfer : of `lower` to the model with more joints
+    options : those of the transfer
+
+    Raises
+    ------
+    BadData : the two models' grounds have different verticals
+    """
+    options, higher = options or TransferOptions(), transfer.model
+    if np.cross(lower.gravity, higher.gravity).any():
+        raise BadData(
+            f"models '{lower.name}' and '{higher.name}' have other verticals ({lower.gravity} and {higher.gravity} "
+            "m/s^2): a motion is carried only in one laboratory"
+        )
+    points, places = _points(lower, transfer, options)
+    tree = compile_tree(lower)
+    values = forward_kinematics(tree, tree.coordinates_of(motion)).markers(points)
+    values[~np.isfinite(motion.values).all(axis=1)] = np.nan
+    markers = Markers(motion.time, tuple(point.name for point in points), values)
+    model, rest = replace(higher, markers=places), compile_tree(higher).coordinates_of(transfer.higher_pose)[0]
+    common = {match.region for match in transfer.masses}
+    pulls = _pulls(higher, rest, len(places), common, options)
+    fit = inverse_kinematics(model, markers, InverseKinematicsOptions(tasks=pulls))
+    return CarriedMotion(fit.motion, fit.errors, fit.marker_names, _known(model, fit.motion, pulls))
+
+
+def _points(
+    lower: Model, transfer: Transfer, options: TransferOptions
+) -> tuple[tuple[Marker, ...], tuple[Marker, ...]]:
+    """The same points on the lower and on the transferred model, which coincide in the transfer's pose."""
+    higher = transfer.model
+    frames = dict(zip(lower.body_names, frames_in_ground(lower, transfer.lower_pose), strict=True))
+    theirs = dict(zip(higher.body_names, frames_in_ground(higher, transfer.higher_pose), strict=True))
+    pairs = [
+        (lower.marker(marker.name), marker.body) for marker in higher.markers if marker.name in lower.marker_names
+    ]
+    known = (
+        centers_of(lower, regions_of(lower, options.lower_segments)),
+        centers_of(higher, regions_of(higher, options.higher_segments)),
+    )
+    for key in transfer.joint_errors:
+        center, body = known[0][key], known[1][key].joint.child
+        beside = np.zeros((1, 3)) if center.outer.name == "torso" else LEVER * np.vstack([np.zeros(3), np.eye(3)])
+        pairs += [
+            (Marker(f"center {key} {i}", center.joint.child, center.location + offset), body)
+            for i, offset in enumerate(beside)
+        ]
+    placed = []
+    for point, body in pairs:
+        frame, at = frames[point.body], theirs[body]
+        ground = transfer.rotation @ (frame[:3, :3] @ point.location + frame[:3, 3])
+        placed.append(Marker(point.name, body, at[:3, :3].T @ (ground - at[:3, 3])))
+    return tuple(point for point, _ in pairs), tuple(placed)
+
+
+def _pulls(
+    model: Model, rest: Array, points: int, common: set[Region], options: TransferOptions
+) -> list[CoordinateTask]:
+    """Pulls of the coordinates inside common regions to their values in the transfer's pose."""
+    regions = {body: common_region(region, common) for body, region in regions_of(model, options.higher_segments).items()}
+    inside = {
+        name
+        for joint in model.joints
+        if regions.get(joint.parent, regions[joint.child]) == regions[joint.child]
+        for name in joint.coordinates
+    } - set(floating_coordinates(model))
+    return [
+        CoordinateTask(
+            coordinate.name, (TARGET_SD / FREE_SD.get(coordinate.motion, 0.1)) ** 2 / points, float(rest[index])
+        )
+        for index, coordinate in enumerate(model.coordinates)
+        if coordinate.name in inside and not coordinate.locked and coordinate.name not in model.dependent_coordinates
+    ]
+
+
+def _known(model: Model, motion: Motion, pulls: list[CoordinateTask]) -> dict[str, float]:
+    """See `CarriedMotion.known`: of 1 - (J^T J / s^2 + D^-1)^-1 D^-1 its diagonal, in up to ten frames."""
+    tree = compile_tree(model)
+    free = [
+        j
+        for j, coordinate in enumerate(model.coordinates)
+        if not coordinate.locked and coordinate.name not in model.dependent_coordinates
+    ]
+    held = {pull.coordinate: pull.weight * len(model.markers) / TARGET_SD**2 for pull in pulls}
+    prior = np.array([held.get(model.coordinates[j].name, 1.0) for j in free])
+    shown = np.flatnonzero(np.isfinite(motion.values).all(axis=1))
+    shares, step = [], 1e-5
+    for frame in shown[np.linspace(0, len(shown) - 1, min(10, len(shown))).astype(int)]:
+        moved = np.repeat(tree.coordinates_of(motion)[frame : frame + 1], 2 * len(free), axis=0)
+        moved[np.arange(len(free)), free] += step
+        moved[len(free) + np.arange(len(free)), free] -= step
+        couple_frames(tree.arrays, moved)
+        places = forward_kinematics(tree, moved).markers(model.markers).reshape(len(moved), -1)
+        jacobian = (places[: len(free)] - places[len(free) :]) / (2.0 * step * TARGET_SD)
+        shares.append(1.0 - np.diagonal(np.linalg.inv(jacobian @ jacobian.T + np.diag(prior))) * prior)
+    return {
+        model.coordinates[j].name: float(share)
+        for j, share in zip(free, np.mean(shares, axis=0), strict=True)
+        if shares
+    }
