@@ -78,7 +78,7 @@ def test_study_files_in_the_docs_are_valid(tmp_path):
     studies = [one for page in PAGES for one in blocks(page.read_text(encoding="utf-8")) if "[study]" in one]
     studies = [one for one in studies if one.strip() not in run]
     assert len(studies) >= 2
-    names = ("generic.osim", "walk1.trc", "walk1_grf.xml", "tasks.xml", "reserves.xml", "pairs.csv")
+    names = ("generic.osim", "detailed.osim", "walk1.trc", "walk1_grf.xml", "tasks.xml", "reserves.xml", "pairs.csv")
     (tmp_path / "scan").mkdir()
     for name in (*names, "arm.osim", "bare1.trc", "bare1.mot", "full1.trc", "full1.mot"):
         (tmp_path / name).write_text("")

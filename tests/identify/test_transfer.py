@@ -19,6 +19,7 @@ from myomorph.identify.body.regions import (
     spread,
     spread_mass,
 )
+from myomorph.identify.carry import carry_motion
 from myomorph.identify.transfer import _nearest, _with_masses, transfer
 from myomorph.io.formats import read_model
 from myomorph.model.errors import BadData
@@ -28,6 +29,7 @@ from myomorph.model.series import Motion
 from myomorph.muscles.kinematics import default_path_lengths
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
+from myomorph.study.inputs.reading import read_motion
 
 REST = Motion(np.zeros(1), (), np.zeros((1, 0)))
 
@@ -205,6 +207,34 @@ def test_what_has_no_counterpart_is_named(transferred):
     torso = transferred.factors["thoracic5"]
     np.testing.assert_allclose(head, np.prod(torso) ** (1.0 / 3.0), rtol=1e-12)
     np.testing.assert_allclose(transferred.factors["lumbar3"], torso, rtol=1e-12)
+
+
+def test_a_motion_is_carried_and_what_it_leaves_open_is_held(transferred, lower, data):
+    """Segments follow within millimeters; the trunk's bend is spread, ribs stay; the rotation of a limb is its own."""
+    walk = read_motion(data("rajagopal-walk-emg/coordinates.sto"), lower)
+    motion = Motion(walk.time[::400], walk.names, walk.values[::400].copy())
+    motion.values.setflags(write=True)
+    motion.values[1, 0] = np.nan
+    carried = carry_motion(lower, motion, transferred)
+    assert np.isnan(carried.motion.values[1]).all()
+    assert np.isfinite(np.delete(carried.motion.values, 1, axis=0)).all()
+    assert np.sqrt(np.nanmean(carried.errors**2)) < 3e-3
+    for name in ("hip_flexion_r", "knee_angle_l", "ankle_angle_r"):
+        assert carried.known[name] > 0.99
+    held = {name: share for name, share in carried.known.items() if share < 0.5}
+    assert len(held) > 60
+    assert "T5_r5L_X" in held
+    column = carried.motion.names.index("T5_r5L_X")
+    rest = compile_tree(transferred.model).coordinates_of(transferred.higher_pose)[0, column]
+    np.testing.assert_allclose(np.delete(carried.motion.values[:, column], 1), rest, atol=1e-3)
+    again = carry_motion(lower, Motion(motion.time[2:], motion.names, motion.values[2:]), transferred)
+    np.testing.assert_allclose(again.motion.values, carried.motion.values[2:], atol=1e-4)
+
+
+def test_a_motion_stays_in_its_laboratory(transferred, lower):
+    tilted = replace(transferred, model=replace(transferred.model, gravity=[0.0, 0.0, -9.81]))
+    with pytest.raises(BadData, match="other verticals"):
+        carry_motion(lower, REST, tilted)
 
 
 def test_a_stretched_model_gives_its_size_back(lower):

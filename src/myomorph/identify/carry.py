@@ -95,9 +95,7 @@ def _points(
     higher = transfer.model
     frames = dict(zip(lower.body_names, frames_in_ground(lower, transfer.lower_pose), strict=True))
     theirs = dict(zip(higher.body_names, frames_in_ground(higher, transfer.higher_pose), strict=True))
-    pairs = [
-        (lower.marker(marker.name), marker.body) for marker in higher.markers if marker.name in lower.marker_names
-    ]
+    pairs = [(lower.marker(marker.name), marker.body) for marker in higher.markers if marker.name in lower.marker_names]
     known = (
         centers_of(lower, regions_of(lower, options.lower_segments)),
         centers_of(higher, regions_of(higher, options.higher_segments)),
@@ -121,7 +119,9 @@ def _pulls(
     model: Model, rest: Array, points: int, common: set[Region], options: TransferOptions
 ) -> list[CoordinateTask]:
     """Pulls of the coordinates inside common regions to their values in the transfer's pose."""
-    regions = {body: common_region(region, common) for body, region in regions_of(model, options.higher_segments).items()}
+    regions = {
+        body: common_region(region, common) for body, region in regions_of(model, options.higher_segments).items()
+    }
     inside = {
         name
         for joint in model.joints

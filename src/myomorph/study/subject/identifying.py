@@ -305,7 +305,7 @@ def _run(subject: SubjectInputs, output: FolderOutput) -> None:
     options = IdentifyOptions.of(shared)
     check = [name.strip() for name in options.trials.check.split(",") if name.strip()]
     for name in check:
-        index_of("trial", name, [trial.name for trial in files.trials], f"subject '{files.name}'")
+        index_of("trial", name, tuple(trial.name for trial in files.trials), f"subject '{files.name}'")
     for trial in subject.trials():
         loads = trial.get(ExternalLoads)
         if loads is None:
