@@ -105,8 +105,8 @@ class SubjectFiles:
 class MadeModel:
     """Where a subject's own steps leave the model that the trials use, and the file beside which its meshes lie. None
     where no step makes them: gains of EMG channels, folders with refined coordinates of trials and with those carried
-    to a model of more joints, table of how much more markers move than the mass (no file where they do not). `sizes` are
-    tables of how far off the model may be; where a step finds none it is not there.
+    to a model of more joints, table of how much more markers move than the mass (no file where they do not). `sizes`
+    are tables of how far off the model may be; where a step finds none it is not there.
     """
 
     path: Path
