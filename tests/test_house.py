@@ -6,9 +6,9 @@ import pytest
 from benchmarks.house import CHECKOUT, checkout_texts, count
 
 LIMITS = {
-    ("lines", "src"): 127_466,
+    ("lines", "src"): 127_743,
     ("lines", "benchmarks"): 25_180,
-    ("words", "documentation"): 100_153,
+    ("words", "documentation"): 100_185,
     ("vague", "src"): 6.5,
 }
 
