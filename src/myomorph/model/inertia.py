@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from myomorph.model.arrays import Array
-from myomorph.model.errors import BadData
+from myomorph.model.errors import BadData, quoted
 from myomorph.model.functions import linear
 from myomorph.model.model import GROUND, Axis, Body, Coordinate, Joint, Marker, Mesh, Model
 from myomorph.model.spatial import Transform
@@ -19,6 +19,8 @@ PARAMETERS = ("m", "m c_x", "m c_y", "m c_z", "I_xx", "I_yy", "I_zz", "I_yz", "I
 _DIAGONAL, _OFF = (4, 5, 6), ((7, 1, 2), (8, 2, 0), (9, 0, 1))
 EARTH = (0.0, -9.80665, 0.0)
 SLIDES, TURNS = ("tx", "ty", "tz"), ("rx", "ry", "rz")
+WIDEST, COUNTS = 1.0, 0.1
+"""Radius of gyration that no part of a body has [m], and moment of inertia that limbs feel [kg m^2]."""
 
 
 def inertial_parameters(model: Model) -> Array:
@@ -57,6 +59,20 @@ def pseudo_inertias(parameters: ArrayLike) -> Array:
     result[..., :3, 3] = result[..., 3, :3] = values[..., 1:4]
     result[..., 3, 3] = values[..., 0]
     return result
+
+
+def made_up_inertias(bodies: Sequence[Body]) -> tuple[str, ...]:
+    """A warning of bodies whose inertia counts and is that of mass farther away than a body is wide."""
+    moments = {body: float(np.diag(body.inertia).max()) for body in bodies if body.mass > 0.0}
+    wide = [body for body, moment in moments.items() if moment >= max(WIDEST**2 * body.mass, COUNTS)]
+    if not wide:
+        return ()
+    worst = max(wide, key=lambda body: moments[body] / body.mass)
+    names, away = quoted([body.name for body in wide], 4), np.sqrt(moments[worst] / worst.mass)
+    return (
+        f"inertia of {names}: up to {moments[worst]:.3g} kg m^2 at {worst.mass:.3g} kg ('{worst.name}'), as of mass "
+        f"{away:.3g} m away: torques about them are of it; correct it in the file",
+    )
 
 
 def with_inertial_parameters(model: Model, parameters: ArrayLike) -> Model:

@@ -34,3 +34,10 @@ def test_an_unknown_model_names_those_there_are():
     with pytest.raises(BadFile, match="myofullbody"):
         read_model("myo-sim:nobody")
     assert not is_composed("myoarm.xml")
+
+
+def test_grams_that_turn_as_trunks_do_are_warned_of():
+    (warning,) = read_model("myo-sim:myoarm").warnings
+    assert "'clavphant_r'" in warning
+    assert "1 kg m^2 at 0.001 kg" in warning
+    assert read_model("myo-sim:myolegs").warnings == ()

@@ -24,6 +24,7 @@ from myomorph.io.mjcf.original import original_of
 from myomorph.io.mjcf.write import MARKERS
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, BadFile, BadModel
+from myomorph.model.inertia import made_up_inertias
 from myomorph.model.model import Frame, Kept, Marker, Mesh, Model
 from myomorph.model.spatial import euler_xyz_from_rotation, rotation_from_euler_xyz, rotation_from_quaternion
 
@@ -121,6 +122,7 @@ def model_from_mujoco(
         ground_meshes=_ground_meshes(compiled, names, source),
         kept=(*kept, *left_out(compiled, names), *lost_equalities, *lost_tendons, *lost_actuators),
         source=source,
+        warnings=made_up_inertias(bodies),
     )
 
 

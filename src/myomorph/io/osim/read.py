@@ -19,6 +19,7 @@ from myomorph.io.osim.marker_set import read_markers
 from myomorph.io.osim.muscles import is_muscle, read_muscle, with_dampers
 from myomorph.io.osim.paths import PathReader, read_ligaments
 from myomorph.model.errors import BadFile, BadModel
+from myomorph.model.inertia import made_up_inertias
 from myomorph.model.model import GROUND, Actuator, Body, Coordinate, Joint, Kept, Loop, Marker, Mesh, Model
 from myomorph.model.paths import Ligament, Muscle, WrapObject
 from myomorph.model.spatial import Transform
@@ -99,7 +100,7 @@ def read_osim(path: str | os.PathLike[str]) -> Model:
     forces = read_forces(node, frames, names, wrap_names)
     couplers, loops, constraints = read_constraints(node, frames, names)
     kept = (*constraints, *forces.kept, *kept_elsewhere(node, bodies))
-    for line in (*_massless(tree.bodies), *warnings_of(kept)):
+    for line in (*_massless(tree.bodies), *made_up_inertias(tree.bodies), *warnings_of(kept)):
         document.warn(line)
     return Model(
         node.name or Path(path).stem,
