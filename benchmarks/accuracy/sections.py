@@ -284,6 +284,8 @@ PAGES: dict[str, dict[str, str]] = {
         "interrupted": "accuracy.interrupted:measure",
         "wrong_files": "fuzz:run",
         "misspelt": "accuracy.misspelt:measure",
+        "bids": "accuracy.bids:measure",
+        "bids_validator": "accuracy.bids:measure_validator",
     },
 }
 

@@ -12,9 +12,10 @@ import h5py
 import numpy as np
 from scipy.io import savemat
 
+from myomorph.io.bids.emg import write_emg
 from myomorph.io.c3d.write import write_c3d
 from myomorph.model.provenance import Provenance
-from myomorph.model.series import Markers, PlateRecording
+from myomorph.model.series import Emg, Markers, PlateRecording
 from myomorph.store.results import new_result
 
 SEEDS = Path(__file__).with_name("seeds")
@@ -29,6 +30,7 @@ def binary_seeds() -> Mapping[str, tuple[bytes, ...]]:
         ".wav": tuple(_wav(kind, bits) for kind, bits in ((1, 8), (1, 16), (1, 24), (3, 32), (0xFFFE, 16))),
         ".stl": (_stl(),),
         ".ply": (_ply("<"), _ply(">")),
+        ".bdf": (_bytes("a_emg.bdf", _emg),),
         ".h5": (_bytes("a.h5", _keypoints),),
         ".mat": (_bytes("a.mat", _packed), _bytes("a.mat", _unpacked)),
         ".nc": (_bytes("a.nc", _result),),
@@ -40,6 +42,11 @@ def _bytes(name: str, write: Callable[[Path], object]) -> bytes:
         path = Path(folder) / name
         write(path)
         return path.read_bytes()
+
+
+def _emg(path: Path) -> None:
+    emg = Emg(TIME, ("A", "B"), np.linspace(-1.0, 1.0, 12).reshape(6, 2))
+    write_emg(path.with_name("a"), emg, ("V", "V"), {})
 
 
 def _c3d(path: Path) -> None:

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import os
+import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
 from binary_seeds import SEEDS, binary_seeds
 
+from myomorph.io.bids.emg import read_emg
 from myomorph.io.channels import read_channels
 from myomorph.io.contact_events import read_events
 from myomorph.io.keypoints import read_keypoint_names, read_keypoints
@@ -92,6 +94,20 @@ TABLES = ("taps.csv", "taps_frames.csv", "taps_spans.csv")
 SETUPS = ("setup_ik.xml", "setup_id.xml", "setup_analyze.xml", "setup_scale.xml")
 LANDMARKS = ("landmarks.json", "landmarks_bodies.json", "landmarks_slicer.json")
 
+MOTION = ("motion.tsv", "channels.tsv", "motion.json", "events.tsv")
+"""Files of one recording of BIDS."""
+
+
+def _as_motion(part: str, path: Path) -> Any:
+    """Read a motion file of BIDS of whose files one part is another."""
+    with tempfile.TemporaryDirectory() as folder:
+        stem = Path(folder) / "sub-1_task-walk_tracksys-a"
+        for name in MOTION:
+            source = path if name == part else SEEDS / f"bids_{name}"
+            stem.with_name(f"{stem.name}_{name}").write_bytes(source.read_bytes())
+        return read_recording(stem.with_name(f"{stem.name}_motion.tsv"))
+
+
 READERS = (
     Reader("OSIM", ".osim", read_osim, ("arm.osim",), "*/*.osim"),
     Reader("OSIM, described and written", ".osim", _written_again, ("arm.osim",), "*/*.osim"),
@@ -100,6 +116,11 @@ READERS = (
     Reader("TRC", ".trc", read_trc, ("walk.trc",), "**/*.trc"),
     Reader("STO, MOT", ".sto", read_sto, ("data.sto", "forces.mot"), "**/*.[sm][to][ot]"),
     Reader("MOT as coordinates", ".mot", lambda path: read_motion(path, arm()), ("motion.mot",)),
+    *(
+        Reader(f"BIDS {name}", f".{name[-4:].strip('.')}", partial(_as_motion, name), (f"bids_{name}",))
+        for name in MOTION
+    ),
+    Reader("EMG, BDF", ".bdf", read_emg),
     Reader("C3D", ".c3d", read_recording, (), "**/*.c3d"),
     Reader("channels, CSV", ".csv", read_channels, ("cells.csv", "channels.csv")),
     Reader("touches, CSV", ".csv", lambda path: read_events(path, 100.0), TABLES),

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from types import SimpleNamespace
 
+import edfio
 import numpy as np
 import pytest
 
@@ -21,6 +22,7 @@ from myomorph.io.trc import read_trc
 from myomorph.model.errors import BadData, BadFile, MissingPackage
 from myomorph.model.series import Emg, Event, Series, Trial
 from myomorph.store.results import read_result
+from myomorph.study.analyze.recordings import files_of
 from myomorph.study.convert.bids_dataset import export_bids, read_bids
 from myomorph.study.convert.bids_tables import plain_provenance
 from myomorph.study.convert.convert import convert
@@ -144,6 +146,10 @@ def test_commands_take_files_of_the_dataset(study, command, tmp_path):
     made = command(*told, "--loads", forces, "--out", tmp_path / "t.sto")
     assert made.status == 0, made.err
     assert read_motion_trial(forces).markers is None
+    assert [file.name for file in files_of([study.bids])[0]] == [
+        f"sub-{name}_tracksys-markers_motion.tsv" for name in ("s01_task-events", "s01x2_task-reach")
+    ]
+    assert command("info", emg).out.count("flexor") == 1
 
 
 def test_provenance_has_no_folder_of_this_machine(study):
@@ -212,6 +218,11 @@ def test_any_rate_and_lost_samples_of_emg(tmp_path):
     for column in range(2):
         limit = 1.2 * np.abs(values[:, column]).max() / 2**23
         np.testing.assert_allclose(back.values[:, column], values[:, column], atol=max(limit, 2e-5 / 2**23))
+    plain = [edfio.EdfSignal(column, 50.0, label="C", physical_dimension="mV") for column in (np.arange(100.0),)]
+    edfio.Edf(plain).write(tmp_path / "plain.edf")
+    other = read_emg(tmp_path / "plain.edf")
+    assert (other.names, other.units, other.rate) == (("C",), ("V",), pytest.approx(50.0))
+    np.testing.assert_allclose(other["C"], 1e-3 * np.arange(100.0), atol=2e-6)
     with pytest.raises(BadData, match="no even sampling rate"):
         write_emg(stem, Emg(time**1.1, ("A", "B"), values), ("V", "V"), {})
 

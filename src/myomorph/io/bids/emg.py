@@ -14,12 +14,14 @@ import numpy as np
 
 from myomorph.io.bids.signals import (
     CHANNELS,
+    RATE,
     SI,
     START,
     UNKNOWN,
     beside,
     channels_of_file,
     facts_of_file,
+    number_of,
     write_json,
     write_tsv,
 )
@@ -70,7 +72,7 @@ def write_emg(stem: Path, emg: Series, units: Sequence[str], facts: Mapping[str,
     columns = ("name", "type", "units", "target_muscle", "status", "status_description")
     write_tsv(stem.with_name(stem.name + CHANNELS), columns, rows)
     known = {
-        "SamplingFrequency": rate,
+        RATE: rate,
         "RecordingDuration": len(emg) / rate,
         "EMGChannelCount": len(rows),
         START: float(emg.time[0]),
@@ -114,8 +116,10 @@ def read_emg(path: Path) -> Analog:
     sizes = {len(columns[column]) for column in kept}
     if len(sizes) != 1:
         raise BadFile(path, "holds no EMG channel" if not sizes else "holds channels of several rates", "split it")
-    rate = float(facts.get("SamplingFrequency") or signals[kept[0]].sampling_frequency)
-    time = float(facts.get(START, 0.0)) + np.arange(sizes.pop()) / rate
+    rate = number_of(facts, RATE) or signals[kept[0]].sampling_frequency
+    if not rate > 0.0:
+        raise BadFile(path, "has no sampling rate")
+    time = number_of(facts, START) + np.arange(sizes.pop()) / rate
     turned = [SI.get(units[column].replace("µ", "u"), (units[column], 1.0)) for column in kept]
     values = np.column_stack([columns[column] * factor for column, (_, factor) in zip(kept, turned, strict=True)])
     return Analog(time, tuple(names[column] for column in kept), values, units=tuple(unit for unit, _ in turned))

@@ -83,9 +83,10 @@ def read_motion_trial(path: Path) -> Trial:
     if markers is None and not plates:
         raise BadFile(path, "holds no positions of markers and no forces", "its channels have other types or units")
     events = tuple(
-        Event(number(row["onset"]) + float(signals.time[0]), row.get("trial_type", ""), _known(row.get("side", "")))
+        Event(onset + float(signals.time[0]), _known(row.get("trial_type")), _known(row.get("side")))
         for file in beside(path, EVENTS)[-1:]
         for row in read_tsv(file)
+        if np.isfinite(onset := _onset(row, file))
     )
     return Trial(
         markers=markers,
@@ -117,7 +118,7 @@ def markers_of(signals: Signals, path: Path) -> tuple[Markers | None, list[str]]
 
 def plates_of(signals: Signals) -> tuple[ForcePlate, ...]:
     """Points with a force as plates; corners that the file does not know lie around the centers of pressure."""
-    corners = {plate["Name"]: np.array(plate["Corners"]) for plate in signals.facts.get("ForcePlates", ())}
+    corners = _known_corners(signals.facts.get("ForcePlates"))
     plates = []
     for point, group in signals.by_point.items():
         if ("N", "x") not in group:
@@ -153,5 +154,21 @@ def _corners(force: Array, place: Array) -> Array:
     return np.array([[x, height, z] for x, z in ((high_x, low_z), (low_x, low_z), (low_x, high_z), (high_x, high_z))])
 
 
-def _known(text: str) -> str:
-    return "" if text == "n/a" else text
+def _known_corners(plates: Any) -> dict[str, Array]:
+    """Corners (4, 3) of plates by name, as far as facts hold them."""
+    try:
+        corners = {str(plate["Name"]): np.array(plate["Corners"], np.float64) for plate in plates or ()}
+    except (TypeError, KeyError, ValueError, OverflowError):
+        return {}
+    return {name: values for name, values in corners.items() if values.shape == (4, 3) and np.isfinite(values).all()}
+
+
+def _onset(row: Mapping[str, str], file: Path) -> float:
+    try:
+        return number(row.get("onset") or "n/a")
+    except ValueError:
+        raise BadFile(file, f"has an onset that is no number: '{row['onset']}'") from None
+
+
+def _known(text: str | None) -> str:
+    return "" if text in (None, "n/a") else str(text)

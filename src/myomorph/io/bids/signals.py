@@ -31,8 +31,10 @@ HINT = "expected a motion file of BIDS, whose columns stand in the _channels.tsv
 LATENCY = "LATENCY"
 START = "StartTime"
 """Key of the time of the first row on the clock of the recording [s]; without it rows begin at 0."""
+RATE = "SamplingFrequency"
 COLUMNS = ("name", "component", "type", "tracked_point", "units", "placement", "reference_frame")
 COUNTED = ("ACCEL", "ANGACCEL", "GYRO", "JNTANG", LATENCY, "MAGN", "ORNT", "POS", "VEL")
+LARGEST = 1e12  # Rates [Hz] and times [s] beyond are none.
 SI = {
     "deg": ("rad", np.pi / 180.0),
     "degree": ("rad", np.pi / 180.0),
@@ -102,14 +104,16 @@ def write_signals(stem: Path, signals: Signals, frame: str = "") -> None:
         for each in channels
     )
     write_tsv(stem.with_name(stem.name + CHANNELS), COLUMNS, rows)
+    about = {name: text for name, text in signals.facts.items() if name == "Description"}
     if frame:
-        levels = {"ground": {"Description": frame, "RotationRule": "right-hand"}}
-        write_json(stem.with_name(f"{stem.name}_channels.json"), {"reference_frame": {"Levels": levels}})
+        about["reference_frame"] = {"Levels": {"ground": {"Description": frame, "RotationRule": "right-hand"}}}
+    if about:
+        write_json(stem.with_name(f"{stem.name}_channels.json"), about)
     counts = Counter(each.kind for each in channels)
     rate = signals.rate if np.isfinite(signals.rate) else UNKNOWN
     facts = {
-        "SamplingFrequency": rate,
-        "SamplingFrequencyEffective": rate,
+        RATE: rate,
+        f"{RATE}Effective": rate,
         START: start,
         "MotionChannelCount": len(channels),
         **{f"{kind}ChannelCount": counts[kind] for kind in COUNTED},
@@ -135,14 +139,10 @@ def read_signals(path: Path) -> Signals:
     values = quick_numbers(text, "\t", width)
     values = parse_cells(text, width, "\t", notes, path, HINT) if values is None else values
     clock = next((column for column, each in enumerate(channels) if each.kind == LATENCY), None)
-    rate = facts.get("SamplingFrequency")
-    if clock is not None:
-        latency = values[:, clock]
-    elif isinstance(rate, int | float) and rate > 0.0:
-        latency = np.arange(len(values)) / rate
-    else:
-        raise BadFile(path, "has neither latencies nor a SamplingFrequency", "state it in the _motion.json beside it")
-    time = latency + float(facts.get(START, 0.0))
+    rate = number_of(facts, RATE)
+    if clock is None and not rate > 0.0:
+        raise BadFile(path, f"has neither latencies nor a {RATE}", "state it in the _motion.json beside it")
+    time = (np.arange(len(values)) / rate if clock is None else values[:, clock]) + number_of(facts, START)
     if not rising(time).all():
         raise BadFile(path, "its latencies do not rise from row to row")
     kept = [column for column in range(width) if channels[column].kind != LATENCY]
@@ -182,6 +182,12 @@ def facts_of_file(path: Path) -> dict[str, Any]:
     return facts
 
 
+def number_of(facts: Mapping[str, Any], name: str) -> float:
+    """A finite number of facts, 0 where it is none."""
+    value = facts.get(name)
+    return float(value) if isinstance(value, int | float) and abs(value) < LARGEST else 0.0
+
+
 def beside(path: Path, ending: str) -> list[Path]:
     """Files that belong to a file of a dataset by their ending and parts of its name, from the top downwards."""
     parts = set(path.stem.split("_")[:-1])
@@ -193,7 +199,10 @@ def beside(path: Path, ending: str) -> list[Path]:
 
 def read_tsv(path: Path) -> list[dict[str, str]]:
     """Rows of a table with a heading."""
-    return list(csv.DictReader(file_text(path, HINT).splitlines(), delimiter="\t", quoting=csv.QUOTE_NONE))
+    try:
+        return list(csv.DictReader(file_text(path, HINT).splitlines(), delimiter="\t", quoting=csv.QUOTE_NONE))
+    except csv.Error as error:
+        raise BadFile(path, f"is no table: {error}", HINT) from None
 
 
 def write_tsv(path: Path, columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
+from myomorph.io.bids.recording import FORCES
 from myomorph.io.formats import trial_format
 from myomorph.io.inertial.read import read_inertial, sensor_files, sensors_of_trial
 from myomorph.model.arrays import Array
@@ -276,6 +278,9 @@ def same_body(recording: Recording, other: Recording) -> bool:
     return True
 
 
+NO_RECORDING = re.compile(rf"tracksys-{FORCES}_[^/]*$|/derivatives/")
+
+
 def files_of(paths: Iterable[Path]) -> tuple[list[Path], list[str]]:
     """The recordings that files and folders stand for, and what was passed over, one line each. A folder is one of
     recordings, or of OpenCap (`MarkerData`) or Pose2Sim (`pose-3d`), of whose files of one recording the last stage
@@ -313,7 +318,8 @@ def _in_folder(folder: Path, notes: list[str]) -> list[Path]:
     here = [path for path in sorted(folder.iterdir()) if path.is_file()]
     below = [path for path in sorted(folder.rglob("*")) if path.is_file()]
     for files in (here, below):
-        trials = [path for path in files if trial_format(path)]
+        # Of a dataset of BIDS the recordings count, whose forces are read with their markers.
+        trials = [path for path in files if trial_format(path) and not NO_RECORDING.search(path.as_posix())]
         if trials:
             return _last_stage(trials, notes)
     return next((sensors for files in (here, below) if (sensors := [path for path in files if sensor_files(path)])), [])

@@ -137,7 +137,8 @@ class _Dataset:
         derived = self.folder / DERIVED / Path(*names) / "motion"
         derived.mkdir(parents=True, exist_ok=True)
         for table, signals in result_tables(stored):
-            write_signals(derived / f"{stem}_tracksys-{table}", replace(signals, facts=told | dict(signals.facts)))
+            whole = replace(signals, facts=told | dict(signals.facts))
+            write_signals(derived / f"{stem}_tracksys-{table}", whole, GROUND if table == "loads" else "")
 
     def _label(self, kind: str, name: str) -> str:
         """Letters and digits of a name, with a number behind them where another has the same."""
@@ -185,7 +186,7 @@ class _Dataset:
         write_json(self.folder / "participants.json", columns)
         derived = {"Name": f"{self.name}: results", "DatasetType": "derivative", "SourceDatasets": [{"URL": "../.."}]}
         write_json(self.folder / DERIVED / DATASET, about | derived)
-        (self.folder / DERIVED / "README").write_text(f"Results of {self.name}.\n", encoding="utf-8")
+        (self.folder / DERIVED / "README").write_text((self.folder / "README").read_text("utf-8"), encoding="utf-8")
 
 
 def _recorded(stored: Stored) -> tuple[Recording, Series | None, list[str]]:

@@ -13,6 +13,7 @@ from myomorph.io.formats import model_format, read_model, trial_format
 from myomorph.io.sto import read_sto
 from myomorph.model.errors import BadFile
 from myomorph.model.model import Model
+from myomorph.model.series import Table
 from myomorph.study.info.inspect_recording import Inspection
 
 TABLES = (".mot", ".sto")
@@ -38,6 +39,12 @@ def inspect(path: str | os.PathLike[str]) -> Inspection:
         from myomorph.study.info.inspect_recording import inspect_table
 
         return inspect_table(read_sto(path))
+    if ending in (".bdf", ".edf"):
+        from myomorph.io.bids.emg import read_emg
+        from myomorph.study.info.inspect_recording import inspect_table
+
+        emg = read_emg(path)
+        return inspect_table(Table(emg.time, emg.names, emg.values))
     if ending == ".xml":
         return _inspect_xml(path)
     if model_format(path) is not None:
