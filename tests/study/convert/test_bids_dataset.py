@@ -13,7 +13,7 @@ import pytest
 
 from myomorph.demo.arm import example_files
 from myomorph.io.bids.emg import read_emg, write_emg
-from myomorph.io.bids.recording import force_signals, plates_of, read_motion_trial, wrenches_of
+from myomorph.io.bids.recording import force_signals, plates_of, read_motion_trial
 from myomorph.io.bids.signals import Channel, read_signals, signals_of, write_signals
 from myomorph.io.c3d.write import write_trial
 from myomorph.io.loads import read_external_loads
@@ -107,9 +107,9 @@ def test_results_are_read_back(study):
         np.testing.assert_allclose(derived[f"{table}Intervals"].values, limits, rtol=1e-14, err_msg=table)
     assert derived["anglesIntervals"].facts["Draws"] == 4
     assert {channel.unit for channel in derived["angles"].channels} == {"rad"}
-    loads = wrenches_of(derived["loads"])
-    assert loads.bodies == names["external_force_body"]
-    assert np.array_equal(loads.forces, values["external_force_vector"])
+    (load,) = plates_of(derived["loads"])
+    assert {channel.placement for channel in derived["loads"].channels} == set(names["external_force_body"])
+    assert np.array_equal(load.forces, values["external_force_vector"][:, 0])
     assert list(trials["s-01/events"].derived) == ["angles"]
 
 

@@ -132,15 +132,6 @@ def plates_of(signals: Signals) -> tuple[ForcePlate, ...]:
     return tuple(plates)
 
 
-def wrenches_of(signals: Signals) -> Wrenches:
-    """Forces of a file that `force_signals` made, with the bodies that they act on."""
-    plates = plates_of(signals)
-    bodies = {channel.point: _known(channel.placement) for channel in signals.channels}
-    names = tuple(plate.name for plate in plates)
-    vectors = (np.stack([getattr(plate, name) for plate in plates], axis=1) for name in ("forces", "points", "torques"))
-    return Wrenches(signals.time, names, tuple(bodies[name] for name in names), *vectors)
-
-
 def _column(signals: Signals, column: int | None) -> Array:
     return np.full(len(signals), np.nan) if column is None else signals.values[:, column]
 
