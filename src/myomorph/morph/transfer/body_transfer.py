@@ -33,9 +33,9 @@ BESIDE = 0.13
 `benchmarks/accuracy/morph/correspondence.py`; bones of persons show nothing of what is beside them."""
 
 COVERED = 1.5
-"""Surface further from matched points than so many times their spacing is missing in the target. What is so far may lie
-anywhere within that distance: a cut tibia may be laid on the whole at another size.
-"""
+"""Surface further from matched points than so many times their spacing is missing in the target, and may lie anywhere
+within that distance: a cut tibia may be laid on the whole at another size."""
+
 SAMPLES = 150  # Of a bone's vertices or features tell what becomes of the bone as a whole.
 UNKNOWN_LENGTH = 0.1
 """Of a body of which neither surface nor features tell a length [m]; its map is the same everywhere."""
