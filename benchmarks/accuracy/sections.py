@@ -220,6 +220,7 @@ PAGES: dict[str, dict[str, str]] = {
         "articular_made": "accuracy.morph.articular:measure_made",
         "articular_centers": "accuracy.morph.articular:measure_centers",
         "articular_persons": "accuracy.morph.articular:measure_persons",
+        "wrong_bones": "accuracy.morph.wrong_bones:measure",
         "landmarks_found": "accuracy.morph.articular:measure_landmarks",
         "correspondence_affine": "accuracy.morph.correspondence:measure_affine",
         "correspondence_smooth": "accuracy.morph.correspondence:measure_smooth",
