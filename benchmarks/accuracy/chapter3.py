@@ -1,6 +1,6 @@
 """[D] chapter 3 by one study file: calibrate, transfer with the motion, identify on many links, predict another motion.
 
-`python -m benchmarks.accuracy.chapter3 SET ...` runs sets alone and writes the tables of all that were run.
+`python -m benchmarks.accuracy.chapter3 SET ...` runs some; the tables have all that were run.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 
 import myomorph as mm
 from benchmarks.accuracy.identification import GAIT, OPENCAP, RAJAGOPAL, RUN
-from benchmarks.results import Row, save
+from benchmarks.results import Row
 from data_collection import data_folder
 from myomorph.identify.body.regions import regions_of
 from myomorph.identify.subject import GENERIC
@@ -410,8 +410,3 @@ def _share(row: Mapping[str, str]) -> float:
 if __name__ == "__main__":
     for chosen in sys.argv[1:]:
         found(chosen)
-    tables = {
-        "wrenches": measure_wrenches, "masses": measure_masses, "spine": measure_spine, "segments": measure_segments,
-    }  # fmt: skip
-    for table, measure in tables.items():
-        save(f"validation/chapter3_{table}", list(measure()), "python -m benchmarks.accuracy.chapter3")
