@@ -9,6 +9,7 @@ from pathlib import Path
 from benchmarks.figures.page import IMAGES
 
 FIGURES = {
+    "chapter3-wrenches": "bodies:draw",
     "contact-intervals": "contacts:draw_intervals",
     "hands-lift": "contacts:draw_lift",
     "hidden-plates": "contacts:draw",

@@ -10,7 +10,13 @@ from myomorph.io.mesh import read_mesh
 from myomorph.model.errors import BadData
 from myomorph.model.spatial import rotation_from_euler_xyz
 from myomorph.model.surface import Surface, border_of, distinct_faces, signed_volume
-from myomorph.morph.registration.bone_checks import bone_length, check_bone, repaired_bone
+from myomorph.morph.registration.bone_checks import (
+    bone_length,
+    check_bone,
+    check_exchange,
+    check_units,
+    repaired_bone,
+)
 from myomorph.morph.registration.nonrigid import place_bone
 from scans import joined, sharper
 
@@ -44,6 +50,7 @@ def test_a_sound_bone_passes_unchanged():
         (1000.0, "as if in millimeters: divide its coordinates by 1000 to give meters"),
         (100.0, "as if in centimeters: divide its coordinates by 100 "),
         (0.001, "as if in kilometers: divide its coordinates by 0.001"),
+        (1.0 / 0.0254, "as if in inches: divide its coordinates by 39.37"),
         (6.0, "is it another bone, or another species"),
     ],
 )
@@ -53,6 +60,22 @@ def test_other_units_are_named(factor, told):
     if factor > 10.0:
         with pytest.raises(BadData, match=r"no bone is longer than 3 m: give it in meters; .* in millimeters"):
             check_bone("femur_r", grown(factor), None)
+
+
+def test_units_are_judged_by_all_bones():
+    """A person's small bone in inches alone would pass for a giant's in centimeters."""
+    sizes = np.array([0.55, 0.95, 1.0, 1.1]) / 0.0254
+    with pytest.raises(BadData, match=r"the bones are 38.* \(median of 4\), as if in inches: divide .* by 39.37 "):
+        check_units([(0.4 * size, 0.4) for size in sizes])
+    check_units([(0.5, 0.4), (0.1, 0.4), (0.3, 0.4)])
+    check_units([])
+
+
+def test_a_bone_like_another_of_the_source_is_refused():
+    bones = {"femur_r": BONE, "tibia_r": Surface(BONE.vertices * [1.0, 1.0, 0.4], BONE.faces)}
+    with pytest.raises(BadData, match="the bone of 'femur_r' looks like the source's 'tibia_r', which leaves "):
+        check_exchange("femur_r", moved(bones["tibia_r"], shift=(0.1, 0.0, 0.0)), bones)
+    check_exchange("femur_r", moved(BONE, shift=(0.1, 0.0, 0.0)), bones)
 
 
 def test_another_species_is_told_by_its_size():

@@ -19,6 +19,7 @@ from myomorph.motion.tasks.coordinates import CoordinateTask
 from myomorph.motion.turns import floating_coordinates
 from myomorph.rigid.coordinates import couple_frames
 from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.loops import free_coordinates
 from myomorph.rigid.tree import compile_tree
 
 LEVER = 0.1
@@ -138,27 +139,18 @@ def _pulls(
 
 
 def _known(model: Model, motion: Motion, pulls: list[CoordinateTask]) -> dict[str, float]:
-    """See `CarriedMotion.known`: of 1 - (J^T J / s^2 + D^-1)^-1 D^-1 its diagonal, in up to ten frames."""
-    tree = compile_tree(model)
-    free = [
-        j
-        for j, coordinate in enumerate(model.coordinates)
-        if not coordinate.locked and coordinate.name not in model.dependent_coordinates
-    ]
-    held = {pull.coordinate: pull.weight * len(model.markers) / TARGET_SD**2 for pull in pulls}
-    prior = np.array([held.get(model.coordinates[j].name, 1.0) for j in free])
+    """See `CarriedMotion.known`: the diagonal of 1 - (J^T J / s^2 + D^-1)^-1 D^-1, mean of up to ten frames."""
+    tree, held = compile_tree(model), {pull.coordinate: pull.weight * len(model.markers) for pull in pulls}
+    free, step = free_coordinates(tree), 1e-5
+    names = [model.coordinates[j].name for j in free]
+    prior = np.array([held[name] / TARGET_SD**2 if name in held else 1.0 for name in names])
     shown = np.flatnonzero(np.isfinite(motion.values).all(axis=1))
-    shares, step = [], 1e-5
-    for frame in shown[np.linspace(0, len(shown) - 1, min(10, len(shown))).astype(int)]:
+    shares = np.zeros((0, len(free)))
+    for frame in shown[:: max(1, len(shown) // 10)]:
         moved = np.repeat(tree.coordinates_of(motion)[frame : frame + 1], 2 * len(free), axis=0)
-        moved[np.arange(len(free)), free] += step
-        moved[len(free) + np.arange(len(free)), free] -= step
+        moved[np.arange(2 * len(free)), np.tile(free, 2)] += np.repeat([step, -step], len(free))
         couple_frames(tree.arrays, moved)
-        places = forward_kinematics(tree, moved).markers(model.markers).reshape(len(moved), -1)
-        jacobian = (places[: len(free)] - places[len(free) :]) / (2.0 * step * TARGET_SD)
-        shares.append(1.0 - np.diagonal(np.linalg.inv(jacobian @ jacobian.T + np.diag(prior))) * prior)
-    return {
-        model.coordinates[j].name: float(share)
-        for j, share in zip(free, np.mean(shares, axis=0), strict=True)
-        if shares
-    }
+        places = forward_kinematics(tree, moved).markers(model.markers).reshape(2, len(free), -1)
+        J = (places[0] - places[1]) / (2.0 * step * TARGET_SD)
+        shares = np.vstack([shares, 1.0 - np.diagonal(np.linalg.inv(J @ J.T + np.diag(prior))) * prior])
+    return dict(zip(names, shares.mean(axis=0).tolist(), strict=True)) if len(shares) else {}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import combinations
 
 import numpy as np
@@ -205,6 +205,7 @@ TURNED = 30.0  # Angle from which a bone is said to lie turned in its frame [deg
 AWAY = 0.5
 """Distance from its place in the source's frame, as a share of its length, from which it is said to lie elsewhere."""
 
+EXCHANGED = 0.7  # Share of the distance that another bone of the source leaves, below which that is the one.
 UNLIKE = 0.06  # Residual after a similarity, as a share of the bone's length, above which it is another bone's shape.
 
 
@@ -241,6 +242,32 @@ def check_bone(
             "its body's frame, as in a scanner's: the body takes over the frame of the file"
         )
     return notes
+
+
+def check_units(lengths: Sequence[tuple[float, float]]) -> None:
+    """Refuse bones that are in other units than meters together: one by one a small bone in inches looks like a larger
+    in centimeters. `lengths`: of each bone of the target and of the source's [m].
+    """
+    ratio = float(np.exp(np.median(np.log([target / source for target, source in lengths])))) if lengths else 1.0
+    unit, factor = min(UNITS, key=lambda unit: abs(np.log(ratio / unit[1])))
+    if not 1.0 / LIKE < ratio < LIKE and 1.0 / LIKE < ratio / factor < LIKE:
+        raise BadData(
+            f"the bones are {ratio:.3g} times as long as the source's (median of {len(lengths)}), as if in {unit}: "
+            f"divide their coordinates by {factor:.4g} to give meters, or tell the files' unit (--unit)"
+        )
+
+
+def check_exchange(body: str, target: Surface, bones: Mapping[str, Surface]) -> None:
+    """Refuse a target's bone on which another of the source's `bones` lies much better than that of `body`."""
+    length = bone_length(target)
+    like = {name: bone for name, bone in bones.items() if 1.0 / LIKE < bone_length(bone) / length < LIKE}
+    left = {name: _registered(bone, target)[1] for name, bone in like.items()}
+    best = min(left, key=left.__getitem__, default=body)
+    if left.get(best, np.inf) < EXCHANGED * left.get(body, 0.0):
+        raise BadData(
+            f"the bone of '{body}' looks like the source's '{best}', which leaves {mm(left[best])} after turning, "
+            f"moving and sizing, where '{body}' leaves {mm(left[body])}: were two files exchanged?"
+        )
 
 
 def bone_length(surface: Surface) -> float:
@@ -335,9 +362,8 @@ def _check_size(body: str, target: Surface, source: Surface | None) -> None:
     expected = bone_length(source)
     if 1.0 / LIKE < length / expected < LIKE:
         return
-    fits = [unit for unit in UNITS if 1.0 / LIKE < length / unit[1] / expected < LIKE]
-    if fits:
-        unit, factor = fits[0]
+    unit, factor = min(UNITS, key=lambda unit: abs(np.log(length / unit[1] / expected)))
+    if 1.0 / LIKE < length / factor / expected < LIKE:
         remedy = (
             f"as if in {unit}: divide its coordinates by {factor:g} to give meters, or tell the file's unit (--unit)"
         )

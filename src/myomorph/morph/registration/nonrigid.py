@@ -243,9 +243,7 @@ def _pairs(
     normals = deformed.nearest(smooth, fine=True).normals
     closest = onto(goal.shape, smooth, normals)
     near = np.linalg.norm(closest.points - smooth, axis=1) <= options.match_tolerance
-    kept = near & (np.einsum("ij,ij->i", closest.normals, normals) > FACING)
-    if goal.shape.is_open:
-        kept &= ~closest.rim
+    kept = near & ~closest.rim & (np.einsum("ij,ij->i", closest.normals, normals) > FACING)
     names = tuple(f"surface {index + 1}" for index in np.flatnonzero(kept))
     radii = goal.length * match_radii(ours.shape, goal.shape, fit, samples[kept], pulls, options)
     return FeaturePoints(names, samples[kept] * ours.length, closest.points[kept] * goal.length, None, radii)

@@ -250,9 +250,7 @@ def _pairs(moving: _Moving, dense: _Moving, theirs: Samples, goal: Shape, coeffi
     here, many = moving.at(coefficients), dense.at(coefficients)
     closest = onto(goal, here.points, here.normals)
     away = np.linalg.norm(closest.points - here.points, axis=1)
-    near = counting(away, closest.normals, here.normals, PAIR_FACING, TRIMMED)
-    if goal.is_open:
-        near &= ~closest.rim
+    near = counting(away, closest.normals, here.normals, PAIR_FACING, TRIMMED) & ~closest.rim
     tree = cKDTree(np.column_stack([many.points, NORMAL * many.normals]))
     back = tree.query(np.column_stack([theirs.points, NORMAL * theirs.normals]))[1]
     off = np.abs(np.einsum("ij,ij->i", theirs.points - many.points[back], theirs.normals))

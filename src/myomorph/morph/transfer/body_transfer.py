@@ -12,6 +12,7 @@ from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.spatial import cKDTree
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, quoted
@@ -30,6 +31,10 @@ BESIDE = 0.13
 """What the map adds to the radius of a point, over its distance from the bone's surface. Beyond 1 % of a bone's length
 90 % of the muscle points of five bones were off by 0.12 to 0.16 of it, in the deformations 100 to 109 of
 `benchmarks/accuracy/morph/correspondence.py`; bones of persons show nothing of what is beside them."""
+
+COVERED = 1.5
+"""Surface further from matched points than so many times their spacing is missing in the target, and may lie anywhere
+within that distance: a cut tibia may be laid on the whole at another size."""
 
 SAMPLES = 150  # Of a bone's vertices or features tell what becomes of the bone as a whole.
 UNKNOWN_LENGTH = 0.1
@@ -89,17 +94,18 @@ class Transfer:
 
     def within(self, points: ArrayLike) -> Array:
         """Distances (n,) within which points (n, 3) of the source belong with 90 % [m]; NaN where nothing is known.
-        Those of the matched points around them, and what the map adds beside the bone.
+        Those of the matched points around them, and what the map adds beside the bone and where surface is missing.
         """
         asked = np.asarray(points, dtype=np.float64).reshape(-1, 3)
         features = self.bone.features
         if features is None or features.radii is None or not len(asked):
             return np.full(len(asked), np.nan)
-        if self.shapes is None:
-            away = np.min(np.linalg.norm(asked[:, None] - features.source, axis=2), axis=1)
-        else:
-            away = np.linalg.norm(asked - self.shapes[0].closest(asked)[0], axis=1)
-        return np.hypot(radii_around(features.source, features.radii, asked), BESIDE * self.size * away)
+        around = cKDTree(features.source)
+        feet = features.source[around.query(asked)[1]] if self.shapes is None else self.shapes[0].closest(asked)[0]
+        spacing = float(np.median(around.query(features.source, 2)[0][:, 1]))
+        unmatched = np.maximum(around.query(feet)[0] - COVERED * spacing, 0.0) * (self.bone.basis == "bone")
+        beside = np.hypot(BESIDE * np.linalg.norm(asked - feet, axis=1), unmatched)
+        return np.hypot(radii_around(features.source, features.radii, asked), self.size * beside)
 
     def near(self, place: ArrayLike) -> Array:
         """(3, 3) of the affine map that comes nearest around a place (3,) of the source body."""

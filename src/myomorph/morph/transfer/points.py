@@ -64,6 +64,8 @@ def put_on_surface(transfer: Transfer, points: Array, within: float) -> SurfaceP
         facing = source.normals[faces[near]] @ np.linalg.inv(transfer.linear)
         moved[near] = _lifted(transfer, target, mapped[near], feet[near], facing, depth[near])
     far = np.linalg.norm(moved - mapped, axis=1) > FARTHEST * transfer.length * transfer.size
+    # Beside a hole or beyond a cut the target's nearest point is its border, which is not where such a point belongs.
+    far |= near & target.rim[target.closest(mapped)[1]]
     moved[far] = mapped[far]
     crossed = far & (depth > 0) & (target.signed(moved) < 0)
     places, faces = target.closest(moved[crossed])

@@ -20,8 +20,8 @@ from myomorph.morph.registration.clusters import bone_surface
 from myomorph.store.results import file_source
 from myomorph.store.study_file import Strict, existing
 
-Unit: TypeAlias = Literal["m", "cm", "mm"]
-METERS: Mapping[str, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001}
+Unit: TypeAlias = Literal["m", "cm", "mm", "in"]
+METERS: Mapping[str, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
 
 
 @dataclass(frozen=True)

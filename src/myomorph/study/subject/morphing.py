@@ -24,6 +24,7 @@ from myomorph.morph.checks.warnings import MorphChecks
 from myomorph.morph.maps.fields import BoneMap, FeaturePoints, MapOptions
 from myomorph.morph.mirror.model import with_mirrored_bones
 from myomorph.morph.morphed import Morph, MorphOptions
+from myomorph.morph.registration.bone_checks import bone_length, check_exchange, check_units
 from myomorph.morph.registration.map_bone import map_bone
 from myomorph.morph.registration.rigid import start_by_neighbors
 from myomorph.morph.registration.smooth import MatchOptions
@@ -41,6 +42,8 @@ from myomorph.study.subject.found_errors import morphed_errors
 from myomorph.study.subject.morph_files import MorphFiles, read_bones, resized, source_bones, spread
 from myomorph.study.subject.subject_files import SubjectInputs, recordings_provenance
 from myomorph.study.subject.subjects import tables_folder, write_made_model
+
+DOUBTED = 0.95  # Agreement of a bone's normals with the target's below which another bone is tried.
 
 
 @dataclass(frozen=True)
@@ -113,6 +116,8 @@ def map_bones(
     """
     wanted = [body for body in model.body_names if body in theirs or body in pairs]
     wanted.sort(key=lambda body: -spread(theirs[body]) if body in theirs else 0.0)
+    both = [body for body in wanted if body in ours and body in theirs]
+    check_units([(bone_length(theirs[body]), bone_length(ours[body])) for body in both])
     poses = standing_poses(model) if together else {}
     maps: dict[str, BoneMap] = {}
     with progress("bones", len(wanted), "bones") as advance:
@@ -121,6 +126,9 @@ def map_bones(
             start = start_by_neighbors(model, body, maps, poses) if together else None
             with reading.about(body):
                 maps[body] = map_bone(body, source, target, points, settings.map, settings.match, start=start)
+                alike = maps[body].measures.get("agreement", 1.0)
+                if target is not None and points is None and alike < DOUBTED:
+                    check_exchange(body, target, ours)
             advance(1.0)
     return {body: maps[body] for body in model.body_names if body in maps}
 

@@ -12,7 +12,6 @@ from myomorph.identify.carry import CarriedMotion, carry_motion
 from myomorph.identify.transfer import Transfer, transfer
 from myomorph.identify.transfer_options import TransferOptions
 from myomorph.io.sto import table_from_motion, write_sto
-from myomorph.model.errors import BadData
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.provenance import Provenance
 from myomorph.store.results import file_name, file_source, provenance_of
@@ -65,19 +64,14 @@ def write_transferred(transferred: Transferred, out: Path, tables: Path | None =
         (folder / MOTIONS).mkdir()
         for name, carried in transferred.motions.items():
             write_sto(table_from_motion(carried.motion, result.model), folder / MOTIONS / f"{file_name(name)}.mot")
-        if transferred.motions:
-            write_rows(coordinate_rows(transferred.motions), folder / "coordinates.csv")
+        # How far each motion's points determine a coordinate; near 0 it is held.
+        known = {trial: carried.known for trial, carried in transferred.motions.items()}
+        names = dict.fromkeys(name for shares in known.values() for name in shares)
+        rows = [{"coordinate": name} | {trial: shares[name] for trial, shares in known.items()} for name in names]
+        write_rows(rows, folder / "coordinates.csv")
 
     tables = tables or tables_folder(out, STEP.tables)
     return write_made_model(result.model, transferred.provenance, out, tables, fill, result.notes)
-
-
-def coordinate_rows(motions: Mapping[str, CarriedMotion]) -> Rows:
-    """A row for each free coordinate: how far each motion's points determine it; near 0 it is held."""
-    return [
-        {"coordinate": name, **{trial: carried.known[name] for trial, carried in motions.items()}}
-        for name in next(iter(motions.values())).known
-    ]
 
 
 def joint_rows(transfer: Transfer) -> Rows:
@@ -144,8 +138,7 @@ def summary(transferred: Transferred) -> list[str]:
 
 def _run(subject: SubjectInputs, output: FolderOutput) -> None:
     options, higher = with_settings(TransferOptions(), subject.settings.get("transfer", {})), subject.files.detailed
-    if higher is None:
-        raise BadData(f"subject '{subject.files.name}': 'transfer' needs the model with more joints, 'detailed'")
+    assert higher is not None
     with about(higher):
         result = transfer(subject.model, open_model(higher), options)
     motions = {
