@@ -78,7 +78,11 @@ def test_the_law_that_acted_is_chosen_and_its_coefficients_found(ball, name, cho
     assert best.name == chosen
     assert best.law.coefficients == pytest.approx(law(**LAWS[name]).coefficients, abs=2e-5, rel=1e-3)
     assert best.angle_error < 1e-3
-    assert (comparison.friction is not None) == (name == "friction")
+    acting = comparison.acting
+    assert (acting is not None and bool(acting.friction)) == (name == "friction")
+    assert ("" if acting is None else acting.form) == {"axes": "viscosity by axis", "hinges": "hinges"}.get(
+        name, "viscosity" if name == "friction" else ""
+    )
     assert best.angle_error <= comparison.viscous.angle_error
     kinds = [{term.removesuffix(" by axis") for term in one.terms} for one in comparison.fits]
     acted = set(LAWS[name]) - {"rest_moment"}
