@@ -24,7 +24,8 @@ from myomorph.viscosity.trust.law import (
 
 FINER = 10
 """Instants between two frames at which the sign of a rate is taken, before the filter."""
-ROUNDS = 4
+ROUNDS, LIGHTEST = 4, 1e-3
+"""How often the axes are weighed anew, and the least weight of one."""
 WIDTH = 0.03
 """Rate within which friction turns its sign, before the filter: about the noise of a rate, which hides the sign of a
 slower one. Held-out swings of virtual limbs are predicted best with it [rad/s]."""
@@ -156,7 +157,7 @@ class FreedProblem:
             x = bounded_least_squares(less[1:, 1:], -less[0, 1:], groups)[0]
             solution = np.concatenate([[1.0], -back @ np.array([1.0, *x]), x])
             left = np.maximum(solution @ by_axis @ solution, 1e-300)
-            weights = left.min() / left
+            weights = np.maximum(left.min() / left, LIGHTEST)
         return FreedFit(mapping @ x[:law], float(x[-1]) if friction else 0.0, basis @ solution)
 
     def held_out(self, terms: Sequence[str], friction: str = "") -> float:
