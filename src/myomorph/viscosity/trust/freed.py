@@ -59,7 +59,7 @@ class ActingLaw:
 
 def acting_law(problem: PassiveProblem, phi: Array, spring: tuple[str, ...], draws: int, seed: int) -> ActingLaw | None:
     """The form and the friction that predict held-out trials best, None where that is one viscosity or there is one
-    trial; `spring`: terms of a spring beside them.
+    trial; `spring`: terms of a spring that may be beside them.
     """
     sums, axes = problem.sums, len(problem.axes)
     forms = [form for form in FORMS if axes == 3 or form == FORMS[0]]
@@ -69,12 +69,13 @@ def acting_law(problem: PassiveProblem, phi: Array, spring: tuple[str, ...], dra
         return None
     freed = FreedProblem.of(problem.recordings, sums, phi)
     left = {
-        (form, friction): freed.held_out((form, *spring), friction)
-        + WORTH * ((axes if form != FORMS[0] else 1) + bool(friction))
+        (form, friction, beside): freed.held_out((form, *beside), friction)
+        + WORTH * ((axes if form != FORMS[0] else 1) + bool(friction) + len(beside))
         for form in forms
         for friction in ("", *FRICTIONS)
+        for beside in dict.fromkeys(((), spring))
     }
-    form, friction = min(left, key=lambda law: left[law])
+    form, friction, spring = min(left, key=lambda law: left[law])
     if (form, friction) == (FORMS[0], ""):
         return None
     generator = np.random.default_rng(seed)
@@ -198,7 +199,7 @@ def law_rows(recording: SwingRecording) -> Array:
 def friction_rows(recording: SwingRecording) -> Array:
     """(frames, axes, 2) torque of `FRICTIONS` of 1 N m against the motion, through the motion's low-pass."""
     result = np.zeros((*recording.rates.shape, len(FRICTIONS)))
-    for start, stop in runs(np.isfinite(recording.rates).all(axis=1)):
+    for start, stop in runs(np.asarray(np.isfinite(recording.rates).all(axis=1))):
         rates, time = recording.rates[start:stop], recording.time[start:stop]
         at = np.arange((len(rates) - 1) * FINER + 1) / FINER
         fine = np.stack([np.interp(at, np.arange(len(rates)), rate) for rate in rates.T], axis=1)
