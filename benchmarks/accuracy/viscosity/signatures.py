@@ -10,18 +10,18 @@ import numpy as np
 from benchmarks.accuracy.viscosity.faulty_limbs import Faults, random_faults
 from benchmarks.accuracy.viscosity.limbs import LimbRun, Row, limb_runs
 
-LIMBS = 20
-LAW_LIMBS = 34
+LIMBS, FRICTION_LIMBS, LAW_LIMBS = 12, 20, 34
 FIRST = 40_000
 """Seed of the first limb; thresholds were chosen on limbs of other seeds."""
 LEVEL = 0.95
 PLATE, GAIN = 0.005, 0.02
 """Faults of every limb's plate: distance from its place [m], of each moment channel's gain."""
+FRICTION = "dry friction"
 LOADED = ("base load", "zero")
 CASES: dict[str, Faults] = {
     "nothing": Faults(tared=True),
     "base load": Faults(),
-    "dry friction": Faults(tared=True, friction=0.01),
+    FRICTION: Faults(tared=True, friction=0.01),
     "moving base": Faults(tared=True, sway=float(np.deg2rad(3.5))),
     "slipped cluster": Faults(tared=True, slip=0.005),
 }
@@ -78,7 +78,7 @@ def is_named(case: str, run: LimbRun) -> bool:
     named = {(NAMED.get(kind), condition) for kind, _, condition in run.findings}
     if run.slip is not None:
         return ("slipped cluster", run.slip[2], run.slip[0]) in run.findings
-    return {(case, "without")} | ({(case, "with")} if case != "dry friction" else set()) <= named
+    return {(case, "without")} | ({(case, "with")} if case != FRICTION else set()) <= named
 
 
 def row(case: str, runs: Sequence[LimbRun]) -> Row:
@@ -116,11 +116,18 @@ def _judged(runs: Sequence[LimbRun], quantities: Sequence[str], limit: float) ->
     }
 
 
-def measure() -> Iterable[Row]:
+def measure(
+    cases: Sequence[str] = tuple(case for case in CASES if case != FRICTION), limbs: int = LIMBS
+) -> Iterable[Row]:
     """A row a case."""
-    for case, faults in CASES.items():
-        seeds = range(FIRST, FIRST + LIMBS)
-        yield row(case, limb_runs([(seed, heavy_limb(seed, faults), None) for seed in seeds], LEVEL))
+    for case in cases:
+        seeds = range(FIRST, FIRST + limbs)
+        yield row(case, limb_runs([(seed, heavy_limb(seed, CASES[case]), None) for seed in seeds], LEVEL))
+
+
+def measure_friction() -> Iterable[Row]:
+    """The rows without a fault and with dry friction, of more limbs."""
+    return measure(("nothing", FRICTION), FRICTION_LIMBS)
 
 
 def measure_laws() -> Iterable[Row]:

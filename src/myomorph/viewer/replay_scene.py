@@ -46,7 +46,7 @@ COLORS: Mapping[str, tuple[int, int, int]] = FrozenMap(
 BONES = (BONE, (176, 196, 212), (196, 206, 176), (208, 186, 202))
 """Colors of the bones of the first body, the second, ..."""
 
-MAX_JOINTS, AXIS_LENGTH, AXIS_RADIUS = 2, 0.16, 0.004
+MAX_JOINTS, AXIS_LENGTH, AXIS_RADIUS = 2, 0.1, 0.003
 """Models with more joints that move have no axes drawn; sizes as shares of the body's size."""
 MARKER_RADIUS, CENTER_RADIUS, TRACE_STEPS = 0.0052, 0.014, 500
 DETAIL = 0.003  # Smallest detail of bones that is kept, as a share of the body's size.
