@@ -36,6 +36,8 @@ FORMS = ("viscosity", "viscosity by axis", "hinges")
 """Of a joint's viscosity: one value, one an axis of the limb's first bone, one of three angles one after another."""
 WORTH = 0.05
 """Share of the squares that held-out trials leave by which a law must lower them for each coefficient that it adds."""
+MIN_RUBBED = 0.03
+"""Share of the one viscosity that friction must take off to be named."""
 DRY = "dry friction"
 
 
@@ -68,11 +70,13 @@ def acting_law(problem: PassiveProblem, phi: Array, spring: tuple[str, ...], dra
     if len(np.unique(sums.trial)) < 2:
         return None
     freed = FreedProblem.of(problem.recordings, sums, phi)
+    alone, *rubbed = (float(freed.fit(FORMS[:1], friction).law[0]) for friction in ("", *FRICTIONS))
+    rubbing = [name for name, beside in zip(FRICTIONS, rubbed, strict=True) if beside < (1.0 - MIN_RUBBED) * alone]
     left = {
         (form, friction, beside): freed.held_out((form, *beside), friction)
         + WORTH * ((axes if form != FORMS[0] else 1) + bool(friction) + len(beside))
         for form in forms
-        for friction in ("", *FRICTIONS)
+        for friction in ("", *rubbing)
         for beside in dict.fromkeys(((), spring))
     }
     form, friction, spring = min(left, key=lambda law: left[law])
