@@ -215,6 +215,8 @@ PAGES: dict[str, dict[str, str]] = {
         "limbs_systematic": "accuracy.viscosity.limbs:measure_systematic",
         "limbs_coverage": "accuracy.viscosity.limbs:measure_coverage",
         "limbs_signatures": "accuracy.viscosity.signatures:measure",
+        "limbs_friction": "accuracy.viscosity.signatures:measure_friction",
+        "limbs_laws": "accuracy.viscosity.signatures:measure_laws",
         "scans_of_other_bones": "accuracy.viscosity.scans:measure",
         "virtual_joints": "accuracy.viscosity.virtual:measure_joints",
         "virtual_cohort": "accuracy.viscosity.virtual:measure_cohort",

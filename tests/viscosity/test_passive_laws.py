@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -9,9 +11,18 @@ from swung_limb import LAWS, LIMB, law, released, swung
 
 from myomorph.model.errors import UnknownName
 from myomorph.motion.filters import lowpass
+from myomorph.viscosity.identification.inertia import InertiaOptions
 from myomorph.viscosity.swings.sums import effective_samples
 from myomorph.viscosity.trust.forward import angles_apart, measured_motion, swing_forward
-from myomorph.viscosity.trust.law import PassiveLaw, bounded_least_squares, hinge_slopes, law_columns, resistances
+from myomorph.viscosity.trust.freed import DRY, acting_law
+from myomorph.viscosity.trust.law import (
+    PassiveLaw,
+    PassiveProblem,
+    bounded_least_squares,
+    hinge_slopes,
+    law_columns,
+    resistances,
+)
 from myomorph.viscosity.trust.models import PassiveOptions, compare_passive_laws
 from truths.mechanical_joint import mechanical_joint
 
@@ -78,13 +89,43 @@ def test_the_law_that_acted_is_chosen_and_its_coefficients_found(ball, name, cho
     assert best.name == chosen
     assert best.law.coefficients == pytest.approx(law(**LAWS[name]).coefficients, abs=2e-5, rel=1e-3)
     assert best.angle_error < 1e-3
-    assert (comparison.friction is not None) == (name == "friction")
     assert best.angle_error <= comparison.viscous.angle_error
     kinds = [{term.removesuffix(" by axis") for term in one.terms} for one in comparison.fits]
     acted = set(LAWS[name]) - {"rest_moment"}
     others = [one for one, kind in zip(comparison.fits, kinds, strict=True) if acted - kind - {"muscle"}]
     assert others or name == "muscles"
     assert all(one.angle_error > best.angle_error for one in others)
+
+
+@pytest.mark.parametrize(
+    ("name", "form", "friction"),
+    [
+        ("viscosity", "", ""),
+        ("axes", "viscosity by axis", ""),
+        ("friction", "viscosity", "against the motion"),
+        ("drag", "", ""),
+        ("hinges", "hinges", ""),
+    ],
+)
+def test_what_acts_is_found_though_the_inertia_is_off(ball, name, form, friction):
+    bare = [replace(each, muscles=(), strands=(), lengthening=np.zeros((len(each), 0, 3))) for each in ball[name]]
+    problem = PassiveProblem.of(bare, 0.1, InertiaOptions())
+    off = problem.parameters(np.ones(len(problem.sums))) * np.linspace(0.98, 1.02, 10)
+    acting = acting_law(problem, off, (), 20, 0)
+    if not form:
+        assert acting is None
+        return
+    assert (acting.form, acting.friction) == (form, friction)
+    truth = law(**LAWS[name])
+    expected = {"axes": truth.viscosity, "friction": truth.viscosity[:1], "hinges": truth.hinges}[name]
+    values = {kind: each.value for kind, each in acting.coefficients.items() if kind != DRY}
+    parts = list(values.values())[1:] or list(values.values())
+    assert parts == pytest.approx(expected, rel=0.05)
+    if friction:
+        assert acting.coefficients[DRY].value == pytest.approx(truth.coulomb, rel=0.1)
+    # The torque that is taken off the muscles is the law's own, in rates of the one viscosity.
+    resisted = acting.coefficients["viscosity"].value * acting.resisting(bare[0])[bare[0].used]
+    assert resisted == pytest.approx(-truth.torque(bare[0])[bare[0].used], abs=0.1 * np.ptp(resisted))
 
 
 @pytest.mark.parametrize("kind", ["hinge", "ball"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 
 import numpy as np
 import pytest
@@ -13,10 +14,13 @@ from myomorph.io.osim.read import read_osim
 from myomorph.io.osim.write import write_osim
 from myomorph.io.sto import write_sto
 from myomorph.io.trc import write_trc
+from myomorph.model.errors import BadFile
 from myomorph.model.series import Markers, Table
+from myomorph.viewer.replay_body import PlayedBody
 from myomorph.viscosity.study.plan import read_viscosity_plan
 from myomorph.viscosity.study.results import read_store
 from myomorph.viscosity.study.run import run_viscosity
+from myomorph.viscosity.study.viewing import swings_of
 
 JOINT, TOTAL = 0.05, 0.09
 RELEASES = ((0.6, 0.2, -0.5), (-0.3, -0.6, 0.5))
@@ -84,6 +88,31 @@ def test_truth_comes_back(ran):
     with (out / "specimens.csv").open() as stream:
         (first, *_) = csv.DictReader(stream)
     assert float(first["joint_viscosity"]) == pytest.approx(row["joint_viscosity"].value, rel=1e-7)
+
+
+@pytest.mark.long
+def test_swings_are_shown_with_the_muscles_that_were_there(ran):
+    _, out, _ = ran
+    shown = swings_of(out)
+    assert {"whole bare1", "whole full1", "half bare1"} <= set(shown)
+    bare, full = (PlayedBody(shown[f"whole {trial}"]()) for trial in ("bare1", "full1"))
+    assert not bare.muscles
+    assert full.muscles == arm_specimen().model.muscle_names
+    # The joint stays where it was while the limb swings.
+    joint = next(joint for joint in full.model.joints if joint.child == arm_specimen().first)
+    at = [full.at(frame) for frame in range(0, len(full.time), 20)]
+    body = full.model.body_names.index(joint.child) + 1
+    centers = [each.origins[body] + each.rotations[body] @ joint.child_frame.translation for each in at]
+    assert np.ptp(centers, axis=0).max() < 1e-9
+    assert centers[0] == pytest.approx(arm_specimen().center_in_ground, abs=0.002)
+
+
+@pytest.mark.long
+def test_swings_of_another_model_are_refused(ran, tmp_path):
+    stored = json.loads((ran[1] / "half" / "swings.json").read_text())
+    (tmp_path / "swings.json").write_text(json.dumps(stored | {"sha256": "0"}))
+    with pytest.raises(BadFile, match="has changed"):
+        next(iter(swings_of(tmp_path).values()))()
 
 
 @pytest.mark.long

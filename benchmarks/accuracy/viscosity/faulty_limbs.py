@@ -53,7 +53,7 @@ class Faults:
     friction : dry, of the joint [N m]
     sway : by which the base turns to and fro [rad]; it then has a load
     slip : of one bone's cluster, in one trial of one condition and all later ones [m]
-    hinges : viscosity of three hinges one after another in place of the ball [N m s/rad]
+    axes, hinges : viscosity of the ball about each axis, of three hinges one after another in its place [N m s/rad]
     """
 
     plate: Sequence[float] = (0.0, 0.0, 0.0)
@@ -73,6 +73,7 @@ class Faults:
     friction: float = 0.0
     sway: float = 0.0
     slip: float = 0.0
+    axes: tuple[float, ...] = ()
     hinges: tuple[float, ...] = ()
 
 
@@ -158,7 +159,8 @@ def faulty_limb(seed: int, faults: Faults, damping: float | None) -> FaultyLimb:
         specimen.center + specimen.stand.rotation.T @ np.array(faults.center) + np.array(faults.clusters[0]),
         specimen.center_in_limb + hanging(limb, whole).T @ np.array(faults.center) + np.array(faults.clusters[1]),
     )
-    truth = {"joint_viscosity": damping, "muscle_viscosity": muscle}
+    truth = {"muscle_viscosity": muscle} | ({} if faults.axes or faults.hinges else {"joint_viscosity": damping})
+    truth |= {f"viscosity {name}": value for name, value in zip("xyz", faults.axes, strict=bool(faults.axes))}
     if gimbal is not None:
         known = replace(known, turning_axes=np.stack([gimbal.in_base, gimbal.axes[2]]))
         truth |= {f"hinge {name}": value for name, value in zip(HINGES, faults.hinges, strict=True)}
@@ -218,6 +220,8 @@ def _swings(
         return [(exact, clamp, turns) for exact, turns in clamp.swings(text, states, faults.sway, SECONDS, STEP)]
     compiled = mujoco.MjModel.from_xml_string(swing_mjcf(**text))
     compiled.dof_frictionloss[:3] = faults.friction
+    if faults.axes:
+        compiled.dof_damping[:3] = faults.axes
     return [(simulate(compiled, *state, SECONDS, STEP), None, np.zeros(0)) for state in states]
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from benchmarks.accuracy.viscosity.faulty_limbs import Faults, faulty_limb, random_faults
 from myomorph.model.provenance import Estimate
@@ -19,6 +20,7 @@ from myomorph.viscosity.study.conditions import Prepared, identify_conditions
 from myomorph.viscosity.study.plan import SpecimenFiles, StudyOptions
 from myomorph.viscosity.tracking.track import track
 from myomorph.viscosity.trust.checks import TOO_SMALL, condition_findings
+from myomorph.viscosity.trust.freed import DRY
 
 Row = dict[str, object]
 
@@ -45,6 +47,7 @@ class LimbRun(NamedTuple):
     refused : viscosities that were withheld, and why conditions could not be used
     findings : kind, place and condition of what is named
     slip : condition, trial and bone of a cluster that slips
+    form : of the joint's viscosity: "one viscosity", "viscosity" an axis, or "hinge"
     """
 
     seed: int
@@ -54,10 +57,12 @@ class LimbRun(NamedTuple):
     refused: tuple[str, ...]
     findings: tuple[tuple[str, str, str], ...]
     slip: tuple[str, str, str] | None
+    form: str
 
 
 def limb_run(given: tuple[int, Faults, float | None], level: float = LEVEL) -> LimbRun:
     """A limb, by its seed, its faults and its viscosity if that is not drawn, as a study identifies it."""
+    threadpool_limits(1, "blas")
     seed = given[0]
     limb = faulty_limb(*given)
     settings: dict[str, dict[str, float]] = {"identification": {"level": level, "seed": seed}}
@@ -83,16 +88,21 @@ def limb_run(given: tuple[int, Faults, float | None], level: float = LEVEL) -> L
     if muscles is not None and not is_narrow(muscles.common):
         refused.append("muscle_viscosity")
     row = dict(specimen_row(result.found))
-    if "without" in result.compared:
-        row |= result.compared["without"].chosen.coefficients
+    bare = result.conditions.get("without")
+    if result.found.without is not None and bare is not None:
+        row |= {f"viscosity {axis}": value for axis, value in zip(
+            bare.recordings[0].axes, result.found.without.axis_viscosity, strict=True
+        )}  # fmt: skip
+    row |= {name: value for name, value in result.law.items() if name != "viscosity"}
     laws = tuple(one.chosen.name for one in result.compared.values())
+    form = next((name.partition(" ")[0] for name in result.law if " " in name and name != DRY), "one viscosity")
     found = {name: row[name] for name in limb.truth if name in row}
     findings = [
         (finding.kind, finding.place, name) for name, one in result.conditions.items() for finding in one.findings
     ]
     if any("dry friction" in note for note in result.found.notes):
         findings.append(("dry friction", "joint", "without"))
-    return LimbRun(seed, limb.truth, found, laws, (*refused, *result.lost), tuple(findings), limb.slip)
+    return LimbRun(seed, limb.truth, found, laws, (*refused, *result.lost), tuple(findings), limb.slip, form)
 
 
 def limb_runs(given: Sequence[tuple[int, Faults, float | None]], level: float = LEVEL) -> list[LimbRun]:

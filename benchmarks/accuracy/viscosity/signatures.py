@@ -10,21 +10,36 @@ import numpy as np
 from benchmarks.accuracy.viscosity.faulty_limbs import Faults, random_faults
 from benchmarks.accuracy.viscosity.limbs import LimbRun, Row, limb_runs
 
-LIMBS = 12
+LIMBS, FRICTION_LIMBS, LAW_LIMBS = 12, 20, 34
 FIRST = 40_000
 """Seed of the first limb; thresholds were chosen on limbs of other seeds."""
 LEVEL = 0.95
 PLATE, GAIN = 0.005, 0.02
 """Faults of every limb's plate: distance from its place [m], of each moment channel's gain."""
+FRICTION = "dry friction"
 LOADED = ("base load", "zero")
 CASES: dict[str, Faults] = {
     "nothing": Faults(tared=True),
     "base load": Faults(),
-    "dry friction": Faults(tared=True, friction=0.01),
+    FRICTION: Faults(tared=True, friction=0.01),
     "moving base": Faults(tared=True, sway=float(np.deg2rad(3.5))),
     "slipped cluster": Faults(tared=True, slip=0.005),
 }
 """What is wrong beside instruments and a heavy base."""
+LAWS: dict[str, tuple[Faults, str, dict[str, tuple[str, ...]]]] = {
+    "ball of one viscosity": (Faults(tared=True), "one viscosity", {"d_J": ("joint_viscosity",)}),
+    "ball, one an axis": (
+        Faults(tared=True, axes=(1.0, 1.0, 1.0)),
+        "viscosity",
+        {"d_J across the limb": ("viscosity x", "viscosity z"), "d_J along it": ("viscosity y",)},
+    ),
+    "three hinges": (
+        Faults(tared=True, hinges=(1.0, 1.0, 1.0)),
+        "hinge",
+        {"d_J across the limb": ("hinge first", "hinge second"), "d_J along it": ("hinge third",)},
+    ),
+}
+"""What the joint's viscosity is, the last as [S] has it: faults, how `LimbRun` calls its form, and what is judged."""
 NAMED = {kind: name for name in CASES for kind in (LOADED if name == "base load" else (name,))} | {
     "loose wire": "loose wire"
 }
@@ -48,7 +63,14 @@ def heavy_limb(seed: int, case: Faults) -> Faults:
         friction=case.friction,
         sway=case.sway * float(random.uniform(0.87, 1.14)),
         slip=case.slip,
+        axes=tuple(_drawn(random, len(case.axes))),
+        hinges=tuple(_drawn(random, len(case.hinges))),
     )
+
+
+def _drawn(random: np.random.Generator, count: int) -> list[float]:
+    """Viscosities in the range of [S] table I [N m s/rad]."""
+    return np.exp(random.uniform(np.log(0.03), np.log(0.1), count)).tolist()
 
 
 def is_named(case: str, run: LimbRun) -> bool:
@@ -56,7 +78,7 @@ def is_named(case: str, run: LimbRun) -> bool:
     named = {(NAMED.get(kind), condition) for kind, _, condition in run.findings}
     if run.slip is not None:
         return ("slipped cluster", run.slip[2], run.slip[0]) in run.findings
-    return {(case, "without")} | ({(case, "with")} if case != "dry friction" else set()) <= named
+    return {(case, "without")} | ({(case, "with")} if case != FRICTION else set()) <= named
 
 
 def row(case: str, runs: Sequence[LimbRun]) -> Row:
@@ -69,27 +91,52 @@ def row(case: str, runs: Sequence[LimbRun]) -> Row:
         "another fault named": sum(bool(names) for names in others),
     }
     for quantity, (label, limit) in WITHIN.items():
-        known = [
-            (run.found[quantity], run.truth[quantity], quantity in run.refused) for run in runs if quantity in run.found
-        ]
-        errors = np.array([abs(found.value / truth - 1.0) for found, truth, _ in known])
-        refused = np.array([gone for *_, gone in known])
-        held = sum(found.holds(truth) for found, truth, _ in known)
-        values[f"{label}: error RMS, largest"] = f"{100 * np.sqrt(np.mean(errors**2)):.2f}, {100 * errors.max():.1f} %"
-        values[f"{label}: within {100 * limit:.0f} %"] = f"{(errors <= limit).sum()} of {len(known)}"
-        values[f"{label}: 95 % intervals that hold"] = f"{held} of {len(known)}"
-        values[f"{label}: withheld, of these within {100 * REFUSED:.0f} %"] = (
-            f"{refused.sum()}, {(refused & (errors <= REFUSED)).sum()}"
-        )
+        judged = _judged(runs, (quantity,), limit)
+        values |= {f"{label}: {name}".replace("within target", f"within {100 * limit:.0f} %"): value
+                   for name, value in judged.items()}  # fmt: skip
     return values | {"named by mistake": ", ".join(sorted(set().union(*others))) or "nothing"}
 
 
-def runs_of(case: str, seeds: Iterable[int]) -> list[LimbRun]:
-    """The limbs of a case."""
-    return limb_runs([(seed, heavy_limb(seed, CASES[case]), None) for seed in seeds], LEVEL)
+def _judged(runs: Sequence[LimbRun], quantities: Sequence[str], limit: float) -> Row:
+    """Errors and intervals of some quantities together."""
+    known = [
+        (run.found[quantity], run.truth[quantity], quantity in run.refused)
+        for run in runs
+        for quantity in quantities
+        if quantity in run.found
+    ]
+    errors = np.array([abs(found.value / truth - 1.0) for found, truth, _ in known])
+    refused = np.array([gone for *_, gone in known])
+    held = sum(found.holds(truth) for found, truth, _ in known)
+    return {
+        "error RMS, largest": f"{100 * np.sqrt(np.mean(errors**2)):.2f}, {100 * errors.max():.1f} %",
+        "within target": f"{(errors <= limit).sum()} of {len(known)}",
+        "95 % intervals that hold": f"{held} of {len(known)}",
+        f"withheld, of these within {100 * REFUSED:.0f} %": f"{refused.sum()}, {(refused & (errors <= REFUSED)).sum()}",
+    }
 
 
-def measure() -> Iterable[Row]:
+def measure(
+    cases: Sequence[str] = tuple(case for case in CASES if case != FRICTION), limbs: int = LIMBS
+) -> Iterable[Row]:
     """A row a case."""
-    for case in CASES:
-        yield row(case, runs_of(case, range(FIRST, FIRST + LIMBS)))
+    for case in cases:
+        seeds = range(FIRST, FIRST + limbs)
+        yield row(case, limb_runs([(seed, heavy_limb(seed, CASES[case]), None) for seed in seeds], LEVEL))
+
+
+def measure_friction() -> Iterable[Row]:
+    """The rows without a fault and with dry friction, of more limbs."""
+    return measure(("nothing", FRICTION), FRICTION_LIMBS)
+
+
+def measure_laws() -> Iterable[Row]:
+    """Rows of each law as truth: what its viscosities and that of the muscles become."""
+    for law, (faults, form, quantities) in LAWS.items():
+        seeds = range(FIRST, FIRST + LAW_LIMBS)
+        runs = limb_runs([(seed, heavy_limb(seed, faults), None) for seed in seeds], LEVEL)
+        right = sum(run.form == form for run in runs)
+        for label, names in (quantities | {"d_M": ("muscle_viscosity",)}).items():
+            limit = WITHIN["muscle_viscosity" if label == "d_M" else "joint_viscosity"][1]
+            values = {"the joint resists as": law, "limbs": len(runs), "that law chosen": right, "viscosity": label}
+            yield values | {"target": f"{100 * limit:.0f} %"} | _judged(runs, names, limit)

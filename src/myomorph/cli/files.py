@@ -18,6 +18,7 @@ from myomorph.cli.output import said, warn
 
 if TYPE_CHECKING:
     from myomorph.model.model import Model
+    from myomorph.study.trial.viewing import Recordings
 
 
 def info_command(file: Annotated[Path, Parameter(help="Model, recording or table.")], /) -> int:
@@ -105,13 +106,22 @@ def view_command(
             threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
 
     with _ended_by_ctrl_c() as ended:
-        replay = open_replay(folders, port, served, _demo_model)
+        replay = open_replay(folders, port, served, _demo_model, _swings)
         try:
             while not ended.wait(0.5):
                 pass
         finally:
             replay.close()
     return 0
+
+
+def _swings(folder: Path) -> Recordings:
+    if not [*folder.glob("swings.json"), *folder.glob("*/swings.json")]:
+        return {}
+    # Only results of swings need it: others are shown sooner without.
+    from myomorph.viscosity.study.viewing import swings_of
+
+    return swings_of(folder)
 
 
 def _demo_model(name: str) -> Model:

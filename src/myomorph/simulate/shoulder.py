@@ -83,6 +83,7 @@ def arm_model() -> Model:
     return composed_model("myoarm")
 
 
+@lru_cache(maxsize=1)
 def arm_specimen() -> Specimen:
     """The specimen of [S] out of that arm: five bones with three markers each, the muscles of figure 1."""
     model = arm_model()

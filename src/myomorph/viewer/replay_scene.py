@@ -9,16 +9,19 @@ import numpy as np
 
 from myomorph.model.arrays import Array
 from myomorph.model.frozen_map import FrozenMap
+from myomorph.model.model import GROUND
+from myomorph.model.spatial import Transform
 from myomorph.model.surface import Surface
 from myomorph.report.scene.scene import Scene, Solid
 from myomorph.report.scene.shapes import coarser, cone, reduced, sphere, tube
 from myomorph.viewer.replay_body import Instant, PlayedBody, Tubes, arrows
-from myomorph.viewer.web_page import BONE, Links
+from myomorph.viewer.web_page import BONE, Links, quaternions
 
 LAYERS: Mapping[str, str] = FrozenMap(
     {
         "bones": "Bones",
         "muscles": "Muscles",
+        "axes": "Joint axes",
         "measured": "Plate forces",
         "estimated": "Contact forces",
         "recorded": "Markers",
@@ -43,6 +46,8 @@ COLORS: Mapping[str, tuple[int, int, int]] = FrozenMap(
 BONES = (BONE, (176, 196, 212), (196, 206, 176), (208, 186, 202))
 """Colors of the bones of the first body, the second, ..."""
 
+MAX_JOINTS, AXIS_LENGTH, AXIS_RADIUS = 2, 0.1, 0.003
+"""Models with more joints that move have no axes drawn; sizes as shares of the body's size."""
 MARKER_RADIUS, CENTER_RADIUS, TRACE_STEPS = 0.0052, 0.014, 500
 DETAIL = 0.003  # Smallest detail of bones that is kept, as a share of the body's size.
 MAX_TRIANGLES, SIMPLE = 60_000, 300  # Triangles of all bones at most, and of shapes that keep all their edges.
@@ -70,6 +75,11 @@ class ShownBody:
             balls = self._add_balls("center", len(first.centers), CENTER_RADIUS * size)
             traces = [self._add_trace(index) for index in range(len(first.centers))]
             self._layers["center"] = [balls, *(line for lines in traces for line in lines)]
+        self._joints = self._moving_joints()
+        self._layers["axes"] = [
+            page.add_frame(f"{root}/axes{i}", axes_length=AXIS_LENGTH * size, axes_radius=AXIS_RADIUS * size)
+            for i in range(len(self._joints))
+        ]
         self._add_plates()
         self._visible = dict.fromkeys(LAYERS, True)
         self._labels: list[Any] = []
@@ -89,6 +99,9 @@ class ShownBody:
         """Move everything to where it is at an instant; what is hidden stays as it was."""
         if self._visible["bones"]:
             self._links.pose(instant.rotations, instant.origins)
+        for handle, (body, frame) in zip(self._layers["axes"], self._joints, strict=True):
+            handle.position = instant.origins[body] + instant.rotations[body] @ frame.translation
+            handle.wxyz = quaternions((instant.rotations[body] @ frame.rotation)[None])[0]
         if self._visible["muscles"] and self._layers["muscles"]:
             move_batch(self._layers["muscles"][0], instant.tubes)
         for name, ends in (("measured", instant.measured), ("estimated", instant.estimated)):
@@ -139,6 +152,14 @@ class ShownBody:
             for index, subject in enumerate(self.body.subjects)
             for name in subject.bodies
         }
+
+    def _moving_joints(self) -> list[tuple[int, Transform]]:
+        """Bodies beyond joints that move against another body, and the joints' frames in them; none where many do."""
+        model = self.body.model
+        free = {coordinate.name for coordinate in model.coordinates if not coordinate.locked}
+        joints = [joint for joint in model.joints if joint.parent != GROUND and free & {*joint.coordinates}]
+        frames = [(model.body_names.index(joint.child) + 1, joint.child_frame) for joint in joints]
+        return frames if len(frames) <= MAX_JOINTS else []
 
     def _add_trace(self, subject: int) -> list[Any]:
         """The path of a center of mass in space, and its shadow on the floor."""

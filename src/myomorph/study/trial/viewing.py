@@ -23,23 +23,29 @@ LARGE = ("moment_arm",)
 """Variables that a page does not show."""
 
 
+Recordings = Mapping[str, Callable[[], "ReportInput"]]
+"""By name, each opened when it is called."""
+
+
 def open_replay(
     folders: Sequence[str | Path],
     port: int | None = None,
     served: Callable[[int], None] | None = None,
     demo_model: ModelMaker | None = None,
+    swings: Callable[[Path], Recordings] = lambda folder: {},
 ) -> Replay:
     """A page, on a free port by default, that shows the results (with a motion) of one folder or file, or of several in
-    one scene; `served` is called with the port once the page can be opened, before the results are read.
+    one scene; `served` is called with the port once the page can be opened, before the results are read; `swings`:
+    finds those of a swinging limb.
     """
-    choices = [recordings(folder, demo_model) for folder in folders]
+    choices = [swings(Path(folder)) or recordings(folder, demo_model) for folder in folders]
     # Brings Numba and rich: loaded only where it is needed.
     from myomorph.viewer.replay import Replay
 
     return Replay(choices, port, served)
 
 
-def recordings(folder: str | Path, demo_model: ModelMaker | None = None) -> Mapping[str, Callable[[], ReportInput]]:
+def recordings(folder: str | Path, demo_model: ModelMaker | None = None) -> Recordings:
     """The recordings of a folder of results by name, each opened when it is called; those with a motion. Files in one
     folder belong together where they tell of the same trial at the same times.
     """

@@ -82,7 +82,8 @@ class ErrorShare:
 def thinned(swing_recording: SwingRecording) -> SwingRecording:
     """The recording with at most `MAX_FRAMES` frames, evenly chosen."""
     keep = slice(None, None, -(-len(swing_recording) // MAX_FRAMES))
-    names = ("time", "wrench_rows", "wrench", "torque_rows", "rates", "angles", "lengthening", "rotations", "swing")
+    names = ("time", "wrench_rows", "wrench", "torque_rows", "rates", "angles", "lengthening", "rotations", "swing",
+             "resisting")  # fmt: skip
     return replace(swing_recording, **{name: getattr(swing_recording, name)[keep] for name in names})
 
 

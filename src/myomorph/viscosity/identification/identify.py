@@ -348,7 +348,7 @@ def _muscles(
 
     def joint(solution: Solution) -> Array:
         return (
-            np.full(len(solution.joint.axes), solution.joint.one) if options.subtract == "one" else solution.joint.axes
+            np.full(len(solution.joint.axes), solution.joint.law) if options.subtract == "one" else solution.joint.axes
         )
 
     whole = full.torque(full.whole)

@@ -145,6 +145,6 @@ def _values(
 
 def _common(sums: SwingSums, full: Solution, bare: Solution, options: ViscosityOptions) -> float:
     """d_M of all muscles alike [N s/m]."""
-    joint: Array = np.full(len(sums.axes), bare.joint.one) if options.subtract == "one" else bare.joint.axes
+    joint: Array = np.full(len(sums.axes), bare.joint.law) if options.subtract == "one" else bare.joint.axes
     torque = torque_problem(sums.torque_total(full.counts), full.inertia.parameters, options.stiffness is not False)
     return float(muscle_problem(torque, joint).along(np.ones(len(sums.muscles))))

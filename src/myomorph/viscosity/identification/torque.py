@@ -12,10 +12,10 @@ from scipy.spatial.transform import Rotation
 
 from myomorph.model.arrays import Array, read_only
 from myomorph.viscosity.swings.recording import PARAMETERS, SwingRecording
-from myomorph.viscosity.swings.sums import ANGLE, CONSTANT, MUSCLES, PLATE, RATE, SwingSums, eliminated
+from myomorph.viscosity.swings.sums import ANGLE, CONSTANT, MUSCLES, PLATE, RATE, RESISTED, SwingSums, eliminated
 
-TORQUE, SPEED, FIRST = 0, 1, 2
-"""Columns of a torque problem: the torque by inverse dynamics, the rate, then one a muscle."""
+TORQUE, SPEED, JOINT, FIRST = range(4)
+"""Columns of a torque problem: the torque by inverse dynamics, the rate, what the joint resists, then one a muscle."""
 
 
 RANK_TOLERANCE = 1e-6
@@ -28,17 +28,19 @@ MAX_SHIFT = 1.5
 @read_only
 class JointViscosity:
     """d_J of [S] eq. 1, the sign that resists: torque = -d rate; for all axes alike, as the paper prints it, and each
-    for itself (axes,), at least 0 [N m s/rad]; root mean square of torque + one rate (axes,) [N m].
+    for itself (axes,), at least 0 [N m s/rad]; root mean square of torque + one rate (axes,) [N m]; `law`: of torque =
+    -law resisted, the one value where the joint resists its rates.
     """
 
     one: float
+    law: float
     axes: Array
     residual: Array
 
 
 def torque_problem(products: Array, parameters: Array | None, stiffness: bool = True) -> Array:
-    """(axes, 2 + muscles, 2 + muscles) products of [torque, rate, u] of each axis, torque = torque_rows phi, from
-    `SwingSums.torque_total`; without `parameters` the torque that the plate measures. `stiffness`: take off what a
+    """(axes, 3 + muscles, 3 + muscles) products of [torque, rate, resisted, u] of each axis, torque = torque_rows phi,
+    from `SwingSums.torque_total`; without `parameters` the torque that the plate measures. `stiffness`: take off what a
     spring and a constant torque of each axis explain, so that neither biases what resists motion.
     """
     if stiffness:
@@ -49,7 +51,7 @@ def torque_problem(products: Array, parameters: Array | None, stiffness: bool = 
         chosen[PLATE, TORQUE] = 1.0
     else:
         chosen[:PARAMETERS, TORQUE] = parameters
-    chosen[RATE, SPEED] = 1.0
+    chosen[RATE, SPEED] = chosen[RESISTED, JOINT] = 1.0
     chosen[MUSCLES:, FIRST:] = np.eye(muscles)
     return chosen.T @ products @ chosen
 
@@ -58,9 +60,14 @@ def joint_viscosity(problem: Array, frames: float) -> JointViscosity:
     """Least squares of torque = -d rate, d at least 0, over all axes of `torque_problem`, and over each."""
     power, square = -problem[:, TORQUE, SPEED], problem[:, SPEED, SPEED]
     axes = np.maximum(np.divide(power, square, out=np.zeros_like(power), where=square > 0.0), 0.0)
-    common = max(float(power.sum() / square.sum()), 0.0) if square.sum() > 0.0 else 0.0
+    common, law = (
+        max(-float(problem[:, TORQUE, column].sum() / size), 0.0)
+        if (size := problem[:, column, column].sum()) > 0.0
+        else 0.0
+        for column in (SPEED, JOINT)
+    )
     left = problem[:, TORQUE, TORQUE] - 2.0 * common * power + common**2 * square
-    return JointViscosity(common, axes, np.sqrt(np.maximum(left, 0.0) / frames))
+    return JointViscosity(common, law, axes, np.sqrt(np.maximum(left, 0.0) / frames))
 
 
 @read_only
@@ -109,9 +116,9 @@ class MuscleProblem:
 
 
 def muscle_problem(problem: Array, joint: Array) -> MuscleProblem:
-    """The equations of the muscles of `torque_problem`, the joint's own torque -d_J rate taken off; d_J (axes,)."""
+    """The equations of the muscles of `torque_problem`, the joint's own torque -d_J resisted taken off; d_J (axes,)."""
     H = problem[:, FIRST:, FIRST:].sum(axis=0)
-    g = -(problem[:, TORQUE, FIRST:] + joint[:, None] * problem[:, SPEED, FIRST:]).sum(axis=0)
+    g = -(problem[:, TORQUE, FIRST:] + joint[:, None] * problem[:, JOINT, FIRST:]).sum(axis=0)
     return MuscleProblem(H, g)
 
 

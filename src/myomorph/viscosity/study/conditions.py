@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from statistics import NormalDist
 from typing import Any
@@ -29,6 +29,7 @@ from myomorph.viscosity.swings.recording import SwingRecording
 from myomorph.viscosity.tracking.tracked import TrackedSpecimen, swing_recordings
 from myomorph.viscosity.trust.checks import TARED, base_findings, recording_findings, tracking_findings
 from myomorph.viscosity.trust.cutoff import choose_cutoff
+from myomorph.viscosity.trust.freed import DRY, ActingLaw
 from myomorph.viscosity.trust.models import PassiveComparison, PassiveOptions, compare_passive_laws
 from myomorph.viscosity.trust.moment_arms import with_attachments
 
@@ -59,7 +60,7 @@ class Identified:
 
     `conditions` are rid of the shared errors that the swings show (`instruments`); `options` have the law of the
     passive torque decided; `reason` is why the cut-off is what it is; `lost` and `conflicts` name conditions that could
-    not be used, and criteria of a law that disagree.
+    not be used, and criteria of a law that disagree; `law`: what acts in the joint beside one viscosity, by name.
     """
 
     found: SpecimenViscosity
@@ -73,6 +74,7 @@ class Identified:
     reason: str
     lost: tuple[str, ...]
     conflicts: tuple[str, ...]
+    law: Mapping[str, Estimate]
 
 
 def identify_conditions(
@@ -88,16 +90,24 @@ def identify_conditions(
     conditions = _with_base(conditions, instruments, files.base_load)
     compared, conflicts = _compared(conditions, options.laws)
     options = _with_law(options, compared)
+    sway = _sway(conditions)
+    # A base that gives way resists by itself, which looks like friction.
+    acting = compared["without"].acting if "without" in compared and not sway else None
+    if acting is not None and options.identification.subtract == "one":
+        conditions = {name: replace(condition, recordings=tuple(
+            replace(each, resisting=acting.resisting(each)) for each in condition.recordings
+        )) for name, condition in conditions.items()}  # fmt: skip
     by_swings = _identified(specimen, files, conditions, options.identification)
     shared, shares = with_shared_errors(by_swings, options.identification, options.errors, instruments)
     shared, shares = with_attachments(shared, shares, options.moment_arms, options.identification.level)
     shared = with_base_load(shared, files.base_load)
-    sway = _sway(conditions)
-    # A base that gives way resists by itself, which looks like friction.
-    shared = _with_sway(shared, sway, options.identification.level) if sway else _with_friction(shared, compared)
-    shared = _with_hinges(shared, compared)
+    joint: dict[str, Estimate] = {}
+    if sway:
+        shared = _with_sway(shared, sway, options.identification.level)
+    if acting is not None and shared.without is not None:
+        shared, joint = _with_acting(shared, acting, shares, options.identification.level)
     law = (conditions, options, compared, cutoff, reason)
-    return Identified(shared, by_swings, shares, instruments, *law, tuple(lost), tuple(conflicts))
+    return Identified(shared, by_swings, shares, instruments, *law, tuple(lost), tuple(conflicts), joint)
 
 
 def _cutoff(options: StudyOptions, conditions: Mapping[str, Prepared]) -> tuple[float, str]:
@@ -171,23 +181,37 @@ def _compared(
     return comparisons, notes
 
 
-def _with_friction(
-    specimen_viscosity: SpecimenViscosity, compared: Mapping[str, PassiveComparison]
-) -> SpecimenViscosity:
-    """The specimen with the joint's viscosity beside dry friction, where its swings without muscles show that."""
-    law = compared["without"].friction if "without" in compared else None
+def _with_acting(
+    specimen_viscosity: SpecimenViscosity, law: ActingLaw, shares: Sequence[ErrorShare], level: float
+) -> tuple[SpecimenViscosity, dict[str, Estimate]]:
+    """The specimen with what acts in the joint beside one viscosity, as its swings without muscles show it, and the
+    coefficients of that law; instruments widen them as they widen the one viscosity.
+    """
     condition = specimen_viscosity.without
-    if law is None or condition is None:
-        return specimen_viscosity
-    plain, beside, friction = condition.viscosity, law.coefficients["viscosity"], law.coefficients["coulomb"]
-    low = beside.value - float(np.hypot(beside.value - beside.low, plain.value - plain.low))
-    high = beside.value + float(np.hypot(beside.high - beside.value, plain.high - plain.value))
-    note = (
-        f"{STATES['without']}: dry friction of {friction.value:.2g} N m ({friction.low:.2g} to {friction.high:.2g}) in "
-        f"the joint: the viscosity beside it, {beside.value:.3g}, is used; alone it is {plain.value:.3g} N m s/rad"
-    )
-    condition = replace(condition, viscosity=Estimate(beside.value, max(low, 0.0), high))
-    return replace(specimen_viscosity, without=condition, notes=(*specimen_viscosity.notes, note))
+    assert condition is not None
+    plain = condition.viscosity
+    swings = next((each for each in shares if each.quantity == "joint_viscosity" and each.source == "swings"), None)
+    others = 0.0 if swings is None or not swings.share > 0.0 else swings.sd * np.sqrt(1.0 / swings.share - 1.0)
+    half = NormalDist().inv_cdf(0.5 + 0.5 * level) * others / plain.value
+    known = {name: wider(each, half * each.value, True) for name, each in law.coefficients.items()}
+    values = ", ".join(f"{each.value:.3g} ({each.low:.3g} to {each.high:.3g})" for name, each in known.items()
+                       if name not in (DRY, "viscosity"))  # fmt: skip
+    notes = []
+    if law.form != "viscosity":
+        forms = {"hinges": "three angles one after another, as hinges or a diagonal matrix in joint angles,"}
+        notes.append(f"{forms.get(law.form, 'axes')} resist with {values} N m s/rad: the one value simplifies")
+    if law.form == "viscosity by axis":
+        axes = tuple(known[f"viscosity {axis}"] for axis in condition.recordings[0].axes)
+        condition = replace(condition, axis_viscosity=axes)
+    if law.friction:
+        beside, dry = known["viscosity"], known[DRY]
+        condition = replace(condition, viscosity=beside)
+        notes.append(
+            f"dry friction of {dry.value:.2g} N m ({dry.low:.2g} to {dry.high:.2g}) {law.friction} of the joint: the "
+            f"viscosity beside it, {beside.value:.3g}, is used; alone it is {plain.value:.3g} N m s/rad"
+        )
+    notes = [f"{STATES['without']}: {note}" for note in notes]
+    return replace(specimen_viscosity, without=condition, notes=(*specimen_viscosity.notes, *notes)), known
 
 
 def _sway(conditions: Mapping[str, Prepared]) -> float:
@@ -209,21 +233,6 @@ def _with_sway(specimen_viscosity: SpecimenViscosity, sway: float, level: float)
     if muscles is not None:
         parts["muscles"] = replace(muscles, common=wider(muscles.common, share * muscles.common.value, True))
     return replace(specimen_viscosity, **parts)
-
-
-def _with_hinges(specimen_viscosity: SpecimenViscosity, compared: Mapping[str, PassiveComparison]) -> SpecimenViscosity:
-    """The specimen with a note where three angles one after another resist by themselves."""
-    if "without" not in compared or "hinges" not in compared["without"].chosen.terms:
-        return specimen_viscosity
-    terms = compared["without"].chosen.coefficients.items()
-    values = ", ".join(
-        f"{term.value:.3g} ({term.low:.3g} to {term.high:.3g})" for name, term in terms if "hinge" in name
-    )
-    note = (
-        f"{STATES['without']}: three angles one after another resist with {values} N m s/rad, as hinges or a diagonal "
-        "matrix in joint angles: the one value over all axes simplifies"
-    )
-    return replace(specimen_viscosity, notes=(*specimen_viscosity.notes, note))
 
 
 def _with_law(options: StudyOptions, compared: Mapping[str, PassiveComparison]) -> StudyOptions:

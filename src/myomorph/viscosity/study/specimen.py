@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
@@ -163,11 +163,12 @@ TRACKING, IDENTIFYING = 0.5, 0.25
 
 @dataclass(frozen=True, eq=False)
 class Studied:
-    """A specimen that could be done: what was found, what the report shows of it, and its model with it."""
+    """A specimen that could be done: what was found, what the report shows of it, its model with it, and its swings."""
 
     found: SpecimenViscosity
     report: SpecimenReport
     model: Model | None = None
+    tracked: Mapping[str, TrackedSpecimen] = field(default_factory=lambda: FrozenMap({}))
 
 
 def study_specimen(files: SpecimenFiles, options: StudyOptions, advance: Advance) -> Studied:
@@ -191,7 +192,7 @@ def study_specimen(files: SpecimenFiles, options: StudyOptions, advance: Advance
     residuals = (*opened.residuals, *_marker_residuals(identified.conditions))
     report = replace(report, truth=files.truth, paper=files.paper, calibration=residuals, scans=opened.scans)
     report = replace(report, errors=identified.shares, instruments=identified.instruments)
-    return Studied(viscosity, replace(report, shoulder=_is_shoulder(specimen)), model)
+    return Studied(viscosity, replace(report, shoulder=_is_shoulder(specimen)), model, tracked)
 
 
 def read_swings(files: SpecimenFiles, cutoff: float | None = None) -> Mapping[str, tuple[SwingRecording, ...]]:

@@ -20,6 +20,7 @@ from myomorph.viscosity.study.into_model import write_identified
 from myomorph.viscosity.study.plan import SpecimenFiles, StudyOptions
 from myomorph.viscosity.study.results import read_value, write_swings, write_value
 from myomorph.viscosity.study.specimen import input_sources, study_specimen
+from myomorph.viscosity.study.viewing import write_view
 
 SPECIMEN, IDENTIFIED, MJCF = "specimen.json", "identified.osim", Path("identified.xml")
 
@@ -95,6 +96,8 @@ def _run(specimen: SpecimenInputs, output: FolderOutput) -> SpecimenReport:
         studied = study_specimen(specimen.files, specimen.options, advance)
     with output.whole() as folder:
         write_swings(studied.found, folder)
+        if studied.tracked:
+            write_view(studied.tracked, folder)
         lost = () if studied.model is None else write_osim(studied.model, folder / IDENTIFIED)
         notes = (*studied.report.notes, *(f"{IDENTIFIED}: {line}" for line in lost))
         if specimen.files.model.suffix.lower() == MJCF.suffix and "joint_viscosity" in studied.report.row:

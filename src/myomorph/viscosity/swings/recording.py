@@ -61,6 +61,9 @@ class SwingRecording:
     origin : (3,) center of the plate from the joint's center, in ground, about which its gains work [m]
     hinges : (2, 3) of a ball turned by three angles one after another, the first axis, fixed in the base, along ground,
         and the last along the limb's axes; (0, 3) where there are none
+    cutoff : of the low-pass that motion and wrench passed [Hz]
+    resisting : (frames, axes) what the joint resists, in the place of `rates` where these do not describe it [rad/s];
+        (0, axes) where they do
     """
 
     name: str
@@ -79,6 +82,8 @@ class SwingRecording:
     strands: tuple[int, ...] = ()
     origin: Array = field(default_factory=lambda: np.zeros(3))
     hinges: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    cutoff: float | None = None
+    resisting: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     def __post_init__(self) -> None:
         frames, axes = len(self.time), len(self.axes)
@@ -93,6 +98,7 @@ class SwingRecording:
             "swing": (frames,),
             "origin": (3,),
             "hinges": (len(self.hinges), 3),
+            "resisting": (len(self.resisting), axes if len(self.resisting) else 0),
         }
         for name, shape in shapes.items():
             checked_array(getattr(self, name), shape, f"{name} of swing '{self.name}'")
@@ -104,6 +110,11 @@ class SwingRecording:
     def used(self) -> np.ndarray:
         """(frames,) whether a frame takes part in identification."""
         return self.swing >= 0
+
+    @property
+    def resisted(self) -> Array:
+        """(frames, axes) `resisting`, or `rates` where there is none."""
+        return self.resisting if len(self.resisting) else self.rates
 
     @property
     def strands_of(self) -> Array:

@@ -27,8 +27,9 @@ with it. White noise below a cutoff explains 0.56 of its own second derivative."
 WRENCH, PREDICTED, ONE = PARAMETERS, PARAMETERS + 1, 2 * PARAMETERS + 1
 """Columns of the products of a row of the wrench: parameters, the wrench itself, predicted rows, a one."""
 
-RATE, ANGLE, CONSTANT, PLATE, MUSCLES = range(PARAMETERS, PARAMETERS + 5)
-"""Columns of the products of an axis' torque: parameters, rate, angle, a one, the plate's torque, then muscles."""
+RATE, ANGLE, CONSTANT, PLATE, RESISTED, MUSCLES = range(PARAMETERS, PARAMETERS + 6)
+"""Columns of the products of an axis' torque: parameters, rate, angle, a one, the plate's torque, what the joint
+resists, then muscles."""
 
 
 def free_directions(recordings: Sequence[SwingRecording]) -> Array:
@@ -124,11 +125,11 @@ class SwingSums:
 
     `trial`, `frames` (blocks,): its trial and how many frames it has, one in a fade shared by two; `uses`: the frames
     of each block's own swings, without fades; `wrench` (blocks, 6, 22, 22): of [wrench_rows, wrench, predicted_rows,
-    1], one matrix a row of the wrench; `torque` (blocks, axes, 14 + muscles, same): of [torque_rows, rate, angle, 1,
-    plate, u], `plate` the moment that the plate measures about the axis, u_m = J_m J_m . rates the torque of muscle m
-    of unit viscosity, sign turned; `still`: frames left out because the limb hardly swung any more; `parted`: sum of
-    the squares of a frame's shares in its blocks, mean over the frames, 1 without fades, by so much sums of independent
-    noise scatter between blocks of what they do in the whole.
+    1], one matrix a row of the wrench; `torque` (blocks, axes, 15 + muscles, same): of [torque_rows, rate, angle, 1,
+    plate, resisted, u], `plate` the moment that the plate measures about the axis, u_m = J_m J_m . rates the torque of
+    muscle m of unit viscosity, sign turned; `still`: frames left out because the limb hardly swung any more; `parted`:
+    sum of the squares of a frame's shares in its blocks, mean over the frames, 1 without fades, by so much sums of
+    independent noise scatter between blocks of what they do in the whole.
     """
 
     names: tuple[str, ...]
@@ -275,6 +276,7 @@ def _torque_products(swing_recording: SwingRecording, along: Array, block: _Bloc
         swing_recording.angles[use, :, None],
         np.ones((*rates.shape, 1)),
         plate[:, :, None],
+        swing_recording.resisted[use, :, None],
         (J * speeds[:, :, None]).transpose(0, 2, 1) @ swing_recording.strands_of,
     ]
     return _products(np.concatenate(columns, axis=2), block.weight)

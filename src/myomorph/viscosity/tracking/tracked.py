@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -123,7 +123,7 @@ def swing_recordings(
         )
     rest = _rest(specimen, made, free)
     return tuple(
-        _recording(specimen, trial, parts, use, rest, muscles)
+        replace(_recording(specimen, trial, parts, use, rest, muscles), cutoff=cutoff)
         for trial, parts, use in zip(trials, made, free, strict=True)
     )
 

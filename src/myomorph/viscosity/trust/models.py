@@ -17,6 +17,7 @@ from myomorph.viscosity.identification.torque import counted_from, neutral_posit
 from myomorph.viscosity.swings.recording import SwingRecording
 from myomorph.viscosity.swings.sums import effective_samples
 from myomorph.viscosity.trust.forward import SwingMotion, Window, hinge_axis, windows
+from myomorph.viscosity.trust.freed import ActingLaw, acting_law
 from myomorph.viscosity.trust.law import HINGES, LAST, WIDTH, PassiveLaw, PassiveProblem, law_columns
 
 UNITS: Mapping[str, str] = {
@@ -57,13 +58,9 @@ MAX_CRITERION_DIFFERENCE = 2.0
 """Difference of an information criterion that tells nothing (Burnham and Anderson 2002, section 2.6)."""
 
 
-STRONG = 6.0
-"""Difference of BIC that tells strongly (Kass and Raftery 1995)."""
 PLAIN: tuple[tuple[str, ...], ...] = (ALONE, ("viscosity", "muscles"))
 """Equations 1 to 3 of [S], which are taken unless another law predicts better."""
 
-MIN_RUBBED, MIN_SURE = 0.03, 0.25
-"""Share of the viscosity that dry friction makes up, and of itself that its interval leaves, from which it is named."""
 MIN_HELD_OUT_GAIN = 0.5
 """Another law must predict held-out angles within this share of the error that the plain laws leave. Springs, friction
 and drag that are there leave a seventh or less; errors of instruments that look like them gain a tenth now and then."""
@@ -148,7 +145,8 @@ class PassiveComparison:
     `by_bic` is the simplest whose BIC is within `MAX_CRITERION_DIFFERENCE` of the lowest; `chosen` is that where it is
     plain or predicts held-out windows far better than `PLAIN` laws, else the best of these. `samples` are frames times
     axes, `effective` the independent ones, which the criteria count; `horizon` is the mean length of the windows
-    predicted [s], `prediction` the first, None where no two could be had.
+    predicted [s], `prediction` the first, None where no two could be had; `acting`: without muscles, what acts beside
+    one viscosity.
     """
 
     fits: tuple[PassiveFit, ...]
@@ -158,6 +156,7 @@ class PassiveComparison:
     effective: float
     horizon: float
     prediction: Prediction | None = field(repr=False)
+    acting: ActingLaw | None = None
 
     @property
     def conflict(self) -> str:
@@ -172,20 +171,6 @@ class PassiveComparison:
             f"BIC asks for {law.name}, but it predicts held-out swings to {other:.1f} degrees, {plain.name} to "
             f"{plain_error:.1f}: {plain.name} is used"
         )
-
-    @property
-    def friction(self) -> PassiveFit | None:
-        """The law with dry friction where interval or BIC ask for it and it takes `MIN_RUBBED` off the viscosity."""
-        terms = {*self.chosen.terms, "viscosity", "coulomb"} - {"quadratic", "viscosity by axis"}
-        with_it, without = (next((fit for fit in self.fits if {*fit.terms} == law), None)
-                            for law in (terms, terms - {"coulomb"}))  # fmt: skip
-        if with_it is None or without is None:
-            return None
-        friction, gained = with_it.coefficients["coulomb"], without.bic - with_it.bic
-        if not (friction.low > MIN_SURE * friction.value or gained > STRONG):
-            return None
-        less, more = (fit.coefficients["viscosity"].value for fit in (with_it, without))
-        return with_it if less < (1.0 - MIN_RUBBED) * more else None
 
     @property
     def viscous(self) -> PassiveFit:
@@ -260,7 +245,11 @@ def compare_passive_laws(
     chosen = by_bic if by_bic.terms in PLAIN or _predicts_better(by_bic, plain) else plain
     shown = _shown(problem, chosen.terms, left_out[0], trained[0], slack) if left_out else None
     horizon = float(np.mean([fold.seconds for fold in left_out])) if left_out else float("nan")
-    return PassiveComparison(tuple(fits), chosen, by_bic, round(samples), effective, horizon, shown)
+    acting = None
+    if not problem.sums.muscles:
+        spring = tuple(term for term in chosen.terms if term.startswith("stiffness"))
+        acting = acting_law(problem, phi, spring, options.draws, options.seed)
+    return PassiveComparison(tuple(fits), chosen, by_bic, round(samples), effective, horizon, shown, acting)
 
 
 def _predicts_better(law: PassiveFit, plain: PassiveFit) -> bool:

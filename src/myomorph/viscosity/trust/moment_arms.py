@@ -18,7 +18,7 @@ from myomorph.model.errors import BadData, MyomorphError
 from myomorph.model.provenance import Estimate
 from myomorph.viscosity.identification.budget import ErrorShare
 from myomorph.viscosity.identification.identify import MuscleViscosity, SpecimenViscosity
-from myomorph.viscosity.identification.torque import FIRST, SPEED, TORQUE, MuscleProblem, muscle_problem, torque_problem
+from myomorph.viscosity.identification.torque import FIRST, JOINT, TORQUE, MuscleProblem, muscle_problem, torque_problem
 from myomorph.viscosity.swings.recording import SwingRecording
 from myomorph.viscosity.swings.sums import eliminated, swing_sums
 
@@ -38,7 +38,7 @@ LEAST = 0.05
 """A drawn d_M is not counted as smaller than this share of the exact one."""
 RESULT = "muscle_viscosity"
 """The result that it adds to, as in `cohort.QUANTITIES`."""
-ANGLE, CONSTANT = SPEED + 1, SPEED + 2
+ANGLE, CONSTANT = JOINT + 1, JOINT + 2
 """Columns beside torque and rate, of what a spring explains."""
 
 
@@ -231,13 +231,14 @@ def _by_offsets(
 
 
 def _offset_columns(swing_recording: SwingRecording, use: np.ndarray, parameters: Array) -> Array:
-    """(frames, axes, 4 + n) torque, rate, angle, one; of every muscle u, J . w and J_a w; w."""
+    """(frames, axes, 5 + n) torque, rate, resisted, angle, one; of every muscle u, J . w and J_a w; w."""
     rates, J = swing_recording.rates[use], swing_recording.lengthening[use]
     frames, axes = rates.shape
     speeds = np.einsum("fma,fa->fm", J, rates)
     columns = [
         (swing_recording.torque_rows[use] @ parameters)[:, :, None],
         rates[:, :, None],
+        swing_recording.resisted[use][:, :, None],
         swing_recording.angles[use][:, :, None],
         np.ones((frames, axes, 1)),
         (J * speeds[:, :, None]).transpose(0, 2, 1),
@@ -249,13 +250,13 @@ def _offset_columns(swing_recording: SwingRecording, use: np.ndarray, parameters
 
 
 def _offset_maps(delta: Array) -> Array:
-    """(axes, 4 + n, 2 + muscles) from `_offset_columns` to torque, rate and u with arms off by delta (muscles, axes):
+    """(axes, 5 + n, 3 + muscles) of `_offset_columns`: torque, resisted and u with arms off by delta (muscles, axes):
     u_a = J_a (J . w) + delta_a (J . w) + sum_b delta_b J_a w_b + delta_a delta . w.
     """
     count, axes = delta.shape
     muscle = np.arange(count)
     maps = np.zeros((axes, CONSTANT + 1 + (2 + axes) * count + axes, FIRST + count))
-    maps[:, TORQUE, TORQUE] = maps[:, SPEED, SPEED] = 1.0
+    maps[:, TORQUE, TORQUE] = maps[:, JOINT, JOINT] = 1.0
     start = CONSTANT + 1
     maps[:, start + muscle, FIRST + muscle] = 1.0
     maps[:, start + count + muscle, FIRST + muscle] = delta.T
