@@ -5,7 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.analysis.contact_states import limb_of, limb_states, measured_contacts, row_label, solved_contacts
+from myomorph.analysis.contact_states import (
+    graph_rows,
+    limb_of,
+    limb_states,
+    measured_contacts,
+    row_label,
+    solved_contacts,
+)
 from myomorph.analysis.selection import Subject
 from myomorph.model.contacts import ContactForces, Contacts, Site, Touch
 from walker import GRAVITY, steps
@@ -35,6 +42,13 @@ def test_a_limb_touches_while_any_of_its_sites_does() -> None:
     expected = ((time >= 1.0) & (time <= 2.5)) | ((time >= 4.0) & (time <= 4.5))
     np.testing.assert_array_equal(touching[:, 1], expected)
     assert not touching[:, 0].any()
+
+
+def test_each_touch_is_in_the_row_of_its_site() -> None:
+    """Rows of feet from right to left; a site that never touches has an empty one."""
+    rows = [(row.label, row.touches) for row in graph_rows(TAP)]
+    heel, toe, again = TAP.intervals
+    assert rows == [("Right heel", (heel, again)), ("Right toe", (toe,)), ("Left toe", ())]
 
 
 def test_contacts_of_plates_and_of_estimated_forces() -> None:

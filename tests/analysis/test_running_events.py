@@ -7,7 +7,7 @@ import pytest
 
 from made_walker import walker
 from myomorph.analysis.foot_events import FootTrack, Limb, on_events
-from myomorph.analysis.walking import running_contacts, vertical_force
+from myomorph.analysis.walking import _dip, running_contacts, vertical_force
 from myomorph.model.series import Event, Motion
 from myomorph.rigid.tree import compile_tree
 
@@ -47,6 +47,11 @@ def test_a_run_shows_when_its_feet_are_on_the_ground() -> None:
             assert stop - start == pytest.approx(CONTACT, abs=0.04)
     middle = [np.mean(one) for one in found["foot_r"]]
     np.testing.assert_allclose(np.diff(middle), 2.0 * period, atol=0.02)
+
+
+@pytest.mark.parametrize(("beyond", "least"), [([0.4, 0.2, 0.1], 0.1), ([0.4, 0.2, 0.6, 0.0], 0.2), ([0.4], 0.4)])
+def test_a_flight_ends_with_the_next_contact_or_with_the_recording(beyond, least) -> None:
+    assert _dip(np.array(beyond)) == least
 
 
 def test_a_walk_has_no_running_contacts() -> None:

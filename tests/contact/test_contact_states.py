@@ -88,6 +88,8 @@ def test_plates_tell_the_foot_and_come_first(walk):
     for name in found.sites:
         spans = found.of(name)
         assert all(one.stop <= other.start for one, other in pairwise(spans))
+    deaf = find_contacts(model, motion, sites, ContactStateOptions(loaded=3.0), unknown)
+    assert {one.source for one in deaf.intervals} == {"kinematics"}
 
 
 def test_a_body_that_weighs_a_thousandth_is_judged_alike(walk):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from boxed_leg import BONES, grown, leg
+from boxed_leg import BONES, HALF, LENGTH, box, grown, leg
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.surface import Surface
 from myomorph.morph.checks.penetration import Solid
@@ -64,6 +64,17 @@ def test_bodies_around_a_belly_have_a_common_hull():
     joined = grow_envelope(leg(), bones, soft_tissue=0.02, together=[("thigh", "shank")])
     assert joined.volume > 2.0 * apart.volume
     assert min(joined.volumes.values()) > 0.3 * joined.volume
+
+
+def test_between_two_bones_a_place_belongs_to_the_one_that_is_nearer_for_its_size():
+    """Upright bones of lengths 0.4 and 0.2 m, 0.3 m apart: two thirds of the way across are the larger one's."""
+    bones = {"thigh": box(0.0), "shank": box(0.0, length=0.2)}
+    bones["shank"] = Surface(bones["shank"].vertices + [0.3 + 2.0 * HALF, LENGTH, 0.0], bones["shank"].faces)
+    found = grow_envelope(leg(), bones, soft_tissue=0.001, together=[("thigh", "shank")])
+    across = found.points[:, 0] - HALF
+    middle = (np.abs(found.points[:, 1]) < 0.08) & (np.abs(across - 0.2) > 2.0 * found.spacing) & (across < 0.29)
+    assert middle.sum() > 1000
+    np.testing.assert_array_equal(found.owner[middle], np.where(across[middle] < 0.2, 0, 1))
 
 
 def test_what_cannot_be_is_named():

@@ -54,3 +54,17 @@ def test_a_small_body_shows_the_postures_that_a_larger_one_does():
         chosen.append(frames.tolist())
     assert chosen[0] == chosen[1]
     assert 1 < len(chosen[0]) < 12
+
+
+def test_the_first_posture_is_the_mean_of_all_unless_the_last_recording_is_static():
+    """A knee that bends steadily, and then a last recording of its end alone."""
+    model = stick_figure()
+    values = np.zeros((21, len(model.coordinates)))
+    values[:, model.coordinate_names.index("tibia_r_r0")] = -np.linspace(0.5, 1.5, 21)
+    tree = compile_tree(model)
+    bodies, at = zip(*((tree.body_index[marker.body], marker.location) for marker in model.markers), strict=True)
+    places = forward_kinematics(tree, values).points(np.array(bodies), np.array(at))
+    trials = [Markers(np.arange(len(part)) / 10.0, model.marker_names, part) for part in (places[:20], places[20:])]
+    for static, expected in ((False, [1, 0]), (True, [0, 1])):
+        chosen = spread_postures(model, trials, InverseKinematicsOptions(), 1, static)
+        assert [len(frames) for frames, _ in chosen] == expected

@@ -29,7 +29,8 @@ from myomorph.tension.certificates import (
 )
 from myomorph.tension.problem import TensionInputs, tension_problem
 from myomorph.tension.reaction import joint_reactions
-from myomorph.tension.solved import solved_frames
+from myomorph.tension.separable import Separable, pattern
+from myomorph.tension.solved import SolvedFrames, solved_frames
 from myomorph.tension.terms.contacts import ContactOptions, ContactTask
 from myomorph.tension.terms.emg import EmgTarget
 from standing import WEIGHT, block, legs, standing_still
@@ -293,3 +294,20 @@ def test_the_axis_of_a_direction_does_not_depend_on_the_strength_of_gravity(grav
     assert axis_words(np.array([0.8, 0.6, 0.0]), up) == "along x"
     assert axis_words(np.array([0.0, -0.6, -0.8]), up) == "along z"
     assert axis_words(np.array([0.6, 0.8, 0.0]), np.zeros(3)) == "along y"
+
+
+def test_slope_and_curvature_of_the_cost_are_its_differences():
+    """Below, inside and above the intervals that penalties pull into, stiff and none."""
+    x, h, none = np.tile(np.linspace(0.1, 0.9, 9), (2, 1)), 1e-5, np.zeros((2, 0))
+    shape = pattern(np.zeros(9, np.int64), np.arange(9), (1, 9))
+    shared = Separable(
+        shape.start, shape.row, shape.first, np.linspace(1.0, 2.0, 9), np.full(9, 3.0), np.zeros(9), np.ones(9)
+    )
+    penalties = np.stack([np.full((3, 9), level) for level in (0.35, 0.65)])
+    penalties[:, 1] += 0.1
+    penalties[:, 2] = [[5.0], [0.0]]
+    frames = SolvedFrames(np.arange(2), np.zeros((2, 1, 9)), none, x, shared, penalties, none, 9, 0, 0)
+    ahead, behind = (frames.cost(x[:, None] + step * np.eye(9)) for step in (h, -h))
+    np.testing.assert_allclose(frames.slope(x), (ahead - behind) / (2.0 * h), rtol=1e-6)
+    ahead, behind = (frames.slope(x + step) for step in (h, -h))
+    np.testing.assert_allclose(frames.curvature(x), (ahead - behind) / (2.0 * h), rtol=1e-6)

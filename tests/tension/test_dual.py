@@ -108,6 +108,9 @@ def test_warm_and_cold_starts_end_in_the_same_place():
     alone = np.vstack([solve(directions, low, high, one)[0] for one in torques])
     np.testing.assert_allclose(together[0], alone, atol=1e-9)
     assert together[4][1:].mean() < solve(directions, low, high, torques[0])[4][0]
+    # From its own multipliers a frame is solved before the first step.
+    repeated = solve(directions, low, high, np.tile(torques[0], (3, 1)))[4]
+    np.testing.assert_array_equal(repeated, [repeated[0], 0, 0])
 
 
 def test_torques_beyond_all_strength_are_called_infeasible_and_missed_least():

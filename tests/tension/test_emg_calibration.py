@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,12 +13,13 @@ from myomorph.io.osim.read import read_osim
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.series import Emg, Motion, Series
-from myomorph.motion.emg_delay import EmgCalibration, shaped
+from myomorph.motion.emg_delay import DOUBT, EmgCalibration, shaped
 from myomorph.motion.filters import differentiate, lowpass
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.tension import emg_calibration
 from myomorph.tension.emg_calibration import calibrate_emg
 from myomorph.tension.emg_conflicts import APART, conflict_line, emg_conflicts
+from myomorph.tension.emg_groups import kept_level
 from myomorph.tension.emg_held_out import EmgTrial
 from myomorph.tension.emg_targets import EmgOptions, emg_targets
 from myomorph.tension.emg_tracking import _bounded
@@ -292,3 +294,12 @@ def test_a_real_walk_follows_its_emg_when_told_to(data):
         distances.append(np.sqrt(np.mean(apart**2)))
     assert distances[1] < 0.8 * distances[0]
     assert distances[2] < 0.6 * distances[1]
+
+
+@pytest.mark.parametrize("misfit", [0.0, 100.0])
+@pytest.mark.parametrize(("worse", "chosen"), [(0.9, "known"), (1.1, "free")])
+def test_a_level_is_given_up_where_torques_are_so_much_likelier_without_it(misfit, worse, chosen):
+    """The likelihood ratio decides, not how well either explains the torques."""
+    misfits = {None: misfit, "known": misfit + worse * DOUBT}
+    tracking = SimpleNamespace(prior="free", fit=lambda *given: SimpleNamespace(misfit=misfits[(*given, None)[2]]))
+    assert kept_level(tracking, "known", np.zeros(1), np.zeros(1)) == chosen

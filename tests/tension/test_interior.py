@@ -6,9 +6,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from test_elements import arrays
 
 from myomorph.tension.elastic.interior import Solver, _not_negative
-from myomorph.tension.elastic.program import Rates
+from myomorph.tension.elastic.program import Costs, Point, Program, Rates
 
 
 def test_the_nearest_curvature_that_is_not_negative_is_the_clipped_spectrum():
@@ -29,6 +30,46 @@ def test_slopes_and_curvatures_of_the_rates_are_their_differences(smooth):
     here, ahead, behind = (rates.bounds(one) for one in (a, a + h, a - h))
     for k in (0, 1, 3, 4):
         np.testing.assert_allclose(here[k + 1], (ahead[k] - behind[k]) / (2.0 * h), rtol=1e-6, atol=1e-4)
+
+
+def test_the_first_step_is_newtons_for_all_unknowns_at_once():
+    """Of slopes over f, a, x, multipliers of equilibrium and of the balance, nothing eliminated, by differences."""
+    E, rng, (frames, count, rows, others) = arrays("Thelen2003Muscle", 3), np.random.default_rng(1), (4, 3, 3, 2)
+    sizes = [(frames, count), (frames - 1, count), (frames, others), (frames - 1, count), (frames, rows)]
+
+    def costs(number, shape, high):
+        zero = np.zeros(number)
+        return Costs(zero + 1.0, zero + 2.0, zero - high, zero + high, np.zeros((3, *shape)), np.ones((shape[0], 1)))
+
+    f, a, x = (rng.uniform(0.3, 0.6, shape) for shape in sizes[:3])
+    program = Program(
+        E, np.arange(count), np.full(frames - 1, 0.02), E.hill.tendon + 1.1 * E.hill.fiber + np.zeros_like(a),
+        np.zeros_like(a), 30.0 * rng.normal(size=(frames, rows, count)), rng.normal(size=(frames, rows, others)),
+        rng.normal(size=(frames, rows)), costs(count, a.shape, 1.0), costs(others, x.shape, 10.0), None,
+    )  # fmt: skip
+    solver = Solver(program, Point(f, a, x), rng.normal(size=sizes[4]))
+    at = solver.linearize(solver.v, solver.y)
+    start = [*solver.v, solver.multipliers(at)[1], solver.y]
+
+    def slopes(flat):
+        f, a, x, lam, y = (part.reshape(shape) for part, shape in zip(np.split(flat, ends), sizes, strict=True))
+        at = solver.linearize([f, a, x], y)
+        over_f, over_a, over_x = (box.barrier(v, solver.mu)[0] for box, v in zip(solver.boxes, (f, a, x), strict=True))
+        over_f += solver._smooth_slope(f) - np.einsum("fr,frm->fm", y, program.pulls)
+        over_f[:-1] += lam * at.g[..., 1]
+        over_f[1:] += lam * at.g[..., 2]
+        over_a += at.slope_a + lam * at.g[..., 3]
+        over_x += at.slope_x - np.einsum("fr,frm->fm", y, program.columns)
+        return np.concatenate([part.ravel() for part in (over_f, over_a, over_x, at.g[..., 0], at.balance)])
+
+    ends = np.cumsum([np.prod(shape) for shape in sizes])[:-1]
+    u, h = np.concatenate([part.ravel() for part in start]), 1e-6
+    matrix = np.stack([(slopes(u + h * way) - slopes(u - h * way)) / (2.0 * h) for way in np.eye(len(u))], axis=1)
+    f, a, x, _, y = np.split(np.linalg.solve(matrix, -slopes(u)), ends)
+    step, dy = solver.step(at, 0.0)
+    assert solver.bent == 0
+    for ours, whole in zip((*step, dy), (f, a, x, y), strict=True):
+        np.testing.assert_allclose(ours.ravel(), whole, rtol=1e-4, atol=1e-5)
 
 
 class Free:

@@ -67,6 +67,11 @@ def test_weight_that_nothing_carries_names_the_nearest_site(actuators):
     )
 
 
+def test_what_residuals_took_before_though_contacts_could_hides_no_later_frame():
+    """Under a limit below what reserves take from legs that stand: only the frame without legs is named."""
+    assert [one.frame for one in found(legs(TWO), np.array([[1.0, 1.0], [0.0, 0.0]]))] == [1]
+
+
 def test_a_cone_that_excludes_the_needed_force_tells_the_friction_it_needs():
     """5 m/s^2 along x on legs far apart: 5 / 9.80665 of the weight across the cones."""
     one = found(legs(TWO, friction=0.3, edges=4), accelerations=[5.0, 0.0, 0.0, 0.0, 0.0, 0.0])[0]

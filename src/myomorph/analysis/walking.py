@@ -76,8 +76,7 @@ def running_contacts(
 
 def _dip(force: Array) -> float:
     """The least force until it is over half the weight again; that of a recording that ends there counts."""
-    over = np.flatnonzero(force >= EDGE)
-    return float(force[: over[0]].min()) if len(over) and over[0] else float(force.min()) if len(force) else 1.0
+    return float(force[: np.append(np.flatnonzero(force >= EDGE), len(force))[0]].min())
 
 
 def _edge(time: Array, force: Array, at: int) -> float:

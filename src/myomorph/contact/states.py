@@ -183,13 +183,12 @@ def by_plates(
     moving: SiteMotion,
     sites: Sequence[Site],
     plates: Wrenches,
-    options: ContactStateOptions | None = None,
+    options: ContactStateOptions,
 ) -> Contacts:
     """Touches from loaded plates: of the group whose sites are nearest to the center of pressure.
     A plate is loaded from `loaded` of the model's weight on, until less than `unloaded` is left. Of the group, the
     sites touch that are less than `high` above the lowest of them.
     """
-    options = options or ContactStateOptions()
     refuse_other_times("forces of plates", plates.time, moving.time)
     groups = tuple(dict.fromkeys(site.group for site in sites))
     weight = model.weight

@@ -1,12 +1,12 @@
-"""Points on hinges' axes, which turn a limb about its length: a model laid on itself has them in place."""
+"""A model laid on itself: points on hinges' axes, which turn a limb about its length, and by what its limbs turn."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from myomorph.identify.body.center_fit import AXIS_LENGTH, first_frame, hinge_cues
-from myomorph.identify.body.regions import HINGES, center_positions, centers_of, regions_of
+from myomorph.identify.body.center_fit import AXIS_LENGTH, CenterFit, first_frame, hinge_cues
+from myomorph.identify.body.regions import HINGES, Region, center_positions, centers_of, regions_of
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.simulate.jump import leg_model
@@ -27,3 +27,16 @@ def test_a_model_on_itself_has_its_cues_in_place():
         here = poses.points(np.array([tree.body_index[cue.body]]), cue.location[None])[0, 0]
         np.testing.assert_allclose(here, cue.target, atol=1e-6)  # centers are where a search ends
         assert np.linalg.norm(cue.target - places[key]) == pytest.approx(AXIS_LENGTH)
+
+
+def test_a_thigh_is_searched_over_the_rotations_of_its_own_hip():
+    """Neither the other hip's nor the knee's, whose ranges are finite too, nor any of a shank."""
+    model = leg_model()
+    regions = regions_of(model)
+    centers = centers_of(model, regions)
+    fit = CenterFit(model, regions, centers, center_positions(model, centers, first_frame(None, model)), [])
+    hip = next(joint for joint in model.joints if joint.child == "femur_r")
+    expected = {name: model.coordinate(name).range for name in hip.coordinates}
+    assert len(expected) == 3
+    assert fit._ball(model, Region("thigh", "right")) == expected
+    assert fit._ball(model, Region("shank", "right")) == {}
