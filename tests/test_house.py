@@ -6,9 +6,9 @@ import pytest
 from benchmarks.house import CHECKOUT, checkout_texts, count
 
 LIMITS = {
-    ("lines", "src"): 127_762,
-    ("lines", "benchmarks"): 25_180,
-    ("words", "documentation"): 100_205,
+    ("lines", "src"): 127_761,
+    ("lines", "benchmarks"): 25_178,
+    ("words", "documentation"): 100_203,
     ("vague", "src"): 6.5,
 }
 
