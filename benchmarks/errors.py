@@ -14,3 +14,8 @@ def rms(values: ArrayLike) -> float:
 def rms_known(values: ArrayLike) -> float:
     """Root of the mean square of what is known (not NaN)."""
     return float(np.sqrt(np.nanmean(np.square(values))))
+
+
+def rms_of_vectors(values: np.ndarray) -> float:
+    """Root mean square of the lengths of vectors along the last axis."""
+    return float(np.sqrt(np.mean(np.sum(values**2, axis=-1))))

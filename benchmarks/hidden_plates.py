@@ -91,7 +91,8 @@ class Hidden:
 
     `motion`: filtered, with derivatives, over the times that the plates cover; `measured`: forces on the feet through
     the same filter, which no estimate sees; `raw`: the same unfiltered, at their own times; `use`: (frames,) in which
-    the plates measure all that is compared; `cutoff`: of the filter [Hz]; `floor`: its height [m].
+    the plates measure all that is compared; `weighs`: mass that they say [kg]; `cutoff`: of the filter [Hz]; `floor`:
+    its height [m].
     """
 
     case: HiddenCase
@@ -103,6 +104,7 @@ class Hidden:
     measured: mm.Wrenches
     raw: mm.Wrenches
     use: np.ndarray
+    weighs: float
     cutoff: float
     floor: float
 
@@ -165,6 +167,7 @@ def opened(folder: Path, case: HiddenCase) -> Hidden:
         measured,
         raw,
         use,
+        found.weighs,
         cutoff,
         floor.height,
     )

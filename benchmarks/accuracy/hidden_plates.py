@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import io
 import tempfile
 from collections.abc import Iterator
 from dataclasses import replace
@@ -12,9 +10,9 @@ from pathlib import Path
 import numpy as np
 
 import myomorph as mm
+from benchmarks.accuracy.knee import command
 from benchmarks.errors import rms
 from benchmarks.hidden_plates import CASES, Hidden, estimated, feet_of, foot_wrench, opened
-from myomorph.cli import main
 from myomorph.contact.shared import SharedOptions, shared_wrenches
 from myomorph.contact.states import ActivationOptions, ContactStateOptions, contact_activations, hysteresis, steady
 from myomorph.model.arrays import Array
@@ -252,8 +250,7 @@ def measure_one_plate(folder: Path) -> Iterator[dict[str, object]]:
 
 def _tension(out: Path, *typed: object) -> Table:
     """Activations of the command."""
-    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-        assert main(["tension", "--out", str(out), *map(str, typed)]) == 0
+    command("tension", "--out", out, *typed)
     return mm.read_sto(out / "activations.sto")
 
 

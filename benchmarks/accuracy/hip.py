@@ -6,9 +6,7 @@ the frame of the femur's shaft, as Fischer et al. (2021) list them (RWTHmediTEC/
 
 from __future__ import annotations
 
-import contextlib
 import csv
-import io
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 import myomorph as mm
-from myomorph.cli import main
+from benchmarks.accuracy.knee import command
 
 Row = dict[str, object]
 PUBLISHED = {
@@ -73,21 +71,16 @@ def measure(folder: Path) -> Iterator[Row]:
         for way, more in {"default": (), "least force": (*LEAST, *hips)}.items():
             with tempfile.TemporaryDirectory() as home:
                 typed = ("--model", model, "--motion", motion, "--loads", loads)
-                _run("tension", *typed, "--reactions", "child", "--out", home, *more)
-                _run("id", *typed, "--out", f"{home}/torques.sto")
+                command("tension", *typed, "--reactions", "child", "--out", home, *more)
+                command("id", *typed, "--out", f"{home}/torques.sto")
                 yield from _rows(name, "the set's", way, activity, Path(home), read.mass, legs)
     for name, (activity, recordings, mass, legs) in RAW.items():
         with tempfile.TemporaryDirectory() as home:
             files = [str(folder / file) for file in recordings]
             more = ("--mass", str(mass), "--reactions", "child", "--out", home, "--workers", "1")
-            _run("analyze", *files, *more)
+            command("analyze", *files, *more)
             trial = next(Path(home).glob("*/joint_reactions.sto")).parent
             yield from _rows(name, "generic, analyze", "default", activity, trial, mass, legs)
-
-
-def _run(*typed: str) -> None:
-    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-        assert main(list(typed)) == 0
 
 
 def _rows(name: str, model: str, way: str, activity: str, home: Path, mass: float, legs: str) -> Iterator[Row]:

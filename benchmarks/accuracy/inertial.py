@@ -7,8 +7,6 @@ data_mat of dlaidig/broad, `opensense/` those of OpenSim's tutorial (model, plac
 
 from __future__ import annotations
 
-import contextlib
-import io
 import json
 import os
 import tempfile
@@ -23,8 +21,8 @@ from scipy.io import loadmat
 from tests.truths.simulated_sensors import SensorErrors, SimulatedSensors, simulated_sensors
 
 import myomorph as mm
+from benchmarks.accuracy.knee import command
 from benchmarks.recordings import RECORDINGS
-from myomorph.cli import main
 from myomorph.io.inertial.read import read_inertial
 from myomorph.model.inertial_sensors import InertialSensors
 from myomorph.model.spatial import (
@@ -295,9 +293,8 @@ def _limits(
             noise = 0.003 * np.random.default_rng(seed).normal(size=plain.values.shape)
             mm.write_trc(replace(plain, values=plain.values + noise), home / "walk.trc")
             options = ["--markers", home / "walk.trc"]
-        command = ["ik", "--model", model_file, "--imu", home / "walk.sto", *options, "--draws", 40, "--out"]
-        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-            assert main([str(word) for word in [*command, home / "q.mot"]]) == 0
+        sensors = ("--imu", home / "walk.sto", *options)
+        command("ik", "--model", model_file, *sensors, "--draws", 40, "--out", home / "q.mot")
         low, high = (mm.read_motion(home / f"q_{end}.mot", model) for end in ("low", "high"))
         result = {}
         for joint, start in JOINTS.items():
@@ -318,9 +315,7 @@ def measure_hidden() -> Iterator[Row]:
         return
     files, bodies = [folder / "Cal 01.c3d", folder / "Walking 01.c3d"], {"imu": "tibia_r", "imu_2": "tibia_l"}
     with tempfile.TemporaryDirectory() as name:
-        command = ["analyze", *files, "--mass", 75, "--workers", 1, "--out", Path(name) / "out"]
-        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-            assert main([str(word) for word in command]) == 0
+        command("analyze", *files, "--mass", 75, "--workers", 1, "--out", Path(name) / "out")
         model = mm.read_model(Path(name) / "out" / "calibrated.osim")
         markers = get_markers(read_result(next((Path(name) / "out").rglob("Walking_01.nc"))))
     assert markers is not None

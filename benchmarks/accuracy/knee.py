@@ -152,8 +152,7 @@ def measure_where(folder: Path) -> Iterator[Row]:
         error = (at_times(loads, clock) - truth)[:, 0] / BODY_WEIGHT
         share = [float((error[first:last] ** 2).sum() / (error**2).sum()) for first, last in PHASES]
         worst = int(np.argmax(np.abs(error)))
-        shifted = {late: rms((at_times(loads, clock - late) - truth)[:, 0] / BODY_WEIGHT) for late in DELAYS}
-        best = min(shifted, key=lambda late: shifted[late])
+        best = late_by(folder, stride, loads)
         yield {
             "stride": stride,
             "RMS [BW]": rms(error),
@@ -161,7 +160,7 @@ def measure_where(folder: Path) -> Iterator[Row]:
             "largest error [BW]": float(error[worst]),
             "at [%]": worst,
             "measured force later by [ms]": round(1e3 * best),
-            "RMS then [BW]": shifted[best],
+            "RMS then [BW]": rms((at_times(loads, clock - best) - truth)[:, 0] / BODY_WEIGHT),
             "center of pressure behind the heel [mm]": behind_heel(folder, stride),
         }
 
@@ -301,16 +300,7 @@ def opensim_loads(folder: Path, stride: str, cutoff: float, smooth: bool) -> mm.
 
 def _at(motion: mm.Motion, time: Array) -> mm.Motion:
     """A motion with derivatives at times next to its frames."""
-    nearest = np.abs(motion.time[:, None] - time).argmin(axis=0)
-    assert motion.velocities is not None
-    assert motion.accelerations is not None
-    return replace(
-        motion,
-        time=time,
-        values=motion.values[nearest],
-        velocities=motion.velocities[nearest],
-        accelerations=motion.accelerations[nearest],
-    )
+    return replace(motion.frames(np.abs(motion.time[:, None] - time).argmin(axis=0)), time=time)
 
 
 def at_times(loads: mm.Series, time: Array) -> Array:
@@ -340,15 +330,18 @@ def _numbers(found: list[mm.Series], folder: Path) -> Row:
 
 def _on_the_others_clock(found: list[mm.Series], folder: Path) -> list[float]:
     """RMS of the total in each stride, moved by the delay at which it fits the other stride best [BW]."""
-    errors = {
-        late: [
-            rms((at_times(loads, clock - late) - truth)[:, 0] / BODY_WEIGHT)
-            for loads, (truth, clock) in zip(found, (measured(folder, stride) for stride in STRIDES), strict=True)
-        ]
-        for late in DELAYS
-    }
-    best = [min(DELAYS, key=lambda late: errors[late][k]) for k in range(len(STRIDES))]
-    return [errors[best[1 - k]][k] for k in range(len(STRIDES))]
+    errors = []
+    best = [late_by(folder, stride, loads) for stride, loads in zip(STRIDES, found, strict=True)]
+    for stride, loads, late in zip(STRIDES, found, best[::-1], strict=True):
+        truth, clock = measured(folder, stride)
+        errors.append(rms((at_times(loads, clock - late) - truth)[:, 0] / BODY_WEIGHT))
+    return errors
+
+
+def late_by(folder: Path, stride: str, loads: mm.Series) -> float:
+    """Delay of the measured force at which the total fits it best [s]."""
+    truth, clock = measured(folder, stride)
+    return min(DELAYS, key=lambda late: rms((at_times(loads, clock - late) - truth)[:, 0]))
 
 
 def _row(name: str, found: list[mm.Series], folder: Path) -> Row:

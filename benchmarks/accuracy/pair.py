@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 import myomorph as mm
+from benchmarks.errors import rms_of_vectors
 from myomorph.contact.pair import action_reaction
 from myomorph.model.contacts import Site
 from myomorph.simulate.bout import FEET, GRIPS
@@ -280,7 +281,7 @@ def measure_bouts() -> Iterable[Row]:
             "a foot, least and most [N]": f"{size[:, :4].min():.0f}, {size[:, :4].max():.0f}",
             "activations, mean and most": f"{effort.mean():.3f}, {effort.max():.2f}",
             "action less reaction, plates under both [N]": round(both.force_error, 2),
-            "sum of both grips from the plates, RMS error [N]": round(_rms(passed - total), 2),
+            "sum of both grips from the plates, RMS error [N]": round(rms_of_vectors(passed - total), 2),
         }
 
 
@@ -328,7 +329,3 @@ def _spread(values: np.ndarray) -> str:
     if np.isnan(values).any():
         return ""
     return f"{values.mean():.0f} ({values.min():.0f} to {values.max():.0f})"
-
-
-def _rms(values: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(np.sum(values**2, axis=-1))))

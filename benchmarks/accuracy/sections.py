@@ -91,10 +91,12 @@ PAGES: dict[str, dict[str, str]] = {
         "uncertainty_factors": "accuracy.uncertainty:measure_factors",
         "uncertainty_live": "accuracy.uncertainty:measure_live",
         "uncertainty_knee": "accuracy.uncertainty:measure_knee",
+        "uncertainty_roots": "accuracy.uncertainty_roots:measure",
         "uncertainty_plates": "accuracy.uncertainty_measured:measure_plates",
         "uncertainty_plates_factor": "accuracy.uncertainty_measured:measure_plates_factor",
         "uncertainty_pins": "accuracy.uncertainty_measured:measure_pins",
         "uncertainty_box": "accuracy.uncertainty_measured:measure_box",
+        "uncertainty_truths": "accuracy.uncertainty_roots:measure_truths",
     },
     "emg-and-sound": {
         "emg_held_out": "accuracy.emg:measure_held_out",

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 import myomorph as mm
+from benchmarks.errors import rms_of_vectors
 from myomorph.identify.body.regions import centers_of, regions_of
 from myomorph.identify.transfer import Transfer
 from myomorph.model.inertia import inertial_parameters, pseudo_inertias
@@ -102,8 +103,8 @@ def measure_model(data: Path, name: str, path: Path) -> dict[str, object]:
     }
     for kind, values in given.items():
         apart = values[inside] - needed[inside] @ turn.T
-        row[f"walk: force RMS, {kind} [% of weight]"] = 100.0 * _rms(apart[:, 3:]) / weight
-        row[f"walk: moment RMS, {kind} [N m]"] = _rms(apart[:, :3])
+        row[f"walk: force RMS, {kind} [% of weight]"] = 100.0 * rms_of_vectors(apart[:, 3:]) / weight
+        row[f"walk: moment RMS, {kind} [N m]"] = rms_of_vectors(apart[:, :3])
     return row
 
 
@@ -127,10 +128,6 @@ def _least_ratio(before: mm.Model, after: mm.Model) -> float:
     least = [np.linalg.eigvalsh(pseudo_inertias(inertial_parameters(model)))[:, 0] for model in (before, after)]
     possible = least[0] > 1e-12
     return float((least[1][possible] / least[0][possible]).min())
-
-
-def _rms(values: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(np.sum(values**2, axis=1))))
 
 
 def measure(data: Path) -> Iterator[dict[str, object]]:

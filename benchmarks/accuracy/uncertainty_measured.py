@@ -17,7 +17,7 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 import myomorph as mm
-from benchmarks.accuracy.uncertainty import command
+from benchmarks.accuracy.knee import command
 from benchmarks.hands_lift import LIFTS, hands_measured, man, recorded, tracked
 from benchmarks.hands_lift_forces import HANDS, holding, plate_on_feet
 from benchmarks.hidden_plates import CASES, Hidden, HiddenCase, feet_of, opened
@@ -44,23 +44,21 @@ FOUND_ON = ("walk, Rajagopal", "walk, OpenCap", "walk, treadmill, no arms")
 """Recordings on which the factor of contact forces is found; the others are held against it."""
 STUDY_FILE = """
 [study]
-name = "hidden"
+name = "drawn"
 flat = true
 [uncertainty]
 draws = {draws}
 contributions = 0
 widened = false
-[options.tension]
-cutoff = {cutoff}
-intervals = 0
-measured = "hidden"
+[options.{options}
 [[subject]]
 name = "person"
-model = "model.osim"
-steps = ["ik", "tension"]
-{tasks}
-trials = [{{ name = "motion", {recording}, time = [{start}, {stop}], contacts = "auto" }}]
+model = {model!r}
+steps = ["ik", {steps}]
+trials = [{{ name = "motion", {trial} }}]
 """
+"""`options`: those of a step, from its name on."""
+ESTIMATED = 'tension]\ncutoff = {:g}\nintervals = 0\nmeasured = "hidden"'
 
 PINS = "shoulder-bonepin"
 PIN_MODEL, PIN_MARKERS = "subject1_abdbonepin.osim", "abdbonepin.trc"
@@ -162,31 +160,9 @@ def measure_plates_factor(folder: Path) -> Iterator[Row]:
 def _of_plates(folder: Path, case: HiddenCase) -> Mapping[str, Held]:
     """By axis, forces of both feet in frames in which they carry."""
     hidden = opened(folder, case)
-    used = hidden.motion.time[hidden.use]
-    start, stop = float(used[0]), float(min(used[-1], used[0] + LASTS))
-    with tempfile.TemporaryDirectory() as work:
-        here = Path(work)
-        mm.write_osim(hidden.model, here / "model.osim")
-        recording = f"{'motion' if case.tracked else 'markers'} = {str(folder / case.markers)!r}"
-        text = STUDY_FILE.format(
-            draws=DRAWS,
-            cutoff=hidden.cutoff,
-            tasks=f"tasks = {str(folder / case.tasks)!r}" if case.tasks else "",
-            recording=recording,
-            start=start,
-            stop=stop,
-        )
-        (here / "study.toml").write_text(text, encoding="utf-8")
-        command("run", here / "study.toml", "--out", here / "out")
-        tables = limits(next((here / "out").rglob("contact_groups.sto")))
-    return _beside_plates(hidden, tables, start, stop)
-
-
-def _beside_plates(
-    hidden: Hidden, tables: tuple[mm.Table, mm.Table, mm.Table], start: float, stop: float
-) -> dict[str, Held]:
+    options = ESTIMATED.format(hidden.cutoff)
+    tables, frames = drawn(folder, hidden, '"tension"', "contact_groups", options, 'contacts = "auto"')
     time = hidden.motion.time
-    frames = np.flatnonzero(hidden.use & (time >= start - 1e-6) & (time <= stop + 1e-6))
     parts: dict[str, list[list[Array]]] = {axis: [] for axis in AXES}
     for side, force, _ in feet_of(hidden):
         columns = [f"foot_{side[0]}_f{'xyz'[axis]}" for axis in AXES.values()]
@@ -197,6 +173,26 @@ def _beside_plates(
         for k, (axis, at) in enumerate(AXES.items()):
             parts[axis].append([one[carrying] for one in (force[frames, at], low[:, k], found[:, k], high[:, k])])
     return {axis: Held(*(np.concatenate(one) for one in zip(*own, strict=True))) for axis, own in parts.items()}
+
+
+def drawn(
+    folder: Path, hidden: Hidden, steps: str, table: str, options: str, forces: str
+) -> tuple[tuple[mm.Table, mm.Table, mm.Table], Array]:
+    """`limits` of a table of a study of a recording, and the frames that it is compared in."""
+    case, time = hidden.case, hidden.motion.time
+    used = time[hidden.use]
+    start, stop = float(used[0]), float(min(used[-1], used[0] + LASTS))
+    with tempfile.TemporaryDirectory() as work:
+        here = Path(work)
+        mm.write_osim(hidden.model, here / "model.osim")
+        write_external_loads(hidden.raw, here / "loads.sto", here / "loads.xml")
+        trial = f"{'motion' if case.tracked else 'markers'} = {str(folder / case.markers)!r}, {forces}"
+        trial += f", time = [{start}, {stop}]" + (f", tasks = {str(folder / case.tasks)!r}" if case.tasks else "")
+        text = STUDY_FILE.format(draws=DRAWS, options=options, model="model.osim", steps=steps, trial=trial)
+        (here / "study.toml").write_text(text, encoding="utf-8")
+        command("run", here / "study.toml", "--out", here / "out")
+        tables = limits(next((here / "out").rglob(f"{table}.sto")))
+    return tables, np.flatnonzero(hidden.use & (time >= start - 1e-6) & (time <= stop + 1e-6))
 
 
 def limits(path: Path) -> tuple[mm.Table, mm.Table, mm.Table]:

@@ -64,6 +64,19 @@ def test_another_center_leaves_the_zero_pose_and_moves_the_bent_one(model):
     assert np.abs(markers_at(other, bent) - markers_at(model, bent)).max() > 1e-3
 
 
+def test_a_patella_elsewhere_moves_all_points_on_it_alike(data):
+    model = read_model(data("rajagopal-walk-emg/subject_walk_scaled.osim"))
+    other = drawn_model(model, draw(patella=0.01))
+    moved = {"patella_r": [], "patella_l": [], "femur_r": []}
+    for old, new in zip(model.muscles, other.muscles, strict=True):
+        for before, after in zip(old.path.points, new.path.points, strict=True):
+            if before.body in moved and isinstance(before, PathPoint):
+                moved[before.body].append(after.location - before.location)
+    for body, shifts in moved.items():
+        assert np.ptp(shifts, axis=0).max() < 1e-12
+        assert (np.abs(shifts[0]).max() > 0.0) == body.startswith("patella")
+
+
 def test_bowed_legs_move_the_knee_out_between_hip_and_ankle(data):
     model = read_model(data("rajagopal-walk-emg/subject_walk_scaled.osim"))
     tree = compile_tree(model)

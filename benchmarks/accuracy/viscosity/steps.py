@@ -6,6 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from benchmarks.errors import rms
 from myomorph.viscosity.identification.identify import Condition, ViscosityOptions, identify_specimen
 from truths.mechanical_joint import VirtualJoint, mechanical_joint
 
@@ -44,18 +45,14 @@ def measure() -> Iterable[Row]:
         free = springs == 0.0
         yield {
             "method": name,
-            "viscosity, no spring: RMS": f"{100 * _rms(viscosity[free]):.2f} %",
+            "viscosity, no spring: RMS": f"{100 * rms(viscosity[free]):.2f} %",
             "largest": f"{100 * np.abs(viscosity[free]).max():.2f} %",
-            "viscosity, spring of 2 Nm/rad: RMS": f"{100 * _rms(viscosity[~free]):.2f} %",
+            "viscosity, spring of 2 Nm/rad: RMS": f"{100 * rms(viscosity[~free]):.2f} %",
             "largest with spring": f"{100 * np.abs(viscosity[~free]).max():.2f} %",
-            "COM: RMS": f"{1e3 * _rms(com):.3f} mm",
+            "COM: RMS": f"{1e3 * rms(com):.3f} mm",
             "COM: largest": f"{1e3 * np.abs(com).max():.3f} mm",
         }
 
 
 def _errors(joint: VirtualJoint, found: Condition, viscosity: float) -> tuple[float, float]:
     return viscosity / joint.truth.damping - 1.0, found.com.value - joint.truth.com
-
-
-def _rms(values: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(np.square(values))))

@@ -17,6 +17,7 @@ from myomorph.model.spatial import Transform, axis_rotation, rotation_from_euler
 from myomorph.motion.turns import floating_coordinates
 from myomorph.muscles.hill_arrays import compile_hill_as
 from myomorph.muscles.kinematics import default_path_lengths
+from myomorph.muscles.patella import PATELLA
 from myomorph.muscles.path import compile_paths_as
 from myomorph.rigid.knees import flexed, hinge_axis, knee_joints, long_axis
 from myomorph.rigid.tree import compile_tree, compile_tree_as
@@ -77,7 +78,7 @@ def drawn_model(model: Model, draw: Draw) -> Model:
         parts["markers"] = tuple(_marker(marker, draw) for marker in model.markers)
     if has.leg_alignment:
         parts |= _bowed(model, parts, draw)
-    if has.attachment or has.strength or has.fiber_length or has.slack_length:
+    if has.attachment or has.patella or has.strength or has.fiber_length or has.slack_length:
         parts["muscles"] = tuple(_muscle(muscle, draw) for muscle in model.muscles)
     if has.wrap_radius:
         parts["wrap_objects"] = tuple(_surface(item, draw) for item in model.wrap_objects)
@@ -122,7 +123,7 @@ def drawn_subject(model: Model, draw: Draw) -> Model:
         return made
     compile_paths_as(made, model)
     has = draw.sources
-    if has.attachment or has.wrap_radius or has.fiber_length:
+    if has.attachment or has.patella or has.wrap_radius or has.fiber_length:
         made = _with_fitted_tendons(made, model)
         compile_tree_as(made, model)
         compile_paths_as(made, model)
@@ -211,17 +212,15 @@ def _muscle(muscle: Muscle, draw: Draw) -> Muscle:
 
 def _path(path: Path, muscle: str, draw: Draw) -> Path:
     """A path through other points; those that coordinates move stay."""
-    if not draw.sources.attachment:
-        return path
-    points = tuple(
-        changed(
-            point, location=point.location + draw.of("attachment", f"{muscle} {index}", 3, f"{muscle}/{point.name}")
-        )
-        if isinstance(point, PathPoint)
-        else point
-        for index, point in enumerate(path.points)
-    )
-    return changed(path, points=points)
+
+    def moved(index: int, point: PathPoint) -> PathPoint:
+        error = draw.of("attachment", f"{muscle} {index}", 3, f"{muscle}/{point.name}")
+        if PATELLA in point.body.lower():
+            error = error + draw.of("patella", point.body, 3)
+        return changed(point, location=point.location + error)
+
+    points = (moved(k, point) if isinstance(point, PathPoint) else point for k, point in enumerate(path.points))
+    return changed(path, points=tuple(points))
 
 
 def _surface(surface: WrapObject, draw: Draw) -> WrapObject:

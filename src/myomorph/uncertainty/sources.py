@@ -16,7 +16,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "masses": ("body_mass", "segment_mass", "mass_center", "inertia"),
     "joints": ("joint_center", "joint_axis", "leg_alignment"),
     "filter": ("filter_cutoff",),
-    "paths": ("attachment", "wrap_radius"),
+    "paths": ("attachment", "patella", "wrap_radius"),
     "joint contacts": ("joint_contact_point",),
     "muscles": ("strength", "fiber_length", "slack_length"),
     "EMG": ("emg_gain",),
@@ -42,10 +42,10 @@ class Sources:
     sensor_mounting : of mountings and headings of inertial sensors, relative to what their calibration leaves open
     plate_position : of a plate, along both horizontal axes [m] (Collins et al. 2009)
     plate_gain : of each axis of a plate's force, as a share of it (Collins et al. 2009)
-    clock : of the forces against the motion [s]
+    clock : of the forces against the motion [s]; checks find no less than 12 ms
     contact_time : at which a contact whose force is estimated begins, and ends [s] (Zeni et al. 2008)
     contact_point : of such a contact on its body, each axis [m]
-    body_mass : of the whole body, as a share: clothes and shoes are weighed along or not (Whigham et al. 2013)
+    body_mass : of the whole body, as a share: stated masses and what plates carry differ by 0 to 4 %
     segment_mass : of each body, as a share of it, beside the error of the whole (Rao et al. 2006)
     mass_center : of each body and axis, as a share of its radius of gyration
     inertia : of each body, as a share
@@ -53,8 +53,9 @@ class Sources:
     joint_axis : orientation of each joint's axes about each of the three [rad]
     leg_alignment : angle between thigh and shank seen from the front, about each knee [rad]: a generic model's legs are
         scaled, not bowed, and groups of adults have deviations of 1.8 to 3.2 degrees (Nicolella et al. 2012)
-    filter_cutoff : of the low-pass filter, as a share: 4 to 9 Hz lie within one deviation of 6 Hz
+    filter_cutoff : of the low-pass filter, as a share: so far from it are those that recorded forces ask for
     attachment : of each point of a muscle path and axis [m] (Carbone et al. 2012)
+    patella : place on the thigh, each axis, as arms of its tendon differ by person [m] (Krevolin et al. 2004)
     wrap_radius : of each wrapping surface, as a share
     joint_contact_point : of each contact point of a joint, each axis [m]; bones of others, and legs whose axes differ,
         move where condyles meet by millimetres (Lerner et al. 2015)
@@ -62,9 +63,9 @@ class Sources:
     fiber_length : optimal, of each muscle, as a share
     slack_length : of each tendon, as a share of the optimal fiber length
     emg_gain : of each channel of EMG, as a share
-    criterion : which effort is least is a convention: above 0 half of the draws take the exponent 3 (Crowninshield
-        and Brand 1981) in the place of 2, and half weights by volume in the place of equal ones; of contacts half
-        find their forces before the muscles'
+    criterion : which effort is least is a convention: above 0 draws take the exponents 1.5, 2 or 3 (Crowninshield
+        and Brand 1981), no, the usual or twice the load of joints, equal weights or by volume; of contacts half find
+        their forces before the muscles'
     """
 
     marker_noise: float = 0.0005
@@ -73,25 +74,26 @@ class Sources:
     skin_foot: float = 0.003
     skin_trunk: float = 0.005
     skin_arm: float = 0.005
-    skin_time: float = 0.15
+    skin_time: float = 0.1
     angle: float = 0.035
     placement: float = 0.005
     sensor_noise: float = 0.03
     sensor_mounting: float = 1.0
     plate_position: float = 0.003
     plate_gain: float = 0.01
-    clock: float = 0.002
+    clock: float = 0.005
     contact_time: float = 0.02
     contact_point: float = 0.01
-    body_mass: float = 0.01
+    body_mass: float = 0.02
     segment_mass: float = 0.1
     mass_center: float = 0.1
     inertia: float = 0.15
-    joint_center: float = 0.006
+    joint_center: float = 0.0045
     joint_axis: float = 0.035
     leg_alignment: float = 0.044
-    filter_cutoff: float = 0.4
+    filter_cutoff: float = 0.6
     attachment: float = 0.004
+    patella: float = 0.004
     wrap_radius: float = 0.05
     joint_contact_point: float = 0.004
     strength: float = 0.2

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import re
+from collections import Counter
 
 import numpy as np
 import pytest
@@ -16,11 +17,13 @@ from myomorph.study.plan.plan import read_plan
 from myomorph.study.run.run import run_study
 from myomorph.study.trial.load import load
 from myomorph.study.trial.steps.draw_workers import attempts
-from myomorph.study.trial.steps.drawn_trials import chain_of
+from myomorph.study.trial.steps.drawn_trials import chain_of, drawn_costs, drawn_criterion
 from myomorph.study.trial.steps.id import solve_dynamics
 from myomorph.study.trial.steps.ik import recorded_poses
 from myomorph.study.trial.trial_inputs import open_trial, trial_files
 from myomorph.study.workers.local_workers import LocalWorkers
+from myomorph.tension.recruitment import RecruitmentOptions
+from myomorph.tension.tension import TensionOptions
 from myomorph.uncertainty.bodies import Draw
 from myomorph.uncertainty.normals import Normals
 from myomorph.uncertainty.sources import GROUPS, Sources
@@ -47,6 +50,16 @@ def opened(arm, thin, **sizes):
     poses = recorded_poses(trial)
     torques = solve_dynamics(trial, poses.recorded)
     return chain_of(trial, poses, torques, True, thin), torques, trial.options[Sources]
+
+
+def test_criteria_are_drawn_alike_often():
+    draws = [Draw(number, Sources(), Normals(90)) for number in range(90)]
+    exponents = Counter(drawn_criterion(TensionOptions(), one).exponent for one in draws)
+    loads = Counter(
+        drawn_costs(RecruitmentOptions(joint_load=0.1, joint_load_joints="all"), one).joint_load for one in draws
+    )
+    assert exponents == {1.5: 30, 2.0: 30, 3.0: 30}
+    assert loads == {0.0: 30, 0.1: 30, 0.2: 30}
 
 
 @pytest.mark.parametrize("thin", [False, True])

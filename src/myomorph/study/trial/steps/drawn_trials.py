@@ -37,9 +37,10 @@ from myomorph.study.inputs.torques import RecordedTorques
 from myomorph.study.trial.steps.drawn_quantities import Quantity, Strength, TooWeak, muscle_quantities, torque_quantity
 from myomorph.study.trial.steps.id import Torques, cutoff_of, solve_dynamics
 from myomorph.study.trial.steps.ik import Poses, solve_kinematics
-from myomorph.study.trial.steps.tension import task_of
+from myomorph.study.trial.steps.tension import recruitment_of, task_of
 from myomorph.study.trial.trial_inputs import TrialInputs
 from myomorph.tension.joint_contact import JointPoints
+from myomorph.tension.recruitment import KNEES, RecruitmentOptions
 from myomorph.tension.task import TensionTask
 from myomorph.tension.tension import TensionOptions
 from myomorph.tension.terms.contacts import ContactOptions
@@ -61,8 +62,8 @@ FAILURES = (MyomorphError, ArithmeticError, ValueError, np.linalg.LinAlgError)
 """What a draw may end in that has no solution."""
 MOVED, LOADED = ("markers", "placement", "sensors", "joints"), ("forces", "masses", "filter")
 """Groups of sources that change the motion, and those that change the torques of the same motion."""
-EXPONENTS = (2.0, 3.0)
-"""Of the effort, as published: both are usual."""
+EXPONENTS, LOADS = (1.5, 2.0, 3.0), (0.0, 1.0, 2.0)
+"""Of the effort, as published, below and above the usual one; weights of joint loads over the trial's."""
 BESIDE = 1.0
 """Of a motion that was given, so much before and after the time that is used is drawn, for the filter's sake [s]."""
 STRONGER = (1.4, 1.4, 1.4)
@@ -308,7 +309,8 @@ def drawn_trial(chain: Chain, draw: Draw) -> TrialInputs:
     cutoff = (chain.cutoff or 0.0) * draw.factor("filter_cutoff", "cutoff")
     options = options.having(replace(options[Differentiation], cutoff=cutoff))
     if sources.criterion:
-        options = options.having(drawn_criterion(options[TensionOptions], draw))
+        criterion = drawn_criterion(options[TensionOptions], draw)
+        options = options.having(criterion, drawn_costs(recruitment_of(trial), draw))
         if trial.get(ContactPlan) is not None and draw.normals.uniform(draw.number, "criterion", "contacts") > 0.5:
             options = options.having(replace(options[ContactOptions], formulation="sequential"))
     model = drawn_subject(trial.model, draw)
@@ -341,9 +343,16 @@ def drawn_criterion(options: TensionOptions, draw: Draw) -> TensionOptions:
     """Another effort that is least; of minmax nothing is drawn."""
     if options.recruitment == "minmax":
         return options
-    exponent = EXPONENTS[draw.normals.uniform(draw.number, "criterion", "exponent") > 0.5]
+    exponent = EXPONENTS[int(len(EXPONENTS) * draw.normals.uniform(draw.number, "criterion", "exponent"))]
     volume = draw.normals.uniform(draw.number, "criterion", "weights") > 0.5
     return replace(options, exponent=exponent, weights="volume" if volume else "equal")
+
+
+def drawn_costs(costs: RecruitmentOptions, draw: Draw) -> RecruitmentOptions:
+    """Another weight of joint loads, none among them."""
+    share = LOADS[int(len(LOADS) * draw.normals.uniform(draw.number, "criterion", "joint load"))]
+    joints = costs.joint_load_joints if share else KNEES
+    return replace(costs, joint_load=share * (costs.joint_load or 0.0), joint_load_joints=joints)
 
 
 def acts(sources: Sources, groups: tuple[str, ...]) -> bool:
@@ -353,13 +362,9 @@ def acts(sources: Sources, groups: tuple[str, ...]) -> bool:
 
 def alone(sources: Sources, group: str) -> Sources:
     """Only the sources of one group."""
-    return _without(sources, tuple(other for other in GROUPS if other != group))
+    return without(sources, *(other for other in GROUPS if other != group))
 
 
-def frozen(sources: Sources, group: str) -> Sources:
-    """All sources but those of one group."""
-    return _without(sources, (group,))
-
-
-def _without(sources: Sources, groups: tuple[str, ...]) -> Sources:
+def without(sources: Sources, *groups: str) -> Sources:
+    """All sources but those of some groups."""
     return replace(sources, **{name: 0.0 for group in groups for name in GROUPS[group]})

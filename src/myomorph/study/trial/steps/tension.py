@@ -150,7 +150,7 @@ def task_of(trial: TrialInputs, recorded: Motion, torques: Torques) -> TensionTa
         trial.get(ContactPlan),
         options[ContactOptions],
         _emg_that_takes_part(trial),
-        _recruitment(trial),
+        recruitment_of(trial),
     )
 
 
@@ -162,7 +162,7 @@ def _wrenches(trial: TrialInputs, torques: Torques) -> Wrenches | None:
     return replace(wrenches, bodies=("",) * len(wrenches.bodies))
 
 
-def _recruitment(trial: TrialInputs) -> RecruitmentOptions:
+def recruitment_of(trial: TrialInputs) -> RecruitmentOptions:
     """Costs beside the effort; loads of joints need the forces on the body."""
     chosen, alone = trial.options[RecruitmentOptions], trial.get(RecordedTorques) is not None
     if chosen.joint_load and alone:

@@ -22,7 +22,7 @@ from myomorph.store.uncertainty_store import ERRORS, get_uncertainty, put_uncert
 from myomorph.study.step.step import Step, StepOutput
 from myomorph.study.trial.steps.draw_workers import Tables, attempts
 from myomorph.study.trial.steps.drawn_quantities import DrawnGait, Quantity, drawn_values, widened_gait
-from myomorph.study.trial.steps.drawn_trials import COARSE, ShareDraw, alone, chain_of, frozen
+from myomorph.study.trial.steps.drawn_trials import COARSE, ShareDraw, alone, chain_of, without
 from myomorph.study.trial.steps.id import Torques
 from myomorph.study.trial.steps.ik import Poses
 from myomorph.study.trial.steps.tension import Tensions, strides_of_trial
@@ -106,12 +106,12 @@ def _run(
     chain = chain_of(trial, poses, torques, tensions is not None, not chosen.all_frames)
     whole, quantities = zip(*chain.quantities(), strict=True)
     normals, failed, weak = Normals(chosen.draws, chosen.draw_seed), 0, 0
-    sizes = _found_sizes(trial).beside(sources)
+    sizes = (trial.get(ErrorSizes) or NOTHING).beside(sources)
     groups = tuple(group for group in chain.groups if any(sources.of(group).values())) if chosen.contributions else ()
     jobs = [Draw(number, sources, normals, sizes) for number in range(chosen.draws)]
     for group in groups:
         for number in range(min(chosen.contributions, chosen.draws)):
-            jobs += [ShareDraw(number, kind(sources, group), normals, sizes) for kind in (alone, frozen)]
+            jobs += [ShareDraw(number, kind(sources, group), normals, sizes) for kind in (alone, without)]
     shapes = {quantity.name: quantity.values.shape for quantity in quantities}
     strides = strides_of_trial(trial, poses, torques)
     numbers = drawn_values(quantities, TrialStrides.whole(trial.name, strides))
@@ -221,8 +221,7 @@ def _mean_square(values: Array) -> Array:
 def _notes(failed: int, weak: int, draws: int) -> tuple[str, ...]:
     notes: tuple[str, ...] = ()
     if failed > MAY_FAIL * draws:
-        lost = f"{failed} of {draws} draws have no solution and are left out"
-        notes = (f"uncertainty: {lost}: the limits are too narrow",)
+        notes = (f"uncertainty: {failed} of {draws} draws have no solution and are left out: limits are too narrow",)
     if weak > MAY_BE_WEAK * draws:
         left = f"in {weak} of {draws} draws the muscles are too weak for the motion"
         notes += (f"uncertainty: {left}, and they are left out: the model itself is hardly strong enough",)
@@ -264,14 +263,8 @@ def _write_sources(sizes: Sequence[SourceSize], path: Path) -> None:
 def _hashed(trial: TrialInputs) -> Sequence[object]:
     """Options, sizes, and what steps on the subject found, where they found anything."""
     chosen = (trial.options[DrawOptions], trial.options[Sources])
-    sizes = _found_sizes(trial)
+    sizes = trial.get(ErrorSizes) or NOTHING
     return chosen if sizes == NOTHING else (*chosen, _FoundHash(_digest(sizes)))
-
-
-def _found_sizes(trial: TrialInputs) -> ErrorSizes:
-    """What steps on the subject found of the model's errors."""
-    sizes = trial.get(ErrorSizes)
-    return NOTHING if sizes is None else sizes
 
 
 def _digest(error_sizes: ErrorSizes) -> str:
