@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from myomorph.io.osim.read import read_osim
 from myomorph.io.trc import write_trc
 from myomorph.model.series import Markers, Motion
 from myomorph.motion.measurements import default_markers
@@ -85,3 +86,24 @@ def test_arms_need_markers_on_two_segments_of_one(tmp_path) -> None:
     write_trc(Markers(np.arange(20) / 100.0, labels, places), tmp_path / "x.trc")
     prepared = prepare_request(AnalyzeRequest((tmp_path / "x.trc",), 70.0, arms=True), tmp_path / "out")
     assert any("no markers show two segments of one (--arms)" in text for text in prepared.assumed)
+
+
+def test_markers_of_an_arm_alone_move_that_arm_on_a_free_trunk(tmp_path) -> None:
+    """A pushing arm, as a laboratory of shoulders labels it: no leg has a marker, a muscle or a contact."""
+    sites = {
+        label: site for label, site in protocols().protocols["montreal"].labels.items() if site.segment != "pelvis"
+    }
+    model, _ = generic_model(sites, arms=True, alone=True)
+    free = {coordinate.name for coordinate in model.coordinates if not coordinate.locked}
+    assert {"elbow_flexion_r", "shoulder_elv_r", "pelvis_ty"} <= free
+    assert not free & {"elbow_flexion_l", "knee_angle_r", "hip_flexion_l", "lumbar_extension"}
+    assert model.mass == pytest.approx(generic_model(sites, arms=True)[0].mass)
+    labels = tuple(label for label in sites if label in model.marker_names)
+    way = 0.1 * np.linspace(0.0, 1.0, 20)[:, None, None] * np.array([1.0, 0.0, 0.0])
+    write_trc(Markers(np.arange(20) / 100.0, labels, default_markers(model, labels) + way), tmp_path / "x.trc")
+    prepared = prepare_request(AnalyzeRequest((tmp_path / "x.trc",), 70.0), tmp_path / "out")
+    assert any("No marker is on a leg" in text for text in prepared.assumed)
+    assert "contacts" not in prepared.study.read_text()
+    written = read_osim(tmp_path / "out" / "generic.osim")
+    assert len(written.muscles) == len(model.muscles)
+    assert all(muscle.name.endswith("_r") for muscle in written.muscles)

@@ -22,7 +22,7 @@ from myomorph.study.inputs.time_span import TimeSpan
 from myomorph.study.plan.plan import read_plan
 
 KINDS = {
-    "an arm": ("IJ", "PX", "C7", "RACR", "R.Epi.Lat", "R.Epi.Med", "R.Wrist.Rad", "R.Wrist.Ulna"),
+    "an arm": ("R.Epi.Lat", "R.Epi.Med", "R.Wrist.Rad", "R.Wrist.Ulna", "R.Hand"),
     "clusters of an arm": tuple(f"{part}{k}" for part in ("Scapula", "ArmR", "ForearmR", "GloveR") for k in (1, 2, 3)),
     "landmarks by the ISB": ("ij", "px", "ts", "ac", "ai", "gu", "EpL", "EpM"),
 }
@@ -41,7 +41,7 @@ def refusal(labels: tuple[str, ...], folder) -> str:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_an_arm_needs_a_model_of_the_arm(kind: str, tmp_path) -> None:
+def test_an_arm_needs_markers_on_the_trunk(kind: str, tmp_path) -> None:
     text = refusal(KINDS[kind], tmp_path)
     assert "those of an arm" in text
     assert "--model" in text

@@ -23,8 +23,8 @@ from myomorph.motion.calibration import FUNCTIONAL, GENERIC, NORMAL_90, STATIC, 
 WIDE = np.radians(10.0)
 """An interval wider than this to either side is not left unsaid [rad]."""
 
-FAR = np.radians(30.0)
-"""About twice the largest distance between zeros of calibrated and of experts' models [rad]."""
+FAR = np.radians(25.0)
+"""Farther than zeros of calibrated models lie from experts' (at most 16 degrees) [rad]."""
 
 
 def posterior(problem: SharedProblem, at: Point, variance: float, free: NDArray[np.bool_], H: Array) -> Array:
@@ -122,7 +122,8 @@ def zero_notes(zeros: tuple[ZeroAngle, ...], static: bool) -> tuple[str, ...]:
 
 def far_zeros(zeros: tuple[ZeroAngle, ...], mended: bool) -> Finding | None:
     """Angles whose zeros lie where no bones have them; `mended`: a static trial takes the motion's place."""
-    far = sorted((zero for zero in zeros if abs(zero.offset) > FAR), key=lambda zero: -abs(zero.offset))
+    ends = {zero: abs(zero.offset) - NORMAL_90 * zero.sd for zero in zeros}
+    far = sorted((zero for zero, end in ends.items() if end > FAR), key=lambda zero: -ends[zero])
     if not far:
         return None
     named = ", ".join(f"{zero.coordinate} {np.degrees(zero.offset):.0f}°" for zero in far)

@@ -63,6 +63,9 @@ MIN_FRAMES = 6
 MIN_MARKERS = 6
 """Fewer markers on a body's bones say too little of a motion."""
 NEEDED = ("pelvis", "thigh", "shank")
+"""Segments that must have a marker, ..."""
+OF_ARMS = ("trunk", "upper_arm", "forearm")
+"""... and where there are markers of arms alone."""
 OF_MUSCLES = ("muscles", "tension")
 """Steps that a model without muscles does not take."""
 HEIGHT_TOLERANCE = 0.1
@@ -287,7 +290,7 @@ def _check_markers(recording: Recording, everyone: Sequence[Recording], out: Pat
     of what they may lie on where somebody stands still with them.
     """
     segments = {site.segment for site in recording.found.sites.values()}
-    lacking = [name for name in NEEDED if name not in segments]
+    lacking = [name for name in (OF_ARMS if is_arm(recording.found) else NEEDED) if name not in segments]
     if len(recording.found.sites) >= MIN_MARKERS and not lacking:
         return
     if not recording.found.sites and not recording.found.unknown:
@@ -343,9 +346,9 @@ def _model(
         recorded = list(dict.fromkeys(label for one in everyone for label in one.found.sites))
         assert request.mass is not None
         sites = sites_of(everyone)
-        seen = have_arms(sites)
-        arms = request.arms and seen
-        model, without = generic_model(sites, height, request.mass, arms)
+        seen, alone = have_arms(sites), any(is_arm(one.found) for one in everyone)
+        arms = alone or (request.arms and seen)
+        model, without = generic_model(sites, height, request.mass, arms, alone)
         path = out / GENERIC
         write_osim(model, path)
         text = (
@@ -353,6 +356,11 @@ def _model(
             f"{len(model.muscles)} muscles, {len(model.markers)} markers placed on its bones by landmark, its segments "
             f"stretched to the recordings{'' if height is None else f', from those of a body of {height:g} m'}. "
         )
+        if alone:
+            text += (
+                "No marker is on a leg: arms with markers move, on a trunk that goes where its markers are; all else "
+                "hangs from it, without muscles, and what holds the trunk is nobody's torque."
+            )
         if not arms:
             text += "The arms' mass is part of the trunk's" + (" (--arms gives it arms)." if seen else ".")
         if request.arms and not seen:

@@ -24,6 +24,7 @@ HAND = "lunate"
 """The body that carries the hand: fingers do not move."""
 PHANTOM = 0.01
 """Bodies lighter than this carry no flesh, only axes between others [kg]."""
+LUMBAR = ("lumbar_extension", "lumbar_bending", "lumbar_rotation")
 ARM_SEGMENTS = ("upper_arm", "forearm", "hand")
 MIN_SEGMENTS = 2
 """So many segments of an arm must have a marker for it to move."""
@@ -68,6 +69,24 @@ def with_arms(model: Model) -> Model:
             *model.wrap_objects,
             *(each for each in arms.wrap_objects if each.name in used - {mine.name for mine in model.wrap_objects}),
         ),
+    )
+
+
+def arms_alone(model: Model, sides: Collection[str], spine: bool) -> Model:
+    """A model of `with_arms` in which only arms of some sides move, on a trunk that goes where its markers are, and
+    with `spine` bends; what else there is keeps its mass and hangs as it does by default, without muscles.
+    """
+    moving = _below(model, [f"myoarm_{side[0]}_root" for side in sides])
+    free = {name for joint in model.joints if joint.child in moving for name in joint.coordinates}
+    free |= {*model.joints[0].coordinates, *(LUMBAR if spine else ())}
+    held = {*model.coordinate_names} - free - {*model.dependent_coordinates}
+    return replace(
+        model,
+        coordinates=tuple(
+            replace(coordinate, locked=True) if coordinate.name in held else coordinate
+            for coordinate in model.coordinates
+        ),
+        muscles=tuple(muscle for muscle in model.muscles if moving & {point.body for point in muscle.path.points}),
     )
 
 

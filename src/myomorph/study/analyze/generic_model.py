@@ -30,7 +30,7 @@ from myomorph.study.analyze.anatomy import (
     with_cylinders,
     with_strength,
 )
-from myomorph.study.analyze.arms import with_arms
+from myomorph.study.analyze.arms import arms_alone, with_arms
 from myomorph.study.analyze.opensim_wraps import in_opensim_form
 
 NAME = "myolegs_abdomen"
@@ -63,7 +63,11 @@ FURTHER = np.radians(30.0)
 
 
 def generic_model(
-    sites: Mapping[str, Site], height: float | None = None, mass: float | None = None, arms: bool = False
+    sites: Mapping[str, Site],
+    height: float | None = None,
+    mass: float | None = None,
+    arms: bool = False,
+    alone: bool = False,
 ) -> tuple[Model, tuple[str, ...]]:
     """The legs and trunk of myo-sim with a marker for every label that lies on a bone of theirs.
 
@@ -75,6 +79,7 @@ def generic_model(
     height : of the body that its segments are those of [m], all stretched alike; None for 1.70
     mass : of the body that its muscles are as strong as [kg]; None for 75
     arms : with both arms
+    alone : only those arms move that have markers, and the trunk; legs hang from it
 
     Returns
     -------
@@ -85,7 +90,12 @@ def generic_model(
     BadData : myo-sim is not installed
     """
     markers, without = placed(sites, arms)
-    model = _generic(arms).with_markers(markers)
+    model = _generic(arms)
+    if alone:
+        segments = {(site.side, site.segment) for site in sites.values()}
+        sides = [side for side in ("right", "left") if (side, "upper_arm") in segments]
+        model = arms_alone(model, sides, spine=any(segment == "pelvis" for _, segment in segments))
+    model = model.with_markers(markers)
     if height is not None:
         factor = np.full(3, height / HEIGHT)
         model = scale(model, dict.fromkeys(model.body_names, factor), model.mass, path_lengths=default_path_lengths)

@@ -17,6 +17,7 @@ from myomorph.store.settings import ForceOptions, with_settings
 from myomorph.study.analyze.plate_cover import LASTS, SHARED, shared_time, uncovered_share
 from myomorph.study.analyze.recordings import Recording, bare
 from myomorph.study.analyze.sensor_recordings import placed_sensors
+from myomorph.study.analyze.unfit_markers import is_arm
 from myomorph.study.inputs.by_type import ByType
 from myomorph.study.inputs.contacts import ContactsFile
 from myomorph.study.inputs.emg import EmgFiles
@@ -119,19 +120,25 @@ def recorded_trial(
         texts.append("Forces of plates are not used: sensors do not show where on them the feet are.")
         plates, path = (), None
     contacts, loads = files.get(ContactsFile), files.get(LoadsFile)
+    feet = feet_of(model)
+    if request.model is None and not alone and is_arm(recording.found):
+        feet = ()
+        if plates and not loads.plates:
+            loads = replace(loads, plates=("none",) * len(plates))
+            texts.append("Forces of plates are not used: no marker shows where on them the feet are.")
     if path is not None:
         loads = replace(loads, loads=path)
         texts.append(f"External forces from {path.name}.")
         if path.suffix.lower() in TABLES:
             texts += [f"{path.name}: {text}." for text in force_table(path, None, request.forces).notes]
-    elif plates and feet_of(model):
+    elif plates and feet:
         texts.append(f"External forces of {len(plates)} plate{'s' if len(plates) > 1 else ''} of the recording.")
         # Named, so that a file of forces beside the recording is not taken for them.
         loads = replace(loads, loads=recording.path)
-    elif feet_of(model) and not contacts.contacts:
+    elif feet and not contacts.contacts:
         contacts = replace(contacts, contacts="auto")
         texts.append("No force was measured: forces under the feet are estimated from the motion.")
-    if loads.loads is not None and feet_of(model) and not contacts.contacts:
+    if loads.loads is not None and feet and not contacts.contacts:
         assert request.mass is not None
         weight = request.mass * float(np.linalg.norm(model.gravity))
         shared = shared_time(recording, weight, request.forces)

@@ -36,6 +36,8 @@ RIGID = (
     (("thigh.lateral_epicondyle", "left"), ("shank.lateral_malleolus", "left")),
 )
 FOREFOOT = tuple(f"foot.{one}" for one in ("mt1_head", "mt2_head", "mt5_head", "big_toe", "small_toe", "toe_tip"))
+SHOULDERS = tuple(f"trunk.{one}" for one in ("c7", "t2", "jugular_notch", "acromion"))
+CHEST = tuple(f"trunk.{one}" for one in ("t8", "t10", "t12", "xiphoid"))
 RIGHT_ANGLE = 20.0
 """A laboratory's axes are taken to be along the walk where they are by less [degrees]."""
 
@@ -169,13 +171,16 @@ def _up(trial: Trial, recognized: Recognized, places: dict[str, Array]) -> tuple
     """The axis that points up, "" where it is y; and why."""
     low, high = (_mean(recognized, places, segments=one) for one in (("foot", "shank"), ("pelvis", "trunk", "head")))
     axis: Up = "y"
-    why = ""
+    why, what = "", "the trunk is above the feet"
+    if low is None:
+        low, high = (_mean(recognized, places, *keys) for keys in (CHEST, SHOULDERS))
+        what = "the shoulders are above the chest"
     if low is not None and high is not None:
         along = np.nanmedian(high - low, axis=0)
         if np.isfinite(along).all() and np.abs(along).max() > 0.7 * np.linalg.norm(along):
             k = int(np.argmax(np.abs(along)))
             axis = ("-" if along[k] < 0.0 else "") + "xyz"[k]  # type: ignore[assignment]
-            why = f"the trunk is above the feet along {axis}"
+            why = f"{what} along {axis}"
     if not why and trial.plates:
         normals = [
             np.cross(plate.corners[0] - plate.corners[1], plate.corners[0] - plate.corners[3]) for plate in trial.plates
@@ -200,6 +205,10 @@ def _turn(upright: Laboratory, recognized: Recognized, places: dict[str, Array])
         )
         back = _mean(recognized, places, "foot.heel", "foot.ankle", "shank.lateral_malleolus")
         what = "the feet point"
+    if front is None or back is None:
+        front = _mean(recognized, places, "trunk.jugular_notch", "trunk.sternum", "trunk.xiphoid")
+        back = _mean(recognized, places, *(f"trunk.{one}" for one in ("c7", "t2", "t6", "t7", "t8", "t10")))
+        what = "the chest faces"
     if front is None or back is None:
         return 0.0, ""
     facing = (front - back) @ upright.rotation.T

@@ -36,9 +36,8 @@ def unfit_markers(recognized: Recognized, lacking: Sequence[str]) -> str:
     labels = (*recognized.sites, *unknown)
     some = ", ".join(f"'{name}'" for name in unknown[:5]) + (", ..." if len(unknown) > 5 else "")
     if is_arm(recognized):
-        return (
-            "the markers are those of an arm, and the model that comes along has legs and a trunk: give a model of the "
-            "arm with such markers (--model ARM.osim)" + (f"; not known: {some}" if unknown else "")
+        return f"the markers are those of an arm, none known on {' and '.join(lacking)}: {TABLE}" + (
+            f"; not known: {some}" if unknown else ""
         )
     stems = {match["stem"].lower() for match in map(NUMBERED.match, unknown) if match is not None}
     counted = sum(NUMBERED.match(name) is not None for name in unknown)
@@ -49,6 +48,13 @@ def unfit_markers(recognized: Recognized, lacking: Sequence[str]) -> str:
     bony = any(site.kind != "skin" for site in recognized.sites.values())
     kind = "" if bony or not recognized.sites else ", all of them in clusters, which lie on no landmark"
     return f"{count}{kind}, {where}" + (f" (not known: {some})" if unknown else "") + f"; {TABLE}"
+
+
+def arms_alone(recognized: Recognized) -> bool:
+    """Whether markers are those of an arm and show all that moves it: trunk, upper arm and forearm."""
+    return is_arm(recognized) and {"trunk", "upper_arm", "forearm"} <= {
+        site.segment for site in recognized.sites.values()
+    }
 
 
 def is_arm(recognized: Recognized) -> bool:
