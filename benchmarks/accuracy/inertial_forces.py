@@ -101,17 +101,29 @@ def _speed(hidden: Hidden) -> float:
 
 
 def measure_intervals(folder: Path) -> Iterator[Row]:
-    """Share of what plates measured within the limits that a study of sensors alone writes with `draws`."""
+    """Share of what plates measured within the limits that a study of sensors alone writes, and how wide they are; in
+    samples in which the foot carries 5 % of the weight, or may.
+    """
     for case in WALKS:
         hidden = opened(folder, case)
-        parts: dict[str, list[tuple[float, float]]] = {}
-        for seed in SEEDS[:1]:
-            _, made = by_sensors(folder, case, seed)
-            for name, part in _limits(hidden, made).items():
-                parts.setdefault(name, []).append(part)
-        for name, each in parts.items():
-            within, width = np.mean(each, axis=0)
-            yield {"recording": case.name, "what": name, "within [%]": 100.0 * within, "width": float(width)}
+        low, high = _limits(hidden, by_sensors(folder, case, SEEDS[0])[1])
+        torques = mm.inverse_dynamics(hidden.model, hidden.motion, hidden.measured)
+        row: Row = {"recording": case.name}
+        parts: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
+        for side, force, _ in feet_of(hidden):
+            foot, knee = f"foot_{side[0]}_f", f"{KNEES[side]}_moment"
+            loaded = np.maximum(force[:, 1], high[f"{foot}y"]) > 0.05 * hidden.weight
+            truths = {f"{AXES[axis]} [% weight]": (f"{foot}{'xyz'[axis]}", force[:, axis]) for axis in (1, 0, 2)}
+            for name, (column, truth) in (truths | {"knee torque [N m/kg]": (knee, torques[KNEES[side]])}).items():
+                unit = hidden.model.mass if "kg" in name else hidden.weight / 100.0
+                inside = (low[column] <= truth) & (truth <= high[column])
+                use = hidden.use & loaded
+                parts.setdefault(name, []).append((inside[use], (high[column] - low[column])[use] / unit))
+        for name, both in parts.items():
+            what, unit = name.split(" [")
+            row[f"{what}, inside [%]"] = 100.0 * float(np.mean(np.concatenate([part[0] for part in both])))
+            row[f"{what}, width [{unit}"] = float(np.mean(np.concatenate([part[1] for part in both])))
+        yield row
 
 
 STUDY = """
@@ -120,7 +132,7 @@ name = "sensors"
 [options.id]
 cutoff = {cutoff}
 [uncertainty]
-draws = 60
+draws = 30
 [[subject]]
 name = "subject"
 model = "model.osim"
@@ -133,8 +145,8 @@ contacts = "auto"
 """
 
 
-def _limits(hidden: Hidden, made: SimulatedSensors) -> dict[str, tuple[float, float]]:
-    """Share of measured vertical forces [% weight] and knee torques [N m/kg] within the limits, and mean widths."""
+def _limits(hidden: Hidden, made: SimulatedSensors) -> list[dict[str, np.ndarray]]:
+    """Lower and upper limits of feet's forces and torques at the times of the plates, by column."""
     with tempfile.TemporaryDirectory() as name:
         home = Path(name)
         write_orientations(home / "walk.sto", made.sensors)
@@ -143,25 +155,13 @@ def _limits(hidden: Hidden, made: SimulatedSensors) -> dict[str, tuple[float, fl
         (home / "study.toml").write_text(STUDY.format(cutoff=hidden.cutoff))
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
             assert main(["run", str(home / "study.toml"), "--out", str(home / "out"), "--workers", "1"]) == 0
-        tables = {
-            f"{what}_{end}": mm.read_sto(next((home / "out").rglob(f"{what}_{end}.sto")))
-            for what in ("contact_forces", "torques_with_contacts") for end in ("low", "high")
-        }  # fmt: skip
-    time, use = hidden.motion.time, hidden.use
-    torques = mm.inverse_dynamics(hidden.model, hidden.motion, hidden.measured)
-    inside: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
-    for side, force, _ in feet_of(hidden):
-        pairs = (
-            ("vertical force [% weight]", "contact_forces", f"calcn_{side[0]}_force_vy", force[:, 1],
-             hidden.weight / 100.0),
-            ("knee torque [N m/kg]", "torques_with_contacts", f"{KNEES[side]}_moment", torques[KNEES[side]],
-             hidden.model.mass),
-        )  # fmt: skip
-        for name, table, column, truth, unit in pairs:
-            ends = [tables[f"{table}_{end}"] for end in ("low", "high")]
-            low, high = (np.interp(time, end.time, end[column])[use] for end in ends)
-            inside.setdefault(name, []).append(((low <= truth[use]) & (truth[use] <= high), (high - low) / unit))
-    return {
-        name: (float(np.mean([part[0] for part in parts])), float(np.mean([part[1] for part in parts])))
-        for name, parts in inside.items()
-    }
+        tables = [
+            [mm.read_sto(next((home / "out").rglob(f"{what}_{end}.sto")))
+             for what in ("contact_groups", "torques_with_contacts")]
+            for end in ("low", "high")
+        ]  # fmt: skip
+    time = hidden.motion.time
+    return [
+        {column: np.interp(time, table.time, table[column]) for table in both for column in table.names}
+        for both in tables
+    ]

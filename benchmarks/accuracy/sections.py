@@ -45,6 +45,7 @@ PAGES: dict[str, dict[str, str]] = {
         "inertial_hidden": "accuracy.inertial:measure_hidden",
         "inertial_intervals": "accuracy.inertial:measure_intervals",
         "inertial_forces": "accuracy.inertial_forces:measure",
+        "inertial_forces_intervals": "accuracy.inertial_forces:measure_intervals",
     },
     "raw-recordings": {
         "analyze": "accuracy.analyze:measure",
