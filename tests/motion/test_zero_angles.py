@@ -224,6 +224,7 @@ def test_a_static_trial_takes_the_place_of_motion_that_would_put_zeros_where_no_
     moving = walk(model)
     still = Markers(moving.time[:5], moving.names, np.repeat(moving.values[:1], 5, axis=0))
     options = CalibrationOptions(static=still, static_pose={})
+    monkeypatch.setattr("myomorph.motion.calibrate.STANDING", ("tibia", "foot"))
     assert not calibrate(model, [moving], options).doubts
     monkeypatch.setattr(zero_angles, "FAR", -10.0)
     mended, alone = calibrate(model, [moving], options), calibrate(model, [], options)

@@ -121,7 +121,9 @@ def calibrate(
         progress(max(0, options.iterations - search.steps))
     calibration = _calibration(model, search.problem, search, names, chosen, options, distances, path_lengths)
     usable = options.static is not None and len(recordings) > 1
-    doubt = far_zeros(calibration.zero_angles, mended=usable)
+    # Of knees and feet alone: a pelvis or a trunk may lean from the generic one's by much.
+    limbs = [zero for zero in calibration.zero_angles if zero.coordinate.startswith(STANDING)]
+    doubt = far_zeros(limbs, mended=usable)
     if doubt and usable:
         return replace(calibrate(model, (), options, path_lengths=path_lengths), doubts=(doubt,))
     notes = (*calibration.notes, *_thin_notes(model, names, recordings))

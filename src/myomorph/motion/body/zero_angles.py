@@ -7,6 +7,7 @@ that the motion shows, by the symmetry of the mean posture, and last by where th
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -120,7 +121,7 @@ def zero_notes(zeros: tuple[ZeroAngle, ...], static: bool) -> tuple[str, ...]:
     return (f"zero angles known to no better than {np.degrees(WIDE):g}°: {named} ({cause}{cure})",)
 
 
-def far_zeros(zeros: tuple[ZeroAngle, ...], mended: bool) -> Finding | None:
+def far_zeros(zeros: Sequence[ZeroAngle], mended: bool) -> Finding | None:
     """Angles whose zeros lie where no bones have them; `mended`: a static trial takes the motion's place."""
     ends = {zero: abs(zero.offset) - NORMAL_90 * zero.sd for zero in zeros}
     far = sorted((zero for zero, end in ends.items() if end > FAR), key=lambda zero: -ends[zero])
