@@ -24,8 +24,8 @@ from myomorph.motion.calibration import FUNCTIONAL, GENERIC, NORMAL_90, STATIC, 
 WIDE = np.radians(10.0)
 """An interval wider than this to either side is not left unsaid [rad]."""
 
-FAR = np.radians(25.0)
-"""Farther than zeros of calibrated models lie from experts' (at most 16 degrees) [rad]."""
+FAR = np.radians(16.0)
+"""As far as zeros of calibrated models lie from experts' at most [rad]."""
 
 
 def posterior(problem: SharedProblem, at: Point, variance: float, free: NDArray[np.bool_], H: Array) -> Array:
