@@ -252,14 +252,16 @@ def _calibration(
         LengthEstimate(length, float(x[i]), float(sd[i]), float(prior_sd[i]))
         for i, length in enumerate(problem.lengths)
     )
-    unstretched = np.zeros_like(x)
-    unstretched[:n] = 1.0
-    start = settle(problem, unstretched, [angles for _, angles in chosen], search.noise**2)
-    before, after = reduce(problem, start).errors, search.found.reduced.errors
+    # The given model, and the same at the body's size: one too large bends its knees to reach the markers.
+    angles, variance = [each for _, each in chosen], search.noise**2
+    given, sized = (
+        settle(problem, np.r_[np.full(n, size), np.zeros(len(x) - n)], angles, variance) for size in (1.0, x[-1])
+    )
+    before, after = reduce(problem, given).errors, search.found.reduced.errors
     shifts = x[n:-1].reshape(-1, 3)
     sides = _side_estimates(problem, search)
     zeros = zero_angles(
-        problem, search.found.point, start, search.noise**2, search.free, options.static is not None, options.zero_sd,
+        problem, search.found.point, sized, search.noise**2, search.free, options.static is not None, options.zero_sd,
         skin,
     )  # fmt: skip
     markers = tuple(

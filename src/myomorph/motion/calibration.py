@@ -177,7 +177,7 @@ class ZeroAngle:
     Attributes
     ----------
     coordinate : name
-    offset : mean angle on the found model less that on the model with the generic lengths and marker places [rad]
+    offset : mean angle on the found model less that on the generic one at the body's size [rad]
     sd : standard deviation of what every angle of this coordinate is off by [rad]
     shares : of what is known of the zero, by source
     """
