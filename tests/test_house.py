@@ -6,9 +6,9 @@ import pytest
 from benchmarks.house import CHECKOUT, checkout_texts, count
 
 LIMITS = {
-    ("lines", "src"): 127_785,
-    ("lines", "benchmarks"): 25_726,
-    ("words", "documentation"): 100_245,
+    ("lines", "src"): 128_280,
+    ("lines", "benchmarks"): 25_925,
+    ("words", "documentation"): 100_020,
     ("vague", "src"): 6.5,
 }
 
