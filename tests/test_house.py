@@ -8,7 +8,7 @@ from benchmarks.house import CHECKOUT, checkout_texts, count
 LIMITS = {
     ("lines", "src"): 128_280,
     ("lines", "benchmarks"): 25_925,
-    ("words", "documentation"): 100_020,
+    ("words", "documentation"): 100_004,
     ("vague", "src"): 6.5,
 }
 
