@@ -30,8 +30,14 @@ def test_left_markers_are_mirror_images_of_right_ones() -> None:
 
 
 @pytest.mark.parametrize("name", list(protocols().protocols))
-def test_every_protocol_shows_pelvis_and_legs(name: str) -> None:
-    model, without = generic_model(protocols().protocols[name].labels)
+def test_every_protocol_shows_pelvis_and_legs_or_an_arm_and_the_trunk(name: str) -> None:
+    labels = protocols().protocols[name].labels
+    if not any(site.segment == "thigh" for site in labels.values()):
+        model, without = generic_model(labels, arms=True, alone=True)
+        assert {"torso", "humerus_r", "ulna_r", "radius_r"} <= {one.body for one in model.markers}
+        assert not without
+        return
+    model, without = generic_model(labels)
     bodies = {one.body for one in model.markers}
     for side in "rl":
         assert {"pelvis", f"femur_{side}", f"tibia_{side}", f"calcn_{side}"} <= bodies
