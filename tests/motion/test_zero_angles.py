@@ -227,6 +227,8 @@ def test_a_static_trial_takes_the_place_of_motion_that_would_put_zeros_where_no_
     monkeypatch.setattr("myomorph.motion.calibrate.STANDING", ("tibia", "foot"))
     assert not calibrate(model, [moving], options).doubts
     monkeypatch.setattr(zero_angles, "FAR", -10.0)
+    assert not calibrate(model, [moving], options).doubts[0].mended
+    monkeypatch.setattr(zero_angles, "REFUTED", -10.0)
     mended, alone = calibrate(model, [moving], options), calibrate(model, [], options)
     assert mended.factors["tibia_r"] == pytest.approx(alone.factors["tibia_r"], abs=1e-12)
     assert mended.doubts[0].mended

@@ -123,8 +123,8 @@ def calibrate(
     usable = options.static is not None and len(recordings) > 1
     # Of knees and feet alone: a pelvis or a trunk may lean from the generic one's by much.
     limbs = [zero for zero in calibration.zero_angles if zero.coordinate.startswith(STANDING)]
-    doubt = far_zeros(limbs, mended=usable)
-    if doubt and usable:
+    doubt = far_zeros(limbs, static=usable)
+    if doubt and doubt.mended:
         return replace(calibrate(model, (), options, path_lengths=path_lengths), doubts=(doubt,))
     notes = (*calibration.notes, *_thin_notes(model, names, recordings))
     return replace(calibration, notes=notes, doubts=(doubt,) if doubt else ())

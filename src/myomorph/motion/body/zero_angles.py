@@ -25,7 +25,9 @@ WIDE = np.radians(10.0)
 """An interval wider than this to either side is not left unsaid [rad]."""
 
 FAR = np.radians(16.0)
-"""As far as zeros of calibrated models lie from experts' at most [rad]."""
+"""As far as zeros of calibrated models lie from experts' at most: beyond it they are named [rad]."""
+REFUTED = np.radians(25.0)
+"""Beyond it a static trial takes the motion's place [rad]."""
 
 
 def posterior(problem: SharedProblem, at: Point, variance: float, free: NDArray[np.bool_], H: Array) -> Array:
@@ -121,14 +123,16 @@ def zero_notes(zeros: tuple[ZeroAngle, ...], static: bool) -> tuple[str, ...]:
     return (f"zero angles known to no better than {np.degrees(WIDE):g}°: {named} ({cause}{cure})",)
 
 
-def far_zeros(zeros: Sequence[ZeroAngle], mended: bool) -> Finding | None:
-    """Angles whose zeros lie where no bones have them; `mended`: a static trial takes the motion's place."""
+def far_zeros(zeros: Sequence[ZeroAngle], static: bool) -> Finding | None:
+    """Angles whose zeros lie where no bones have them; mended where a static trial can take the motion's place."""
     ends = {zero: abs(zero.offset) - NORMAL_90 * zero.sd for zero in zeros}
     far = sorted((zero for zero, end in ends.items() if end > FAR), key=lambda zero: -ends[zero])
     if not far:
         return None
+    mended = static and bool(ends[far[0]] > REFUTED)
     named = ", ".join(f"{zero.coordinate} {np.degrees(zero.offset):.0f}°" for zero in far)
-    then = "calibrated on the static trial alone" if mended else "their angles are off by as much (--static shows them)"
+    cure = "" if static else " (--static shows them)"
+    then = "calibrated on the static trial alone" if mended else f"their angles may be off by as much{cure}"
     text = (
         f"zero angles are far from the generic model's ({named}), for the motion turns bones as the model's joints "
         f"cannot (a foot that bends, a shank that twists): {then}"
