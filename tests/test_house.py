@@ -6,9 +6,9 @@ import pytest
 from benchmarks.house import CHECKOUT, checkout_texts, count
 
 LIMITS = {
-    ("lines", "src"): 128_284,
+    ("lines", "src"): 128_275,
     ("lines", "benchmarks"): 25_925,
-    ("words", "documentation"): 99_970,
+    ("words", "documentation"): 100_004,
     ("vague", "src"): 6.5,
 }
 

@@ -225,13 +225,13 @@ def test_a_static_trial_takes_the_place_of_motion_that_would_put_zeros_where_no_
     still = Markers(moving.time[:5], moving.names, np.repeat(moving.values[:1], 5, axis=0))
     options = CalibrationOptions(static=still, static_pose={})
     monkeypatch.setattr("myomorph.motion.calibrate.STANDING", ("tibia", "foot"))
-    assert not calibrate(model, [moving], options).doubts
+    assert not calibrate(model, [moving], options).warnings
     monkeypatch.setattr(zero_angles, "FAR", -10.0)
-    assert not calibrate(model, [moving], options).doubts[0].mended
+    assert not calibrate(model, [moving], options).warnings[0].mended
     monkeypatch.setattr(zero_angles, "REFUTED", -10.0)
     mended, alone = calibrate(model, [moving], options), calibrate(model, [], options)
     assert mended.factors["tibia_r"] == pytest.approx(alone.factors["tibia_r"], abs=1e-12)
-    assert mended.doubts[0].mended
-    (doubt,) = calibrate(model, [moving], replace(options, static=None)).doubts
-    assert not doubt.mended
-    assert doubt.place in model.coordinate_names
+    assert mended.warnings[0].mended
+    (warning,) = calibrate(model, [moving], replace(options, static=None)).warnings
+    assert not warning.mended
+    assert warning.place in model.coordinate_names

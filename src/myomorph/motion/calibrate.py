@@ -120,14 +120,12 @@ def calibrate(
     if progress:
         progress(max(0, options.iterations - search.steps))
     calibration = _calibration(model, search.problem, search, names, chosen, options, distances, path_lengths)
-    usable = options.static is not None and len(recordings) > 1
     # Of knees and feet alone: a pelvis or a trunk may lean from the generic one's by much.
     limbs = [zero for zero in calibration.zero_angles if zero.coordinate.startswith(STANDING)]
-    doubt = far_zeros(limbs, static=usable)
-    if doubt and doubt.mended:
-        return replace(calibrate(model, (), options, path_lengths=path_lengths), doubts=(doubt,))
-    notes = (*calibration.notes, *_thin_notes(model, names, recordings))
-    return replace(calibration, notes=notes, doubts=(doubt,) if doubt else ())
+    far = far_zeros(limbs, static=options.static is not None and len(recordings) > 1)
+    if far and far[0].mended:
+        return replace(calibrate(model, (), options, path_lengths=path_lengths), warnings=far)
+    return replace(calibration, notes=(*calibration.notes, *_thin_notes(model, names, recordings)), warnings=far)
 
 
 def _check(options: CalibrationOptions) -> None:

@@ -239,7 +239,7 @@ class Calibration:
     sides : what the data say of the lengths of both sides
     costs : the objective after every step of the last stage [m^2]
     notes : what the recordings do not show, one line each
-    doubts : what of the recordings the model's joints cannot explain, and whether it was left out
+    warnings : what of the recordings the model's joints cannot explain, and whether it was left out
     """
 
     model: Model
@@ -261,7 +261,7 @@ class Calibration:
     last_change: float = 0.0
     zero_angles: tuple[ZeroAngle, ...] = ()
     sides: tuple[SideEstimate, ...] = ()
-    doubts: tuple[Finding, ...] = ()
+    warnings: tuple[Finding, ...] = ()
 
     @property
     def rms_before(self) -> float:

@@ -123,12 +123,12 @@ def zero_notes(zeros: tuple[ZeroAngle, ...], static: bool) -> tuple[str, ...]:
     return (f"zero angles known to no better than {np.degrees(WIDE):g}°: {named} ({cause}{cure})",)
 
 
-def far_zeros(zeros: Sequence[ZeroAngle], static: bool) -> Finding | None:
+def far_zeros(zeros: Sequence[ZeroAngle], static: bool) -> tuple[Finding, ...]:
     """Angles whose zeros lie where no bones have them; mended where a static trial can take the motion's place."""
     ends = {zero: abs(zero.offset) - NORMAL_90 * zero.sd for zero in zeros}
     far = sorted((zero for zero, end in ends.items() if end > FAR), key=lambda zero: -ends[zero])
     if not far:
-        return None
+        return ()
     mended = static and bool(ends[far[0]] > REFUTED)
     named = ", ".join(f"{zero.coordinate} {np.degrees(zero.offset):.0f}°" for zero in far)
     cure = "" if static else " (--static shows them)"
@@ -137,4 +137,4 @@ def far_zeros(zeros: Sequence[ZeroAngle], static: bool) -> Finding | None:
         f"zero angles are far from the generic model's ({named}), for the motion turns bones as the model's joints "
         f"cannot (a foot that bends, a shank that twists): {then}"
     )
-    return Finding("far zero angles", far[0].coordinate, text, mended=mended)
+    return (Finding("far zero angles", far[0].coordinate, text, mended=mended),)

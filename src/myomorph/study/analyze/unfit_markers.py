@@ -50,13 +50,6 @@ def unfit_markers(recognized: Recognized, lacking: Sequence[str]) -> str:
     return f"{count}{kind}, {where}" + (f" (not known: {some})" if unknown else "") + f"; {TABLE}"
 
 
-def arms_alone(recognized: Recognized) -> bool:
-    """Whether markers are those of an arm and show all that moves it: trunk, upper arm and forearm."""
-    return is_arm(recognized) and {"trunk", "upper_arm", "forearm"} <= {
-        site.segment for site in recognized.sites.values()
-    }
-
-
 def is_arm(recognized: Recognized) -> bool:
     """Whether markers are those of an arm: several labels on one, none on a leg."""
     segments = [site.segment for site in recognized.sites.values()]

@@ -71,7 +71,7 @@ def calibrated(subject: SubjectInputs, options: CalibrationOptions, made: Proven
     names = (*recordings, *((files.static.stem,) if files.static else ()))
     warned = tuple(dict.fromkeys(warnings))
     used = names[-len(calibration.frames) :]
-    return Calibrated(calibration, made, warned, recordings=used, findings=(*calibration.doubts, *findings))
+    return Calibrated(calibration, made, warned, recordings=used, findings=(*calibration.warnings, *findings))
 
 
 def standing_markers(path: Path, files: SubjectFiles, model: Model) -> tuple[Markers, list[str]]:
