@@ -8,7 +8,7 @@ from benchmarks.house import CHECKOUT, checkout_texts, count
 LIMITS = {
     ("lines", "src"): 128_275,
     ("lines", "benchmarks"): 25_925,
-    ("words", "documentation"): 100_004,
+    ("words", "documentation"): 99_999,
     ("vague", "src"): 6.5,
 }
 
