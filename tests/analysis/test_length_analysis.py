@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import csv
-import io
-
 import numpy as np
 import pytest
 from tests.walker import shown
 
-from myomorph.analysis.length_analysis import curves_table, length_analysis, range_row, ranges_table
+from myomorph.analysis.length_analysis import RANGE_HEAD, curve_rows, length_analysis, range_row
 from myomorph.analysis.walking import chains, walking_limbs, walking_points, walking_strides
 from myomorph.io.osim.read import read_osim
 from myomorph.model.errors import BadData
@@ -92,14 +89,14 @@ def test_ranges_are_those_of_the_lengths(model, analysis, lengths):
 
 
 def test_tables_hold_every_stride(analysis):
-    rows = list(csv.reader(io.StringIO(curves_table(analysis))))
+    rows = list(curve_rows(analysis))
     per_stride = {limb: len(cycles.names) for limb, cycles in analysis.lengths.items()}
     assert len(rows) == 1 + sum(per_stride[limb] * len(own) for limb, own in analysis.strides.items())
-    assert rows[0][4:] == [f"{k} %" for k in range(101)]
+    assert list(rows[0][4:]) == [f"{k} %" for k in range(101)]
     row = next(one for one in rows if one[3] == "soleus_r")
     assert float(row[4]) == pytest.approx(1e3 * analysis.curves("soleus_r")[0, 0], rel=1e-4)
-    table = list(csv.reader(io.StringIO(ranges_table(analysis))))
-    assert tuple(table[1]) == range_row(analysis.ranges[0])
+    cells = dict(zip(RANGE_HEAD, range_row(analysis.ranges[0]), strict=True))
+    assert float(cells["standing [mm]"]) == pytest.approx(1e3 * analysis.ranges[0].standing, rel=1e-3)
 
 
 def test_the_page_shows_them_for_a_walk_only(model, motion, lengths):

@@ -25,7 +25,7 @@ from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from myomorph.study.inputs.reading import open_model
 from myomorph.viewer.identification_page import Clock, live_markdown, live_panel, move_next
-from myomorph.viewer.web_page import BodyView, _viser, half_blocks
+from myomorph.viewer.web_page import BodyView, half_blocks, open_server
 
 FRAMES = 120
 OPTIONS = OnlineOptions(cutoff=6.0, missing=1e9)
@@ -407,7 +407,8 @@ def test_the_page_of_the_viewer(walk: tuple[Model, LiveRecording]) -> None:
     pytest.importorskip("viser")
     from myomorph.viewer.identification_page import WebDisplay
 
-    model, _ = walk
+    model, recording = walk
+    state = identify_frames(model, Replay(recording.motion, recording.wrenches, 0.0), online=OPTIONS).state
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
@@ -415,7 +416,7 @@ def test_the_page_of_the_viewer(walk: tuple[Model, LiveRecording]) -> None:
     try:
         assert b"<html" in urllib.request.urlopen(f"http://127.0.0.1:{viewer.port}/", timeout=10).read()
         viewer.pose(np.zeros(len(model.coordinates)), np.array([[0.0, 1.0, 0.0], [np.nan] * 3]))
-        viewer.levels(np.linspace(0.0, 1.0, len(model.bodies)), 0.5, "**half**")
+        viewer.show(state, Clock(1.0, 2.0))
     finally:
         viewer.close()
     with pytest.raises(BadData, match="1 to 65535"):
@@ -436,4 +437,4 @@ def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(MyomorphError, match=r"pip install 'myomorph\[live\]'"):
         LabStreams("a", "b")
     with pytest.raises(MyomorphError, match=r"pip install 'myomorph\[view\]'"):
-        _viser()
+        open_server(None, "")

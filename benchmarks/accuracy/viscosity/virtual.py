@@ -147,7 +147,7 @@ def specimen_run(given: tuple[int, bool]) -> SpecimenRun:
         truth_of(made),
         dict(specimen_row(found)),
         found.muscles.rank,
-        {one.kind: (one.sd, one.bias) for one in arms.spreads},
+        {one.kind: (one.sd, one.bias) for one in arms},
     )
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from myomorph.model.arrays import Array
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series
 from myomorph.rigid.kinematics import center_of_mass, forward_kinematics
@@ -29,10 +28,3 @@ def centroid(model: Model, motion: Motion) -> Series:
         part = slice(start, start + _CHUNK)
         values[part] = center_of_mass(tree, forward_kinematics(tree, coordinates[part]))
     return Series(motion.time, NAMES, values)
-
-
-def velocity(time: Array, values: Array) -> Array:
-    """First derivative over time, (frames, ...), by second-order differences [per s]."""
-    if len(time) < 2:
-        return np.zeros_like(values)
-    return np.gradient(values, time, axis=0)

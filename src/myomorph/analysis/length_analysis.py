@@ -6,9 +6,7 @@ fiber lengths; velocities in optimal fiber lengths a second, positive while the 
 
 from __future__ import annotations
 
-import csv
-import io
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,8 +19,6 @@ from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Series
 from myomorph.muscles.kinematics import default_path_lengths
-
-MIN_STRIDES = 2  # Strides whose mean has an interval
 
 
 @dataclass(frozen=True)
@@ -146,29 +142,15 @@ def _columns(series: Series, names: tuple[str, ...]) -> Series:
     return Series(series.time, names, series.values[:, [series.names.index(name) for name in names]])
 
 
-def curves_table(analysis: LengthAnalysis) -> str:
-    """Every stride of every muscle as CSV: limb, start, end, muscle, and the length at each percent [mm]."""
-    samples = next(iter(analysis.lengths.values())).values.shape[1]
-    head = (
-        "limb",
-        "start [s]",
-        "end [s]",
-        "muscle",
-        *(f"{percent:g} %" for percent in np.linspace(0.0, 100.0, samples)),
-    )
-    rows = []
+def curve_rows(analysis: LengthAnalysis) -> Iterator[tuple[str, ...]]:
+    """A table of every stride of every muscle: limb, start, end, muscle, and the length at each percent [mm]."""
+    percents = next(iter(analysis.lengths.values())).percent
+    yield "limb", "start [s]", "end [s]", "muscle", *(f"{percent:g} %" for percent in percents)
     for limb, cycles in analysis.lengths.items():
         for stride, curves in zip(analysis.strides[limb], cycles.values, strict=True):
             for j, muscle in enumerate(cycles.names):
                 values = ("" if np.isnan(curve) else f"{1e3 * curve:.5g}" for curve in curves[:, j])
-                rows.append((limb, f"{stride.start:.4f}", f"{stride.stop:.4f}", muscle, *values))
-    return _csv(head, rows)
-
-
-def _csv(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
-    text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerows([head, *rows])
-    return text.getvalue()
+                yield limb, f"{stride.start:.4f}", f"{stride.stop:.4f}", muscle, *values
 
 
 RANGE_HEAD = (
@@ -179,22 +161,7 @@ RANGE_HEAD = (
 
 def range_row(muscle_range: MuscleRange) -> tuple[str, ...]:
     """A muscle's line, under `RANGE_HEAD`."""
-    numbers = (
-        1e3 * muscle_range.shortest,
-        muscle_range.shortest_at,
-        1e3 * muscle_range.longest,
-        muscle_range.longest_at,
-        1e3 * muscle_range.standing,
-    )
-    shares = (muscle_range.excursion, muscle_range.shortening, muscle_range.lengthening)
-    return (
-        muscle_range.muscle,
-        muscle_range.limb,
-        str(muscle_range.strides),
-        *(f"{value:.4g}" for value in (*numbers, *shares)),
-    )
-
-
-def ranges_table(analysis: LengthAnalysis) -> str:
-    """What every muscle does in a stride, as CSV."""
-    return _csv(RANGE_HEAD, [range_row(span) for span in analysis.ranges])
+    ends = 1e3 * muscle_range.shortest, muscle_range.shortest_at, 1e3 * muscle_range.longest, muscle_range.longest_at
+    shares = muscle_range.excursion, muscle_range.shortening, muscle_range.lengthening
+    values = (f"{value:.4g}" for value in (*ends, 1e3 * muscle_range.standing, *shares))
+    return muscle_range.muscle, muscle_range.limb, str(muscle_range.strides), *values

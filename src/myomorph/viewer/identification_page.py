@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
 from rich.panel import Panel
@@ -204,15 +203,10 @@ class WebDisplay(Page):
             self._drawn = clock.monotonic()
 
     def show(self, state: OnlineState, at: Clock) -> None:
-        """Color the body and write the numbers."""
-        text = live_markdown(state, self._model.body_names, self._segments, at)
-        self.levels(state.levels, state.fit.progress, text)
-
-    def levels(self, levels: ArrayLike, progress: float, text: str) -> None:
-        """Color every link by its level in 0..1, and tell how far things are (0..1) and a text in Markdown."""
-        colors = (255.0 * level_color(np.asarray(levels, dtype=np.float64)) ** DEEPER).astype(int)
+        """Color the body by levels and write the numbers."""
+        colors = (255.0 * level_color(state.levels) ** DEEPER).astype(int)
         with self._server.atomic():
             for body, mesh in self._links.handles.items():
                 mesh.color = (190, 190, 190) if body == 0 else tuple(int(color) for color in colors[body - 1])
-            self._progress.value = 100.0 * min(max(progress, 0.0), 1.0)
-            self._text.content = text
+            self._progress.value = 100.0 * min(max(state.fit.progress, 0.0), 1.0)
+            self._text.content = live_markdown(state, self._model.body_names, self._segments, at)

@@ -74,15 +74,17 @@ class Instant:
 
 
 class PlayedBody:
-    """One body with all that was found of it, frame by frame on demand. `known`: (frames,) whether the coordinates of
-    each frame are; `size`: that all that is drawn is thick by [m]; `centers`: (frames, subjects, 3) of mass [m].
+    """One body with all that was found of it, frame by frame on demand, at `time` (frames,) [s]. `known`: (frames,)
+    whether the coordinates of each frame are; `size`: that all that is drawn is thick by [m]; `centers`: (frames,
+    subjects, 3) of mass [m]; `activations`, `tensions` [N]: (frames, `muscles`), NaN where unknown; `fibers`: their
+    normalized lengths and tendon strains, None unless tendons were elastic.
     """
 
     def __init__(self, results: ReportInput):
         model, motion = results.model, results.kinematics.motion
         if model is None or motion is None or not len(motion):
             raise BadData(f"{results.head.title}: has no motion to show: run 'ik', or a step that begins with a motion")
-        self.results, self.model, self.motion = results, model, motion
+        self.results, self.model, self.motion, self.time = results, model, motion, motion.time
         self._tree = compile_tree(model)
         self._coordinates = np.ascontiguousarray(self._tree.coordinates_of(motion), dtype=np.float64)
         self.known = np.asarray(np.isfinite(self._coordinates).all(axis=1))
@@ -100,53 +102,26 @@ class PlayedBody:
         # Two people far apart, or one who leaps, do not make a body larger.
         self.size = min(self.scene.size, TALL * (self.scene.high - self.scene.low))
         self._paths = compile_paths(model)
-        self._muscles = _Muscles(model, results, motion.time)
+        self.muscles, self._muscles = model.muscle_names, _Muscles(model, results, motion.time)
+        self.activations, self.tensions = self._muscles.activations, self._muscles.tensions
+        self.fibers = self._muscles.fibers
         self._markers = _Markers(model, results, motion.time, self._tree.body_index)
         self.subjects = subjects(model) or (Subject("", "", model.body_names, model.muscle_names),)
         self.centers: Array = np.stack(
             [centroid.values for centroid in centroids(model, motion, self.subjects)], axis=1
         )
-        weight = self.scene.weight * self._heaviest
+        masses = [sum(model.body(name).mass for name in subject.bodies) for subject in self.subjects]
+        # Arrows are drawn by the weight of the heaviest subject.
+        weight = self.scene.weight * (max(masses) / model.mass if model.mass > 0.0 else 1.0)
         self._measured = _Arrows(results.dynamics.wrenches, motion.time, weight, self.size)
         estimated = None if results.contacts.forces is None else results.contacts.forces.wrenches("group")
         self._estimated = _Arrows(estimated, motion.time, weight, self.size)
-
-    @property
-    def time(self) -> Array:
-        """(frames,) [s]."""
-        return self.motion.time
-
-    @property
-    def muscles(self) -> tuple[str, ...]:
-        """Names."""
-        return self.model.muscle_names
 
     @cached_property
     def tube_muscles(self) -> np.ndarray:
         """(tubes,) the index of the muscle of each tube."""
         owner = drawn_paths(self._paths, self._coordinates[np.flatnonzero(self.known)[:1]]).muscle
         return owner[1:][owner[1:] == owner[:-1]]
-
-    @property
-    def activations(self) -> Array:
-        """(frames, muscles), NaN where unknown."""
-        return self._muscles.activations
-
-    @property
-    def tensions(self) -> Array:
-        """(frames, muscles) [N], NaN where unknown."""
-        return self._muscles.tensions
-
-    @property
-    def fibers(self) -> tuple[Array, Array] | None:
-        """Normalized fiber lengths and tendon strains (frames, muscles), where tendons were elastic."""
-        return self._muscles.fibers
-
-    @property
-    def _heaviest(self) -> float:
-        """Share of the heaviest subject in the mass of all, by whose weight arrows are drawn."""
-        masses = [sum(self.model.body(name).mass for name in subject.bodies) for subject in self.subjects]
-        return max(masses) / self.model.mass if self.model.mass > 0.0 else 1.0
 
     @property
     def travelled(self) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -10,7 +10,6 @@ import numpy as np
 
 from myomorph.analysis.selection import coordinate_pairs, pairs
 from myomorph.model.arrays import Array, read_only
-from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.series import Wrenches
 from myomorph.model.sides import split_side
 from myomorph.report.trial.report_input import ReportInput
@@ -27,19 +26,6 @@ MAX_BANDS = 4  # Bands that lie over each other in more curves than these hide w
 MAX_POINTS = 600
 HEIGHT, WIDTH = 150, 400
 FONT = "10px system-ui, sans-serif"
-NOW: Mapping[str, Any] = FrozenMap(
-    {"label": "now", "stroke": "#8a939a", "width": 1, "points": FrozenMap({"show": False})}
-)
-LIMIT: Mapping[str, Any] = FrozenMap(
-    {
-        "label": "limit",
-        "class": "curve-limit",
-        "stroke": "transparent",
-        "width": 0,
-        "points": FrozenMap({"show": False}),
-    }
-)
-"""A line that is not seen: the lower or upper end of a band."""
 UNLISTED = "<style>.curve-limit { display: none; }</style>"
 """The legend names curves alone, not the ends of their bands."""
 BAND_ALPHA = "33"  # Opacity of a band, as the last two digits of its color.
@@ -270,18 +256,14 @@ class Plot:
         banded = [chart.curves[index] for index in chart.banded]
         lines = [curve.values for curve in chart.curves] + [end for curve in banded for end in (curve.high, curve.low)]
         self._lines = np.stack([np.asarray(line)[::step] for line in lines])
-        limits = (_plain(LIMIT),) * (2 * len(banded))
-        drawn = [
-            {"label": curve.label, "stroke": curve.color, "width": 1.5, "points": {"show": False}}
-            | ({"dash": (5, 4)} if curve.dashed else {})
-            for curve in chart.curves
-        ]
+        # Ends of bands are not seen.
+        limits = (_line("limit", "transparent", 0.0) | {"class": "curve-limit"},) * (2 * len(banded))
+        dash: dict[str, Any] = {"dash": (5, 4)}
+        drawn = [_line(curve.label, curve.color, 1.5) | (dash if curve.dashed else {}) for curve in chart.curves]
         # Bands stand behind all curves, filled between their ends, the upper one first.
         ends = range(1 + len(drawn), 1 + len(drawn) + 2 * len(banded), 2)
-        bands = [
-            {"series": (end, end + 1), "fill": curve.color + BAND_ALPHA}
-            for end, curve in zip(ends, banded, strict=True)
-        ]
+        fills = (curve.color + BAND_ALPHA for curve in banded)
+        bands = [{"series": (end, end + 1), "fill": fill} for end, fill in zip(ends, fills, strict=True)]
         known = self._lines[np.isfinite(self._lines)]
         low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
         room = 0.06 * max(high - low, 1e-6)
@@ -289,7 +271,7 @@ class Plot:
         with self._tab:
             self._handle = self._gui.add_uplot(
                 self._data(now),
-                ({"label": "t [s]"}, *drawn, *limits, _plain(NOW)),
+                ({"label": "t [s]"}, *drawn, *limits, _line("now", "#8a939a", 1.0)),
                 title=f"{chart.title}, 90 % limits" if banded else chart.title,
                 bands=tuple(bands) or None,
                 scales={
@@ -320,6 +302,6 @@ class Plot:
         return (time, *values, line)
 
 
-def _plain(value: Any) -> Any:
-    """Mappings as dictionaries, which is what a message can hold."""
-    return {name: _plain(entry) for name, entry in value.items()} if isinstance(value, Mapping) else value
+def _line(label: str, stroke: str, width: float) -> dict[str, Any]:
+    """How a line of a plot is drawn."""
+    return {"label": label, "stroke": stroke, "width": width, "points": {"show": False}}

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from myomorph.model.arrays import Array
-from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import GROUND
 from myomorph.model.spatial import Transform
 from myomorph.model.surface import Surface
@@ -17,30 +16,26 @@ from myomorph.report.scene.shapes import coarser, cone, reduced, sphere, tube
 from myomorph.viewer.replay_body import Instant, PlayedBody, Tubes, arrows
 from myomorph.viewer.web_page import BONE, Links, quaternions
 
-LAYERS: Mapping[str, str] = FrozenMap(
-    {
-        "bones": "Bones",
-        "muscles": "Muscles",
-        "axes": "Joint axes",
-        "measured": "Plate forces",
-        "estimated": "Contact forces",
-        "recorded": "Markers",
-        "modelled": "Model markers",
-        "center": "Center of mass",
-        "floor": "Floor",
-    }
-)
+LAYERS: Mapping[str, str] = {
+    "bones": "Bones",
+    "muscles": "Muscles",
+    "axes": "Joint axes",
+    "measured": "Plate forces",
+    "estimated": "Contact forces",
+    "recorded": "Markers",
+    "modelled": "Model markers",
+    "center": "Center of mass",
+    "floor": "Floor",
+}
 """What can be shown or hidden, and how it is called."""
 
-COLORS: Mapping[str, tuple[int, int, int]] = FrozenMap(
-    {
-        "measured": (26, 148, 117),
-        "estimated": (233, 138, 21),
-        "recorded": (38, 92, 214),
-        "modelled": (230, 72, 150),
-        "center": (30, 30, 34),
-    }
-)
+COLORS: Mapping[str, tuple[int, int, int]] = {
+    "measured": (26, 148, 117),
+    "estimated": (233, 138, 21),
+    "recorded": (38, 92, 214),
+    "modelled": (230, 72, 150),
+    "center": (30, 30, 34),
+}
 """Of layers that have one; markers as in OpenSim, blue as measured and pink as modelled."""
 
 BONES = (BONE, (176, 196, 212), (196, 206, 176), (208, 186, 202))

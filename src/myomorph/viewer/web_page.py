@@ -29,16 +29,17 @@ from myomorph.rigid.tree import compile_tree
 
 SHRINK = 4  # Pixels rendered for one shown, along each axis.
 MIN_LENGTH = 1e-3  # Pieces that are shorter are not drawn [m].
+TURN = np.deg2rad(35.0)  # Of the camera from the front towards the right side [rad].
 THICK, MIN_RADIUS, MAX_RADIUS = 0.16, 0.014, 0.055
 """Radius of a limb in a small picture: a share of its length, and bounds as shares of the body's height."""
 
 
 class BodyView:
     """Pictures of one model, its surfaces prepared once: limbs as rounds. `meshed`: whether bodies have surfaces of
-    their own; `turn`: of the camera from the front towards the right side [degrees].
+    their own.
     """
 
-    def __init__(self, model: Model, surfaces: Mapping[str, Surface] | None = None, turn: float = 35.0):
+    def __init__(self, model: Model, surfaces: Mapping[str, Surface] | None = None):
         self.model = model
         self._tree = compile_tree(model)
         self.meshed = bool(surfaces) or any(mesh.shape != "mesh" for body in model.bodies for mesh in body.meshes)
@@ -47,8 +48,7 @@ class BodyView:
         lengths = np.array([np.linalg.norm(end - start) for _, start, end in self._limbs])
         tall = self.scene.high - self.scene.low
         self._radii = np.repeat(np.clip(THICK * lengths, MIN_RADIUS * tall, MAX_RADIUS * tall)[:, None], 2, axis=1)
-        angle = np.deg2rad(turn)
-        ahead = np.cos(angle) * self.scene.forward + np.sin(angle) * self.scene.right
+        ahead = np.cos(TURN) * self.scene.forward + np.sin(TURN) * self.scene.right
         # The viewer stands ahead: the subject's right is on the picture's left.
         self._axes = np.stack([np.cross(self.scene.up, ahead), self.scene.up, ahead])
 
@@ -137,8 +137,8 @@ class Page:
             self._server.stop()
 
     def _lay_floor(self, scene: Scene, root: Array) -> None:
-        """Empty the page, and give it lights, the floor of a scene, and the frame that bodies hang on. `root`: (3,)
-        where the first body begins [m].
+        """Empty the page, and give it lights, the floor of a scene, and the frame of the bodies, which begin at `root`
+        (3,) [m].
         """
         page = self._page
         page.reset()
@@ -182,7 +182,11 @@ class Page:
 
 def open_server(port: int | None, title: str) -> Any:
     """A page on this machine by `viser`, on a given port or on any free one."""
-    viser = _viser()
+    try:
+        # Brings viser: loaded only where it is needed.
+        import viser
+    except ImportError as error:
+        raise MyomorphError(f"the web page needs the package 'viser' ({error}): pip install 'myomorph[view]'") from None
     if port is not None:
         if not 0 < port < 65536:
             raise BadData(f"port {port}: expected 1 to 65535")
@@ -208,13 +212,13 @@ def quiet() -> Iterator[None]:
         yield
 
 
-def add_floor(page: Any, name: str, up: Array, height: float, side: float = 30.0) -> Any:
+def add_floor(page: Any, name: str, up: Array, height: float) -> Any:
     """A grid of half metres on the floor at a height along `up` [m]."""
     axis = int(np.argmax(np.abs(up)))
     return page.add_grid(
         name,
-        width=side,
-        height=side,
+        width=30.0,
+        height=30.0,
         plane=("yz", "xz", "xy")[axis],
         cell_size=0.5,
         cell_color=(225, 225, 222),
@@ -277,12 +281,3 @@ def view_from(scene: Scene, middle: Array, direction: Array, distance: float = 1
 def quaternions(rotations: Array) -> Array:
     """(n, 4) as (w, x, y, z) of rotation matrices (n, 3, 3), w not negative."""
     return Rotation.from_matrix(rotations).as_quat(canonical=True, scalar_first=True)
-
-
-def _viser() -> Any:
-    try:
-        # Brings viser: loaded only where it is needed.
-        import viser
-    except ImportError as error:
-        raise MyomorphError(f"the web page needs the package 'viser' ({error}): pip install 'myomorph[view]'") from None
-    return viser

@@ -13,10 +13,10 @@ import numpy as np
 from myomorph import __version__
 from myomorph.analysis.gait_curves import GaitCurves
 from myomorph.analysis.gait_scores import GaitNorm
-from myomorph.analysis.length_analysis import curves_table, ranges_table
+from myomorph.analysis.length_analysis import RANGE_HEAD, curve_rows, range_row
 from myomorph.analysis.phases import Phase
 from myomorph.analysis.presets import preset_of
-from myomorph.io.parsing.text import written
+from myomorph.io.parsing.text import write_csv, written
 from myomorph.model.errors import BadData, BadFile
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.join import join_models
@@ -123,7 +123,9 @@ def write_report(home: Path, prepared: Prepared, norms: GaitNorms | None = None)
         texts[GAIT_PAGE] = gait_page(prepared, prepared.gait, norm, note)
     analysis = prepared.lengths
     if analysis is not None and analysis.ranges:
-        texts |= {LENGTH_CURVES: curves_table(analysis), LENGTH_RANGES: ranges_table(analysis)}
+        rows = curve_rows(analysis)
+        write_csv(home / LENGTH_CURVES, next(rows), rows)
+        write_csv(home / LENGTH_RANGES, RANGE_HEAD, map(range_row, analysis.ranges))
     for name, text in texts.items():
         with written(home / name) as stream:
             stream.write(text)

@@ -55,7 +55,8 @@ class Influences:
 
         if len(self.trials) < 2:
             return np.zeros(len(self.values), bool)
-        inner, outer = _variance(self.blocks) / self.parted, _variance(self.trials)
+        inner, outer = (np.square(parts).sum(axis=0) for parts in (self.blocks, self.trials))
+        inner = inner / self.parted
         ratio = np.divide(outer, inner, out=np.zeros_like(outer), where=inner > 0.0)
         most = stats.f.ppf(1.0 - REJECT, _freedom(self.trials), _freedom(self.blocks))
         return ratio > most
@@ -73,10 +74,6 @@ class Influences:
             heavy = np.sqrt(factor * freedom / stats.chi2.ppf(chance, freedom))
             sampled.append(heavy * (generator.standard_normal((count, len(parts))) @ parts))
         return self.values + np.where(self.by_trial, sampled[1], sampled[0])
-
-
-def _variance(parts: Array) -> Array:
-    return np.square(parts).sum(axis=0)
 
 
 def _freedom(parts: Array) -> Array:
@@ -139,19 +136,16 @@ def solve_condition(sums: SwingSums, inertial: InertiaOptions, stiffness: bool) 
             "or make the blocks smaller"
         )
     every = np.ones(len(sums))
-    whole = _solve(sums, every, inertial, stiffness, None)
-    lacking = [
-        _solve(sums, every - LACKING * block, inertial, stiffness, whole.inertia.noise) for block in np.eye(len(sums))
-    ]
+    whole = solve_blocks(sums, every, inertial, stiffness)
+    parts = [every - LACKING * block for block in np.eye(len(sums))]
+    lacking = [solve_blocks(sums, counts, inertial, stiffness, whole.inertia.noise) for counts in parts]
     return ConditionSolution(sums, whole, tuple(lacking), stiffness)
 
 
-def solve_whole(sums: SwingSums, inertial: InertiaOptions, stiffness: bool, noise: Array) -> Solution:
-    """Inertia and joint viscosity of the sums with all blocks, without what their intervals need; `noise` (6,)."""
-    return _solve(sums, np.ones(len(sums)), inertial, stiffness, noise)
-
-
-def _solve(sums: SwingSums, counts: Array, inertial: InertiaOptions, stiffness: bool, noise: Array | None) -> Solution:
+def solve_blocks(
+    sums: SwingSums, counts: Array, inertial: InertiaOptions, stiffness: bool, noise: Array | None = None
+) -> Solution:
+    """Inertia and joint viscosity of blocks that count `counts` (blocks,) times, without what intervals need."""
     inertia = limb_inertia(sums, counts, inertial, noise)
     products, frames = sums.torque_total(counts), float(counts @ sums.frames)
     return Solution(

@@ -33,7 +33,6 @@ from myomorph.viscosity.identification.torque import (
     neutral_position,
     noise_variance,
     ridge_strength,
-    solve_muscles,
     spring_misfit,
     torque_problem,
 )
@@ -345,23 +344,16 @@ def _muscles(
 ) -> MuscleViscosity:
     names = full.sums.muscles
     shares = _shares(names, pcsa)
-
-    def joint(solution: Solution) -> Array:
-        return (
-            np.full(len(solution.joint.axes), solution.joint.law) if options.subtract == "one" else solution.joint.axes
-        )
-
-    whole = full.torque(full.whole)
-    problem = muscle_problem(whole, joint(bare.whole))
+    whole, joint = full.torque(full.whole), bare.whole.joint.taken_off(options.subtract)
+    problem = muscle_problem(whole, joint)
     common = problem.along(np.ones(len(names)))
     phi = full.whole.inertia.parameters
     blocks = np.stack([torque_problem(sums, phi, options.stiffness is not False) for sums in full.sums.torque])
-    variance = noise_variance(blocks, joint(bare.whole))
+    variance = noise_variance(blocks, joint)
     strength = ridge_strength(problem, variance, common, options.spread)
 
     def values(torque: Array, less: Solution) -> Array:
-        muscles = solve_muscles(muscle_problem(torque, joint(less)), shares, strength)
-        return np.array([muscles.common, muscles.by_pcsa, *muscles.by_muscle])
+        return muscle_problem(torque, less.joint.taken_off(options.subtract)).solved(shares, strength)
 
     others = [values(whole, block) for block in bare.lacking]
     others += [values(full.torque(block), bare.whole) for block in full.lacking]

@@ -13,7 +13,7 @@ from myomorph.model.arrays import Array
 from myomorph.model.errors import MyomorphError
 from myomorph.model.provenance import Estimate
 from myomorph.viscosity.identification.budget import ErrorOptions, ErrorShare, disturbed, thinned
-from myomorph.viscosity.identification.condition import Solution, solve_whole
+from myomorph.viscosity.identification.condition import Solution, solve_blocks
 from myomorph.viscosity.identification.identify import (
     QUANTITIES_OF,
     Condition,
@@ -83,10 +83,9 @@ def with_shared_errors(
     muscles = specimen_viscosity.muscles
     if muscles is not None:
         parts["muscles"] = replace(muscles, common=widened("muscle_viscosity", muscles.common))
-    if specimen_viscosity.muscle_mass is not None:
-        parts["muscle_mass"] = widened("estimated_muscle_mass", specimen_viscosity.muscle_mass)
-    if specimen_viscosity.least_muscle_mass is not None:
-        parts["least_muscle_mass"] = widened("least_muscle_mass", specimen_viscosity.least_muscle_mass)
+    for part, name in (("muscle_mass", "estimated_muscle_mass"), ("least_muscle_mass", "least_muscle_mass")):
+        estimate = getattr(specimen_viscosity, part)
+        parts[part] = None if estimate is None else widened(name, estimate)
     swings = {
         name: (estimate.high - estimate.low) / (2.0 * z)
         for name, estimate in specimen_viscosity.estimates.items()
@@ -130,7 +129,8 @@ def _values(
         hidden = bool(np.isnan(conditions[key].mass.value))
         inertial = InertiaOptions("unknown" if hidden else options.tare, options.prior_sd, options.instruments)
         sums = swing_sums(condition_recordings, options.block, options.min_relative_speed)
-        whole = solve_whole(sums, inertial, options.stiffness is not False, conditions[key].residual)
+        every, sprung = np.ones(len(sums)), options.stiffness is not False
+        whole = solve_blocks(sums, every, inertial, sprung, conditions[key].residual)
         mass, *_, viscosity = QUANTITIES_OF[key]
         names = (f"plate {viscosity}", f"{mass} least", *(f"{axis} {viscosity}" for axis in sums.axes))
         known |= dict(zip((*QUANTITIES_OF[key], *names), whole.estimates.tolist(), strict=True))
@@ -138,13 +138,10 @@ def _values(
     if len(solved) == len(QUANTITIES_OF):
         masses = muscle_masses(solved["without"][1].inertia, solved["with"][1].inertia)
         known |= dict(zip(("estimated_muscle_mass", "least_muscle_mass"), masses.tolist(), strict=True))
-        if solved["with"][0].muscles:
-            known["muscle_viscosity"] = _common(*solved["with"], solved["without"][1], options)
+        sums, full = solved["with"]
+        if sums.muscles:
+            total = sums.torque_total(full.counts)
+            torque = torque_problem(total, full.inertia.parameters, options.stiffness is not False)
+            problem = muscle_problem(torque, solved["without"][1].joint.taken_off(options.subtract))
+            known["muscle_viscosity"] = float(problem.along(np.ones(len(sums.muscles))))
     return known
-
-
-def _common(sums: SwingSums, full: Solution, bare: Solution, options: ViscosityOptions) -> float:
-    """d_M of all muscles alike [N s/m]."""
-    joint: Array = np.full(len(sums.axes), bare.joint.law) if options.subtract == "one" else bare.joint.axes
-    torque = torque_problem(sums.torque_total(full.counts), full.inertia.parameters, options.stiffness is not False)
-    return float(muscle_problem(torque, joint).along(np.ones(len(sums.muscles))))

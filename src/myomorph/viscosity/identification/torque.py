@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
@@ -36,6 +37,10 @@ class JointViscosity:
     law: float
     axes: Array
     residual: Array
+
+    def taken_off(self, subtract: Literal["one", "axes"]) -> Array:
+        """(axes,) what step 3 takes off: `law` about every axis, or each axis' own."""
+        return np.full(len(self.axes), self.law) if subtract == "one" else self.axes
 
 
 def torque_problem(products: Array, parameters: Array | None, stiffness: bool = True) -> Array:
@@ -71,17 +76,6 @@ def joint_viscosity(problem: Array, frames: float) -> JointViscosity:
 
 
 @read_only
-class MuscleSolution:
-    """d_M of [S] eq. 3: torque + d_J rate = -J_M^T d_M J_M rate [N s/m]; one value of all muscles, the factor of the
-    shares by cross-section, and each muscle for itself, drawn towards the common value.
-    """
-
-    common: float
-    by_pcsa: float
-    by_muscle: Array
-
-
-@read_only
 class MuscleProblem:
     """Normal equations H d = g of the muscles' viscosities."""
 
@@ -103,6 +97,14 @@ class MuscleProblem:
         """Number of combinations whose size, were all muscles `common`, is above its standard error."""
         values = np.maximum(np.linalg.eigvalsh(self.H), 0.0)
         return int((values * common**2 > variance).sum())
+
+    def solved(self, pcsa: Array, strength: float) -> Array:
+        """(2 + muscles,) d_M of [S] eq. 3, torque + d_J rate = -J_M^T d_M J_M rate [N s/m]: one value of all muscles;
+        the factor of shares of the cross-section, `pcsa` (muscles,) of mean 1; each muscle, drawn towards the one.
+        """
+        common = self.along(np.ones(len(self.g)))
+        single = self.towards(common, strength) if np.isfinite(strength) else np.full(len(self.g), common)
+        return np.array([common, self.along(pcsa), *single])
 
     def along(self, shares: Array) -> float:
         """The factor, at least 0, of given shares (muscles,) that fits best."""
@@ -142,15 +144,6 @@ def ridge_strength(problem: MuscleProblem, variance: float, common: float, sprea
         return float("inf")
     least = 1e-12 * float(np.trace(problem.H)) / len(problem.g)
     return max(variance / (spread * common) ** 2, least)
-
-
-def solve_muscles(problem: MuscleProblem, pcsa: Array, strength: float) -> MuscleSolution:
-    """Common, scaled and single values; `pcsa` (muscles,) are shares of the physiological cross-section, mean 1."""
-    common = problem.along(np.ones(len(problem.g)))
-    single = np.full(len(problem.g), common)
-    if np.isfinite(strength):
-        single = problem.towards(common, strength)
-    return MuscleSolution(common, problem.along(pcsa), single)
 
 
 def neutral_position(sums: SwingSums, parameters: Array) -> Array:

@@ -53,8 +53,6 @@ from myomorph.viscosity.trust.moment_arms import MomentArmOptions, moment_arm_se
 LEVELS = (0.05, 0.10, 0.15, 0.20)
 """Relative errors of moment arms that the figure shows."""
 
-EACH = "factor of each muscle"
-
 
 def trusted(
     report: SpecimenReport,
@@ -97,8 +95,8 @@ def with_laws(
     shown = compared.prediction
     if shown is None:
         return replace(report, models=(*report.models, *models))
-    predicted = {"viscosity": shown.viscous_angles} | {compared.chosen.name: shown.chosen_angles}
-    held = HeldOutSwing(name, shown.measured.time, shown.axes, shown.measured_angles, FrozenMap(predicted))
+    predicted = FrozenMap({"viscosity": shown.viscous, compared.chosen.name: shown.chosen})
+    held = HeldOutSwing(name, shown.time, shown.axes, shown.measured, predicted)
     return replace(report, models=(*report.models, *models), held_out=(*report.held_out, held))
 
 
@@ -120,11 +118,11 @@ def with_cutoffs(
     for name, condition_tracked in tracked.items():
         condition_options = replace(options, tare="unknown") if name in hidden else options
         scan = scan_cutoffs(partial(swing_recordings, condition_tracked, muscles=False), options=condition_options)
-        kind = "joint_viscosity" if name == "without" else "total_viscosity"
-        values |= {kind: scan.viscosity, f"com_{name}": scan.com, f"mass_{name}": scan.mass}
+        mass, com, _, viscosity = QUANTITIES_OF[name]
+        values |= dict(zip((mass, com, viscosity), scan.T, strict=True))
     shown = {name: value for name, value in values.items() if np.isfinite(value).any()}
-    cutoffs = np.array(SCANNED)
-    return replace(report, cutoff=CutoffScan(cutoffs, cutoff, FrozenMap(shown), reason)) if shown else report
+    scanned = CutoffScan(np.array(SCANNED), cutoff, FrozenMap(shown), reason)
+    return replace(report, cutoff=scanned) if shown else report
 
 
 def with_arms(
@@ -134,27 +132,17 @@ def with_arms(
     intact, without = specimen_viscosity.intact, specimen_viscosity.without
     if specimen_viscosity.muscles is None or intact is None or without is None:
         return report
-
-    def spreads(moment_arm_options: MomentArmOptions) -> tuple:
-        joint = without.viscosity.value
-        return moment_arm_sensitivity(intact.recordings, intact.parameters, joint, moment_arm_options).spreads
-
-    kinds = spreads(options)
-    by_level = [
-        next(spread for spread in spreads(replace(options, factor=level, offset=0.0)) if spread.kind == EACH)
-        for level in LEVELS
-    ]
+    swings = intact.recordings, intact.parameters, without.viscosity.value
+    kinds = moment_arm_sensitivity(*swings, options)
+    by_level = [moment_arm_sensitivity(*swings, replace(options, factor=level, offset=0.0))[1] for level in LEVELS]
     exact = by_level[0].exact
     low, median, high = np.array([np.full(3, exact), *(spread.quantiles() for spread in by_level)]).T
-    table = tuple(
-        ArmError(kind.kind, _size(kind.kind, kind.error), kind.sd, kind.bias, *kind.quantiles()) for kind in kinds
-    )
-    spread = ArmSpread(np.array([0.0, *LEVELS]), low, median, high, len(by_level[0].draws), table)
+    table = []
+    for kind in kinds:
+        size = f"{1000 * kind.error:.1f} mm" if kind.kind.startswith("offset") else f"{100 * kind.error:.0f} %"
+        table.append(ArmError(kind.kind, size, kind.sd, kind.bias, *kind.quantiles()))
+    spread = ArmSpread(np.array([0.0, *LEVELS]), low, median, high, len(by_level[0].draws), tuple(table))
     return replace(report, arms=spread)
-
-
-def _size(kind: str, error: float) -> str:
-    return f"{1000 * error:.1f} mm" if kind.startswith("offset") else f"{100 * error:.0f} %"
 
 
 TRACKING, IDENTIFYING = 0.5, 0.25

@@ -63,10 +63,14 @@ class Slip:
 
 def mean_rotation(rotations: Array, weights: Array | None = None) -> Array:
     """(3, 3) the rotation nearest to all of rotations (frames, 3, 3), in the mean of squared chords."""
-    total = np.einsum("f,fij->ij", np.ones(len(rotations)) if weights is None else weights, rotations)
-    left, _, right = np.linalg.svd(total)
-    turn = np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
-    return left @ turn @ right
+    return nearest_rotations(np.einsum("f,fij->ij", np.ones(len(rotations)) if weights is None else weights, rotations))
+
+
+def nearest_rotations(matrices: Array) -> Array:
+    """(..., 3, 3) the rotations nearest to matrices (..., 3, 3), as of sums of products of vectors (Kabsch 1976)."""
+    left, _, right = np.linalg.svd(matrices)
+    left[..., 2] *= np.linalg.det(left @ right)[..., None]
+    return left @ right
 
 
 def cluster_poses(places: Array, seen: Array) -> tuple[Array, Array]:
@@ -81,10 +85,7 @@ def cluster_poses(places: Array, seen: Array) -> tuple[Array, Array]:
     center = (weight * places).sum(axis=1) / count
     spread = (values - middle[:, None]) * weight
     cross = np.einsum("fmi,fmj->fij", spread, places - center[:, None])
-    left, _, right = np.linalg.svd(cross)
-    turn = np.ones((len(seen), 3))
-    turn[:, 2] = np.sign(np.linalg.det(left @ right))
-    rotations = (left * turn[:, None]) @ right
+    rotations = nearest_rotations(cross)
     origins = middle - np.einsum("fij,fj->fi", rotations, center)
     lacking = finite.sum(axis=1) < 3
     rotations[lacking], origins[lacking] = np.nan, np.nan

@@ -12,6 +12,7 @@ from myomorph.model.series import Markers
 from myomorph.model.spatial import Transform
 from myomorph.rigid.kinematics import standing_poses
 from myomorph.viscosity.specimen.model import Specimen
+from myomorph.viscosity.tracking.held import nearest_rotations
 
 ROUNDS = 5
 """Of Gauss-Newton steps: millimeters are less than a micrometer after three."""
@@ -72,18 +73,6 @@ def limb_poses(specimen: Specimen, held: Mapping[str, float] | None = None) -> d
     return {name: back @ ground[name] for name in specimen.limb}
 
 
-def _fixed_point(rotations: Array, seen: Array, weight: Array) -> tuple[Array, Array]:
-    """The center (3,) and places (markers, 3) that fit best what was seen (frames, markers, 3) at given rotations."""
-    total = weight.sum(axis=0)
-    mean = np.einsum("fm,fij->mij", weight, rotations) / total[:, None, None]
-    back = np.einsum("fm,fji,fmj->mi", weight, rotations, seen, optimize=True) / total[:, None]
-    there = np.einsum("fm,fmi->mi", weight, seen) / total[:, None]
-    H = np.einsum("m,mij->ij", total, np.eye(3) - mean @ mean.transpose(0, 2, 1))
-    g = np.einsum("m,mi->i", total, there - np.einsum("mij,mj->mi", mean, back))
-    center = np.linalg.solve(H, g)
-    return center, back - np.einsum("mji,j->mi", mean, center)
-
-
 def _step(rotations: Array, places: Array, seen: Array, weight: Array) -> Array:
     """(1 + markers, 3) change of center and places that fits best what was seen (frames, markers, 3) from the center;
     the rotations, nearest at these places, free to follow.
@@ -112,6 +101,4 @@ def _step(rotations: Array, places: Array, seen: Array, weight: Array) -> Array:
 
 def _rotations(places: Array, seen: Array, weight: Array) -> Array:
     """(frames, 3, 3) that turn places (markers, 3) about the origin nearest to those seen (frames, markers, 3)."""
-    left, _, right = np.linalg.svd(np.einsum("fm,fmi,mj->fij", weight, seen, places))
-    left[:, :, 2] *= np.linalg.det(left @ right)[:, None]
-    return left @ right
+    return nearest_rotations(np.einsum("fm,fmi,mj->fij", weight, seen, places))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.signal import welch
@@ -64,32 +65,11 @@ class Residuals:
     band: float
 
 
-@dataclass(frozen=True, eq=False)
-class CutoffChoice:
+class CutoffChoice(NamedTuple):
     """The highest cutoff [Hz] that any signal asks for, within `MIN_CUTOFF` and `MAX_CUTOFF`, for motion and wrench."""
 
     cutoff: float
     reason: str
-    signals: tuple[Residuals, ...]
-
-
-@read_only
-class CutoffScan:
-    """Mass, distance of the mass center from the joint and the one viscosity of a condition over cutoffs (n,); NaN
-    where a cutoff leaves nothing to identify [Hz, kg, m, N m s/rad].
-    """
-
-    cutoffs: Array
-    mass: Array
-    com: Array
-    viscosity: Array
-
-    def change(self, cutoff: float) -> Array:
-        """(3,) largest relative change of mass, mass center and viscosity to the next cutoffs on either side."""
-        at = int(np.argmin(np.abs(self.cutoffs - cutoff)))
-        near = [i for i in (at - 1, at + 1) if 0 <= i < len(self.cutoffs)]
-        values = np.stack([self.mass, self.com, self.viscosity])
-        return np.max(np.abs(values[:, near] / values[:, [at]] - 1.0), axis=1)
 
 
 def residual_analysis(name: str, parts: Sequence[Array], rate: float) -> Residuals:
@@ -137,22 +117,23 @@ def choice_of(signals: Sequence[Residuals]) -> CutoffChoice:
         f"cut-off {cutoff:g} Hz: residual analysis asks for {most.cutoff:g} Hz in '{most.name}'{limit}, for less in "
         f"all others; the spectrum of '{most.name}' stands above its noise up to {most.band:.2g} Hz"
     )
-    return CutoffChoice(cutoff, reason, tuple(signals))
+    return CutoffChoice(cutoff, reason)
 
 
 def scan_cutoffs(
     recordings_at: Callable[[float], Sequence[SwingRecording]],
     cutoffs: Sequence[float] = SCANNED,
     options: ViscosityOptions | None = None,
-) -> CutoffScan:
-    """Mass, mass center and viscosity of one condition at several cutoffs [Hz]."""
+) -> Array:
+    """(cutoffs, 3) mass, distance of the mass center from the joint and one viscosity of a condition at cutoffs [Hz];
+    NaN where one leaves nothing to identify [kg], [m], [N m s/rad].
+    """
     options = options or ViscosityOptions()
     rows = np.full((len(cutoffs), 3), np.nan)
     for row, cutoff in zip(rows, cutoffs, strict=True):
         with suppress(MyomorphError):
             row[:] = _identified(recordings_at(cutoff), options)
-    mass, com, viscosity = rows.T
-    return CutoffScan(np.array(cutoffs), mass, com, viscosity)
+    return rows
 
 
 def _identified(recordings: Sequence[SwingRecording], options: ViscosityOptions) -> Array:

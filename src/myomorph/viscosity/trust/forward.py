@@ -241,12 +241,6 @@ class Window:
     frames: slice
     blocks: np.ndarray
 
-    @property
-    def seconds(self) -> float:
-        """Length [s]."""
-        time = self.recording.time[self.frames]
-        return float(time[-1] - time[0])
-
     def training(self, blocks: int) -> Array:
         """(blocks,) one for every swing but those of the window."""
         counts = np.ones(blocks)
@@ -257,10 +251,6 @@ class Window:
     def measured(self) -> SwingMotion:
         """As it was measured."""
         return measured_motion(self.recording, self.frames)
-
-    def predicted(self, parameters: Array, law: PassiveLaw) -> SwingMotion:
-        """As a limb with a passive law would have swung from the first frame."""
-        return swing_forward(self.recording, self.frames, parameters, law)
 
     def errors(self, predicted: SwingMotion, free_offset: bool) -> Array:
         """(3,) mean square of angle, moment and force [rad^2, (N m)^2, N^2] less predicted; changes alone if

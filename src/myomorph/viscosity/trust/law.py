@@ -186,6 +186,17 @@ class PassiveProblem:
         return result
 
 
+def term_places(term: str, axes: Sequence[str]) -> dict[str, list[int]]:
+    """Coefficients of a term by name, and where each stands among the 3 axes + 6 of `PassiveLaw`."""
+    kind, _, by_axis = term.partition(" by ")
+    if kind in LAST:
+        return {kind: [LAST[kind]]}
+    if kind == "hinges":
+        return {f"hinge {name}": [i - len(HINGES)] for i, name in enumerate(HINGES)}
+    places = [i if kind == "viscosity" else len(axes) + i for i in range(len(axes))]
+    return {f"{kind} {axis}": [i] for axis, i in zip(axes, places, strict=True)} if by_axis else {kind: places}
+
+
 def law_columns(terms: Sequence[str], axes: int) -> tuple[Array, Groups]:
     """What a law's own coefficients (columns) are among the 3 axes + 6 of `PassiveLaw` (rows)."""
     eye = np.eye(3 * axes + 6)
@@ -195,17 +206,7 @@ def law_columns(terms: Sequence[str], axes: int) -> tuple[Array, Groups]:
         check_name("term", term, TERMS, "a passive law")
         kind, _, by_axis = term.partition(" by ")
         first = len(columns)
-        if kind in LAST:
-            columns.append(eye[LAST[kind]])
-            groups.append([first])
-            continue
-        if kind == "hinges":
-            columns += list(eye[-len(HINGES) :])
-            groups += [[first + i] for i in range(len(HINGES))]
-            continue
-        start = 0 if kind == "viscosity" else axes
-        each = eye[start : start + axes]
-        columns += list(each) if by_axis else [each.sum(axis=0)]
+        columns += [eye[places].sum(axis=0) for places in term_places(term, "xyz"[:axes]).values()]
         groups += [[i] for i in range(first, len(columns))]
         if kind == "stiffness":
             rest = len(columns) + np.arange(axes)

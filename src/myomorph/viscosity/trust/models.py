@@ -16,9 +16,9 @@ from myomorph.viscosity.identification.inertia import InertiaOptions, Tare
 from myomorph.viscosity.identification.torque import counted_from, neutral_position, spring_misfit
 from myomorph.viscosity.swings.recording import SwingRecording
 from myomorph.viscosity.swings.sums import effective_samples
-from myomorph.viscosity.trust.forward import SwingMotion, Window, hinge_axis, windows
+from myomorph.viscosity.trust.forward import SwingMotion, Window, hinge_axis, swing_forward, windows
 from myomorph.viscosity.trust.freed import ActingLaw, acting_law
-from myomorph.viscosity.trust.law import HINGES, LAST, WIDTH, PassiveLaw, PassiveProblem, law_columns
+from myomorph.viscosity.trust.law import WIDTH, PassiveLaw, PassiveProblem, law_columns, term_places
 
 UNITS: Mapping[str, str] = {
     "viscosity": "N m s/rad",
@@ -118,24 +118,15 @@ class PassiveFit:
 
 @read_only
 class Prediction:
-    """A window that was left out: measured, and as two laws predict it from its first frame; for a figure.
-
-    Attributes
-    ----------
-    trial : name of the recording
-    measured, viscous, chosen : as it was, as viscosity alone has it, as the chosen law has it
-    axes : names of the free axes
-    measured_angles, viscous_angles, chosen_angles : (frames, axes) from hanging at rest [rad]
+    """A window that was left out: angles (frames, axes) from hanging at rest [rad], measured and as viscosity alone and
+    the chosen law predict them from the first frame; for a figure.
     """
 
-    trial: str
-    measured: SwingMotion
-    viscous: SwingMotion
-    chosen: SwingMotion
+    time: Array
     axes: tuple[str, ...]
-    measured_angles: Array
-    viscous_angles: Array
-    chosen_angles: Array
+    measured: Array
+    viscous: Array
+    chosen: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,18 +134,13 @@ class PassiveComparison:
     """Which passive law the swings ask for, of `fits` in the order of `LAWS`.
 
     `by_bic` is the simplest whose BIC is within `MAX_CRITERION_DIFFERENCE` of the lowest; `chosen` is that where it is
-    plain or predicts held-out windows far better than `PLAIN` laws, else the best of these. `samples` are frames times
-    axes, `effective` the independent ones, which the criteria count; `horizon` is the mean length of the windows
-    predicted [s], `prediction` the first, None where no two could be had; `acting`: without muscles, what acts beside
-    one viscosity.
+    plain or predicts held-out windows far better than `PLAIN` laws, else the best of these. `prediction` is of the
+    first window, None where no two could be had; `acting`: without muscles, what acts beside one viscosity.
     """
 
     fits: tuple[PassiveFit, ...]
     chosen: PassiveFit
     by_bic: PassiveFit
-    samples: int
-    effective: float
-    horizon: float
     prediction: Prediction | None = field(repr=False)
     acting: ActingLaw | None = None
 
@@ -172,20 +158,14 @@ class PassiveComparison:
             f"{plain_error:.1f}: {plain.name} is used"
         )
 
-    @property
-    def viscous(self) -> PassiveFit:
-        """Viscosity alone, as [S] has it."""
-        return next(fit for fit in self.fits if fit.terms == ALONE)
-
 
 def compare_passive_laws(
-    recordings: Sequence[SwingRecording], options: PassiveOptions | None = None, laws: Sequence[tuple[str, ...]] = LAWS
+    recordings: Sequence[SwingRecording], options: PassiveOptions | None = None
 ) -> PassiveComparison:
     """Fit every law to the torques of one condition, and let it predict windows that it has not seen.
 
-    All laws (terms among `TERMS`; viscosity alone must be one) are least squares of the same torques, torque_rows phi,
-    with coefficients of at least 0 and a free rest angle. The criteria count independent samples, not frames, for a
-    low-pass leaves about two a period of its cutoff:
+    All laws are least squares of the same torques, torque_rows phi, with coefficients of at least 0 and a free rest
+    angle. The criteria count independent samples, not frames, for a low-pass leaves about two a period of its cutoff:
 
         AIC = n ln(RSS / N) + 2 free,   BIC = n ln(RSS / N) + ln(n) free,   n = N / sum_k rho_k^2
 
@@ -200,7 +180,7 @@ def compare_passive_laws(
     if len(problem.axes) == 3:
         problem, slack = _from_spring(problem)
         recordings = problem.recordings
-    laws = _applicable(problem, laws)
+    laws = _applicable(problem)
     blocks = len(problem.sums)
     every = np.ones(blocks)
     phi = problem.parameters(every)
@@ -242,30 +222,23 @@ def compare_passive_laws(
     fits = [replace(fit, aic=fit.aic - least_aic, bic=fit.bic - least_bic) for fit in fits]
     by_bic = min((fit for fit in fits if fit.bic <= MAX_CRITERION_DIFFERENCE), key=lambda fit: (fit.free, fit.bic))
     plain = min((fit for fit in fits if fit.terms in PLAIN), key=lambda fit: fit.bic)
-    chosen = by_bic if by_bic.terms in PLAIN or _predicts_better(by_bic, plain) else plain
+    # Without a window held out, errors are NaN: no other law gains on a plain one.
+    better = by_bic.angle_error < MIN_HELD_OUT_GAIN * plain.angle_error
+    chosen = by_bic if by_bic.terms in PLAIN or better else plain
     shown = _shown(problem, chosen.terms, left_out[0], trained[0], slack) if left_out else None
-    horizon = float(np.mean([fold.seconds for fold in left_out])) if left_out else float("nan")
     acting = None
     if not problem.sums.muscles:
         spring = tuple(term for term in chosen.terms if term.startswith("stiffness"))
         acting = acting_law(problem, phi, spring, options.draws, options.seed)
-    return PassiveComparison(tuple(fits), chosen, by_bic, round(samples), effective, horizon, shown, acting)
+    return PassiveComparison(tuple(fits), chosen, by_bic, shown, acting)
 
 
-def _predicts_better(law: PassiveFit, plain: PassiveFit) -> bool:
-    """Whether a law gains on a plain one in the angle of windows it has not seen; without any it does not."""
-    return bool(law.angle_error < MIN_HELD_OUT_GAIN * plain.angle_error)
-
-
-def _applicable(problem: PassiveProblem, laws: Sequence[tuple[str, ...]]) -> list[tuple[str, ...]]:
-    """Viscosity alone, and the laws of whose terms the recordings have muscles and axes."""
-    muscles = bool(problem.sums.muscles)
-    laws = [ALONE, *(law for law in laws if law != ALONE and (muscles or "muscles" not in law))]
-    if not all(len(recording.hinges) for recording in problem.recordings):
-        laws = [law for law in laws if "hinges" not in law]
-    if len(problem.axes) == 1:
-        laws = [law for law in laws if not any("by axis" in term for term in law)]
-    return laws
+def _applicable(problem: PassiveProblem) -> list[tuple[str, ...]]:
+    """The laws of whose terms the recordings have muscles, hinges and axes; viscosity alone comes first."""
+    lacking = set() if problem.sums.muscles else {"muscles"}
+    lacking |= set() if all(len(recording.hinges) for recording in problem.recordings) else {"hinges"}
+    lacking |= {"viscosity by axis"} if len(problem.axes) == 1 else set()
+    return [law for law in LAWS if not lacking & {*law}]
 
 
 def _from_spring(problem: PassiveProblem) -> tuple[PassiveProblem, Rotation]:
@@ -283,7 +256,7 @@ def _from_spring(problem: PassiveProblem) -> tuple[PassiveProblem, Rotation]:
 
 def _predict(problem: PassiveProblem, terms: Sequence[str], window: Window, parameters: Array) -> SwingMotion:
     law = problem.fit(terms, window.training(len(problem.sums)), parameters)[0]
-    return window.predicted(parameters, PassiveLaw.of(law, problem.width))
+    return swing_forward(window.recording, window.frames, parameters, PassiveLaw.of(law, problem.width))
 
 
 def _shown(
@@ -299,7 +272,7 @@ def _shown(
         (hanging.inv() * Rotation.from_matrix(motion.rotations)).as_rotvec() @ turn
         for motion in (measured, viscous, chosen)
     ]
-    return Prediction(window.recording.name, measured, viscous, chosen, window.recording.axes, *angles)
+    return Prediction(measured.time, window.recording.axes, *angles)
 
 
 def _estimates(
@@ -307,18 +280,8 @@ def _estimates(
 ) -> dict[str, Estimate]:
     """Coefficients by name, with the intervals of draws (draws, 3 axes + 6); angles are counted from `slack`."""
     n = len(axes)
-    columns: dict[str, int] = {}
-    for term in terms:
-        kind, _, by_axis = term.partition(" by ")
-        if kind in LAST:
-            columns[kind] = LAST[kind]
-            continue
-        if kind == "hinges":
-            columns |= {f"hinge {name}": i - len(HINGES) for i, name in enumerate(HINGES)}
-            continue
-        start = 0 if kind == "viscosity" else n
-        columns |= {f"{kind} {axis}": start + i for i, axis in enumerate(axes)} if by_axis else {kind: start}
-    result = {name: Estimate.of_draws(value[i], np.maximum(draws[:, i], 0.0)) for name, i in columns.items()}
+    places = {name: places[0] for term in terms for name, places in term_places(term, axes).items()}
+    result = {name: Estimate.of_draws(value[i], np.maximum(draws[:, i], 0.0)) for name, i in places.items()}
     if any(term.startswith("stiffness") for term in terms):
         rest, rests = (
             _rest_angles(numbers[..., 2 * n : 3 * n], numbers[..., n : 2 * n], slack) for numbers in (value, draws)

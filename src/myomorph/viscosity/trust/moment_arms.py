@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from statistics import NormalDist
-from typing import Literal
 
 import numpy as np
 
@@ -18,11 +17,9 @@ from myomorph.model.errors import BadData, MyomorphError
 from myomorph.model.provenance import Estimate
 from myomorph.viscosity.identification.budget import ErrorShare
 from myomorph.viscosity.identification.identify import MuscleViscosity, SpecimenViscosity
-from myomorph.viscosity.identification.torque import FIRST, JOINT, TORQUE, MuscleProblem, muscle_problem, torque_problem
+from myomorph.viscosity.identification.torque import FIRST, JOINT, TORQUE, muscle_problem, torque_problem
 from myomorph.viscosity.swings.recording import SwingRecording
 from myomorph.viscosity.swings.sums import eliminated, swing_sums
-
-Kind = Literal["one factor", "factor of each muscle", "offset of each muscle"]
 
 ATTACHMENT = 13.3e-3
 """Mean distance between an attachment carried over from another body's bone and the true one, SD 8.1 mm; legs
@@ -68,17 +65,15 @@ class MomentArmOptions:
 
 @read_only
 class MomentArmSpread:
-    """What one kind of error does to d_M [N s/m], the common viscosity of the muscles: one factor for all muscles; one
-    a muscle; or an offset of each muscle's arms, constant in the limb's axes. `error`: standard deviation of the
-    factor, relative, or of each component of the offset [m]; `exact`: d_M with the arms as given; `first_order`: its
-    relative standard deviation by its slopes, NaN for an offset.
+    """What one kind of error does to d_M [N s/m], the common viscosity of the muscles: "one factor" for all; "factor of
+    each muscle"; "offset of each muscle", of its arms, constant in the limb's axes. `error`: standard deviation of the
+    factor, relative, or of each component of the offset [m]; `exact`: d_M with the arms as given.
     """
 
-    kind: Kind
+    kind: str
     error: float
     exact: float
     draws: Array
-    first_order: float
 
     @property
     def sd(self) -> float:
@@ -90,55 +85,35 @@ class MomentArmSpread:
         """Mean of d_M less the exact value, relative to that."""
         return float(np.mean(self.draws) / self.exact - 1.0)
 
-    def quantiles(self, shares: Sequence[float] = (0.025, 0.5, 0.975)) -> Array:
-        """Quantiles of d_M [N s/m]."""
-        return np.quantile(self.draws, shares)
-
-
-@read_only
-class MomentArmSensitivity:
-    """d(ln d_M)/d(ln arms) of each muscle (their sum is -2), and the spread by each kind of error."""
-
-    muscles: tuple[str, ...]
-    slopes: Array
-    spreads: tuple[MomentArmSpread, ...]
-
-    def spread(self, kind: Kind) -> MomentArmSpread:
-        """Of one kind of error."""
-        return next(spread for spread in self.spreads if spread.kind == kind)
+    def quantiles(self) -> Array:
+        """2.5, 50 and 97.5 % of d_M [N s/m]."""
+        return np.quantile(self.draws, (0.025, 0.5, 0.975))
 
 
 def moment_arm_sensitivity(
     intact: Sequence[SwingRecording], parameters: Array, joint: float | Array, options: MomentArmOptions | None = None
-) -> MomentArmSensitivity:
-    """Spread of d_M when every muscle's moment arms are systematically wrong. The common value of swings with muscles,
-    less d_J of those without, is d_M = v g / v H v with v_m the square of the factor of muscle m, so a factor s of all
-    arms makes it d_M / s^2.
+) -> tuple[MomentArmSpread, ...]:
+    """Spread of d_M when every muscle's moment arms are systematically wrong, by each kind of error. The common value
+    of swings with muscles, less d_J of those without, is d_M = v g / v H v with v_m the square of the factor of muscle
+    m, so a factor s of all arms makes it d_M / s^2.
     """
     options = options or MomentArmOptions()
     random = np.random.default_rng(options.seed)
-    problem = _problem(intact, parameters, joint, options.stiffness)
+    sums = swing_sums(intact)
+    torque = torque_problem(sums.torque_total(np.ones(len(sums))), parameters, options.stiffness)
+    problem = muscle_problem(torque, np.broadcast_to(np.asarray(joint, dtype=np.float64), (len(sums.axes),)))
     n = len(problem.g)
     exact = problem.along(np.ones(n)) if n else 0.0
     if not exact > 0.0:
         raise BadData("sensitivity to moment arms: these swings show no viscosity of muscles")
-    force, square = problem.g / problem.g.sum(), problem.H.sum(axis=1) / problem.H.sum()
-    slopes = 2.0 * (force - 2.0 * square)
-    common = 1.0 + options.factor * random.standard_normal((options.draws, 1)) * np.ones(n)
-    each = 1.0 + options.factor * random.standard_normal((options.draws, n))
-    spreads = [
-        MomentArmSpread("one factor", options.factor, exact, _by_factors(problem, common), 2.0 * options.factor),
-        MomentArmSpread(
-            "factor of each muscle",
-            options.factor,
-            exact,
-            _by_factors(problem, each),
-            options.factor * float(np.linalg.norm(slopes)),
-        ),
-    ]
+    spreads = []
+    for kind, own in (("one factor", 1), ("factor of each muscle", n)):
+        v = (1.0 + options.factor * random.standard_normal((options.draws, own)) * np.ones(n)) ** 2
+        draws = np.maximum(v @ problem.g, 0.0) / np.einsum("di,ij,dj->d", v, problem.H, v)
+        spreads.append(MomentArmSpread(kind, options.factor, exact, draws))
     if options.offset > 0.0:
         spreads.append(_by_offsets(intact, parameters, joint, options, random))
-    return MomentArmSensitivity(intact[0].muscles, slopes, tuple(spreads))
+    return tuple(spreads)
 
 
 def with_attachments(
@@ -185,20 +160,6 @@ def _wider(muscles: MuscleViscosity, factor: float) -> MuscleViscosity:
     return replace(muscles, common=wider(muscles.common), by_pcsa=wider(muscles.by_pcsa))
 
 
-def _problem(
-    intact: Sequence[SwingRecording], parameters: Array, joint: float | Array, stiffness: bool
-) -> MuscleProblem:
-    sums = swing_sums(intact)
-    torque = torque_problem(sums.torque_total(np.ones(len(sums))), parameters, stiffness)
-    return muscle_problem(torque, np.broadcast_to(np.asarray(joint, dtype=np.float64), (len(sums.axes),)))
-
-
-def _by_factors(problem: MuscleProblem, factors: Array) -> Array:
-    """d_M (draws,) with the arms of every muscle times factors (draws, muscles)."""
-    v = factors**2
-    return np.maximum(v @ problem.g, 0.0) / np.einsum("di,ij,dj->d", v, problem.H, v)
-
-
 def _by_offsets(
     intact: Sequence[SwingRecording],
     parameters: Array,
@@ -227,7 +188,7 @@ def _by_offsets(
     roots = np.sqrt(table @ table.sum(axis=0))[:, None]
     draws = [common(options.offset / roots * random.standard_normal((count, axes))) for _ in range(options.draws)]
     exact = common(np.zeros((count, axes)))
-    return MomentArmSpread("offset of each muscle", float(options.offset), exact, np.array(draws), float("nan"))
+    return MomentArmSpread("offset of each muscle", float(options.offset), exact, np.array(draws))
 
 
 def _offset_columns(swing_recording: SwingRecording, use: np.ndarray, parameters: Array) -> Array:
