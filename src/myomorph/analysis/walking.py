@@ -85,10 +85,8 @@ def _edge(time: Array, force: Array, at: int) -> float:
     return float(time[at] - force[at] / slope)
 
 
-TRAVELS = 3.0
-"""The body goes over the ground, and not in place on a belt, where it goes so many times as far as a foot beside it."""
-STANDS = 0.5
-"""Feet stand, and the body moves over them (up from a chair), where none goes so many times as far as beside it."""
+TRAVELS = 3.0  # The body goes over the ground, not in place on a belt, where it goes so many times as far as a foot.
+STANDS = 0.5  # Feet stand, the body moves over them (up from a chair), where none goes so many times as far.
 MIN_DUTY = 0.1  # The only stride of a recording has a stance and a swing of at least this share
 STEADY = 0.35  # Strides of a walk differ in duration by less than this share of the usual one, as a median
 

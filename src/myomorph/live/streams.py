@@ -96,11 +96,7 @@ def force_channels(labels: Sequence[str], units: Sequence[str]) -> tuple[tuple[s
 
 
 WAIT = 10.0  # How long a stream is waited for [s].
-
-
 SILENCE = 5.0  # A stream that sends nothing for so long has ended [s].
-
-
 RATE_ERROR = 0.2  # Share by which a stream's samples may come faster or slower than it says.
 
 

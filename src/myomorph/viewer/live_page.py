@@ -18,9 +18,7 @@ from myomorph.viewer.replay_scene import COLORS, add_arrows, add_batch, bone_sol
 from myomorph.viewer.web_page import DEEPER, BodyView, Page
 
 STRONGEST, TURNED = 8, 8  # Muscles and torques that the table holds.
-STAY, FADE = 2.0, 0.98
-"""How long the rows of the table stay where they are [s], and what is left of a largest value a frame later."""
-
+STAY, FADE = 2.0, 0.98  # How long rows of the table stay in place [s], and what is left of a peak a frame later.
 LIMITED = " 90 % limits |", "--:|"  # Head of the column of limits, and the line below it.
 THIN = 0.4  # Thickness of limbs without meshes, so that muscles are seen beside them.
 

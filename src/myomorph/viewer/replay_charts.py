@@ -26,8 +26,7 @@ MAX_BANDS = 4  # Bands that lie over each other in more curves than these hide w
 MAX_POINTS = 600
 HEIGHT, WIDTH = 150, 400
 FONT = "10px system-ui, sans-serif"
-UNLISTED = "<style>.curve-limit { display: none; }</style>"
-"""The legend names curves alone, not the ends of their bands."""
+UNLISTED = "<style>.curve-limit { display: none; }</style>"  # The legend names curves, not ends of bands.
 BAND_ALPHA = "33"  # Opacity of a band, as the last two digits of its color.
 
 

@@ -38,8 +38,7 @@ COLORS: Mapping[str, tuple[int, int, int]] = {
 }
 """Of layers that have one; markers as in OpenSim, blue as measured and pink as modelled."""
 
-BONES = (BONE, (176, 196, 212), (196, 206, 176), (208, 186, 202))
-"""Colors of the bones of the first body, the second, ..."""
+BONES = (BONE, (176, 196, 212), (196, 206, 176), (208, 186, 202))  # Of the first body, the second, ...
 
 MAX_JOINTS, AXIS_LENGTH, AXIS_RADIUS = 2, 0.1, 0.003
 """Models with more joints that move have no axes drawn; sizes as shares of the body's size."""

@@ -11,8 +11,7 @@ from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.provenance import Estimate
 from myomorph.viscosity.identification.identify import SpecimenViscosity
 
-STROEVE_TOTAL_VISCOSITY = 0.2
-"""Of a shoulder with its muscles [N m s/rad]: Stroeve 1999, as [S] cites it."""
+STROEVE_TOTAL_VISCOSITY = 0.2  # Of a shoulder with its muscles [N m s/rad]: Stroeve 1999, as [S] cites it.
 
 
 Row = Mapping[str, Estimate]

@@ -34,20 +34,11 @@ from myomorph.viscosity.identification.identify import SpecimenViscosity
 from myomorph.viscosity.specimen.muscles import fig1_muscles
 from myomorph.viscosity.tracking.tracked import TrackedSpecimen
 
-STARTS = 6
-"""Frames the search begins from; several, because it ends in the nearest minimum."""
-
-POSES = 150
-"""Frames of the motion that the search looks at."""
-
-RATE = 25.0
-"""Frames a second that the bushing is fitted to [Hz]."""
-
-EXCURSION = 0.6
-"""How far a joint is turned about its default pose where no motion is known [rad]."""
-
-LOSSY = 0.05
-"""Share of the joint's torque that a bushing may miss without being named."""
+STARTS = 6  # Frames the search begins from; several, because it ends in the nearest minimum.
+POSES = 150  # Frames of the motion that the search looks at.
+RATE = 25.0  # Frames a second that the bushing is fitted to [Hz].
+EXCURSION = 0.6  # How far a joint is turned about its default pose where no motion is known [rad].
+LOSSY = 0.05  # Share of the joint's torque that a bushing may miss without being named.
 
 
 def along_axes(what: str, values: ArrayLike) -> Array:

@@ -41,10 +41,7 @@ def _distinct(table: Bytes) -> Bytes:
 
 HEAT = _distinct(_ramp(_HEAT))  # (256, 3) colors of a heat map, light to dark.
 ACTIVATION = _ramp(_ACTIVATION)  # (256, 3) colors of a muscle from rest (blue) to full activation (red).
-
-
-LEVEL = _ramp(_LEVEL)
-"""(256, 3) colors of how well a link is identified, from red (nothing known) over yellow to blue (all)."""
+LEVEL = _ramp(_LEVEL)  # (256, 3) colors of how well a link is identified, from red (nothing) over yellow to blue (all).
 
 
 def level_color(values: Array) -> Array:

@@ -14,8 +14,7 @@ from myomorph.model.model import Mesh, Model
 from myomorph.model.surface import Surface
 from myomorph.rigid.kinematics import standing_poses
 
-FINEST = 0.012
-"""Cells that surfaces are made coarser by at first, as a share of the body's size, for a part as large as the body."""
+FINEST = 0.012  # Cells that surfaces are made coarser by at first, as a share of the body's size.
 
 
 def primitive(mesh: Mesh) -> Surface | None:
@@ -243,8 +242,7 @@ SHOULDERS, HEAD_CENTER = 1.42, 1.82
 THORAX = np.array([0.31, 0.48, 0.23])
 """Half sizes of a thorax to the side, upwards and forward, in units of its height from the joint to the shoulders."""
 
-SKULL = np.array([0.19, 0.29, 0.24])
-"""The same of a head, in units of the height of the trunk's mass center over its joint."""
+SKULL = np.array([0.19, 0.29, 0.24])  # Of a head, in units of the height of the trunk's mass center over its joint.
 
 
 def stand_ins(model: Model) -> dict[str, list[Surface]]:

@@ -18,9 +18,7 @@ from myomorph.report.charts.rows import interval_rows
 from myomorph.report.page.page import Tile, rendered
 from myomorph.report.page.parts import Figure, Grid, Note, PageHead, Section, cited
 
-TESTS = ("nichols2002", "tusher2001", "holm1979", "benjamini1995", "hedges1981", "zeni2008")
-"""References of the statistics."""
-
+TESTS = ("nichols2002", "tusher2001", "holm1979", "benjamini1995", "hedges1981", "zeni2008")  # References.
 STYLES = ("left", "right")  # Of the first group and of the second.
 CONDITION_STYLES = ("right", "left", "third", "second", "fourth", "middle")
 """Of the conditions in their order; more of them take these again."""

@@ -232,8 +232,7 @@ TABLE_UNITS = {"coordinates": ("°", "m"), "torques": ("N·m", "N"), "torques_wi
 PLACES, MOMENTS = re.compile(r"_p[xyz]$"), re.compile(r"_m[xyz]$|torque_?[xyz]$")
 """What columns of loads end in that are points and moments."""
 SHOWN_COLUMNS = 12  # Columns of a table that are shown, those that are least sure first.
-MAX_SOURCES, MIN_SHARE = 3, 0.01
-"""Sources that are named for a column, and the share of the variance from which one is."""
+MAX_SOURCES, MIN_SHARE = 3, 0.01  # Sources named for a column, and the share of the variance from which one is.
 
 
 def uncertainty_section(prepared: Prepared) -> Section | None:

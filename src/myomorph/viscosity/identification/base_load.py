@@ -11,10 +11,8 @@ from myomorph.model.errors import BadData
 from myomorph.model.provenance import Estimate
 from myomorph.viscosity.identification.identify import STATES, Condition, SpecimenViscosity
 
-UNKNOWN = (0.0, float("inf"))
-"""A load of which nothing is known [kg]."""
-TOLD = 0.02
-"""A range of a mass wider than this share of it is named."""
+UNKNOWN = (0.0, float("inf"))  # A load of which nothing is known [kg].
+TOLD = 0.02  # A range of a mass wider than this share of it is named.
 
 Range = tuple[float, float]
 

@@ -10,11 +10,8 @@ from scipy.spatial.transform import Rotation
 from myomorph.model.errors import BadData
 from myomorph.viscosity.swings.recording import SwingRecording
 
-MAX_FRAMES = 600
-"""Frames of a trial from which changes are found: an error that all frames share needs no more."""
-
-AXES = {"plate_clock": 1, "soft_tissue": 2}
-"""How many errors there are of a source that is not one of three axes."""
+MAX_FRAMES = 600  # Frames of a trial from which changes are found: an error that all frames share needs no more.
+AXES = {"plate_clock": 1, "soft_tissue": 2}  # How many errors there are of a source that is not one of three axes.
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,7 @@ from myomorph.viscosity.identification.inertia import InertiaOptions, LimbInerti
 from myomorph.viscosity.identification.torque import JointViscosity, joint_viscosity, torque_problem
 from myomorph.viscosity.swings.sums import SwingSums
 
-REJECT = 0.05
-"""Share of specimens with equal trials whose trials are taken to differ."""
+REJECT = 0.05  # Share of specimens with equal trials whose trials are taken to differ.
 
 
 LACKING = 0.5

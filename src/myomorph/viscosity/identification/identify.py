@@ -39,11 +39,8 @@ from myomorph.viscosity.identification.torque import (
 from myomorph.viscosity.swings.recording import SwingRecording
 from myomorph.viscosity.swings.sums import swing_sums
 
-MAX_RELATIVE_WIDTH = 0.5
-"""An axis is excited where its interval is narrower than plus or minus this share of the one value."""
-
-STATES = {"without": "muscles removed", "with": "muscles intact"}
-"""What the two conditions of a specimen are called in texts."""
+MAX_RELATIVE_WIDTH = 0.5  # An axis is excited where its interval is narrower than +- this share of the one value.
+STATES = {"without": "muscles removed", "with": "muscles intact"}  # The conditions of a specimen in texts.
 
 QUANTITIES_OF = {
     "without": ("mass_muscles_removed", "com_muscles_removed", "first_moment_muscles_removed", "joint_viscosity"),
@@ -51,8 +48,7 @@ QUANTITIES_OF = {
 }
 """Mass, distance of the mass center, their product and viscosity of a condition, as tables call them."""
 
-NEUTRAL_ROUNDS = 3
-"""How often the neutral position of a ball joint's spring is found again from angles counted from the last."""
+NEUTRAL_ROUNDS = 3  # How often a ball joint's spring is found again from angles counted from its last rest.
 
 
 def is_narrow(estimate: Estimate) -> bool:

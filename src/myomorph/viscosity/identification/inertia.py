@@ -18,11 +18,8 @@ Tare = Literal["known", "loaded", "unknown"]
 """What the plate's zero leaves in the wrench beside the limb: nothing; a constant load of the base, the same in all
 trials of a condition; a constant wrench of each trial, which hides the mass."""
 
-SLENDER = 0.1
-"""Radius of the prior's cylinder as a share of its mass center's distance from the joint."""
-
-IMPOSSIBLE = 1e-3
-"""Share of the squared misfit by which a possible body may fit worse and still count as what was measured."""
+SLENDER = 0.1  # Radius of the prior's cylinder as a share of its mass center's distance from the joint.
+IMPOSSIBLE = 1e-3  # Share of the squared misfit by which a possible body may fit worse and still be what was measured.
 
 
 @dataclass(frozen=True)

@@ -17,8 +17,7 @@ from myomorph.viscosity.identification.budget import AXES, ErrorOptions, disturb
 from myomorph.viscosity.swings.recording import SwingRecording
 from myomorph.viscosity.swings.sums import effective_samples, free_directions, predicted_rows
 
-ROUNDS = 3
-"""How often the errors are found again from recordings that are rid of the last ones."""
+ROUNDS = 3  # How often the errors are found again from recordings that are rid of the last ones.
 SHOWN_IN = {
     "plate_position": (1e3, "mm"),
     "plate_rotation": (1e3, "mrad"),
@@ -29,10 +28,8 @@ SHOWN_IN = {
     "soft_tissue": (1e6, "ms^2"),
 }
 """Of each source, in tables."""
-UNTOLD = "soft_tissue"
-"""A source that is not estimated: it changes the force by as little as filters and rounded accelerations do."""
-MASS_AND_MOMENT = 4
-"""Columns of the force's rows: mass and first moment."""
+UNTOLD = "soft_tissue"  # Not estimated: it changes the force by as little as filters and rounding do.
+MASS_AND_MOMENT = 4  # Columns of the force's rows: mass and first moment.
 
 
 @read_only

@@ -19,11 +19,8 @@ TORQUE, SPEED, JOINT, FIRST = range(4)
 """Columns of a torque problem: the torque by inverse dynamics, the rate, what the joint resists, then one a muscle."""
 
 
-RANK_TOLERANCE = 1e-6
-"""Of the largest singular value: a combination of muscles that turns the limb less is not shown."""
-
-MAX_SHIFT = 1.5
-"""A rest farther than this from the mean pose is not believed: there is hardly a spring [rad]."""
+RANK_TOLERANCE = 1e-6  # Of the largest singular value: a combination of muscles that turns the limb less is not shown.
+MAX_SHIFT = 1.5  # A rest farther than this from the mean pose is not believed: there is hardly a spring [rad].
 
 
 @read_only

@@ -34,11 +34,8 @@ SCANNED = {
     "without muscles": ("joint_viscosity", "com_muscles_removed", "mass_muscles_removed"),
     "with muscles": ("total_viscosity", "com_intact", "mass_intact"),
 }
-MAX_TIME = 12.0
-"""Charts over time show so much of a trial [s]."""
-
-MAX_MODELS = 4
-"""Alternatives printed of each condition."""
+MAX_TIME = 12.0  # Charts over time show so much of a trial [s].
+MAX_MODELS = 4  # Alternatives printed of each condition.
 
 FORCE_FIRST = (3, 4, 5, 0, 1, 2)
 

@@ -17,8 +17,7 @@ from myomorph.viscosity.identification.identify import Condition, MuscleViscosit
 from myomorph.viscosity.identification.instruments import Instruments
 from myomorph.viscosity.swings.recording import SwingRecording
 
-MAX_FRAMES = 1200
-"""Frames of a trial that charts are drawn from."""
+MAX_FRAMES = 1200  # Frames of a trial that charts are drawn from.
 
 
 @read_only

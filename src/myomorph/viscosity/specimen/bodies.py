@@ -18,8 +18,7 @@ from myomorph.model.spatial import Transform
 from myomorph.rigid.kinematics import Poses, forward_kinematics
 from myomorph.rigid.tree import ROTATION, compile_tree
 
-ASTRAY = 1e-3
-"""Distance of a joint's axes from its center from which it is told that they do not meet [m]."""
+ASTRAY = 1e-3  # Distance of a joint's axes from its center from which it is told that they do not meet [m].
 
 
 @dataclass(frozen=True, eq=False)

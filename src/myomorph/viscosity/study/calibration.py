@@ -33,8 +33,7 @@ from myomorph.study.inputs.reading import about, read_recording
 from myomorph.viscosity.report.specimen_report import Residual
 
 UNITS = {"m": 1.0, "mm": 0.001}
-HUGE = 1.5
-"""A scanned surface that is larger than that is in millimetres [m]."""
+HUGE = 1.5  # A scanned surface that is larger than that is in millimetres [m].
 
 
 class ScanFiles(Strict):

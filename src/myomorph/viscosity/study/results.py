@@ -31,8 +31,7 @@ Kind = TypeVar("Kind")
 SPECIMENS, COHORT, AXES = "specimens.csv", "cohort.csv", "axes.csv"
 MUSCLES, MODELS, NOTES = "muscles.csv", "models.csv", "notes.csv"
 ERRORS, INSTRUMENTS = "errors.csv", "instruments.csv"
-WEIGHED = "measured_muscle_mass"
-"""The one column that was not estimated and so has no interval."""
+WEIGHED = "measured_muscle_mass"  # The one column that was not estimated and so has no interval.
 
 STORE, REPORT = "viscosity.json", "report.html"
 

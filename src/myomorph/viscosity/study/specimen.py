@@ -50,8 +50,7 @@ from myomorph.viscosity.trust.cutoff import SCANNED, choose_cutoff, scan_cutoffs
 from myomorph.viscosity.trust.models import UNITS, PassiveComparison, PassiveOptions, compare_passive_laws
 from myomorph.viscosity.trust.moment_arms import MomentArmOptions, moment_arm_sensitivity
 
-LEVELS = (0.05, 0.10, 0.15, 0.20)
-"""Relative errors of moment arms that the figure shows."""
+LEVELS = (0.05, 0.10, 0.15, 0.20)  # Relative errors of moment arms that the figure shows.
 
 
 def trusted(
@@ -145,8 +144,7 @@ def with_arms(
     return replace(report, arms=spread)
 
 
-TRACKING, IDENTIFYING = 0.5, 0.25
-"""Shares of a specimen's time, for the bar."""
+TRACKING, IDENTIFYING = 0.5, 0.25  # Shares of a specimen's time, for the bar.
 
 
 @dataclass(frozen=True, eq=False)

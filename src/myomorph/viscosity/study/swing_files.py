@@ -31,14 +31,11 @@ from myomorph.viscosity.study.calibration import ScannedModel, model_from_scans
 from myomorph.viscosity.study.plan import SpecimenFiles, SwingFiles
 
 AXES = "xyz"
-STEADY = 2.0
-"""A mean force is that of a weight where it is so many times the force's own change."""
-ASLANT = 0.7
-"""Cosine of the angle to the vertical from which a weight does not hang in the model's laboratory."""
+STEADY = 2.0  # A mean force is that of a weight where it is so many times the force's own change.
+ASLANT = 0.7  # Cosine of the angle to the vertical from which a weight does not hang in the model's laboratory.
 NAMED = {"base": ("scapula",), "first_body": ("humerus", "humer", "upper_arm", "upperarm")}
 """What the bodies of a shoulder are called where a study file does not name them."""
-WHOLE = 9
-"""Columns of a table of one force: force, point and torque."""
+WHOLE = 9  # Columns of a table of one force: force, point and torque.
 
 
 def turn_to(up: str, gravity: Array) -> Array:

@@ -27,8 +27,7 @@ from myomorph.viscosity.study.results import write_whole
 from myomorph.viscosity.tracking.tracked import TrackedSpecimen
 
 SWINGS = "swings.json"
-RATE = 60.0
-"""Frames a second that are kept at most [Hz]."""
+RATE = 60.0  # Frames a second that are kept at most [Hz].
 DIGITS = 5
 
 

@@ -19,29 +19,14 @@ ANTI_ALIAS = 0.4
 swing and filters cut, it takes less than 1 in 10^3."""
 
 
-CUTOFF = 6.0
-"""Low-pass of what looks for clocks and for hands [Hz]: limbs swing at about 1 Hz."""
-
-AGREES = 0.98
-"""Share of the wrench that the motion explains, from which two clocks are taken as brought together."""
-
-AROUND = 0.3
-"""How far off a clock is first looked for [s]: a swing further away looks much the same, only smaller."""
-
-SEARCH, LAG = 2.0, 0.05
-"""Offsets that are tried where no clock so near agrees, and their distance [s]."""
-
-AS_GOOD = 1.1
-"""Of lags that leave up to this much more than the best, the smallest is taken."""
-
-MAX_LAG_FRAMES = 500
-"""Frames on which every lag is judged."""
-
-CHANCE = 13.8
-"""Squared distance of offset and drift from zero, in standard deviations, that chance passes 1 time in 1000."""
-
-MIN_CLOCK_ERROR = 5e-4
-"""Largest lag of a recording that is left as it is [s]."""
+CUTOFF = 6.0  # Low-pass of what looks for clocks and for hands [Hz]: limbs swing at about 1 Hz.
+AGREES = 0.98  # Share of the wrench that the motion explains, from which two clocks are taken as brought together.
+AROUND = 0.3  # How far off a clock is first looked for [s]: a swing further away looks much the same, only smaller.
+SEARCH, LAG = 2.0, 0.05  # Offsets that are tried where no clock so near agrees, and their distance [s].
+AS_GOOD = 1.1  # Of lags that leave up to this much more than the best, the smallest is taken.
+MAX_LAG_FRAMES = 500  # Frames on which every lag is judged.
+CHANCE = 13.8  # Squared distance of offset and drift from zero, in SDs, that chance passes 1 time in 1000.
+MIN_CLOCK_ERROR = 5e-4  # Largest lag of a recording that is left as it is [s].
 
 
 def wrench_about(wrenches: Wrenches, center: Array) -> Array:

@@ -17,16 +17,12 @@ REACH = 2.0
 """How far ends, gaps and hands reach through the filter, times 1 / cutoff: what is left of the ends there changes the
 viscosity of virtual limbs without noise by 0.02 %, with 1.5 by 0.08 % and with 0.75 by 0.3 %."""
 
-WINDOW = 0.1
-"""Time over which a mismatch is averaged before it counts as a hand on the limb [s]."""
-
-OUTLYING = 6.0
-"""Standard deviations of the usual mismatch, from which it may be a hand."""
+WINDOW = 0.1  # Time over which a mismatch is averaged before it counts as a hand on the limb [s].
+OUTLYING = 6.0  # Standard deviations of the usual mismatch, from which it may be a hand.
 
 ROUNDS = 12
 
-SAMPLES = 3000
-"""Frames of a trial that take part in the robust fit, at most."""
+SAMPLES = 3000  # Frames of a trial that take part in the robust fit, at most.
 
 
 @read_only

@@ -13,8 +13,7 @@ from myomorph.model.series import Markers
 from myomorph.viscosity.specimen.model import Specimen
 from myomorph.viscosity.tracking.held import Slip, bone_poses, mean_rotation
 
-SHORTEST = 0.5
-"""Time on either side of a slip that tells where the cluster was [s]."""
+SHORTEST = 0.5  # Time on either side of a slip that tells where the cluster was [s].
 
 Poses = tuple[Array, Array]
 """Rotations (frames, 3, 3) and origins (frames, 3) of a bone in ground, all trials of a condition in a row."""

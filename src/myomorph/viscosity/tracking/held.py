@@ -16,11 +16,8 @@ from myomorph.model.spatial import Transform
 from myomorph.motion.filters import lowpass
 from myomorph.viscosity.specimen.model import Specimen
 
-WINDOW = 0.25
-"""Time over which a held pose is averaged before it is judged, against the markers' noise [s]."""
-
-SWAY = 5.0
-"""Low-pass of a base that goes to and fro with the limb, far above the rate of its swings [Hz]."""
+WINDOW = 0.25  # Time over which a held pose is averaged before it is judged, against the markers' noise [s].
+SWAY = 5.0  # Low-pass of a base that goes to and fro with the limb, far above the rate of its swings [Hz].
 
 
 @dataclass(frozen=True)

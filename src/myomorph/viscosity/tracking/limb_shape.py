@@ -14,11 +14,8 @@ from myomorph.rigid.kinematics import standing_poses
 from myomorph.viscosity.specimen.model import Specimen
 from myomorph.viscosity.tracking.held import nearest_rotations
 
-ROUNDS = 5
-"""Of Gauss-Newton steps: millimeters are less than a micrometer after three."""
-
-MIN_MARKERS = 3
-"""Of the limb, seen in a frame that takes part."""
+ROUNDS = 5  # Of Gauss-Newton steps: millimeters are less than a micrometer after three.
+MIN_MARKERS = 3  # Of the limb, seen in a frame that takes part.
 
 
 def shaped(specimen: Specimen, trials: Sequence[Markers]) -> tuple[Specimen, float]:

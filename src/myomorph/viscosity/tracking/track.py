@@ -41,14 +41,9 @@ TURNED = 0.995
 """Largest singular value of a mean rotation from which a limb has not turned about two axes enough, some 6 degrees
 root mean square, to show its center."""
 
-QUICK = 25.0
-"""Low-pass of a motion before its rows are filtered themselves [Hz]."""
-
-MIN_FRAMES = 10
-"""Of base and limb together, from which a center is told."""
-
-PARTIAL = 0.1
-"""Weight in means of a frame in which a cluster has lost a marker."""
+QUICK = 25.0  # Low-pass of a motion before its rows are filtered themselves [Hz].
+MIN_FRAMES = 10  # Of base and limb together, from which a center is told.
+PARTIAL = 0.1  # Weight in means of a frame in which a cluster has lost a marker.
 
 Progress = Callable[[int], None]
 

@@ -86,8 +86,7 @@ class TrackedSpecimen:
 
 
 SWAYING = ("x", "y", "z", "about x", "about y", "about z")
-MIN_ROTATION = 0.005
-"""Angle between two turns under which the limb counts as still [rad]."""
+MIN_ROTATION = 0.005  # Angle between two turns under which the limb counts as still [rad].
 
 
 @read_only

@@ -22,8 +22,7 @@ TARED, TOO_SMALL, LOADED = "tare", "small swing", "base load"
 MOVING_BASE, LOOSE_WIRE, SLIPPED = "moving base", "loose wire", "slipped cluster"
 """Kinds of findings: what should stand still and moves."""
 
-SPARE = 0.9
-"""A mass below this share of the least that the motion allows cannot be the limb's."""
+SPARE = 0.9  # A mass below this share of the least that the motion allows cannot be the limb's.
 RESTS = (
     "something rests on the base, or the plate's zero is off; weigh it and give base_mass, or a tare recording with "
     "the base and without the limb"
@@ -31,19 +30,14 @@ RESTS = (
 UNLIKELY = 60.0
 """Squared distance of two normal numbers from zero, over their standard deviations, that instruments half as good as
 assumed pass once in 1,000 times."""
-ROUNDED = 5e-4
-"""Share of the limb's own moment by which a constant moment is off for other reasons than instruments."""
-OFF = 0.05
-"""A constant moment above this share of the limb's own, m g c, is not the noise of a plate."""
+ROUNDED = 5e-4  # Share of the limb's own moment by which a constant moment is off for other reasons than instruments.
+OFF = 0.05  # A constant moment above this share of the limb's own, m g c, is not the noise of a plate.
 LEAN = 0.1
 """An axis whose rates are below this share of the fastest axis' is not excited: what leaks over from an error of a
 tenth in the other axes' torque is then as large as its own."""
-MISFIT = 1.5
-"""How much larger than that of free parameters the residual of a possible limb's wrench may be."""
-LOST = 0.5
-"""Share of a trial's frames without a pose from which the trial is doubted."""
-DRIFT = 5e-3
-"""A drift that shifts force against motion by more over a trial would be seen in the viscosity [s]."""
+MISFIT = 1.5  # How much larger than that of free parameters the residual of a possible limb's wrench may be.
+LOST = 0.5  # Share of a trial's frames without a pose from which the trial is doubted.
+DRIFT = 5e-3  # A drift that shifts force against motion by more over a trial would be seen in the viscosity [s].
 
 
 @read_only

@@ -20,14 +20,10 @@ from myomorph.viscosity.swings.recording import SwingRecording
 from myomorph.viscosity.swings.sums import swing_sums
 from myomorph.viscosity.tracking.tracked import TrackedSpecimen
 
-SCANNED = (3.0, 4.0, 6.0, 8.0, 10.0, 14.0, 20.0)
-"""Cutoffs whose results are compared [Hz]."""
-MIN_CUTOFF, MAX_CUTOFF = 4.0, 20.0
-"""Between which a cutoff is chosen [Hz]."""
-NOISY = 0.5
-"""Share of the examined frequencies, the upper ones, where residuals are taken for noise alone."""
-ABOVE = 4.0
-"""How far a spectrum must rise above its noise to count as motion."""
+SCANNED = (3.0, 4.0, 6.0, 8.0, 10.0, 14.0, 20.0)  # Cutoffs whose results are compared [Hz].
+MIN_CUTOFF, MAX_CUTOFF = 4.0, 20.0  # Between which a cutoff is chosen [Hz].
+NOISY = 0.5  # Share of the examined frequencies, the upper ones, where residuals are taken for noise alone.
+ABOVE = 4.0  # How far a spectrum must rise above its noise to count as motion.
 WRENCH = ("moment x", "moment y", "moment z", "force x", "force y", "force z")
 
 

@@ -32,8 +32,7 @@ from myomorph.viscosity.swings.recording import SwingRecording
 from myomorph.viscosity.swings.sums import SwingSums, free_directions
 from myomorph.viscosity.trust.law import SINGULAR, PassiveLaw
 
-DECAY_A_STEP = 0.25
-"""Largest product of step and the law's fastest rate of decay; Runge-Kutta of order 4 is stable to 2.8."""
+DECAY_A_STEP = 0.25  # Largest product of step and the law's fastest rate of decay; RK4 is stable to 2.8.
 
 
 @read_only

@@ -22,10 +22,8 @@ from myomorph.viscosity.trust.law import (
     slopes_of,
 )
 
-FINER = 10
-"""Instants between two frames at which the sign of a rate is taken, before the filter."""
-ROUNDS, LIGHTEST = 4, 1e-3
-"""How often the axes are weighed anew, and the least weight of one."""
+FINER = 10  # Instants between two frames at which the sign of a rate is taken, before the filter.
+ROUNDS, LIGHTEST = 4, 1e-3  # How often the axes are weighed anew, and the least weight of one.
 WIDTH = 0.03
 """Rate within which friction turns its sign, before the filter: about the noise of a rate, which hides the sign of a
 slower one. Held-out swings of virtual limbs are predicted best with it [rad/s]."""
@@ -34,10 +32,8 @@ FRICTIONS = ("against the motion", "about each axis")
 
 FORMS = ("viscosity", "viscosity by axis", "hinges")
 """Of a joint's viscosity: one value, one an axis of the limb's first bone, one of three angles one after another."""
-WORTH = 0.05
-"""Share of the squares that held-out trials leave by which a law must lower them for each coefficient that it adds."""
-MIN_RUBBED = 0.03
-"""Share of the one viscosity that friction must take off to be named."""
+WORTH = 0.05  # Share of the squares of held-out trials by which a law must lower them for each coefficient added.
+MIN_RUBBED = 0.03  # Share of the one viscosity that friction must take off to be named.
 DRY = "dry friction"
 
 

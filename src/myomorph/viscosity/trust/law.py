@@ -27,8 +27,7 @@ TERMS = (
 LAST = {"coulomb": -6, "quadratic": -5, "muscles": -4}
 """Where among a law's coefficients those stand that all axes share; those of the hinges follow."""
 HINGES = ("first", "second", "third")
-SINGULAR = 0.1
-"""Least volume of the three hinges' unit axes; with less the middle one has turned the first along the last."""
+SINGULAR = 0.1  # Least volume of three hinges' unit axes; less where the middle has turned the first along the last.
 
 Groups = list[list[int]]
 """Columns of coefficients: the first of each group is at least 0, the rest are free where the first is not 0."""

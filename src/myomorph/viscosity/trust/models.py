@@ -52,10 +52,8 @@ LAWS: tuple[tuple[str, ...], ...] = (
 "hinges": of three angles one after another."""
 
 ALONE = LAWS[0]
-NEUTRAL_ROUNDS = 2
-"""How often the rest of a ball's spring is found again with angles counted from the last."""
-MAX_CRITERION_DIFFERENCE = 2.0
-"""Difference of an information criterion that tells nothing (Burnham and Anderson 2002, section 2.6)."""
+NEUTRAL_ROUNDS = 2  # How often the rest of a ball's spring is found again with angles counted from the last.
+MAX_CRITERION_DIFFERENCE = 2.0  # Of an information criterion, that tells nothing (Burnham and Anderson 2002, 2.6).
 
 
 PLAIN: tuple[tuple[str, ...], ...] = (ALONE, ("viscosity", "muscles"))

@@ -27,16 +27,11 @@ ATTACHMENT = 13.3e-3
 OFFSET = float(ATTACHMENT / np.sqrt(8.0 / np.pi))
 """Standard deviation of each component of such a distance, 8.3 mm, and about that of the moment arms that follow:
 points of a muscle moved so on each bone change its arms by 1.0 to 1.3 times as much (`docs/validation`) [m]."""
-BOTH_ENDS = 1.15
-"""Error of a moment arm over that of its muscle's points, moved on each bone: the middle of 1.0 to 1.3."""
-SOURCE = "attachments"
-"""Name of this source in the error budget."""
-LEAST = 0.05
-"""A drawn d_M is not counted as smaller than this share of the exact one."""
-RESULT = "muscle_viscosity"
-"""The result that it adds to, as in `cohort.QUANTITIES`."""
-ANGLE, CONSTANT = JOINT + 1, JOINT + 2
-"""Columns beside torque and rate, of what a spring explains."""
+BOTH_ENDS = 1.15  # Error of a moment arm over that of its muscle's points, moved on each bone: of 1.0 to 1.3.
+SOURCE = "attachments"  # Name of this source in the error budget.
+LEAST = 0.05  # A drawn d_M is not counted as smaller than this share of the exact one.
+RESULT = "muscle_viscosity"  # The result that it adds to, as in `cohort.QUANTITIES`.
+ANGLE, CONSTANT = JOINT + 1, JOINT + 2  # Columns beside torque and rate, of what a spring explains.
 
 
 @dataclass(frozen=True)
