@@ -13,17 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.analysis.foot_events import (
-    MIN_FRAMES,
-    FootTrack,
-    Limb,
-    StrideOptions,
-    direction_of,
-    foot_track,
-    ground_speed_of,
-    on_events,
-    on_plates,
-)
+from myomorph.analysis import foot_events
+from myomorph.analysis.foot_events import FootTrack, StrideOptions
 from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.frozen_map import FrozenMap
@@ -104,7 +95,7 @@ class Strides:
 
 def find_strides(
     points: Series,
-    limbs: Sequence[Limb],
+    limbs: Sequence[foot_events.Limb],
     body: Sequence[str],
     up: Array,
     *,
@@ -165,7 +156,7 @@ def find_strides(
     feet = {limb.name: _mean(points, limb.points) for limb in limbs}
     notes: list[str] = []
     up = np.asarray(up, dtype=np.float64)
-    along, travels = direction_of(points.time, trunk, list(feet.values()), up, direction, notes, facing)
+    along, travels = foot_events.direction_of(points.time, trunk, list(feet.values()), up, direction, notes, facing)
     tracks: dict[str, FootTrack] = {}
     sides = [split_side(limb.name)[1] for limb in limbs]
     # An event names a side: on a body with two feet of one side it is that of neither.
@@ -173,7 +164,7 @@ def find_strides(
     if events and not alone:
         notes.append("events of the recording are not used: they name a side, on which there are several feet")
     for limb in limbs:
-        track = foot_track(
+        track = foot_events.foot_track(
             points.time,
             feet[limb.name],
             _mean(points, limb.lifting) if limb.lifting else feet[limb.name],
@@ -182,17 +173,17 @@ def find_strides(
             options,
         )
         if alone:
-            track = on_events(on_events(track, limb, running, "running"), limb, events)
+            track = foot_events.on_events(foot_events.on_events(track, limb, running, "running"), limb, events)
         if wrenches is not None and weight is not None:
             span = float(points.time[0]), float(points.time[-1])
-            track = on_plates(track, limb, wrenches, up, weight * options.threshold, span, options)
+            track = foot_events.on_plates(track, limb, wrenches, up, weight * options.threshold, span, options)
         if len(track.strikes):
             tracks[limb.name] = track
         else:
             notes.append(f"{limb.name}: the foot is not seen to go forward and back")
     ground = -abs(ground_speed) if ground_speed is not None else 0.0
     if ground_speed is None and not travels:
-        ground = ground_speed_of(points.time, tracks, trunk, along, options)
+        ground = foot_events.ground_speed_of(points.time, tracks, trunk, along, options)
         if ground:
             notes.append(
                 f"the ground moves at {ground:.3g} m/s as standing feet do; give the belt's speed if it is known"
@@ -218,15 +209,15 @@ def find_strides(
     )
 
 
-def _trunk(points: Series, limbs: Sequence[Limb], body: Sequence[str]) -> Array:
+def _trunk(points: Series, limbs: Sequence[foot_events.Limb], body: Sequence[str]) -> Array:
     """(frames, 3) of the trunk; raises `BadData` where strides cannot be found from the points."""
     if not limbs:
         raise BadData("no limb is named: strides need at least one")
     if points.values.ndim != 3:
         raise BadData(f"points of feet have shape {points.values.shape}: expected (frames, points, 3)")
     trunk = _mean(points, body)
-    if np.isfinite(trunk[:, 0]).sum() < MIN_FRAMES:
-        raise BadData(f"the points of the trunk, {', '.join(body)}, are seen in fewer than {MIN_FRAMES} frames")
+    if np.isfinite(trunk[:, 0]).sum() < foot_events.MIN_FRAMES:
+        raise BadData(f"the points of the trunk, {', '.join(body)}, are seen in under {foot_events.MIN_FRAMES} frames")
     return trunk
 
 

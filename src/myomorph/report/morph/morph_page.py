@@ -16,15 +16,8 @@ from myomorph.morph.maps.fields import muscle_sizes
 from myomorph.morph.morphed import Morph
 from myomorph.report.charts.axis import number
 from myomorph.report.charts.rows import dot_plot
+from myomorph.report.morph import tables
 from myomorph.report.morph.figures import arm_figure, body_figure, bone_figures, name_of
-from myomorph.report.morph.tables import (
-    arm_summary_rows,
-    joint_rows,
-    mass_rows,
-    penetration_rows,
-    point_rows,
-    wrap_rows,
-)
 from myomorph.report.page.page import Tile, rendered
 from myomorph.report.page.parts import Figure, Grid, Note, PageHead, Section, Step, cited
 
@@ -236,7 +229,7 @@ def arm_section(morph: Morph, checks: MorphChecks) -> Section | None:
         (name_of(arms.pair), str(len(arms.muscles)), number(checks.order[arms.pair.source], 0.001))
         for arms in checks.arms
     )
-    rows = arm_summary_rows(morph, checks).rows
+    rows = tables.arm_summary_rows(morph, checks).rows
     printed = [
         (str(pair), str(muscle), *(number(1e3 * arm) for arm in arms[:6]), number(arms[6]), f"{100 * arms[7]:.0f} %",
          *(number(1e3 * arm) for arm in arms[8:]))
@@ -322,9 +315,9 @@ def path_section(morph: Morph, checks: MorphChecks) -> Section:
         "in the joints' ranges, in source or target."
     )
     grids = [
-        penetration_rows(checks).grid("Paths below the surface of bones, largest increase first", True),
-        point_rows(morph).grid(f"All {len(morph.points)} points", True),
-        wrap_rows(checks).grid("Wrap objects, and how surely they lie", True),
+        tables.penetration_rows(checks).grid("Paths below the surface of bones, largest increase first", True),
+        tables.point_rows(morph).grid(f"All {len(morph.points)} points", True),
+        tables.wrap_rows(checks).grid("Wrap objects, and how surely they lie", True),
     ]
     if morph.left_out:
         grids.insert(0, Grid(("Part", "Reason"), tuple(morph.left_out.items()), "Excluded"))
@@ -335,7 +328,7 @@ def joint_section(morph: Morph) -> Section | None:
     """Joint centers."""
     if not morph.joints:
         return None
-    grid = joint_rows(morph).grid("Centers in the target's bones")
+    grid = tables.joint_rows(morph).grid("Centers in the target's bones")
     fitted = sum(1 for joint in morph.joints if joint.method in ("sphere", "cylinder"))
     lead = (
         f"{fitted} of {len(morph.joints)} joint centers come from spheres and cylinders fitted to the target's "
@@ -350,7 +343,7 @@ def mass_section(morph: Morph) -> Section:
     title = "Masses, centers of mass and principal moments of inertia"
     lead = f"{number(morph.model.mass)} kg, the source {number(morph.source.mass)} kg."
     notes = [f"{note[:1].upper()}{note[1:]}." for note in morph.notes if note.startswith("masses")]
-    grid = mass_rows(morph).grid(title)
+    grid = tables.mass_rows(morph).grid(title)
     return Section("masses", "Masses", " ".join([lead, *notes]), (), (), (grid,))
 
 

@@ -16,18 +16,11 @@ from myomorph.report.charts.points import floor_plot
 from myomorph.report.charts.tracks import Backdrop, contact_graph, draw_track, phase_names, row_title, time_axis
 from myomorph.report.page.parts import Figure, Grid, Section
 from myomorph.report.scene.scene import make_scene
+from myomorph.report.trial import motion_analysis
 from myomorph.report.trial.contact_panel import between_tracks, contact_force_section
 from myomorph.report.trial.estimated_forces import acting_forces
 from myomorph.report.trial.figures import ORDINAL, STYLE, Ground
-from myomorph.report.trial.motion_analysis import (
-    MotionAnalysis,
-    Person,
-    analyse,
-    column_name,
-    leveled,
-    person_legend,
-    person_styles,
-)
+from myomorph.report.trial.motion_analysis import MotionAnalysis, Person
 from myomorph.report.trial.muscle_sections import emg_of
 from myomorph.report.trial.prepared import Prepared
 from myomorph.report.trial.relation_tables import correlation_section, cut_words, phase_section
@@ -44,7 +37,7 @@ def center_section(prepared: Prepared, analysis: MotionAnalysis, behind: Backdro
     for index, axis in enumerate(analysis.axes):
         lines = [
             Line(person.center.time, person.center.values[:, index], style, person.who.name or axis)
-            for person, style in zip(analysis.persons, person_styles(analysis), strict=True)
+            for person, style in zip(analysis.persons, motion_analysis.person_styles(analysis), strict=True)
         ]
         drawn.append(draw_track(behind, axis.capitalize(), "m", lines))
     figures = [Figure("".join([phase_names(behind), *drawn, time_axis(behind)]), "full")]
@@ -55,7 +48,7 @@ def center_section(prepared: Prepared, analysis: MotionAnalysis, behind: Backdro
         "center-of-gravity",
         "Center of gravity",
         " ".join(_printed(analysis, person) for person in analysis.persons),
-        tuple(person_legend(analysis)) if len(analysis.persons) > 1 else (),
+        tuple(motion_analysis.person_legend(analysis)) if len(analysis.persons) > 1 else (),
         tuple(figures),
         (_center_grid(analysis),),
     )
@@ -96,7 +89,7 @@ def _extent(points: Array) -> Array:
 def _upright_path(analysis: MotionAnalysis) -> str:
     """Height over the horizontal axis along which less is gone, straight lines of both taken off [mm]."""
     axis = 1 + int(np.argmin(np.sum([_extent(person.center.values) for person in analysis.persons], axis=0)[1:]))
-    paths = [1000.0 * leveled(person.center).values[:, [axis, 0]] for person in analysis.persons]
+    paths = [1000.0 * motion_analysis.leveled(person.center).values[:, [axis, 0]] for person in analysis.persons]
     across = (analysis.axes[axis], analysis.axes[0])
     title = f"Height over {analysis.axes[axis]}"
     return floor_plot(title, across, _by_stage(analysis, paths), width=505, height=300, unit="mm", one_scale=False)
@@ -106,7 +99,7 @@ def _by_stage(analysis: MotionAnalysis, points: list[Array]) -> list[tuple[str, 
     """Paths (frames, 2) of all persons; of a single one, a color a stage where there are few."""
     stages = analysis.cutting.stages
     if len(points) > 1 or not 2 <= len(stages) <= len(ORDINAL):
-        styles = ["first"] if len(points) == 1 else person_styles(analysis)
+        styles = ["first"] if len(points) == 1 else motion_analysis.person_styles(analysis)
         names = [person.who.name or "center of gravity" for person in analysis.persons]
         return list(zip(names, styles, points, strict=True))
     time = analysis.persons[0].center.time
@@ -205,7 +198,7 @@ def score_section(prepared: Prepared, analysis: MotionAnalysis, behind: Backdrop
     if _top(analysis) is not None or any(row.side for row in graph):
         legend = [("right", "right"), ("left dotted", "left")]
     if len(analysis.persons) > 1:
-        legend += person_legend(analysis)
+        legend += motion_analysis.person_legend(analysis)
     if any(_measured(prepared, person) for person in analysis.persons):
         legend.append(("emg", "EMG"))
     return Section(
@@ -263,7 +256,7 @@ def _heights(analysis: MotionAnalysis, behind: Backdrop) -> str:
     factor, unit = scaled_unit("m", *(person.center.values[:, 0] for person in analysis.persons))
     lines = [
         Line(person.center.time, factor * person.center.values[:, 0], style, person.who.name or "height")
-        for person, style in zip(analysis.persons, person_styles(analysis), strict=True)
+        for person, style in zip(analysis.persons, motion_analysis.person_styles(analysis), strict=True)
     ]
     still = analysis.persons[0].still if len(analysis.persons) == 1 else float("nan")
     levels = [Level(factor * still, "at rest", "middle")] if np.isfinite(still) else []
@@ -288,7 +281,7 @@ def _muscles(prepared: Prepared, analysis: MotionAnalysis, person: Person, behin
             for side, time, values in emg_of(prepared, pair)
         ]
         for side in pair.members:
-            name, series = column_name(pair, side), person.activations
+            name, series = motion_analysis.column_name(pair, side), person.activations
             if series is not None and name in series.names:
                 style = f"{STYLE[side]} dotted" if side == "left" else STYLE[side]
                 lines.append(Line(series.time, series[name], style, side or "activation"))
@@ -312,7 +305,7 @@ MAX_STRIPES = 60
 
 def analysis_sections(prepared: Prepared) -> list[Section]:
     """The sections on the motion that the results allow."""
-    analysis = analyse(prepared)
+    analysis = motion_analysis.analyse(prepared)
     if analysis is None:
         return []
     # Of a very long motion the part that other charts show.

@@ -16,20 +16,9 @@ from myomorph.analysis.walking import walking_strides
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.series import Event, Motion, Series
 from myomorph.report.page.parts import Verdict
+from myomorph.report.trial import tables
 from myomorph.report.trial.estimated_forces import contact_verdicts
 from myomorph.report.trial.report_input import ReportInput
-from myomorph.report.trial.tables import (
-    body_scale,
-    gap_verdicts,
-    loaded_height,
-    marker_verdicts,
-    range_verdicts,
-    reserve_verdicts,
-    residual_verdicts,
-    saturation_verdicts,
-    stretch_verdict,
-    unsolved_verdict,
-)
 
 MAX_CENTER_FRAMES = 40000
 MAX_PLAYED = 7.5
@@ -152,7 +141,7 @@ def prepare(results: ReportInput) -> Prepared:
         movement = Movement(
             kind, tuple(sorted(results.recorded.events, key=lambda event: event.time)), movement.measures
         )
-    scale = body_scale(results.kinematics.markers)
+    scale = tables.body_scale(results.kinematics.markers)
     prepared = Prepared(results, up, span, movement, com, _floor(results, up), whole, scale, ())
     return replace(prepared, verdicts=tuple(_verdicts(prepared)))
 
@@ -182,7 +171,7 @@ def _floor(results: ReportInput, up: Array) -> float:
     if results.recorded.plates:
         return float(np.mean([plate.corners @ up for plate in results.recorded.plates]))
     if results.dynamics.wrenches is not None and len(results.dynamics.wrenches.names):
-        return loaded_height(results.dynamics.wrenches, up)
+        return tables.loaded_height(results.dynamics.wrenches, up)
     return 0.0
 
 
@@ -191,24 +180,24 @@ def _verdicts(prepared: Prepared) -> list[Verdict]:
     model, torques, wrenches = results.model, results.dynamics.torques, results.dynamics.wrenches
     rows: list[Verdict] = []
     if results.kinematics.fit is not None:
-        rows += marker_verdicts(results.kinematics.fit, prepared.scale)
+        rows += tables.marker_verdicts(results.kinematics.fit, prepared.scale)
     if results.kinematics.markers is not None:
-        rows += gap_verdicts(results.kinematics.markers)
+        rows += tables.gap_verdicts(results.kinematics.markers)
     if model is not None and motion is not None and len(motion):
-        rows += range_verdicts(model, motion)
+        rows += tables.range_verdicts(model, motion)
     # What contacts were solved for is still in the torques of inverse dynamics.
     judged = not results.dynamics.root_note and results.contacts.forces is None and prepared.center_height > 0
     if judged and model is not None and torques is not None and wrenches is not None:
-        rows += residual_verdicts(model, torques, wrenches, prepared.center_height)
+        rows += tables.residual_verdicts(model, torques, wrenches, prepared.center_height)
     rows += contact_verdicts(results, prepared.center_height)
     if tension is not None:
-        rows.append(unsolved_verdict(tension.solved, tension.time))
+        rows.append(tables.unsolved_verdict(tension.solved, tension.time))
         if model is not None and torques is not None:
             names, reserves = tension.reserve_coordinates, tension.reserves
-            rows += reserve_verdicts(model, torques, names, reserves, tension.time, results.muscles.driven)
+            rows += tables.reserve_verdicts(model, torques, names, reserves, tension.time, results.muscles.driven)
         bounds = {} if model is None else {muscle.name: muscle.max_activation for muscle in model.muscles}
         most = np.array([bounds.get(name, 1.0) for name in tension.muscles])
         if tension.passive is not None or tension.overstretched:
-            rows.append(stretch_verdict(tension.overstretched, len(tension.muscles), tension.passive or ()))
-        rows += saturation_verdicts(tension.muscles, tension.activations, most, tension.time)
+            rows.append(tables.stretch_verdict(tension.overstretched, len(tension.muscles), tension.passive or ()))
+        rows += tables.saturation_verdicts(tension.muscles, tension.activations, most, tension.time)
     return rows

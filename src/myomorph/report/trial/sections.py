@@ -10,18 +10,10 @@ from myomorph.model.errors import few
 from myomorph.model.series import Series
 from myomorph.report.charts.axis import number
 from myomorph.report.page.parts import SIDES_LEGEND, Figure, Grid, Section
+from myomorph.report.trial import figures as drawings
 from myomorph.report.trial import muscle_sections
 from myomorph.report.trial.analysis_sections import analysis_sections
 from myomorph.report.trial.contact_panel import joint_contact_section
-from myomorph.report.trial.figures import (
-    centroid_figures,
-    force_figures,
-    marker_figures,
-    moment_scale,
-    pair_panel,
-    pressure_figure,
-    residual_figures,
-)
 from myomorph.report.trial.identification import identification_sections
 from myomorph.report.trial.muscle_sections import fiber_section
 from myomorph.report.trial.prepared import Prepared
@@ -76,7 +68,7 @@ def marker_section(prepared: Prepared) -> Section | None:
     fit = prepared.results.kinematics.fit
     if fit is None or not len(fit.motion) or not np.isfinite(fit.errors).any():
         return None
-    over_time, *bars = marker_figures(fit, prepared.span, prepared.events, prepared.scale)
+    over_time, *bars = drawings.marker_figures(fit, prepared.span, prepared.events, prepared.scale)
     text = f"{len(fit.marker_names)} markers were followed"
     if fit.unused_markers:
         text += f"; recorded, but not in the model: {few(fit.unused_markers, 8)}"
@@ -98,18 +90,18 @@ def force_section(prepared: Prepared) -> Section | None:
     drawn: list[str] = []
     lead = ""
     if wrenches is not None and len(wrenches.names):
-        drawn += force_figures(wrenches, prepared.up, prepared.detail, events, prepared.weight)
-        drawn.append(pressure_figure(wrenches, results.recorded.plates, prepared.up))
+        drawn += drawings.force_figures(wrenches, prepared.up, prepared.detail, events, prepared.weight)
+        drawn.append(drawings.pressure_figure(wrenches, results.recorded.plates, prepared.up))
     # The first of the forces is the vertical one.
     first = len(drawn) > 0
     if prepared.centroid is not None:
-        drawn += centroid_figures(prepared.centroid, prepared.up, prepared.detail, events)
+        drawn += drawings.centroid_figures(prepared.centroid, prepared.up, prepared.detail, events)
     if wrenches is not None and torques is not None and results.model is not None:
         left, lead = residuals(results.model, torques), results.dynamics.root_note
         if not lead and left is not None and np.isfinite(prepared.center_height):
             net = np.linalg.norm(np.nan_to_num(wrenches.forces).sum(axis=1), axis=1)
             peak = float(net.max(initial=0.0))
-            drawn += residual_figures(torques.time, *left, peak, prepared.center_height, prepared.span, events)
+            drawn += drawings.residual_figures(torques.time, *left, peak, prepared.center_height, prepared.span, events)
             lead = "Residuals are the forces at the model's root that the motion would need beside the measured ones."
     figures = [Figure(chart, "medium" if first and i == 0 else "small") for i, chart in enumerate(drawn) if chart]
     if not figures:
@@ -142,18 +134,18 @@ def joint_section(prepared: Prepared) -> Section | None:
     if not chosen:
         return None
     figures = []
-    scale = moment_scale(results.model) if not results.dynamics.root_note else None
+    scale = drawings.moment_scale(results.model) if not results.dynamics.root_note else None
     truth, torques = results.recorded.truth or Truth(), results.dynamics.torques
     shown, margin = (prepared.detail, prepared.events), 36 if scale and torques is not None else 8
     spreads = results.uncertainty.spreads
     angles, moments = spreads.get("coordinates"), spreads.get("torques_with_contacts", spreads.get("torques"))
     for pair in chosen:
         base = pair.label.removesuffix(" angle")
-        drawing = pair_panel(
+        drawing = drawings.pair_panel(
             f"{base} angle", "°", pair, motion, *shown, 180 / np.pi, truth=truth.motion, margin=margin, spread=angles
         )
         if torques is not None and any(name in torques.names for name in pair.names):
-            drawing += pair_panel(
+            drawing += drawings.pair_panel(
                 f"{base} moment", "N·m", pair, torques, *shown, second=scale, truth=truth.torques, spread=moments
             )
         figures.append(Figure(drawing))

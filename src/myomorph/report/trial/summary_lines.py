@@ -14,17 +14,7 @@ from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion, Series, Wrenches
 from myomorph.motion.calibration import SOURCES, Calibration
 from myomorph.motion.ik import KinematicsFit
-from myomorph.report.trial.tables import (
-    MARKER_LARGEST,
-    MARKER_RMS,
-    RESERVE,
-    RESIDUAL_FORCE,
-    RESIDUAL_MOMENT,
-    body_scale,
-    loaded_height,
-    residuals,
-    worst_reserve,
-)
+from myomorph.report.trial import tables
 from myomorph.tension.tension import Tension
 
 ALONE = 1e-3  # Share of a coordinate's torque that its muscles give at most where it has none that counts.
@@ -44,13 +34,15 @@ def kinematics_line(fit: KinematicsFit, model: Model, markers: Markers | None) -
     sensed = _sensors_text(fit)
     if not np.isfinite(fit.errors).any():
         return f"{text}: {sensed or 'no frame shows a marker'}"
-    scale = body_scale(markers)
+    scale = tables.body_scale(markers)
     rms, time = fit.rms, fit.motion.time
     worst = int(np.nanargmax(rms))
     frame, marker = np.unravel_index(int(np.nanargmax(fit.errors)), fit.errors.shape)
     largest = float(fit.errors[frame, marker])
-    within = rms[worst] <= MARKER_RMS * scale and largest <= MARKER_LARGEST * scale
-    limits = f"{100 * MARKER_RMS * scale:.3g} and {100 * MARKER_LARGEST * scale:.3g} cm (Hicks et al. 2015)"
+    within = rms[worst] <= tables.MARKER_RMS * scale and largest <= tables.MARKER_LARGEST * scale
+    limits = (
+        f"{100 * tables.MARKER_RMS * scale:.3g} and {100 * tables.MARKER_LARGEST * scale:.3g} cm (Hicks et al. 2015)"
+    )
     lost = int((~fit.converged & fit.seen).sum())
     closed = "" if fit.closure is None else f"; loops closed to {float(np.nanmax(fit.closure)):.1g} m"
     return (
@@ -79,7 +71,7 @@ def dynamics_line(model: Model, motion: Motion, torques: Series, wrenches: Wrenc
     Source: Hicks et al. 2015 (force under 5 % of the peak external force, moment under 1 % of that times the height of
     the center of mass).
     """
-    root = residuals(model, torques)
+    root = tables.residuals(model, torques)
     if root is None or not np.isfinite(root[0]).any() or model.weight <= 0.0:
         return ""
     parts = []
@@ -92,14 +84,14 @@ def dynamics_line(model: Model, motion: Motion, torques: Series, wrenches: Wrenc
     if wrenches is None or not len(wrenches.names):
         return f"{text}: without external forces they carry the body"
     net = np.linalg.norm(np.nan_to_num(wrenches.forces).sum(axis=1), axis=1)
-    height = float(np.nanmean(centroid(model, motion).values @ model.up)) - loaded_height(wrenches, model.up)
+    height = float(np.nanmean(centroid(model, motion).values @ model.up)) - tables.loaded_height(wrenches, model.up)
     peak = float(net.max(initial=0.0))
     if peak <= 0.0 or not height > 0.0:
         return text
     force, moment = (float(np.nanmax(component)) for component in root)
     shares = f"{plain(100 * force / peak)} and {plain(100 * moment / (peak * height))} %"
-    within = force <= RESIDUAL_FORCE * peak and moment <= RESIDUAL_MOMENT * peak * height
-    limits = f"{100 * RESIDUAL_FORCE:g} and {100 * RESIDUAL_MOMENT:g} %"
+    within = force <= tables.RESIDUAL_FORCE * peak and moment <= tables.RESIDUAL_MOMENT * peak * height
+    limits = f"{100 * tables.RESIDUAL_FORCE:g} and {100 * tables.RESIDUAL_MOMENT:g} %"
     return (
         f"{text}: {shares} of the peak external force (times height), {'within' if within else 'over'} the limits of "
         f"{limits} (Hicks et al. 2015)"
@@ -130,17 +122,17 @@ def _reserves(model: Model, tension: Tension) -> str:
     names = [reserve_coordinate(model, name) for name in tension.reserve_names]
     alone = _without_muscles(torques, names, tension)
     driven = [name for name in tension.coordinates if name not in alone]
-    worst = worst_reserve(model, torques, names, tension.reserves, driven)
+    worst = tables.worst_reserve(model, torques, names, tension.reserves, driven)
     if worst is not None:
         value, at = abs(float(tension.reserves[worst.frame, worst.column])), float(time[worst.frame])
         unit = reserve_unit(model, worst.coordinate)
-        verdict = "within" if worst.share <= RESERVE else "over"
+        verdict = "within" if worst.share <= tables.RESERVE else "over"
         whose = "its peak torque"
         if not worst.own:
             whose = f"{plain(worst.scale)} {unit} (its own torque is negligible)"
         text = (
             f"; largest reserve {plain(value)} {unit} ({worst.coordinate} at {at:.2f} s), "
-            f"{plain(100 * worst.share)} % of {whose}: {verdict} {100 * RESERVE:g} %"
+            f"{plain(100 * worst.share)} % of {whose}: {verdict} {100 * tables.RESERVE:g} %"
         )
     for unit in ("N", "N m"):
         columns = [i for i, name in enumerate(tension.reserve_names) if _residual_unit(model, name, names[i]) == unit]
@@ -204,10 +196,10 @@ def calibration_line(calibration: Calibration) -> str:
     ended += f" (last change {calibration.last_change:.1g})"
     fixed = Counter(angle.source for angle in calibration.zero_angles)
     zeros = f"; zero angles by {', '.join(f'{name} {fixed[name]}' for name in SOURCES if fixed[name])}" if fixed else ""
-    limit = "within" if calibration.rms_after <= MARKER_RMS else "over"
+    limit = "within" if calibration.rms_after <= tables.MARKER_RMS else "over"
     return (
         f"{count} frames, {len(names)} markers: root mean square {1e3 * calibration.rms_before:.1f} -> "
-        f"{1e3 * calibration.rms_after:.1f} mm ({limit} {1e3 * MARKER_RMS:g} mm), worst marker {names[worst]} "
+        f"{1e3 * calibration.rms_after:.1f} mm ({limit} {1e3 * tables.MARKER_RMS:g} mm), worst marker {names[worst]} "
         f"{1e3 * each[worst]:.1f} mm; size {calibration.size:.3f}; {ended}{zeros}"
     )
 

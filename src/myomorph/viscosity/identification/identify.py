@@ -13,6 +13,7 @@ from threadpoolctl import threadpool_limits
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData, MyomorphError, check_name
 from myomorph.model.provenance import Estimate
+from myomorph.viscosity.identification import torque as torques
 from myomorph.viscosity.identification.condition import (
     LACKING,
     ConditionSolution,
@@ -26,15 +27,6 @@ from myomorph.viscosity.identification.inertia import (
     Tare,
     least_mass,
     limb_inertia,
-)
-from myomorph.viscosity.identification.torque import (
-    counted_from,
-    muscle_problem,
-    neutral_position,
-    noise_variance,
-    ridge_strength,
-    spring_misfit,
-    torque_problem,
 )
 from myomorph.viscosity.swings.recording import SwingRecording
 from myomorph.viscosity.swings.sums import swing_sums
@@ -283,9 +275,9 @@ def _solved(recordings: Sequence[SwingRecording], options: ViscosityOptions) -> 
         if options.stiffness is not False and len(sums.axes) == 3:
             parameters = limb_inertia(sums, None, inertial).parameters
             for _ in range(NEUTRAL_ROUNDS):
-                moved = counted_from(recordings, neutral_position(sums, parameters))
+                moved = torques.counted_from(recordings, torques.neutral_position(sums, parameters))
                 there = swing_sums(moved, options.block, options.min_relative_speed)
-                if spring_misfit(there, parameters) >= spring_misfit(sums, parameters):
+                if torques.spring_misfit(there, parameters) >= torques.spring_misfit(sums, parameters):
                     break
                 recordings, sums = moved, there
         return solve_condition(sums, inertial, options.stiffness is not False)
@@ -341,15 +333,15 @@ def _muscles(
     names = full.sums.muscles
     shares = _shares(names, pcsa)
     whole, joint = full.torque(full.whole), bare.whole.joint.taken_off(options.subtract)
-    problem = muscle_problem(whole, joint)
+    problem = torques.muscle_problem(whole, joint)
     common = problem.along(np.ones(len(names)))
     phi = full.whole.inertia.parameters
-    blocks = np.stack([torque_problem(sums, phi, options.stiffness is not False) for sums in full.sums.torque])
-    variance = noise_variance(blocks, joint)
-    strength = ridge_strength(problem, variance, common, options.spread)
+    blocks = np.stack([torques.torque_problem(sums, phi, options.stiffness is not False) for sums in full.sums.torque])
+    variance = torques.noise_variance(blocks, joint)
+    strength = torques.ridge_strength(problem, variance, common, options.spread)
 
     def values(torque: Array, less: Solution) -> Array:
-        return muscle_problem(torque, less.joint.taken_off(options.subtract)).solved(shares, strength)
+        return torques.muscle_problem(torque, less.joint.taken_off(options.subtract)).solved(shares, strength)
 
     others = [values(whole, block) for block in bare.lacking]
     others += [values(full.torque(block), bare.whole) for block in full.lacking]

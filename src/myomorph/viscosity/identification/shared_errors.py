@@ -12,15 +12,10 @@ import numpy as np
 from myomorph.model.arrays import Array
 from myomorph.model.errors import MyomorphError
 from myomorph.model.provenance import Estimate
+from myomorph.viscosity.identification import identify
 from myomorph.viscosity.identification.budget import ErrorOptions, ErrorShare, disturbed, thinned
 from myomorph.viscosity.identification.condition import Solution, solve_blocks
-from myomorph.viscosity.identification.identify import (
-    QUANTITIES_OF,
-    Condition,
-    SpecimenViscosity,
-    ViscosityOptions,
-    muscle_masses,
-)
+from myomorph.viscosity.identification.identify import Condition, SpecimenViscosity, ViscosityOptions
 from myomorph.viscosity.identification.inertia import InertiaOptions
 from myomorph.viscosity.identification.instruments import Instruments
 from myomorph.viscosity.identification.torque import muscle_problem, torque_problem
@@ -67,7 +62,7 @@ def with_shared_errors(
 
     parts: dict[str, Any] = {}
     for key, condition in conditions.items():
-        mass, com, moment, viscosity = QUANTITIES_OF[key]
+        mass, com, moment, viscosity = identify.QUANTITIES_OF[key]
         axes = zip(condition.recordings[0].axes, condition.axis_viscosity, strict=True)
         plate = condition.plate_viscosity
         parts["without" if key == "without" else "intact"] = replace(
@@ -131,12 +126,12 @@ def _values(
         sums = swing_sums(condition_recordings, options.block, options.min_relative_speed)
         every, sprung = np.ones(len(sums)), options.stiffness is not False
         whole = solve_blocks(sums, every, inertial, sprung, conditions[key].residual)
-        mass, *_, viscosity = QUANTITIES_OF[key]
+        mass, *_, viscosity = identify.QUANTITIES_OF[key]
         names = (f"plate {viscosity}", f"{mass} least", *(f"{axis} {viscosity}" for axis in sums.axes))
-        known |= dict(zip((*QUANTITIES_OF[key], *names), whole.estimates.tolist(), strict=True))
+        known |= dict(zip((*identify.QUANTITIES_OF[key], *names), whole.estimates.tolist(), strict=True))
         solved[key] = sums, whole
-    if len(solved) == len(QUANTITIES_OF):
-        masses = muscle_masses(solved["without"][1].inertia, solved["with"][1].inertia)
+    if len(solved) == len(identify.QUANTITIES_OF):
+        masses = identify.muscle_masses(solved["without"][1].inertia, solved["with"][1].inertia)
         known |= dict(zip(("estimated_muscle_mass", "least_muscle_mass"), masses.tolist(), strict=True))
         sums, full = solved["with"]
         if sums.muscles:

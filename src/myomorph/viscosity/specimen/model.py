@@ -16,17 +16,7 @@ from myomorph.model.functions import linear
 from myomorph.model.model import GROUND, Axis, Coordinate, Joint, Marker, Model
 from myomorph.model.series import Markers, Wrenches
 from myomorph.model.spatial import Transform
-from myomorph.viscosity.specimen.bodies import (
-    ASTRAY,
-    Anatomy,
-    anatomy,
-    free,
-    held_joint,
-    joint_center,
-    lumped_bodies,
-    shifts,
-    turns,
-)
+from myomorph.viscosity.specimen import bodies
 from myomorph.viscosity.specimen.muscles import kept_muscles
 
 AXES = ("x", "y", "z")
@@ -195,10 +185,10 @@ def build_specimen(model: Model, names: SpecimenNames) -> Specimen:
     hinge, whatever phantom bodies the model has there. Joints beyond stay, as coordinates that wires hold. Bodies
     beyond a bone move with it, everything else of the model is dropped.
     """
-    source = anatomy(model, names.base, names.first, names.bones)
-    center, directions, distance = joint_center(source, names.base, names.first)
+    source = bodies.anatomy(model, names.base, names.first, names.bones)
+    center, directions, distance = bodies.joint_center(source, names.base, names.first)
     notes: list[str] = []
-    if distance > ASTRAY:
+    if distance > bodies.ASTRAY:
         notes.append(
             f"the axes between '{names.base}' and '{names.first}' miss each other: the joint's center is "
             f"{1000 * distance:.1f} mm from one of them"
@@ -208,7 +198,7 @@ def build_specimen(model: Model, names: SpecimenNames) -> Specimen:
     joints, held = [base_joint, joint], list[Coordinate]()
     for bone in source.bones:
         if bone not in (names.base, names.first):
-            holding, coordinates = held_joint(source, bone)
+            holding, coordinates = bodies.held_joint(source, bone)
             joints.append(holding)
             held += coordinates
     turning = np.zeros((0, 3))
@@ -220,7 +210,7 @@ def build_specimen(model: Model, names: SpecimenNames) -> Specimen:
     muscles, strands, surfaces, changed = kept_muscles(source, names.muscles, kept)
     made = Model(
         name=model.name,
-        bodies=lumped_bodies(source),
+        bodies=bodies.lumped_bodies(source),
         joints=tuple(joints),
         coordinates=(*base_coordinates, *joint_coordinates, *held),
         gravity=model.gravity,
@@ -248,18 +238,18 @@ def build_specimen(model: Model, names: SpecimenNames) -> Specimen:
     )
 
 
-def _base_joint(source: Anatomy, base: str) -> tuple[Joint, tuple[Coordinate, ...]]:
+def _base_joint(source: bodies.Anatomy, base: str) -> tuple[Joint, tuple[Coordinate, ...]]:
     places, angles = [f"{base}_t{axis}" for axis in AXES], [f"{base}_r{axis}" for axis in AXES]
-    coordinates = free(places, "translational") + free(angles)
+    coordinates = bodies.free(places, "translational") + bodies.free(angles)
     names = tuple(coordinate.name for coordinate in coordinates)
-    axes = shifts(places) + turns(angles)
+    axes = bodies.shifts(places) + bodies.turns(angles)
     return Joint(
         f"ground_{base}", "free", GROUND, base, source.pose(base), Transform.identity(), axes, names
     ), coordinates
 
 
 def _joint(
-    source: Anatomy, names: SpecimenNames, center: Array, directions: Array
+    source: bodies.Anatomy, names: SpecimenNames, center: Array, directions: Array
 ) -> tuple[Joint, tuple[Coordinate, ...], Array]:
     """The joint at the center; its frames have the axes of the limb's first body."""
     base, first = source.pose(names.base), source.pose(names.first)
@@ -269,9 +259,9 @@ def _joint(
     if names.joint == "ball":
         order = _order(source, names.first, in_limb)
         angles = [f"{names.first}_r{AXES[axis]}" for axis in order]
-        coordinates = free(angles)
+        coordinates = bodies.free(angles)
         joint = Joint(f"{names.base}_{names.first}", "ball", names.base, names.first, parent, child)
-        return replace(joint, axes=turns(angles, order), coordinates=tuple(angles)), coordinates, np.eye(3)
+        return replace(joint, axes=bodies.turns(angles, order), coordinates=tuple(angles)), coordinates, np.eye(3)
     aligned = directions @ directions[0]
     if np.abs(aligned).min() < np.cos(0.02):
         raise BadModel(
@@ -282,10 +272,10 @@ def _joint(
     angle = f"{names.first}_angle"
     axis = Axis("rotation", vector, linear(1.0), (angle,))
     joint = Joint(f"{names.base}_{names.first}", "hinge", names.base, names.first, parent, child, (axis,), (angle,))
-    return joint, free([angle]), vector[None]
+    return joint, bodies.free([angle]), vector[None]
 
 
-def _order(source: Anatomy, first: str, in_limb: Array) -> tuple[int, int, int]:
+def _order(source: bodies.Anatomy, first: str, in_limb: Array) -> tuple[int, int, int]:
     """The order of a ball's rotations: in the middle the axis nearest to the limb's length."""
     inverse = source.pose(first).inverse()
     places = [inverse.apply(source.pose(name).translation) - in_limb for name in source.bones]
@@ -296,7 +286,7 @@ def _order(source: Anatomy, first: str, in_limb: Array) -> tuple[int, int, int]:
     return (middle - 1) % 3, middle, (middle + 1) % 3
 
 
-def _markers(source: Anatomy) -> tuple[Marker, ...]:
+def _markers(source: bodies.Anatomy) -> tuple[Marker, ...]:
     kept = []
     for marker in source.model.markers:
         if marker.body in source.homes:

@@ -17,16 +17,7 @@ from myomorph.model.errors import BadData, BadFile, UnknownName
 from myomorph.model.model import Model
 from myomorph.model.series import Markers, PlateRecording, Trial
 from myomorph.model.surface import Surface
-from myomorph.morph.registration.clusters import (
-    NamedCluster,
-    Picks,
-    ScannedBone,
-    bone_surface,
-    find_balls,
-    name_cluster,
-    place_cluster_markers,
-    place_scanned_bone,
-)
+from myomorph.morph.registration import clusters as register
 from myomorph.muscles.kinematics import default_path_lengths
 from myomorph.store.study_file import Strict
 from myomorph.study.inputs.reading import about, read_recording
@@ -82,8 +73,8 @@ class ScannedModel:
     """
 
     model: Model
-    bones: tuple[ScannedBone, ...]
-    clusters: tuple[NamedCluster, ...]
+    bones: tuple[register.ScannedBone, ...]
+    clusters: tuple[register.NamedCluster, ...]
     notes: tuple[str, ...]
 
 
@@ -100,14 +91,14 @@ def model_from_scans(model: Model, scans: Sequence[ScanFiles], recorded: Markers
         distances = _distances(recorded, scan.markers)
         near = {name: factor * row[:3] for name, row in points.items() if name in scan.markers}
         with about(scan.cluster):
-            balls = find_balls(_sized(read_mesh(scan.cluster), factor), scan.diameter)
-            cluster = name_cluster(balls, scan.markers, distances, near)
+            balls = register.find_balls(_sized(read_mesh(scan.cluster), factor), scan.diameter)
+            cluster = register.name_cluster(balls, scan.markers, distances, near)
         with about(scan.surface):
             picks = _picks(model, scan, points, factor)
             sized = _sized(scanned, factor)
-            bones.append(place_scanned_bone(scan.bone, sized, _modelled(model, scan), cluster.centers, picks))
+            bones.append(register.place_scanned_bone(scan.bone, sized, _modelled(model, scan), cluster.centers, picks))
         clusters.append(cluster)
-    placed = place_cluster_markers(model, bones, path_lengths=default_path_lengths if model.muscles else None)
+    placed = register.place_cluster_markers(model, bones, path_lengths=default_path_lengths if model.muscles else None)
     notes = [line for bone in bones for line in bone.notes]
     notes += [f"{scan.bone}: {line}" for scan, cluster in zip(scans, clusters, strict=True) for line in cluster.notes]
     return ScannedModel(placed, tuple(bones), tuple(clusters), tuple(notes))
@@ -159,10 +150,10 @@ def _modelled(model: Model, scan: ScanFiles) -> Surface:
         path = Path(name) if whole else find_mesh(name, folders)
         if path is not None:
             meshes[name] = read_mesh(path)
-    return bone_surface(body, meshes)
+    return register.bone_surface(body, meshes)
 
 
-def _picks(model: Model, scan: ScanFiles, points: Mapping[str, Array], factor: float) -> Picks | None:
+def _picks(model: Model, scan: ScanFiles, points: Mapping[str, Array], factor: float) -> register.Picks | None:
     """Points of the scan beside those of the model's bone; None where fewer than three were picked."""
     locations = {marker.name: marker.location for marker in model.markers if marker.body == scan.bone}
     pairs = {}
@@ -178,7 +169,7 @@ def _picks(model: Model, scan: ScanFiles, points: Mapping[str, Array], factor: f
     if len(pairs) < 3:
         raise BadData(f"{len(pairs)} points were picked on '{scan.bone}', but three are needed")
     scanned, modelled = (np.array(points) for points in zip(*pairs.values(), strict=True))
-    return Picks(tuple(pairs), scanned, modelled)
+    return register.Picks(tuple(pairs), scanned, modelled)
 
 
 def _distances(recorded: Markers | None, names: Sequence[str]) -> Array | None:

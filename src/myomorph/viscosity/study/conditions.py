@@ -12,15 +12,9 @@ import numpy as np
 from myomorph.model.errors import BadData, MyomorphError
 from myomorph.model.findings import Finding
 from myomorph.model.provenance import Estimate
+from myomorph.viscosity.identification import identify
 from myomorph.viscosity.identification.base_load import UNKNOWN, BaseLoad, with_base_load
 from myomorph.viscosity.identification.budget import ErrorOptions, ErrorShare
-from myomorph.viscosity.identification.identify import (
-    STATES,
-    Condition,
-    SpecimenViscosity,
-    ViscosityOptions,
-    identify_specimen,
-)
 from myomorph.viscosity.identification.instruments import Instruments, estimate_instruments
 from myomorph.viscosity.identification.shared_errors import wider, with_shared_errors
 from myomorph.viscosity.specimen.model import Specimen
@@ -63,8 +57,8 @@ class Identified:
     not be used, and criteria of a law that disagree; `law`: what acts in the joint beside one viscosity, by name.
     """
 
-    found: SpecimenViscosity
-    by_swings: SpecimenViscosity
+    found: identify.SpecimenViscosity
+    by_swings: identify.SpecimenViscosity
     shares: tuple[ErrorShare, ...]
     instruments: Instruments
     conditions: Mapping[str, Prepared]
@@ -126,7 +120,7 @@ def _equations(conditions: Mapping[str, Prepared], cutoff: float, tared: bool, l
             recordings = swing_recordings(condition.tracked, cutoff, muscles=name == "with")
             findings = (*tracking_findings(condition.tracked), *recording_findings(recordings))
         except MyomorphError as error:
-            lost.append(f"{STATES[name]}: {error}")
+            lost.append(f"{identify.STATES[name]}: {error}")
             continue
         if not tared:
             hidden = Finding(TARED, "plate", "the plate's zero is taken as unknown, so the mass hides")
@@ -177,13 +171,13 @@ def _compared(
         except MyomorphError:
             continue  # `with_laws` tries again and names it.
         if comparisons[name].conflict:
-            notes.append(f"{STATES[name]}: {comparisons[name].conflict}")
+            notes.append(f"{identify.STATES[name]}: {comparisons[name].conflict}")
     return comparisons, notes
 
 
 def _with_acting(
-    specimen_viscosity: SpecimenViscosity, law: ActingLaw, shares: Sequence[ErrorShare], level: float
-) -> tuple[SpecimenViscosity, dict[str, Estimate]]:
+    specimen_viscosity: identify.SpecimenViscosity, law: ActingLaw, shares: Sequence[ErrorShare], level: float
+) -> tuple[identify.SpecimenViscosity, dict[str, Estimate]]:
     """The specimen with what acts in the joint beside one viscosity, as its swings without muscles show it, and the
     coefficients of that law; instruments widen them as they widen the one viscosity.
     """
@@ -210,7 +204,7 @@ def _with_acting(
             f"dry friction of {dry.value:.2g} N m ({dry.low:.2g} to {dry.high:.2g}) {law.friction} of the joint: the "
             f"viscosity beside it, {beside.value:.3g}, is used; alone it is {plain.value:.3g} N m s/rad"
         )
-    notes = [f"{STATES['without']}: {note}" for note in notes]
+    notes = [f"{identify.STATES['without']}: {note}" for note in notes]
     return replace(specimen_viscosity, without=condition, notes=(*specimen_viscosity.notes, *notes)), known
 
 
@@ -220,12 +214,12 @@ def _sway(conditions: Mapping[str, Prepared]) -> float:
     return max((slip.amount for slip in slips if slip.unit == "rad" and not (slip.lasting or slip.before)), default=0.0)
 
 
-def _with_sway(specimen_viscosity: SpecimenViscosity, sway: float, level: float) -> SpecimenViscosity:
+def _with_sway(specimen_viscosity: identify.SpecimenViscosity, sway: float, level: float) -> identify.SpecimenViscosity:
     """The specimen with viscosities as well as they are known on a base that goes to and fro."""
     share = NormalDist().inv_cdf(0.5 + 0.5 * level) * SWAY_SHARE * sway
     parts: dict[str, Any] = {}
     for key in ("without", "intact"):
-        condition: Condition | None = getattr(specimen_viscosity, key)
+        condition: identify.Condition | None = getattr(specimen_viscosity, key)
         if condition is not None:
             value = condition.viscosity
             parts[key] = replace(condition, viscosity=wider(value, share * value.value, True))
@@ -248,17 +242,17 @@ def _with_law(options: StudyOptions, compared: Mapping[str, PassiveComparison]) 
 
 
 def _identified(
-    specimen: Specimen, files: SpecimenFiles, conditions: Mapping[str, Prepared], options: ViscosityOptions
-) -> SpecimenViscosity:
+    specimen: Specimen, files: SpecimenFiles, conditions: Mapping[str, Prepared], options: identify.ViscosityOptions
+) -> identify.SpecimenViscosity:
     """The three steps; where one plate hides the mass, that of the other condition comes from it alone."""
     forces = specimen.isometric_forces
     shares = dict(zip(specimen.muscles, forces.tolist(), strict=True)) if (forces > 0.0).all() else None
     pcsa = files.pcsa or shares
     recordings = {name: conditions[name].recordings if name in conditions else () for name in CONDITIONS}
 
-    def solved(which: tuple[str, ...], chosen: ViscosityOptions) -> SpecimenViscosity:
+    def solved(which: tuple[str, ...], chosen: identify.ViscosityOptions) -> identify.SpecimenViscosity:
         bare, full = (recordings[name] if name in which else () for name in CONDITIONS)
-        return identify_specimen(files.name, bare, full, pcsa, files.measured_muscle_mass, chosen)
+        return identify.identify_specimen(files.name, bare, full, pcsa, files.measured_muscle_mass, chosen)
 
     hidden = [name for name, condition in conditions.items() if condition.hides_mass]
     if not hidden:

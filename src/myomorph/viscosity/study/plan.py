@@ -12,18 +12,8 @@ from pydantic import BaseModel, Field, create_model
 from myomorph.contact.plate_placements import MarkedWeight
 from myomorph.model.errors import BadData, BadFile, listing
 from myomorph.model.frozen_map import FrozenMap
+from myomorph.store import study_file
 from myomorph.store.settings import plain_settings, settings_of, with_settings
-from myomorph.store.study_file import (
-    Strict,
-    StudyTable,
-    check_time,
-    checked,
-    existing,
-    matching,
-    options_table,
-    read_toml,
-    refuse,
-)
 from myomorph.study.inputs.beside import plain_stem
 from myomorph.study.inputs.loads import loads_by_name
 from myomorph.viscosity.cohort import QUANTITIES
@@ -66,7 +56,7 @@ class StudyOptions:
         return {name: plain_settings(getattr(self, name)) for name in self.__dataclass_fields__}
 
 
-class _Recording(Strict):
+class _Recording(study_file.Strict):
     """A trial given by a table, where its files do not follow the rule of names."""
 
     markers: str
@@ -75,7 +65,7 @@ class _Recording(Strict):
     time: tuple[float, float] | None = None
 
 
-class _Study(StudyTable):
+class _Study(study_file.StudyTable):
     """Sentences on where the recordings come from stand first in the report."""
 
     real: tuple[str, ...] = ()
@@ -83,7 +73,7 @@ class _Study(StudyTable):
     assumed: tuple[str, ...] = ()
 
 
-class _Plate(Strict):
+class _Plate(study_file.Strict):
     """C3D recordings of a marked weight on the plate, from which its place is calibrated."""
 
     placements: list[str] = Field(min_length=1)
@@ -95,14 +85,14 @@ class _Plate(Strict):
     name: str = ""
 
 
-class _BaseMass(Strict):
+class _BaseMass(study_file.Strict):
     """Of the base and all that rests on it beyond the plate's zero [kg]: a number, or the least and the most."""
 
     removed: float | tuple[float, float] = UNKNOWN
     intact: float | tuple[float, float] = UNKNOWN
 
 
-class _Specimen(Strict):
+class _Specimen(study_file.Strict):
     name: str
     model: str
     removed: list[str | _Recording] = Field(default_factory=list)
@@ -208,10 +198,10 @@ class ViscosityPlan:
 
 def viscosity_tables() -> type[BaseModel]:
     """All tables of a study file of swinging limbs."""
-    options = options_table({name: settings_of(type(variable)) for name, variable in vars(StudyOptions()).items()})
+    options = study_file.options_table({name: settings_of(type(value)) for name, value in vars(StudyOptions()).items()})
     return create_model(
         "ViscosityFile",
-        __base__=Strict,
+        __base__=study_file.Strict,
         study=(_Study, ...),
         specimen=(list[_Specimen], Field(min_length=1)),
         options=(options, Field(default_factory=options)),
@@ -256,17 +246,17 @@ def read_viscosity_plan(path: str | Path) -> ViscosityPlan:
     ['03']
     """
     path = Path(path)
-    raw, remarks = read_toml(path), list[str]()
+    raw, remarks = study_file.read_toml(path), list[str]()
     if "subject" in raw and "specimen" not in raw:
         raise BadFile(path, "describes subjects, not specimens", "run it with 'myomorph run'")
-    file, problems = checked(viscosity_tables(), raw)
+    file, problems = study_file.checked(viscosity_tables(), raw)
     specimens: list[SpecimenFiles] = []
     if file is not None:
         for table in file.specimen:
             specimens.append(_specimen(table, path.parent, problems, remarks))
             if any(other.name == table.name for other in specimens[:-1]):
                 problems.append(f"two specimens are named '{table.name}': give one another name")
-    refuse(path, problems)
+    study_file.refuse(path, problems)
     assert file is not None
     settings = {step: chosen for step, chosen in file.options.model_dump(exclude_unset=True).items() if chosen}
     told, settings_map = file.study, FrozenMap(settings)
@@ -293,7 +283,7 @@ def _specimen(specimen: _Specimen, folder: Path, problems: list[str], remarks: l
         tuple(_recordings(entries, specimen.time, folder, f"{where}: {key}", problems, remarks))
         for key, entries in zip(OPTIONS.values(), (specimen.removed, specimen.intact), strict=True)
     )
-    model = existing(folder, specimen.model, f"{where}: model", problems)
+    model = study_file.existing(folder, specimen.model, f"{where}: model", problems)
     same = ("name", "measured_muscle_mass", "base", "joint", "up")
     maps: dict[str, Any] = {name: FrozenMap(dict(getattr(specimen, name))) for name in ("pcsa", "truth", "paper")}
     return SpecimenFiles(
@@ -303,7 +293,7 @@ def _specimen(specimen: _Specimen, folder: Path, problems: list[str], remarks: l
         first=specimen.first_body,
         bones=tuple(specimen.bones),
         muscles=FrozenMap({name: tuple(strands) for name, strands in specimen.muscles.items()}),
-        tare=existing(folder, specimen.tare, f"{where}: tare", problems),
+        tare=study_file.existing(folder, specimen.tare, f"{where}: tare", problems),
         plate=None if specimen.plate is None else _plate(specimen.plate, folder, f"{where}: plate", problems),
         ct=tuple(_scans(specimen.ct, folder, f"{where}: ct", problems)),
         base_load=_base_load(specimen.base_mass, where, problems),
@@ -325,7 +315,7 @@ def _base_load(base_mass: float | _BaseMass | None, where: str, problems: list[s
 
 
 def _plate(plate: _Plate, folder: Path, where: str, problems: list[str]) -> PlateFiles | None:
-    placements = [path for name in plate.placements for path in matching(folder, name, where, problems)]
+    placements = [path for name in plate.placements for path in study_file.matching(folder, name, where, problems)]
     problems += [f"{where}: '{path.name}' is no C3D recording" for path in placements if path.suffix.lower() != ".c3d"]
     shares = None if plate.shares is None else tuple(plate.shares)
     try:
@@ -339,7 +329,7 @@ def _plate(plate: _Plate, folder: Path, where: str, problems: list[str]) -> Plat
 def _scans(scan_files: Sequence[ScanFiles], folder: Path, where: str, problems: list[str]) -> Iterator[ScanFiles]:
     for table in scan_files:
         for path in (table.surface, table.cluster, table.picked, table.mesh):
-            existing(folder, None if path is None else str(path), f"{where} of '{table.bone}'", problems)
+            study_file.existing(folder, None if path is None else str(path), f"{where} of '{table.bone}'", problems)
         try:
             yield table.within(folder)
         except BadData as error:
@@ -357,10 +347,10 @@ def _recordings(
     seen: set[str] = set()
     for entry in entries:
         recording = _Recording(markers=entry) if isinstance(entry, str) else entry
-        check_time(recording.time or time, f"{where}: time", problems)
-        for markers in matching(folder, recording.markers, where, problems):
+        study_file.check_time(recording.time or time, f"{where}: time", problems)
+        for markers in study_file.matching(folder, recording.markers, where, problems):
             if recording.loads is not None:
-                loads = existing(folder, recording.loads, f"{where}: loads", problems)
+                loads = study_file.existing(folder, recording.loads, f"{where}: loads", problems)
             else:
                 loads = swing_loads(markers)
                 if loads is None:

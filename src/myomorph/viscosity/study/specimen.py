@@ -18,14 +18,8 @@ from myomorph.model.series import Trial
 from myomorph.report.charts.axis import number
 from myomorph.store.progress import Advance
 from myomorph.store.results import file_source
-from myomorph.viscosity.identification.identify import (
-    QUANTITIES_OF,
-    STATES,
-    Condition,
-    SpecimenViscosity,
-    ViscosityOptions,
-    is_narrow,
-)
+from myomorph.viscosity.identification import identify
+from myomorph.viscosity.identification.identify import SpecimenViscosity
 from myomorph.viscosity.identified_model import identified_model
 from myomorph.viscosity.report.specimen_report import (
     ArmError,
@@ -76,7 +70,7 @@ def trusted(
 def with_laws(
     report: SpecimenReport,
     name: str,
-    condition: Condition,
+    condition: identify.Condition,
     options: PassiveOptions,
     compared: PassiveComparison | None = None,
 ) -> SpecimenReport:
@@ -109,7 +103,7 @@ def with_cutoffs(
     tracked: Mapping[str, TrackedSpecimen],
     cutoff: float,
     reason: str,
-    options: ViscosityOptions,
+    options: identify.ViscosityOptions,
     hidden: Collection[str] = (),
 ) -> SpecimenReport:
     """The report with what other cut-offs would have given; the mass of conditions in `hidden` is not shown."""
@@ -117,7 +111,7 @@ def with_cutoffs(
     for name, condition_tracked in tracked.items():
         condition_options = replace(options, tare="unknown") if name in hidden else options
         scan = scan_cutoffs(partial(swing_recordings, condition_tracked, muscles=False), options=condition_options)
-        mass, com, _, viscosity = QUANTITIES_OF[name]
+        mass, com, _, viscosity = identify.QUANTITIES_OF[name]
         values |= dict(zip((mass, com, viscosity), scan.T, strict=True))
     shown = {name: value for name, value in values.items() if np.isfinite(value).any()}
     scanned = CutoffScan(np.array(SCANNED), cutoff, FrozenMap(shown), reason)
@@ -244,7 +238,7 @@ def _opened(
                 opened.specimen, files, entries, place, options, lambda part: advance(TRACKING / len(recordings) * part)
             )
         except MyomorphError as error:
-            lost.append(f"{STATES[name]}: {error}")
+            lost.append(f"{identify.STATES[name]}: {error}")
     if not conditions:
         raise BadData("; ".join(lost))
     return replace(opened, notes=notes, residuals=residuals), conditions, lost
@@ -284,15 +278,15 @@ def _judged(
     for name in CONDITIONS:
         findings = list(conditions[name].findings) if name in conditions else []
         findings += condition_findings(by_swings.conditions[name]) if name in by_swings.conditions else ()
-        notes += [f"{STATES[name]}: {finding.text}" for finding in findings if finding.text not in notes]
+        notes += [f"{identify.STATES[name]}: {finding.text}" for finding in findings if finding.text not in notes]
         if any(finding.kind == TARED for finding in findings):
-            lacking |= {*QUANTITIES_OF[name][:2], "estimated_muscle_mass"}
+            lacking |= {*identify.QUANTITIES_OF[name][:2], "estimated_muscle_mass"}
         if any(finding.kind == TOO_SMALL for finding in findings):
-            lacking.add(QUANTITIES_OF[name][-1])
+            lacking.add(identify.QUANTITIES_OF[name][-1])
     muscles = viscosity.muscles
     if muscles is not None and by_swings.muscles is not None:
         common = by_swings.muscles.common
-        if not is_narrow(common):
+        if not identify.is_narrow(common):
             notes.append(f"the swings do not tell the muscles' viscosity: {common.low:.2g} to {common.high:.2g} N s/m")
             lacking, muscles = lacking | {"muscle_viscosity"}, None
     notes += [
@@ -327,7 +321,7 @@ def _marker_residuals(conditions: Mapping[str, Prepared]) -> tuple[Residual, ...
         if np.isfinite(rms).any():
             worst = f"largest {1000 * float(np.nanmax(rms)):.2f} mm in a frame"
             value = 1000 * float(np.sqrt(np.nanmean(rms**2)))
-            lines.append(Residual(f"markers to bones, {STATES[name]}", value, "mm", worst))
+            lines.append(Residual(f"markers to bones, {identify.STATES[name]}", value, "mm", worst))
         for trial in condition.tracked.trials:
             clock = trial.clock
             if clock.length > 0.0:

@@ -18,22 +18,10 @@ from myomorph.viscosity.specimen.model import Specimen, SwingTrial
 from myomorph.viscosity.swings.motion import differentiate_joint, on_one_branch
 from myomorph.viscosity.swings.plate import CUTOFF, lowpass_runs, on_clock, plate_clock, wrench_about
 from myomorph.viscosity.swings.recording import REACH, touched_frames, whole_frames
+from myomorph.viscosity.tracking import held as holding
 from myomorph.viscosity.tracking.cluster_slips import without_slips
 from myomorph.viscosity.tracking.clusters import checked_clusters
-from myomorph.viscosity.tracking.held import (
-    Slip,
-    base_slips,
-    base_sway,
-    bone_poses,
-    center_course,
-    course,
-    mean_base,
-    mean_held,
-    mean_rotation,
-    rotation_center,
-    slips_before,
-    slips_within,
-)
+from myomorph.viscosity.tracking.held import Slip, bone_poses
 from myomorph.viscosity.tracking.limb_shape import shaped
 from myomorph.viscosity.tracking.tracked import TrackedSpecimen, TrackedTrial, TrackingOptions, swung_limb
 
@@ -101,10 +89,10 @@ def track(
         away, sway = np.zeros((len(motion), 3)), np.zeros((0, 6))
         shifts = [slip for slip in certain if slip.what == "base" and not slip.cluster]
         if any(not (slip.lasting or slip.before) for slip in shifts):
-            sway = base_sway(started, motion, posed.stand)
+            sway = holding.base_sway(started, motion, posed.stand)
             away = sway[:, :3]
         elif shifts:
-            away = center_course(started, motion) - posed.center_in_ground
+            away = holding.center_course(started, motion) - posed.center_in_ground
         fit = _joint_alone(posed, seen, away, motion, certain, progress)
         wrench, clock, doubts = _wrench(posed, trial, away, sway, fit.motion, options)
         lines = (*notes, *(slip.line for slip in certain), *(f"trial '{trial.name}': {doubt}" for doubt in doubts))
@@ -134,18 +122,18 @@ def _held_still(
     fit the motion.
     """
     limits = options.slip, options.shift
-    slips = [slips_within(specimen, name, motion, *limits) for name, motion in zip(names, motions, strict=True)]
+    slips = [holding.slips_within(specimen, name, motion, *limits) for name, motion in zip(names, motions, strict=True)]
     for trial_slips, shown in zip(slips, markers, strict=True):
         if any(slip.what == "base" for slip in trial_slips):
             pose = bone_poses(specimen.model, specimen.base, shown)
-            if np.isfinite(pose[1]).any() and not base_slips(specimen, "", shown.time, *pose, *limits):
+            if np.isfinite(pose[1]).any() and not holding.base_slips(specimen, "", shown.time, *pose, *limits):
                 trial_slips[:] = [slip for slip in trial_slips if slip.what != "base"]
     moved = [[slip.what for slip in trial_slips] for trial_slips in slips]
-    base = mean_base(specimen, motions, weights)
-    held = mean_held(specimen, motions, weights, moved)
+    base = holding.mean_base(specimen, motions, weights)
+    held = holding.mean_held(specimen, motions, weights, moved)
     center = base.apply(specimen.center)
     for name, motion, trial_slips, own_notes in zip(names, motions, slips, moved, strict=True):
-        before = slips_before(specimen, name, motion, held, center, *limits)
+        before = holding.slips_before(specimen, name, motion, held, center, *limits)
         trial_slips += [slip for slip in before if slip.what not in own_notes]
     return base, held, slips
 
@@ -157,11 +145,11 @@ def _started(specimen: Specimen, trials: Sequence[Markers]) -> Specimen:
     seen = np.isfinite(origins).all(axis=1)
     if not seen.any():
         raise BadData(f"no frame shows three markers of the base '{specimen.base}' at once")
-    stand = Transform(mean_rotation(rotations[seen]), origins[seen].mean(axis=0))
+    stand = Transform(holding.mean_rotation(rotations[seen]), origins[seen].mean(axis=0))
     standing = specimen.standing(stand)
     limb = np.concatenate([bone_poses(specimen.model, specimen.first, trial)[0] for trial in trials])
     shown = np.isfinite(limb).all(axis=(1, 2))
-    return standing.resting(stand.rotation.T @ mean_rotation(limb[shown])) if shown.any() else standing
+    return standing.resting(stand.rotation.T @ holding.mean_rotation(limb[shown])) if shown.any() else standing
 
 
 def _centered(
@@ -172,7 +160,7 @@ def _centered(
     """
     if not _turns_enough(specimen, trials):
         return specimen, ()
-    in_base, in_limb = rotation_center(*_both_poses(specimen, trials))
+    in_base, in_limb = holding.rotation_center(*_both_poses(specimen, trials))
     distance = float(np.linalg.norm(in_base - specimen.center))
     notes: tuple[str, ...] = ()
     if distance > options.max_center_distance:
@@ -249,7 +237,8 @@ def _joint_alone(
     slipped = [slip.what for slip in slips if slip.what != "base" and not slip.cluster]
     earlier = None
     if slipped:
-        earlier = Motion(motion.time, tuple(slipped), np.stack([course(motion, name) for name in slipped], axis=1))
+        values = np.stack([holding.course(motion, name) for name in slipped], axis=1)
+        earlier = Motion(motion.time, tuple(slipped), values)
     limb = {marker.name for marker in specimen.model.markers if marker.body != specimen.base} & set(markers.names)
     options = replace(EXACT, marker_weights=dict.fromkeys(sorted(limb), 1.0), only_weighted=True, coordinates=earlier)
     fit = inverse_kinematics(specimen.model, markers, options, progress)

@@ -13,14 +13,8 @@ from myomorph.motion.filters import lowpass
 from myomorph.viscosity.identification.condition import LACKING, Influences
 from myomorph.viscosity.swings.recording import PARAMETERS, SwingRecording
 from myomorph.viscosity.swings.sums import SwingSums
-from myomorph.viscosity.trust.law import (
-    HINGES,
-    PassiveProblem,
-    bounded_least_squares,
-    law_columns,
-    resistances,
-    slopes_of,
-)
+from myomorph.viscosity.trust import law as laws
+from myomorph.viscosity.trust.law import HINGES, PassiveProblem
 
 FINER = 10  # Instants between two frames at which the sign of a rate is taken, before the filter.
 ROUNDS, LIGHTEST = 4, 1e-3  # How often the axes are weighed anew, and the least weight of one.
@@ -138,7 +132,7 @@ class FreedProblem:
         """The law of `terms`, with one of `FRICTIONS` or none, of blocks taken `counts` times."""
         axes = self.products.shape[1]
         products = np.tensordot(np.ones(len(self.trial)) if counts is None else counts, self.products, axes=1)
-        mapping, groups = law_columns(terms, axes)
+        mapping, groups = laws.law_columns(terms, axes)
         errors = np.zeros((0, PARAMETERS)) if any("stiffness" in term for term in terms) else self._errors(products)
         free, law, rubs = len(errors), mapping.shape[1], int(bool(friction))
         basis = np.zeros((products.shape[-1], 1 + free + law + rubs))
@@ -155,7 +149,7 @@ class FreedProblem:
             beside = whole[np.ix_(inner, outer)]
             back = np.linalg.pinv(whole[np.ix_(inner, inner)], rcond=1e-10, hermitian=True) @ beside
             less = whole[np.ix_(outer, outer)] - beside.T @ back
-            x = bounded_least_squares(less[1:, 1:], -less[0, 1:], groups)[0]
+            x = laws.bounded_least_squares(less[1:, 1:], -less[0, 1:], groups)[0]
             solution = np.concatenate([[1.0], -back @ np.array([1.0, *x]), x])
             left = np.maximum(solution @ by_axis @ solution, 1e-300)
             weights = np.maximum(left.min() / left, LIGHTEST)
@@ -192,7 +186,7 @@ class FreedProblem:
 
 def law_rows(recording: SwingRecording) -> Array:
     """(frames, axes, 3 axes + 8) `resistances` in a recording, then those of `FRICTIONS` of 1 N m."""
-    law = resistances(recording.angles, recording.rates, recording.lengthening, WIDTH, slopes_of(recording))
+    law = laws.resistances(recording.angles, recording.rates, recording.lengthening, WIDTH, laws.slopes_of(recording))
     return np.concatenate([law, friction_rows(recording)], axis=2)
 
 
