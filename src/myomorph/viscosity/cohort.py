@@ -123,23 +123,11 @@ def cohort(rows: Sequence[Row]) -> tuple[CohortLine, ...]:
     lines = []
     for quantity in QUANTITIES:
         known = [row[quantity.name] for row in rows if quantity.name in row]
-        values = np.array([estimate.value for estimate in known])
-        keep = np.isfinite(values)
-        count = int(keep.sum())
-        if not count:
+        known = [estimate for estimate in known if np.isfinite(estimate.value)]
+        if not known:
             continue
-        values = values[keep]
-        below = values - np.array([estimate.low for estimate in known])[keep]
-        above = np.array([estimate.high for estimate in known])[keep] - values
-        mean = float(values.mean())
-        lines.append(
-            CohortLine(
-                quantity,
-                mean,
-                float(values.std(ddof=0)),
-                mean - float(np.sqrt(below @ below)) / count,
-                mean + float(np.sqrt(above @ above)) / count,
-                count,
-            )
-        )
+        values, lows, highs = np.array([(estimate.value, estimate.low, estimate.high) for estimate in known]).T
+        mean, sd = float(values.mean()), float(values.std())
+        below, above = (float(np.linalg.norm(half)) / len(known) for half in (values - lows, highs - values))
+        lines.append(CohortLine(quantity, mean, sd, mean - below, mean + above, len(known)))
     return tuple(lines)

@@ -135,12 +135,7 @@ def calibration_section(calibration: Calibration, recordings: Sequence[str]) -> 
     )
     grids = (
         Grid(("Trial", "RMS before", "RMS after"), errors, "Marker errors before and after"),
-        Grid(
-            ("Length", "Before", "After", "Standard deviation"),
-            length_rows,
-            "Lengths",
-            len(lengths) > MAX_OPEN_ROWS,
-        ),
+        Grid(("Length", "Before", "After", "Standard deviation"), length_rows, "Lengths", len(lengths) > MAX_OPEN_ROWS),
         Grid(
             ("Coordinate", "Zero against the generic model's", "90 % interval", "Fixed by"),
             zeros,

@@ -55,7 +55,8 @@ def with_base_load(specimen_viscosity: SpecimenViscosity, load: BaseLoad) -> Spe
             h = condition.first_moment
             com = Estimate(h.value / mass.value, h.low / mass.high, h.high / max(mass.low, 1e-9))
         else:
-            com = _scaled(condition.com, condition.mass.value / mass.value)
+            factor, com = condition.mass.value / mass.value, condition.com
+            com = Estimate(factor * com.value, factor * com.low, factor * com.high)
         parts[key] = replace(condition, mass=mass, com=com)
         if mass.high - mass.low > TOLD * mass.value and high > low:
             state = STATES["without" if key == "without" else "with"]
@@ -80,7 +81,3 @@ def _less(shown: Estimate, load: Range, least: float) -> Estimate:
     top = shown.high - low
     bottom = min(max(least, shown.low - high, 0.0), top)
     return Estimate(0.5 * (bottom + top), bottom, top)
-
-
-def _scaled(estimate: Estimate, factor: float) -> Estimate:
-    return Estimate(factor * estimate.value, factor * estimate.low, factor * estimate.high)

@@ -91,18 +91,14 @@ def disturbed(swing_recording: SwingRecording, source: str, axis: int, size: flo
     if source in ("plate_position", "joint_center"):
         # A center and a plate that are off do the same: the wrench is taken about another point.
         moment += (1.0 if source == "plate_position" else -1.0) * size * np.cross(along, force)
-    elif source == "plate_rotation":
-        turn = Rotation.from_rotvec(size * along).as_matrix()
+    elif source in ("plate_rotation", "force_gain", "moment_gain"):
         about = moment - np.cross(swing_recording.origin, force)
-        force, about = force @ turn.T, about @ turn.T
+        if source == "plate_rotation":
+            turn = Rotation.from_rotvec(size * along).as_matrix()
+            force, about = force @ turn.T, about @ turn.T
+        else:
+            (force if source == "force_gain" else about)[:, axis] *= 1.0 + size
         moment = about + np.cross(swing_recording.origin, force)
-    elif source == "force_gain":
-        about = moment - np.cross(swing_recording.origin, force)
-        force[:, axis] *= 1.0 + size
-        moment = about + np.cross(swing_recording.origin, force)
-    elif source == "moment_gain":
-        about = moment - np.cross(swing_recording.origin, force)
-        moment += size * about[:, axis, None] * along
     elif source == "soft_tissue":
         # The mass center lags by size * force / mass, which the joint feels as force alone: it passes on no moment.
         if bool(swing_recording.muscles) == (axis == 1):

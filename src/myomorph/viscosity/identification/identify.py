@@ -21,13 +21,7 @@ from myomorph.viscosity.identification.condition import (
     Solution,
     solve_condition,
 )
-from myomorph.viscosity.identification.inertia import (
-    InertiaOptions,
-    LimbInertia,
-    Tare,
-    least_mass,
-    limb_inertia,
-)
+from myomorph.viscosity.identification.inertia import InertiaOptions, LimbInertia, least_mass, limb_inertia
 from myomorph.viscosity.swings.recording import SwingRecording
 from myomorph.viscosity.swings.sums import swing_sums
 
@@ -49,16 +43,18 @@ def is_narrow(estimate: Estimate) -> bool:
 
 
 @dataclass(frozen=True)
-class ViscosityOptions:
+class ViscosityOptions(InertiaOptions):
     """Settings of `identify_specimen`.
 
     Attributes
     ----------
     tare : what the plate's zero leaves beside the limb: "known", nothing; "loaded", a constant load of the base, so
-        that the mass is at most what the constant force shows; "unknown": the mass hides and only its moment shows
-    prior_sd : relative standard deviation of the prior of the limb's inertia, a slender cylinder
-    instruments : find the inertia free of the noise of twice differentiated markers, by instruments; without,
-        plain least squares as the paper writes them
+        that the mass is at most what the constant force shows; "unknown": a constant force and moment of every trial,
+        as a zero set with the limb on it leaves: the mass hides and only its moment shows
+    prior_sd : relative standard deviation of the prior of the limb's inertia: a uniform cylinder from the joint through
+        the estimated mass center to twice its distance, of a tenth of that distance as radius
+    instruments : find the inertia free of the noise of twice differentiated markers, by least squares as the rows see
+        it that hold the acceleration predicted from the state; without, plain ones as the paper writes them
     stiffness : fit a spring and a constant torque of each axis beside the viscosity, so that they do not bias it;
         off, least squares as the paper writes them; by default a study does where a law with a spring predicts
         held-out swings better than viscosity alone (this function alone compares no laws, and fits it)
@@ -71,9 +67,6 @@ class ViscosityOptions:
     level : of the intervals
     """
 
-    tare: Tare = "loaded"
-    prior_sd: float = 1.0
-    instruments: bool = True
     stiffness: bool | None = None
     subtract: Literal["one", "axes"] = "one"
     spread: float = 1.0
@@ -84,9 +77,9 @@ class ViscosityOptions:
     level: float = 0.95
 
     def __post_init__(self) -> None:
-        for name in ("prior_sd", "spread"):
-            if not getattr(self, name) > 0.0:
-                raise BadData(f"{name} of the viscosity is {getattr(self, name):g}: expected above 0")
+        super().__post_init__()
+        if not self.spread > 0.0:
+            raise BadData(f"spread of the viscosity is {self.spread:g}: expected above 0")
         if not 0.0 <= self.min_relative_speed < 1.0:
             raise BadData(f"min_relative_speed is {self.min_relative_speed:g}: expected from 0 to below 1")
         if self.block < 1 or self.draws < 2:
@@ -271,16 +264,15 @@ def _solved(recordings: Sequence[SwingRecording], options: ViscosityOptions) -> 
     """Steps 1 and 2, or why not."""
     try:
         sums = swing_sums(recordings, options.block, options.min_relative_speed)
-        inertial = InertiaOptions(options.tare, options.prior_sd, options.instruments)
         if options.stiffness is not False and len(sums.axes) == 3:
-            parameters = limb_inertia(sums, None, inertial).parameters
+            parameters = limb_inertia(sums, None, options).parameters
             for _ in range(NEUTRAL_ROUNDS):
                 moved = torques.counted_from(recordings, torques.neutral_position(sums, parameters))
                 there = swing_sums(moved, options.block, options.min_relative_speed)
                 if torques.spring_misfit(there, parameters) >= torques.spring_misfit(sums, parameters):
                     break
                 recordings, sums = moved, there
-        return solve_condition(sums, inertial, options.stiffness is not False)
+        return solve_condition(sums, options, options.stiffness is not False)
     except MyomorphError as error:
         return str(error)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
@@ -24,18 +24,8 @@ IMPOSSIBLE = 1e-3  # Share of the squared misfit by which a possible body may fi
 
 @dataclass(frozen=True)
 class InertiaOptions:
-    """Settings of `limb_inertia`.
-
-    Attributes
-    ----------
-    tare : "known": the constant wrench is the limb's alone; "loaded": a constant force and moment of the base are
-        free, and the constant force shows the mass of limb and base together (a hinge needs the constant moment for
-        the mass center along its axis, and is taken as "known"); "unknown": a constant force and moment
-        of every trial are free, as a zero set with the limb on it leaves: the mass then hides
-    prior_sd : relative standard deviation of the prior, a uniform cylinder of the estimated mass from the joint
-        through the estimated mass center to twice its distance, of a tenth of that distance as radius
-    instruments : least squares as the rows see it that hold the acceleration predicted from the state, which the
-        noise of twice differentiated markers does not bias; without, plain least squares on the rows themselves
+    """How the limb's inertia is identified, see `ViscosityOptions`. A hinge is taken as "known" where it is "loaded":
+    it needs the constant moment for the mass center along its axis.
     """
 
     tare: Tare = "loaded"
@@ -61,7 +51,6 @@ class LimbInertia:
     noise: Array
     hidden: bool
     possible: bool
-    options: InertiaOptions = field(repr=False)
 
     @property
     def mass(self) -> float:
@@ -128,7 +117,7 @@ def limb_inertia(
     if not possible:
         unbound = solve_ridge(A, b, reference[None], options=prior)
         possible = fit.misfit - unbound.misfit < 6.0 * IMPOSSIBLE * float(counts @ sums.frames)
-    return LimbInertia(fit.parameters[0], noise, hidden, possible, options)
+    return LimbInertia(fit.parameters[0], noise, hidden, possible)
 
 
 def _noise(products: Array, frames: float) -> Array:

@@ -16,7 +16,6 @@ from myomorph.viscosity.identification import identify
 from myomorph.viscosity.identification.budget import ErrorOptions, ErrorShare, disturbed, thinned
 from myomorph.viscosity.identification.condition import Solution, solve_blocks
 from myomorph.viscosity.identification.identify import Condition, SpecimenViscosity, ViscosityOptions
-from myomorph.viscosity.identification.inertia import InertiaOptions
 from myomorph.viscosity.identification.instruments import Instruments
 from myomorph.viscosity.identification.torque import muscle_problem, torque_problem
 from myomorph.viscosity.swings.recording import SwingRecording
@@ -122,7 +121,7 @@ def _values(
     solved: dict[str, tuple[SwingSums, Solution]] = {}
     for key, condition_recordings in recordings.items():
         hidden = bool(np.isnan(conditions[key].mass.value))
-        inertial = InertiaOptions("unknown" if hidden else options.tare, options.prior_sd, options.instruments)
+        inertial = replace(options, tare="unknown") if hidden else options
         sums = swing_sums(condition_recordings, options.block, options.min_relative_speed)
         every, sprung = np.ones(len(sums)), options.stiffness is not False
         whole = solve_blocks(sums, every, inertial, sprung, conditions[key].residual)

@@ -10,30 +10,21 @@ from myomorph.report.page.parts import Note, PageHead, Section, cited
 from myomorph.viscosity.cohort import STROEVE_TOTAL_VISCOSITY, CohortLine, cohort
 from myomorph.viscosity.report.sections import cohort_section, specimen_sections
 from myomorph.viscosity.report.specimen_report import ViscosityInput
-from myomorph.viscosity.report.tables import scientific, table_section, truth_grid
+from myomorph.viscosity.report.tables import scientific, table_section
 
 
 def viscosity_page(viscosity_input: ViscosityInput) -> str:
     """One self-contained HTML page on all specimens, as HTML text."""
-    lost = [specimen for specimen in viscosity_input.specimens if specimen.failure]
+    shown = viscosity_input
+    lost = [specimen for specimen in shown.specimens if specimen.failure]
     failed = (Note("warning", f"Specimen {specimen.name} could not be done: {specimen.failure}") for specimen in lost)
-    page = PageHead(
-        title=viscosity_input.title,
-        date=viscosity_input.date,
-        version=viscosity_input.version,
-        notes=(*failed, *viscosity_input.notes),
-        sources=viscosity_input.sources,
-        steps=viscosity_input.steps,
-        warnings=tuple(
-            f"specimen {specimen.name}: {note}" for specimen in viscosity_input.specimens for note in specimen.notes
-        ),
-    )
+    warnings = tuple(f"specimen {specimen.name}: {note}" for specimen in shown.specimens for note in specimen.notes)
+    notes = (*failed, *shown.notes)
+    page = PageHead(shown.title, shown.date, shown.version, notes, shown.sources, shown.steps, warnings)
     lines = {line.quantity.name: line for line in cohort([specimen.row for specimen in viscosity_input.done])}
     literature = ("stroeve1999",) if any(specimen.shoulder for specimen in viscosity_input.done) else ()
     sources = cited("murai2016", *literature, "cameron2008")
-    return rendered(
-        page, _sections(viscosity_input, lines), sources, facts=_facts(viscosity_input), tiles=_tiles(lines)
-    )
+    return rendered(page, _sections(shown, lines), sources, facts=_facts(shown), tiles=_tiles(lines))
 
 
 def _facts(viscosity_input: ViscosityInput) -> list[tuple[str, str]]:
@@ -47,27 +38,23 @@ def _facts(viscosity_input: ViscosityInput) -> list[tuple[str, str]]:
 
 
 def _tiles(lines: Mapping[str, CohortLine]) -> list[Tile]:
-    wanted = (
-        ("joint_viscosity", "joint viscosity, without muscles"),
-        ("total_viscosity", "total viscosity, with muscles"),
-        ("muscle_viscosity", "muscle viscosity"),
-    )
-    shown = [(lines[name], words) for name, words in wanted if name in lines]
+    wanted = {
+        "joint_viscosity": "joint viscosity, without muscles",
+        "total_viscosity": "total viscosity, with muscles",
+        "muscle_viscosity": "muscle viscosity",
+    }
     return [
-        Tile(f"{scientific(line.mean)} ± {scientific(line.sd)}", f"{words} [{line.quantity.unit}]", "ok")
-        for line, words in shown
+        Tile(f"{scientific(line.mean)} ± {scientific(line.sd)}", f"{wanted[name]} [{line.quantity.unit}]", "ok")
+        for name, line in lines.items()
+        if name in wanted
     ]
 
 
 def _sections(viscosity_input: ViscosityInput, lines: Mapping[str, CohortLine]) -> list[Section]:
-    tables = table_section(viscosity_input)
-    beside = truth_grid(viscosity_input.done)
-    if beside is not None:
-        tables = Section(tables.key, tables.title, tables.lead, grids=(*tables.grids, beside))
     levels = {name: [Level(line.mean, "", "mean", line.sd)] for name, line in lines.items() if line.count > 1}
     if any(specimen.shoulder and specimen.intact is not None for specimen in viscosity_input.done):
         levels.setdefault("total_viscosity", []).append(Level(STROEVE_TOTAL_VISCOSITY, "Stroeve 1999"))
-    result = [tables, cohort_section(viscosity_input.done, levels)]
+    result = [table_section(viscosity_input.done, lines), cohort_section(viscosity_input.done, levels)]
     for order, specimen_report in enumerate(viscosity_input.done, 1):
         result += specimen_sections(specimen_report, order)
     return result

@@ -17,14 +17,8 @@ from myomorph.report.charts.rows import Beside, interval_bars, interval_rows
 from myomorph.report.page.parts import Figure, Grid, Section
 from myomorph.report.trial.validation import UNITS
 from myomorph.viscosity.identification.instruments import SHOWN_IN
-from myomorph.viscosity.report.specimen_report import (
-    ArmSpread,
-    CutoffScan,
-    HeldOutSwing,
-    ShownCondition,
-    SpecimenReport,
-    SwingCurves,
-)
+from myomorph.viscosity.report import specimen_report
+from myomorph.viscosity.report.specimen_report import SpecimenReport
 from myomorph.viscosity.report.tables import BY_NAME, LACKING, where, with_interval
 
 AXES = ("first", "second", "third")
@@ -40,19 +34,14 @@ MAX_MODELS = 4  # Alternatives printed of each condition.
 FORCE_FIRST = (3, 4, 5, 0, 1, 2)
 
 
-def specimen_sections(specimen_report: SpecimenReport, order: int) -> list[Section]:
+def specimen_sections(specimen: SpecimenReport, order: int) -> list[Section]:
     """Swings and fits of a specimen, its muscles, and what its values depend on."""
-    parts = [
-        _swings(specimen_report, order),
-        _muscles(specimen_report, order),
-        _trust(specimen_report, order),
-        _scans(specimen_report, order),
-    ]
+    parts = [_swings(specimen, order), _muscles(specimen, order), _trust(specimen, order), _scans(specimen, order)]
     return [section for section in parts if section is not None]
 
 
-def _swings(specimen_report: SpecimenReport, order: int) -> Section | None:
-    conditions = list(specimen_report.conditions.items())
+def _swings(specimen: SpecimenReport, order: int) -> Section | None:
+    conditions = list(specimen.conditions.items())
     if not conditions:
         return None
     figures = [
@@ -69,13 +58,13 @@ def _swings(specimen_report: SpecimenReport, order: int) -> Section | None:
         for name, condition in conditions
         for component in FORCE_FIRST
     ]
-    lead = " ".join(
+    lead = "".join(
         f"{TITLES[name].capitalize()}: {condition.swings} swings in {condition.trials} trials, "
-        f"{number(condition.seconds)} s."
+        f"{number(condition.seconds)} s. "
         for name, condition in conditions
     )
     lead += (
-        " Vertical lines separate swings; frames outside them are not used. A passive torque opposes its velocity, so "
+        "Vertical lines separate swings; frames outside them are not used. A passive torque opposes its velocity, so "
         "the fitted line falls with slope −d; the paper prints the opposite sign."
     )
     for name, condition in conditions:
@@ -88,19 +77,17 @@ def _swings(specimen_report: SpecimenReport, order: int) -> Section | None:
         ("measured", "wrench, measured"),
         ("left", "fit, or predicted by the inertial parameters"),
     )
-    misfits = tuple(
-        (
-            TITLES[name],
-            *(f"{number(float(condition.residual[component]))} {UNITS[component]}" for component in FORCE_FIRST),
-        )
-        for name, condition in conditions
-    )
+    misfits = []
+    for name, condition in conditions:
+        cells = (f"{number(float(condition.residual[component]))} {UNITS[component]}" for component in FORCE_FIRST)
+        misfits.append((TITLES[name], *cells))
     head = ("Condition", *(COMPONENTS[component] for component in FORCE_FIRST))
-    grids = (_axis_grid(specimen_report), Grid(head, misfits, "Wrench, measured minus predicted, root mean square"))
-    return Section(f"specimen-{order}", f"Specimen {specimen_report.name}", lead, legend, tuple(figures), grids)
+    misfit = Grid(head, tuple(misfits), "Wrench, measured minus predicted, root mean square")
+    grids = (_axis_grid(specimen), misfit)
+    return Section(f"specimen-{order}", f"Specimen {specimen.name}", lead, legend, tuple(figures), grids)
 
 
-def swing_plot(curves: SwingCurves, title: str) -> str:
+def swing_plot(curves: specimen_report.SwingCurves, title: str) -> str:
     """Angles of the free axes over time [degrees], a line where a swing begins."""
     span = _span(curves.time)
     begins = np.flatnonzero((np.diff(curves.swing, prepend=-1) != 0) & (curves.swing >= 0))
@@ -116,7 +103,7 @@ def _span(time: np.ndarray) -> tuple[float, float]:
     return float(time[0]), float(min(time[-1], time[0] + MAX_TIME))
 
 
-def torque_plot(shown_condition: ShownCondition, axis: int, title: str) -> str:
+def torque_plot(shown_condition: specimen_report.ShownCondition, axis: int, title: str) -> str:
     """Torque by inverse dynamics against velocity about one axis, the one value and the axis' own."""
     curves = shown_condition.curves
     used = curves.swing >= 0
@@ -132,7 +119,7 @@ def torque_plot(shown_condition: ShownCondition, axis: int, title: str) -> str:
     return xy_plot(f"Torque, axis {shown_condition.axes[axis]}, {title}", "N·m", "velocity [rad/s]", clouds, width)
 
 
-def wrench_plot(curves: SwingCurves, component: int, title: str) -> str:
+def wrench_plot(curves: specimen_report.SwingCurves, component: int, title: str) -> str:
     """One component of the wrench on the base, measured and predicted."""
     lines = [
         Line(curves.time, curves.wrench[:, component], "measured", "measured"),
@@ -141,9 +128,9 @@ def wrench_plot(curves: SwingCurves, component: int, title: str) -> str:
     return time_plot(f"{COMPONENTS[component]} {title}", UNITS[component], lines, _span(curves.time), height=170)
 
 
-def _axis_grid(specimen_report: SpecimenReport) -> Grid:
+def _axis_grid(specimen: SpecimenReport) -> Grid:
     rows = []
-    for name, condition in specimen_report.conditions.items():
+    for name, condition in specimen.conditions.items():
         rows.append((TITLES[name], "all", with_interval(condition.viscosity), ""))
         if condition.plate_viscosity is not None:
             words = "from the moment on the plate alone, a check"
@@ -155,102 +142,89 @@ def _axis_grid(specimen_report: SpecimenReport) -> Grid:
     return Grid(head, tuple(rows), "Viscosity about each axis")
 
 
-def _muscles(specimen_report: SpecimenReport, order: int) -> Section | None:
-    muscle_viscosity = specimen_report.muscles
-    if muscle_viscosity is None or not muscle_viscosity.muscles:
+def _muscles(specimen: SpecimenReport, order: int) -> Section | None:
+    muscles = specimen.muscles
+    if muscles is None or not muscles.muscles:
         return None
-    truth = specimen_report.truth.get("muscle_viscosity")
-    levels = [Level(muscle_viscosity.common.value, "common value", "left")]
+    truth = specimen.truth.get("muscle_viscosity")
+    levels = [Level(muscles.common.value, "common value", "left")]
     if truth is not None:
         levels.append(Level(truth, "truth", "truth"))
-    by_pcsa = muscle_viscosity.by_pcsa.value * muscle_viscosity.pcsa
+    by_pcsa = muscles.by_pcsa.value * muscles.pcsa
     title, beside = "Viscosity of each muscle, regularised", (Beside("scaled by PCSA", "third", by_pcsa),)
-    rows = interval_rows(title, "Ns/m", muscle_viscosity.muscles, muscle_viscosity.by_muscle, beside, levels)
-    size = muscle_viscosity.singular_values / max(float(muscle_viscosity.singular_values[0]), 1e-300)
+    rows = interval_rows(title, "Ns/m", muscles.muscles, muscles.by_muscle, beside, levels)
+    size = muscles.singular_values / max(float(muscles.singular_values[0]), 1e-300)
     numbers, height = np.arange(1.0, len(size) + 1.0), np.log10(np.maximum(size, 1e-16))
     values = Cloud(numbers, height, "first", "singular values", dotted=True)
     across = "combination of muscles, best known first"
     rank = xy_plot("Singular values", "log₁₀ of the share of the largest", across, [values], zero=False)
-    known = muscle_viscosity.resolved
+    known = muscles.resolved
     resolved = "" if known is None else f", {known} of them to better than their size"
     lead = (
-        f"One value for all muscles: {with_interval(muscle_viscosity.common)} Ns/m; in proportion to their "
-        "cross-sections, mean "
-        f"{with_interval(muscle_viscosity.by_pcsa)} Ns/m. The swings show {muscle_viscosity.rank} of "
-        f"{len(muscle_viscosity.muscles)} independent combinations{resolved}: the values of single muscles also come "
-        "from the regularisation that draws them to the common value."
+        f"One value for all muscles: {with_interval(muscles.common)} Ns/m; in proportion to their cross-sections, mean "
+        f"{with_interval(muscles.by_pcsa)} Ns/m. The swings show {muscles.rank} of {len(muscles.muscles)} independent "
+        f"combinations{resolved}: the values of single muscles also come from the regularisation that draws them to "
+        "the common value."
     )
     cells = tuple(
         (muscle, with_interval(value), number(float(share)), number(float(scaled)))
-        for muscle, value, share, scaled in zip(
-            muscle_viscosity.muscles, muscle_viscosity.by_muscle, muscle_viscosity.pcsa, by_pcsa, strict=True
-        )
+        for muscle, value, share, scaled in zip(muscles.muscles, muscles.by_muscle, muscles.pcsa, by_pcsa, strict=True)
     )
     head = ("Muscle", "Viscosity [Ns/m] (95 % interval)", "PCSA, mean 1", "In proportion to PCSA [Ns/m]")
     grid = Grid(head, cells, "Values of each muscle", folded=True)
     legend = [("first", "regularised, with interval"), ("third", "in proportion to PCSA"), ("left", "common value")]
     legend += [] if truth is None else [("truth", "truth")]
     figures = (Figure(rows, "wide"), Figure(rank))
-    return Section(
-        f"muscles-{order}", f"Muscles of specimen {specimen_report.name}", lead, tuple(legend), figures, (grid,), False
-    )
+    title = f"Muscles of specimen {specimen.name}"
+    return Section(f"muscles-{order}", title, lead, tuple(legend), figures, (grid,), False)
 
 
-def _trust(specimen_report: SpecimenReport, order: int) -> Section | None:
-    figures = [Figure(text) for held in specimen_report.held_out for text in held_out_plots(held)]
-    if specimen_report.cutoff is not None:
-        figures += [Figure(text) for text in cutoff_plots(specimen_report.cutoff)]
-    if specimen_report.arms is not None:
-        figures.append(Figure(arm_plot(specimen_report.arms, specimen_report.truth.get("muscle_viscosity"))))
-    grids = [
-        *_model_grids(specimen_report),
-        *_arm_grid(specimen_report.arms),
-        *_error_grid(specimen_report),
-        *_instrument_grid(specimen_report),
-    ]
-    if specimen_report.calibration:
-        rows = tuple(
-            (line.what, f"{number(line.value)} {line.unit}", line.detail) for line in specimen_report.calibration
-        )
+def _trust(specimen: SpecimenReport, order: int) -> Section | None:
+    figures = [Figure(text) for held in specimen.held_out for text in held_out_plots(held)]
+    if specimen.cutoff is not None:
+        figures += [Figure(text) for text in cutoff_plots(specimen.cutoff)]
+    if specimen.arms is not None:
+        figures.append(Figure(arm_plot(specimen.arms, specimen.truth.get("muscle_viscosity"))))
+    grids = [*_model_grids(specimen), *_arm_grid(specimen.arms), *_error_grid(specimen), *_instrument_grid(specimen)]
+    if specimen.calibration:
+        rows = tuple((line.what, f"{number(line.value)} {line.unit}", line.detail) for line in specimen.calibration)
         grids.append(Grid(("Quantity", "Residual", ""), rows, "Calibration"))
     if not figures and not grids:
         return None
     lead = []
-    if specimen_report.models:
+    if specimen.models:
         lead.append(
             "Omitted stiffness or dry friction would bias the viscosity, so models with them are fitted too; an "
             "information criterion less by 10 or more is strong evidence."
         )
-    if specimen_report.cutoff is not None and specimen_report.cutoff.reason:
-        lead.append(specimen_report.cutoff.reason)
-    if specimen_report.arms is not None:
+    if specimen.cutoff is not None and specimen.cutoff.reason:
+        lead.append(specimen.cutoff.reason)
+    if specimen.arms is not None:
         lead.append(
-            f"Moment arms were perturbed {specimen_report.arms.draws} times at each level of error; the outer "
-            f"lines hold 95 % "
-            "of the values."
+            f"Moment arms were perturbed {specimen.arms.draws} times at each level of error; the outer lines "
+            "hold 95 % of the values."
         )
-    names = list(dict.fromkeys(name for held in specimen_report.held_out for name in held.predicted))
+    names = list(dict.fromkeys(name for held in specimen.held_out for name in held.predicted))
     legend = [("measured", "measured"), *zip(MODELS, names, strict=False)] if names else []
-    if specimen_report.cutoff is not None:
+    if specimen.cutoff is not None:
         kinds = ("viscosity", "COM", "mass")
         legend += [(style, f"cut-off: {words}") for style, words in zip(AXES, kinds, strict=True)]
-    title = f"Sensitivity: specimen {specimen_report.name}"
+    title = f"Sensitivity: specimen {specimen.name}"
     return Section(f"trust-{order}", title, " ".join(lead), tuple(legend), tuple(figures), tuple(grids), False)
 
 
-def _scans(specimen_report: SpecimenReport, order: int) -> Section | None:
-    if not specimen_report.scans:
+def _scans(specimen: SpecimenReport, order: int) -> Section | None:
+    if not specimen.scans:
         return None
     lead = (
         "Each scanned bone where it lies on the bone of the model, seen from two sides: red places lie outside it, "
         "blue ones inside. The scale of each holds 95 % of its places."
     )
-    return Section(
-        f"scans-{order}", f"CT of specimen {specimen_report.name}", lead, (), specimen_report.scans, (), False
-    )
+    title = f"CT of specimen {specimen.name}"
+    return Section(f"scans-{order}", title, lead, figures=specimen.scans, listed=False)
 
 
-def held_out_plots(held: HeldOutSwing) -> list[str]:
+def held_out_plots(held: specimen_report.HeldOutSwing) -> list[str]:
     """Angles of a swing that was not used, measured and integrated forward by each model [degrees]."""
     span = (float(held.time[0]), float(held.time[-1]))
     result = []
@@ -265,7 +239,7 @@ def held_out_plots(held: HeldOutSwing) -> list[str]:
     return result
 
 
-def cutoff_plots(scan: CutoffScan) -> list[str]:
+def cutoff_plots(scan: specimen_report.CutoffScan) -> list[str]:
     """Change of each condition's quantities over the cut-off of the filter, against the chosen one [%]."""
     result = []
     for words, kinds in SCANNED.items():
@@ -284,7 +258,7 @@ def cutoff_plots(scan: CutoffScan) -> list[str]:
     return result
 
 
-def arm_plot(arms: ArmSpread, truth: float | None) -> str:
+def arm_plot(arms: specimen_report.ArmSpread, truth: float | None) -> str:
     """The common muscle viscosity against the error of the moment arms."""
     across = 100.0 * arms.errors
     clouds = [
@@ -297,13 +271,13 @@ def arm_plot(arms: ArmSpread, truth: float | None) -> str:
     return xy_plot("Muscle viscosity, moment arms in error", "Ns/m", "standard deviation of their error [%]", clouds)
 
 
-def _model_grids(specimen_report: SpecimenReport) -> list[Grid]:
+def _model_grids(specimen: SpecimenReport) -> list[Grid]:
     """Of each condition the models that come nearest, plain viscosity always among them."""
     grids = []
     head = ("Model", "Values", "AIC over best", "BIC over best", "Held-out angle", "Held-out moment")
     for condition, words in TITLES.items():
         models = sorted(
-            (model for model in specimen_report.models if model.condition == condition), key=lambda model: model.bic
+            (model for model in specimen.models if model.condition == condition), key=lambda model: model.bic
         )
         near = [model for i, model in enumerate(models) if i < MAX_MODELS or model.chosen or model.terms == "viscosity"]
         rows = tuple(
@@ -323,7 +297,7 @@ def _model_grids(specimen_report: SpecimenReport) -> list[Grid]:
     return grids
 
 
-def _arm_grid(arms: ArmSpread | None) -> list[Grid]:
+def _arm_grid(arms: specimen_report.ArmSpread | None) -> list[Grid]:
     if arms is None or not arms.kinds:
         return []
     rows = tuple(
@@ -340,13 +314,13 @@ def _arm_grid(arms: ArmSpread | None) -> list[Grid]:
     return [Grid(head, rows, "Muscle viscosity with moment arms in error")]
 
 
-def _error_grid(specimen_report: SpecimenReport) -> list[Grid]:
+def _error_grid(specimen: SpecimenReport) -> list[Grid]:
     """What swings, instruments and model add to each result, and which of them adds most."""
-    quantities = list(dict.fromkeys(each.quantity for each in specimen_report.errors))
-    sources = list(dict.fromkeys(each.source for each in specimen_report.errors))
+    quantities = list(dict.fromkeys(each.quantity for each in specimen.errors))
+    sources = list(dict.fromkeys(each.source for each in specimen.errors))
     if not quantities:
         return []
-    share = {(each.quantity, each.source): each.share for each in specimen_report.errors}
+    share = {(each.quantity, each.source): each.share for each in specimen.errors}
     rows = []
     for quantity in quantities:
         shares = [share.get((quantity, source), 0.0) for source in sources]
@@ -356,12 +330,12 @@ def _error_grid(specimen_report: SpecimenReport) -> list[Grid]:
     return [Grid(head, tuple(rows), "Error budget: share of each source in the variance of each result")]
 
 
-def _instrument_grid(specimen_report: SpecimenReport) -> list[Grid]:
+def _instrument_grid(specimen: SpecimenReport) -> list[Grid]:
     """Errors of instruments as assumed and as the swings show them."""
-    if specimen_report.instruments is None:
+    if specimen.instruments is None:
         return []
     rows = []
-    for source, axis, prior, error, left in specimen_report.instruments.rows:
+    for source, axis, prior, error, left in specimen.instruments.rows:
         factor, unit = SHOWN_IN[source]
         # Added to 0, what is rounded to it loses its sign.
         shown = (f"{round(factor * value, 2) + 0.0:.2f}".replace("-", "−") for value in (prior, error, left))
@@ -392,7 +366,6 @@ def cohort_section(specimens: Sequence[SpecimenReport], levels: dict[str, list[L
     legend = [("first", "estimate, with its 95 % interval"), ("mean", "mean and population SD")]
     legend += [("truth", "truth")] if any(specimen.truth for specimen in specimens) else []
     legend += [("paper", "paper, the same specimen")] if any(specimen.paper for specimen in specimens) else []
-    legend += (
-        [("limit", "literature")] if any(mark.style == "limit" for each in levels.values() for mark in each) else []
-    )
+    literature = any(mark.style == "limit" for each in levels.values() for mark in each)
+    legend += [("limit", "literature")] if literature else []
     return Section("cohort", "All specimens", "", tuple(legend), tuple(figures))

@@ -2,24 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
 
 from myomorph.model.provenance import Estimate
 from myomorph.report.charts.axis import number
 from myomorph.report.page.parts import Grid, Section
-from myomorph.viscosity.cohort import (
-    MEAN,
-    QUANTITIES,
-    SD,
-    SPECIMENS,
-    STROEVE_TOTAL_VISCOSITY,
-    CohortLine,
-    Quantity,
-    cohort,
-)
-from myomorph.viscosity.report.specimen_report import SpecimenReport, ViscosityInput
+from myomorph.viscosity.cohort import MEAN, QUANTITIES, SD, SPECIMENS, STROEVE_TOTAL_VISCOSITY, CohortLine, Quantity
+from myomorph.viscosity.report.specimen_report import SpecimenReport
 
 TITLES = {
     1: "Table I: joint parameters of specimens without muscles",
@@ -68,12 +59,12 @@ def _to(value: float, width: float) -> str:
     return number(value, 10.0 ** (np.floor(np.log10(width)) - 1))
 
 
-def table_section(viscosity_input: ViscosityInput) -> Section:
+def table_section(specimens: Sequence[SpecimenReport], lines: Mapping[str, CohortLine]) -> Section:
     """Tables I and II, and their means beside those of the paper, the literature and the truth."""
-    lines = {line.quantity.name: line for line in cohort([specimen.row for specimen in viscosity_input.done])}
-    grids = [_table(viscosity_input.done, lines, table, _printed) for table in (1, 2)]
-    grids.append(_means(viscosity_input.done, lines))
-    grids += [_table(viscosity_input.done, lines, table, with_interval) for table in (1, 2)]
+    grids = [_table(specimens, lines, table, _printed) for table in (1, 2)]
+    grids.append(_means(specimens, lines))
+    grids += [_table(specimens, lines, table, with_interval) for table in (1, 2)]
+    grids += [grid for grid in (truth_grid(specimens),) if grid is not None]
     lead = (
         "COM is the distance of the mass center from the glenohumeral center. The joint viscosity is that without "
         "muscles, the total viscosity that with them, each one value over all axes; the muscle viscosity is one value "
@@ -89,7 +80,7 @@ def _printed(estimate: Estimate | None) -> str:
 
 def _table(
     specimens: Sequence[SpecimenReport],
-    lines: dict[str, CohortLine],
+    lines: Mapping[str, CohortLine],
     table: int,
     words: Callable[[Estimate | None], str],
 ) -> Grid:
@@ -111,9 +102,9 @@ def _table(
     return Grid(head, tuple(rows), title, folded=not plain)
 
 
-def _means(specimens: Sequence[SpecimenReport], lines: dict[str, CohortLine]) -> Grid:
+def _means(specimens: Sequence[SpecimenReport], lines: Mapping[str, CohortLine]) -> Grid:
     """Mean and SD of every quantity: truth where it is known, the paper, the estimate."""
-    known = bool(specimens) and any(specimen.truth for specimen in specimens)
+    known = any(specimen.truth for specimen in specimens)
     shoulders = any(specimen.shoulder for specimen in specimens)
     rows = []
     for quantity in QUANTITIES:
@@ -128,11 +119,11 @@ def _means(specimens: Sequence[SpecimenReport], lines: dict[str, CohortLine]) ->
         unknown = line is None or not np.isfinite(line.low) or line.high == line.low
         row.append(LACKING if unknown or line is None else span(line.low, line.high))
         if known:
-            if line is None or len(truths) != line.count or not line.high > line.low:
-                row.append("")
-            else:
+            held = ""
+            if line is not None and len(truths) == line.count and line.high > line.low:
                 truth = float(np.mean(truths))
-                row.append(f"{'yes' if line.low <= truth <= line.high else 'no'}, off by {_off(line.mean, truth)}")
+                held = f"{'yes' if line.low <= truth <= line.high else 'no'}, off by {_off(line.mean, truth)}"
+            row.append(held)
         row.append(LACKING if line is None else str(line.count))
         rows.append(tuple(row))
     head = ["Quantity", *(["Truth"] if known else []), *(["Paper's six"] if shoulders else [])]
@@ -178,9 +169,8 @@ def truth_grid(specimens: Iterable[SpecimenReport]) -> Grid | None:
             held = ""
             if estimate is not None and truth is not None and estimate.high > estimate.low:
                 held = "yes" if estimate.holds(truth) else "no"
-            rows.append(
-                (specimen.name, f"{where(quantity)} [{quantity.unit}]", *words, with_interval(estimate), off, held)
-            )
+            label = f"{where(quantity)} [{quantity.unit}]"
+            rows.append((specimen.name, label, *words, with_interval(estimate), off, held))
     if not rows:
         return None
     head = ("Specimen", "Quantity", "Truth", "Paper", "Estimate (95 % interval)", "Error", "Truth in it")

@@ -12,59 +12,32 @@ from myomorph.model.model import Model
 from myomorph.model.paths import MovingPathPoint, Muscle, Path, PathPoint, PathWrap, TendonWrap, WrapObject
 from myomorph.viscosity.specimen.bodies import Anatomy
 
-FIGURE_1 = (
-    "Biceps Brachii Caput Longum",
-    "Biceps Brachii Caput Breve",
-    "Coracobrachialis",
-    "Deltoideus Pars Acromialis",
-    "Deltoideus Pars Spinalis",
-    "Infraspinatus",
-    "Subscapularis",
-    "Supraspinatus",
-    "Teres Major",
-    "Teres Minor",
-    "Triceps Brachii Caput Longum",
-)
-"""The 11 muscles of [S] figure 1, as the paper writes them."""
-
-STRANDS: tuple[tuple[tuple[str, ...], ...], ...] = (
-    (
-        ("BIC_long",),
-        ("BIC_brevis",),
-        ("Coracobrachialis",),
-        ("DeltoideusScapula_M",),
-        ("DeltoideusScapula_P",),
-        ("Infraspinatus_I", "Infraspinatus_S"),
-        ("Subscapularis_S", "Subscapularis_M", "Subscapularis_I"),
-        ("Supraspinatus_P", "Supraspinatus_A"),
-        ("TeresMajor",),
-        ("TeresMinor",),
-        ("TRIlong",),
-    ),
-    (
-        ("BIClong",),
-        ("BICshort",),
-        ("CORB",),
-        ("DELT2",),
-        ("DELT3",),
-        ("INFSP",),
-        ("SUBSC",),
-        ("SUPSP",),
-        ("TMAJ",),
-        ("TMIN",),
-        ("TRIlong",),
-    ),
-)
-"""Their strands in the thoracoscapular model (Seth et al. 2019), and in the arm of Saul et al. (2015) and MyoSuite."""
+FIGURE_1 = {
+    "Biceps Brachii Caput Longum": ("BIC_long", "BIClong"),
+    "Biceps Brachii Caput Breve": ("BIC_brevis", "BICshort"),
+    "Coracobrachialis": ("Coracobrachialis", "CORB"),
+    "Deltoideus Pars Acromialis": ("DeltoideusScapula_M", "DELT2"),
+    "Deltoideus Pars Spinalis": ("DeltoideusScapula_P", "DELT3"),
+    "Infraspinatus": ("Infraspinatus_I Infraspinatus_S", "INFSP"),
+    "Subscapularis": ("Subscapularis_S Subscapularis_M Subscapularis_I", "SUBSC"),
+    "Supraspinatus": ("Supraspinatus_P Supraspinatus_A", "SUPSP"),
+    "Teres Major": ("TeresMajor", "TMAJ"),
+    "Teres Minor": ("TeresMinor", "TMIN"),
+    "Triceps Brachii Caput Longum": ("TRIlong", "TRIlong"),
+}
+"""The 11 muscles of [S] figure 1, as the paper writes them: their strands in the thoracoscapular model (Seth et al.
+2019), and in the arm of Saul et al. (2015) and MyoSuite."""
 
 
 def fig1_muscles(model: Model) -> Mapping[str, tuple[str, ...]]:
     """The 11 muscles of [S] figure 1: the paper's name to strands of the model, of two families of names."""
     known = set(model.muscle_names)
-    lacking = [[strand for muscle in family for strand in muscle if strand not in known] for family in STRANDS]
-    for family, missing in zip(STRANDS, lacking, strict=True):
-        if not missing:
-            return FrozenMap(dict(zip(FIGURE_1, family, strict=True)))
+    lacking = []
+    for family in zip(*FIGURE_1.values(), strict=True):
+        strands = {muscle: tuple(words.split()) for muscle, words in zip(FIGURE_1, family, strict=True)}
+        lacking.append([name for names in strands.values() for name in names if name not in known])
+        if not lacking[-1]:
+            return FrozenMap(strands)
     fewest = min(lacking, key=len)
     raise BadModel(
         f"model '{model.name}' does not name the 11 muscles of the shoulder as the thoracoscapular model or MyoSuite's "
