@@ -6,9 +6,9 @@ import pytest
 from benchmarks.house import CHECKOUT, checkout_texts, count
 
 LIMITS = {
-    ("lines", "src"): 128_275,
-    ("lines", "benchmarks"): 25_925,
-    ("words", "documentation"): 99_999,
+    ("lines", "src"): 127_661,
+    ("lines", "benchmarks"): 25_926,
+    ("words", "documentation"): 99_975,
     ("vague", "src"): 6.5,
 }
 
