@@ -300,11 +300,9 @@ def measure_wrenches() -> Iterator[Row]:
     """[D] figure 3.3: mean absolute error of each component of the base wrench on the motion that was not used."""
     for name, one in sets():
         for way, tables in one.tables.items():
-            rows = tables["cross_validation.csv"]
-            for method in dict.fromkeys(row["method"] for row in rows):
+            for method, errors in _methods(tables).items():
                 if way != DEFAULTS and method == GENERIC:
                     continue
-                errors = {row["component"]: row for row in rows if row["method"] == method}
                 yield (
                     {"set": name, "settings": way, "masses": method}
                     | {
@@ -321,6 +319,44 @@ def measure_wrenches() -> Iterator[Row]:
             f"{component} [{unit}]": number
             for (component, unit), number in zip(COMPONENTS.items(), numbers, strict=True)
         }
+
+
+def measure_measured() -> Iterator[Row]:
+    """Measured persons: errors of the wrench on the motion that was not used, the smallest link, and the first line."""
+    for case in real(data_folder()):
+        if not (HOME / case.name / "found.json").is_file():
+            continue
+        one = found(case.name)
+        row: Row = {
+            "set": case.name,
+            "used": ", ".join(name for name in case.trials if name != case.check),
+            "predicted": case.check,
+        }
+        for way, tables in one.tables.items():
+            for kind, word in (("F", "force"), ("N", "moment")):
+                unit = "N" if kind == "F" else "N m"
+                for label, errors in _methods(tables).items():
+                    if label == GENERIC and way == DEFAULTS:
+                        row[f"{word}, generic [{unit}]"] = _together(errors, kind)
+                    elif label.startswith("identified"):
+                        row[f"{word}, {way} [{unit}]"] = _together(errors, kind)
+        for way, tables in one.tables.items():
+            ratios = {
+                part["link"]: _identified(part) / float(part[f"{GENERIC} [kg]"])
+                for part in tables["masses.csv"]
+                if float(part[f"{GENERIC} [kg]"]) > 0.0
+            }
+            least = min(ratios, key=lambda link: ratios[link])
+            row[f"smallest of generic, {way}"] = f"{ratios[least]:.2g} ({least})"
+        yield row | {"first line": next(iter(one.notes[DEFAULTS]), "")}
+
+
+def _methods(tables: Mapping[str, list[dict[str, str]]]) -> dict[str, dict[str, dict[str, str]]]:
+    """Errors on the motion that was not used, by method and component."""
+    methods: dict[str, dict[str, dict[str, str]]] = {}
+    for row in tables["cross_validation.csv"]:
+        methods.setdefault(row["method"], {})[row["component"]] = row
+    return methods
 
 
 def _together(errors: Mapping[str, Mapping[str, str]], kind: str) -> float:

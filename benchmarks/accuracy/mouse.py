@@ -12,7 +12,9 @@ from myomorph.contact.plate_corners import first_corner
 from myomorph.contact.plates import loaded_samples
 from myomorph.model.arrays import runs
 from myomorph.morph.mirror.model import with_other_side
+from myomorph.tension.dual import NOT_DETERMINED
 from myomorph.tension.tension import Tension
+from truths.mouse_commands import by_command
 from truths.mouse_hindlimb import FILE, mouse_hindlimb_model
 from truths.mouse_motion import (
     Mouse,
@@ -182,6 +184,30 @@ def measure_plate(folder: Path) -> Iterator[Row]:
         yield row
 
 
+def measure_commands(folder: Path) -> Iterator[Row]:
+    """Every recording by one study file: how much of each leg is solved, and what reserves give there."""
+    if not recordings(folder):
+        return
+    for name, one in by_command(folder).items():
+        tension, posed = one.tension, ~np.isnan(one.tension.torques).all(axis=1)
+        row: Row = {"recording": name, "frames with a pose": int(posed.sum())}
+        for side, word in (("r", "right"), ("l", "left")):
+            muscle = tension.muscles.index("SOL" if side == "r" else "SOL_l")
+            solved = posed & np.isfinite(tension.forces[:, muscle])
+            bodies = [body == f"Foot_{side}" for body in one.wrenches.bodies]
+            pushed = np.nan_to_num(one.wrenches.forces[:, bodies, 1]).sum(axis=1) > 0.1 * one.model.weight
+            torques = mm.Series(tension.time, tension.coordinates, tension.torques)
+            row |= {
+                f"{word} leg solved [% of frames]": 100.0 * solved.sum() / posed.sum(),
+                f"{word}, loaded and solved": int((solved & pushed).sum()),
+                f"{word}, reserves [% of torque]": _reserves(torques, tension, side)[1],
+            }
+        yield row | {
+            "not optimal": int((posed & ~tension.optimal & (tension.status != NOT_DETERMINED)).sum()),
+            "first line": one.line,
+        }
+
+
 def _beside_markers(one: Mouse) -> Row:
     """How far the center of pressure is from the markers' middle, as used and as the file counts the corners."""
     plate, markers = one.trial.plates[0], one.trial.markers
@@ -221,6 +247,6 @@ def _reserves(torques: mm.Series, tension: Tension, side: str) -> tuple[float, f
     """Largest reserve of the leg's joints [N mm], and root mean square of reserves over that of torques [%]."""
     joints = [f"{joint}_{side}" for joint in JOINTS]
     given = np.stack([tension.reserves[:, tension.reserve_names.index(f"reserve_{one}")] for one in joints])
-    asked = np.stack([torques[one] for one in joints])
-    share = float(np.sqrt(np.mean(given**2)) / np.sqrt(np.mean(asked**2)))
-    return 1e3 * float(np.abs(given).max()), 100.0 * share
+    asked = np.where(np.isfinite(given), np.stack([torques[one] for one in joints]), np.nan)
+    share = float(np.sqrt(np.nanmean(given**2)) / np.sqrt(np.nanmean(asked**2)))
+    return 1e3 * float(np.nanmax(np.abs(given))), 100.0 * share

@@ -24,6 +24,13 @@ SHORTEST = 0.1  # A body keeps a plate at least that long before another takes o
 CLEAR = 0.8  # An episode goes to one body as a whole if it has this share of the force there
 
 
+def heel_and_ball(model: Model, foot: str) -> Array:
+    """Ends (2, 3) of a foot in its body's frame: its joint, and twice the way from there to its mass center [m]."""
+    joint = next(joint for joint in model.joints if joint.child == foot)
+    heel = joint.child_frame.translation
+    return np.stack([heel, 2.0 * model.body(foot).mass_center - heel])
+
+
 @dataclass(frozen=True)
 class Contact:
     """One stretch of time in which a plate carried one body."""
@@ -209,8 +216,7 @@ class OnlineFeet:
         self._tree = compile_tree(model)
         self._feet = [self.bodies.index(item) for item in feet]
         self._numbers = [self._tree.body_index[item] for item in feet]
-        # Heel and ball: twice the way from the body's origin to its mass center.
-        self._ahead = np.array([2.0 * model.body(item).mass_center for item in feet]).reshape(-1, 3)
+        self._ends = np.array([heel_and_ball(model, item) for item in feet]).reshape(-1, 2, 3)
         gravity = np.asarray(model.gravity, dtype=np.float64)
         size = float(np.linalg.norm(gravity))
         self.up = -gravity / size if size > 0.0 else np.array([0.0, 1.0, 0.0])
@@ -258,12 +264,11 @@ class OnlineFeet:
         if abs(lift) < 0.1 * LOADED:
             return -1
         poses = forward_kinematics(self._tree, np.array(coordinates, dtype=np.float64)[None])
-        heels = poses.origins[0, self._numbers]
-        balls = heels + np.einsum("fij,fj->fi", poses.rotations[0, self._numbers], self._ahead)
+        ends = poses.origins[0, self._numbers][:, None] + self._ends @ poses.rotations[0, self._numbers].swapaxes(1, 2)
         # Where the moment along the floor vanishes, in the plane through the origin.
         center = np.cross(self.up, moment) / lift
-        away = np.stack([heels, balls]) - center
+        away = ends - center
         away -= (away @ self.up)[..., None] * self.up
-        distances = np.linalg.norm(away, axis=-1).min(axis=0)
+        distances = np.linalg.norm(away, axis=-1).min(axis=1)
         best = int(np.argmin(distances))
         return self._feet[best] if distances[best] <= NEAR else -1

@@ -73,16 +73,16 @@ class FootPoses:
         return self.poses.rotations[:, b], self.poses.origins[:, b]
 
     def distances(self, points: Array) -> Array:
-        """Horizontal distances (frames, points, feet) of points (frames, points, 3) to the soles' middle lines [m]."""
-        heels, tips = self.soles
-        along = self._level(tips - heels)[:, None]
-        reach = self._level(points[:, :, None] - heels[:, None])
-        share = np.clip((reach * along).sum(axis=3) / np.maximum((along**2).sum(axis=3), 1e-12), 0.0, 1.0)
-        return np.linalg.norm(reach - share[..., None] * along, axis=3)
+        """Of points (frames, points, 3) to the soles' middle lines (frames, points, feet); see `sole_distances` [m]."""
+        return sole_distances(points, *self.soles, self.up)
 
-    def _level(self, vectors: Array) -> Array:
-        """The horizontal part of vectors."""
-        return np.asarray(vectors - (vectors @ self.up)[..., None] * self.up)
+
+def sole_distances(points: Array, heels: Array, tips: Array, up: Array) -> Array:
+    """Horizontal distances (frames, points, feet) of points to lines from heels to tips (frames, feet, 3) [m]."""
+    level = np.eye(3) - np.outer(up, up)
+    along, reach = ((tips - heels) @ level)[:, None], (points[:, :, None] - heels[:, None]) @ level
+    share = np.clip((reach * along).sum(axis=3) / np.maximum((along**2).sum(axis=3), 1e-12), 0.0, 1.0)
+    return np.linalg.norm(reach - share[..., None] * along, axis=3)
 
 
 def foot_poses(model: Model, motion: Motion) -> FootPoses | None:

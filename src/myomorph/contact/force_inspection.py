@@ -156,11 +156,11 @@ EDGE = 0.05  # Uncertainty of the time at which a foot is put down or lifted, by
 
 def standing(inspection: Inspection) -> NDArray[np.bool_]:
     """(frames, feet) whether the heel or the tip of each sole moves as the ground does."""
-    feet = inspection.feet
+    feet, loaded = inspection.feet, inspection.samples.loaded[:, inspection.numbers].any(axis=1)
     moving = []
     for points in feet.soles:
         velocity = np.gradient(points, feet.time, axis=0)
-        moving.append(np.linalg.norm(velocity - _belt(inspection, velocity), axis=2))
+        moving.append(np.linalg.norm(velocity - ground_velocity(velocity, loaded), axis=2))
     return np.asarray(np.minimum(*moving) <= MOVES * np.sqrt(feet.unit))
 
 
@@ -168,12 +168,11 @@ def belt_velocity(inspection: Inspection) -> Array:
     """Velocity of the ground under loaded feet (3,), zero but on a treadmill [m/s]."""
     feet = inspection.feet
     velocities = np.concatenate([np.gradient(points, feet.time, axis=0) for points in feet.soles], axis=1)
-    return _belt(inspection, velocities)
+    return ground_velocity(velocities, inspection.samples.loaded[:, inspection.numbers].any(axis=1))
 
 
-def _belt(inspection: Inspection, velocities: Array) -> Array:
-    """The same by the slowest of some points (frames, points, 3) [m/s]."""
-    loaded = inspection.samples.loaded[:, inspection.numbers].any(axis=1)
+def ground_velocity(velocities: Array, loaded: np.ndarray | np.bool_) -> Array:
+    """The same by the slowest of some points of feet (frames, points, 3) in frames (frames,) with a load [m/s]."""
     if not loaded.any():
         return np.zeros(3)
     speeds = np.linalg.norm(velocities, axis=2)

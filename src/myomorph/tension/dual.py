@@ -23,8 +23,8 @@ from myomorph.tension.ceiling import add_common_motion, ceiling
 from myomorph.tension.response import response
 from myomorph.tension.separable import back_substitute, factorize
 
-OPTIMAL, INFEASIBLE, STALLED, MISSING = 0, 1, 2, 3
-STATUS_NAMES = ("optimal", "infeasible", "not converged", "missing input")
+OPTIMAL, INFEASIBLE, STALLED, MISSING, NOT_DETERMINED = 0, 1, 2, 3, 4
+STATUS_NAMES = ("optimal", "infeasible", "not converged", "missing input", "not determined")
 TOLERANCE = 1e-9  # Equilibrium residual, relative to 1 + max |b|, at which a frame is solved
 SETTLED = 1e-3  # The same of a frame that cannot balance, relative to what it misses
 PATIENCE = 25  # Passes over linked frames without a new least change, after which they are no longer over-relaxed

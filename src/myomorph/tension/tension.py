@@ -18,7 +18,8 @@ from myomorph.model.join import own_name
 from myomorph.model.labelled import Labelled, Variable
 from myomorph.model.model import index_of
 from myomorph.muscles.hill_arrays import Convention
-from myomorph.tension.dual import OPTIMAL, STATUS_NAMES
+from myomorph.tension.dual import MISSING as MISSING_INPUT
+from myomorph.tension.dual import NOT_DETERMINED, OPTIMAL, STATUS_NAMES
 from myomorph.tension.fibers import Fibers
 
 RESERVE, RESIDUAL = "reserve_", "residual_"
@@ -124,7 +125,8 @@ class Tension(Labelled):
     torques : (frames, coordinates) what muscles and reserves had to give together: inverse dynamics,
         dependent coordinates handed on, passive torques of joints taken off [N m or N]
     equilibrium_residual : (frames,) greatest torque or force left unbalanced [N m or N]
-    status : (frames,) index into `STATUS_NAMES`: optimal, infeasible, not converged, missing input
+    status : (frames,) index into `STATUS_NAMES`: optimal, infeasible, not converged, missing input, not determined (no
+        muscle is left whose limb's load is known)
     iterations : (frames,)
     lower, upper : (muscles,) bounds of the activations
     overstretched : muscles whose passive force passes their maximum isometric force in some frame, where
@@ -201,6 +203,16 @@ class Tension(Labelled):
     def optimal(self) -> np.ndarray:
         """(frames,) whether the activations are the least effort in balance."""
         return self.status == OPTIMAL
+
+    @property
+    def asked(self) -> np.ndarray:
+        """(frames,) whether a frame had all that its solution needs."""
+        return ~np.isin(self.status, (MISSING_INPUT, NOT_DETERMINED))
+
+    @property
+    def undetermined(self) -> np.ndarray:
+        """(frames, muscles) whether a muscle has no tension because nobody measured what its limb carries."""
+        return np.isnan(self.activations) & np.isin(self.status, (OPTIMAL, NOT_DETERMINED))[:, None]
 
     @property
     def saturated(self) -> np.ndarray:

@@ -191,7 +191,7 @@ def _verdicts(prepared: Prepared) -> list[Verdict]:
         rows += tables.residual_verdicts(model, torques, wrenches, prepared.center_height)
     rows += contact_verdicts(results, prepared.center_height)
     if tension is not None:
-        rows.append(tables.unsolved_verdict(tension.solved, tension.time))
+        rows.append(tables.unsolved_verdict(tension.solved[tension.asked], tension.time[tension.asked]))
         if model is not None and torques is not None:
             names, reserves = tension.reserve_coordinates, tension.reserves
             rows += tables.reserve_verdicts(model, torques, names, reserves, tension.time, results.muscles.driven)

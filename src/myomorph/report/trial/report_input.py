@@ -73,6 +73,7 @@ class ShownTension:
     # force takes no part
     passive: tuple[tuple[str, float, float], ...] | None = None
     fibers: Fibers | None = None  # fibers and tendons, where tendons were elastic
+    asked: np.ndarray | slice = slice(None)  # (frames,) which frames had all that their solution needs
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,6 +15,7 @@ from myomorph.model.series import Markers, Motion, Series, Wrenches
 from myomorph.motion.calibration import SOURCES, Calibration
 from myomorph.motion.ik import KinematicsFit
 from myomorph.report.trial import tables
+from myomorph.tension.dual import MISSING
 from myomorph.tension.tension import Tension
 
 ALONE = 1e-3  # Share of a coordinate's torque that its muscles give at most where it has none that counts.
@@ -103,6 +104,11 @@ def tension_line(model: Model, tension: Tension) -> str:
     optimal = int(tension.optimal.sum())
     count = "all frames optimal" if optimal == len(tension) else f"{optimal} of {len(tension)} frames optimal"
     text = f"{len(tension)} frames, {len(tension.muscles)} muscles, {count}"
+    missing, unknown = int((tension.status == MISSING).sum()), tension.undetermined
+    text += f", {missing} without input" if missing else ""
+    if unknown.any():
+        share = 100.0 * float(unknown.sum()) / (unknown.shape[1] * (len(tension) - missing))
+        text += f", {share:.0f} % of the tensions not determined (no plate measures the load of their limb alone)"
     if tension.reserves.size:
         text += _reserves(model, tension)
     if tension.contacts is not None:

@@ -110,7 +110,8 @@ def _tiles(prepared: Prepared) -> list[Tile]:
     if results.tension is not None:
         solved = int(np.sum(results.tension.solved))
         state = _state(prepared, Quantity.NOT_OPTIMAL)
-        tiles.append(Tile(f"{solved} / {len(results.tension.time)}", "frames optimal", state))
+        asked = len(results.tension.time[results.tension.asked])
+        tiles.append(Tile(f"{solved} / {asked}", "frames optimal", state))
         full = next(verdict for verdict in prepared.verdicts if verdict.quantity == Quantity.SATURATED)
         tiles.append(Tile(f"{int(full.value)} {full.unit}", "muscles saturated", full.state))
     return tiles

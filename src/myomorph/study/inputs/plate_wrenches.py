@@ -7,8 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from myomorph.contact.assign import assign_bodies
+from myomorph.contact.assign import assign_bodies, heel_and_ball
 from myomorph.contact.plates import wrenches_from_plates
+from myomorph.contact.undetermined import undetermined_loads
 from myomorph.model.errors import BadData
 from myomorph.model.findings import Finding
 from myomorph.model.model import Model
@@ -62,13 +63,15 @@ def nearest_feet(wrenches: Wrenches, model: Model, motion: Motion) -> Wrenches:
     places = {}
     for foot in feet:
         rotations, origins = poses(foot, wrenches.time)
-        # Heel and ball: twice the way from the body's origin to its mass center.
-        ahead = 2.0 * rotations @ model.body(foot).mass_center
-        places[foot] = np.stack([origins, origins + ahead], axis=1)
+        places[foot] = origins[:, None] + heel_and_ball(model, foot) @ rotations.swapaxes(1, 2)
     named = [index for index, body in enumerate(wrenches.bodies) if body]
     unnamed = [index for index, body in enumerate(wrenches.bodies) if not body]
     found = assign_bodies(wrenches.columns(unnamed), places)
-    return _carried(wrenches.columns(named).and_others(found.wrenches), found.warnings)
+    carried = _carried(wrenches.columns(named).and_others(found.wrenches), found.warnings)
+    inside = (carried.time >= motion.time[0]) & (carried.time <= motion.time[-1])
+    during = {foot: place[inside] for foot, place in places.items()}
+    unknown = undetermined_loads(carried.frames(inside), during, model.weight, np.asarray(model.up))
+    return replace(carried, findings=(*carried.findings, *unknown))
 
 
 def _during(wrenches: Wrenches, motion: Motion) -> Wrenches:

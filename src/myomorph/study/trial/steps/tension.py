@@ -38,6 +38,7 @@ from myomorph.study.inputs.imu_files import RecordedSensors
 from myomorph.study.inputs.loads import ExternalLoads
 from myomorph.study.inputs.torques import RecordedTorques
 from myomorph.study.step.step import Step, StepCommand, StepOutput
+from myomorph.study.trial.determined import determined
 from myomorph.study.trial.emg_tables import EMG_TABLE, write_calibration, write_conflicts
 from myomorph.study.trial.fiber_step import fiber_numbers, fiber_signals, write_fibers
 from myomorph.study.trial.joint_contact_step import joint_contact_numbers, joint_contact_signals, write_joint_contacts
@@ -45,6 +46,7 @@ from myomorph.study.trial.steps.id import Torques, cutoff_of, filter_summary, pu
 from myomorph.study.trial.steps.ik import Poses
 from myomorph.study.trial.trial_inputs import JoinedParts, Signals, TrialInputs, Value, all_drawn, statistics_of
 from myomorph.tension.contact_setting import Measurements, during
+from myomorph.tension.dual import INFEASIBLE, STALLED
 from myomorph.tension.emg_targets import EmgOptions
 from myomorph.tension.joint_contact import JointPoints
 from myomorph.tension.recruitment import RecruitmentOptions
@@ -93,6 +95,8 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques 
     task = task_of(trial, poses.recorded, torques)
     with progress(f"{trial.name}: muscle tensions", len(task.motion)) as advance:
         tension, solution = task.solved(advance)
+    if task.setting is None:
+        tension = determined(tension, trial.model, torques.wrenches, _driven(task))
     notes = (*task.notes(tension), *notes)
     _write_tension(tension, task, output)
     points, plan = trial.get(JointPoints), trial.get(ContactPlan)
@@ -185,9 +189,14 @@ def _objects(trial: TrialInputs) -> set[str]:
     return {f"{name}_{name}" for name, part in models.items() if isinstance(part, dict)}
 
 
+def _driven(task: TensionTask) -> dict[str, str]:
+    """Actuators to the coordinates that they drive, "" where they drive none."""
+    return {actuator.name: actuator.coordinate for actuator in (*task.model.actuators, *task.actuators)}
+
+
 def _write_tension(tension: Tension, task: TensionTask, output: StepOutput) -> None:
-    by_name = {actuator.name: actuator.coordinate for actuator in (*task.model.actuators, *task.actuators)}
-    store.put_tension(output.writer, tension, tuple(by_name.get(name, "") for name in tension.reserve_names))
+    driven = _driven(task)
+    store.put_tension(output.writer, tension, tuple(driven.get(name, "") for name in tension.reserve_names))
     tables = (
         ("activations", tension.muscles, tension.activations),
         ("forces", tension.muscles, tension.forces),
@@ -278,6 +287,7 @@ def _show(report_input: ReportInput, stored: Stored) -> ReportInput:
             tension.overstretched,
             _large_shares(tension) if "muscle_passive_share" in stored.values else None,
             tension.fibers,
+            tension.asked,
         )
     return replace(
         report_input.with_warnings(map(str, get_findings(stored, FINDINGS))),
@@ -321,7 +331,12 @@ def _numbers(stored: Stored, model: Model, strides: TrialStrides | None) -> Iter
     """Frames without an optimum, the largest reserve of each coordinate, and loads of contact points."""
     if "tension_status" not in stored.values:
         return
-    yield Value("tension", "frames not optimal", float((stored.values["tension_status"] != 0).sum()), "1")
+    yield Value(
+        "tension",
+        "frames not optimal",
+        float(np.isin(stored.values["tension_status"], (INFEASIBLE, STALLED)).sum()),
+        "1",
+    )
     yield from fiber_numbers(stored)
     yield from joint_contact_numbers(stored, strides)
     forces = stored.values.get("actuator_force")

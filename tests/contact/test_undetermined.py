@@ -1,0 +1,85 @@
+"""Feet whose load is not known: they stand beside the plates, or share one. Healthy steps are left alone."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from myomorph.contact.undetermined import UNDETERMINED, undetermined_loads
+from myomorph.model.series import Wrenches
+
+UP = np.array([0.0, 1.0, 0.0])
+WEIGHT = 700.0
+TIME = np.arange(0.0, 2.4, 0.005)
+
+
+def walk(size=1.0):
+    """Time, heel and ball of two feet that stand in turn with some double support, 0.6 s a step; lengths by `size`."""
+    places = {}
+    for foot, side, begins in (("calcn_r", 0.1, 0.0), ("calcn_l", -0.1, 0.6)):
+        phase = np.clip((TIME - begins) % 1.2, 0.0, 1.2)
+        swing = np.clip((phase - 0.72) / 0.48, 0.0, 1.0)
+        ahead = 1.2 * (np.floor((TIME - begins) / 1.2) + (swing - np.sin(2.0 * np.pi * swing) / (2.0 * np.pi)))
+        heel = np.stack([ahead, 0.1 * np.sin(np.pi * swing), np.full_like(TIME, side)], axis=1)
+        places[foot] = size * np.stack([heel, heel + [0.2, 0.0, 0.0]], axis=1)
+    return np.sqrt(size) * TIME, places
+
+
+def stance(places, foot):
+    """Samples in which a foot does not move."""
+    return np.linalg.norm(np.gradient(places[foot][:, 0], axis=0), axis=1) < 1e-12
+
+
+def loads(time, places, size=1.0, feet=("calcn_r", "calcn_l")):
+    """A plate for each foot that carries half the weight in its stance, under its middle."""
+    forces = np.stack([0.5 * WEIGHT * stance(places, foot)[:, None] * UP for foot in feet], axis=1)
+    points = np.stack([places[foot].mean(axis=1) for foot in feet], axis=1)
+    return Wrenches(time, tuple(f"plate_{foot}" for foot in feet), feet, forces, points, np.zeros_like(forces))
+
+
+@pytest.mark.parametrize("size", [1.0, 0.05])
+def test_steps_on_plates_of_their_own_are_left_alone(size):
+    time, places = walk(size)
+    assert undetermined_loads(loads(time, places), places, WEIGHT, UP) == ()
+
+
+@pytest.mark.parametrize("size", [1.0, 0.05])
+def test_a_foot_that_stands_beside_all_plates_is_named_while_it_stands(size):
+    """The same at the size of a mouse, whose times are shorter by the root of its lengths."""
+    time, places = walk(size)
+    found = undetermined_loads(loads(time, places, feet=("calcn_r",)), places, WEIGHT, UP)
+    assert [(finding.kind, finding.place) for finding in found] == [(UNDETERMINED, "calcn_l")]
+    assert "no plate carries it" in found[0].text
+    flagged = np.any([(time >= a) & (time <= b) for a, b in found[0].times], axis=0)
+    stands = stance(places, "calcn_l")
+    assert flagged[stands].all()
+    assert flagged[~stands].mean() < 0.3
+
+
+def test_a_plate_under_two_feet_is_nobodys():
+    """The force of both, given to one: neither has a load of its own."""
+    time, places = walk()
+    both = loads(time, places)
+    still = stance(places, "calcn_r") & stance(places, "calcn_l")
+    middle = both.points.mean(axis=1, keepdims=True)
+    forces = np.where(still[:, None, None], both.forces.sum(axis=1, keepdims=True), both.forces)
+    points = np.where(still[:, None, None], middle, both.points)
+    forces[still, 1] = 0.0
+    wrenches = Wrenches(time, both.names, both.bodies, forces, points, np.zeros_like(forces))
+    found = undetermined_loads(wrenches, places, WEIGHT, UP)
+    assert [finding.place for finding in found] == ["calcn_r", "calcn_l"]
+    right, left = (np.any([(time >= a) & (time <= b) for a, b in finding.times], axis=0) for finding in found)
+    assert right[still].mean() > 0.9
+    assert left[still].mean() > 0.9
+    assert right[~still].mean() < 0.2
+
+
+def test_another_body_beside_the_foot_that_has_the_force_is_seen():
+    time, places = walk()
+    wrenches = loads(time, places)
+    points = wrenches.points + np.array([0.4, 0.0, 0.0])
+    found = undetermined_loads(
+        Wrenches(time, wrenches.names, wrenches.bodies, wrenches.forces, points, wrenches.torques), places, WEIGHT, UP
+    )
+    assert {finding.place for finding in found} == {"calcn_r", "calcn_l"}
+    assert all("not under it alone" in finding.text for finding in found)
