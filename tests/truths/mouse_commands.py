@@ -79,6 +79,8 @@ def by_command(data: Path) -> Mapping[str, ByCommand]:
         for outcome in run_study(read_plan(write_study(Path(home), data)), out):
             if outcome.error:
                 raise RuntimeError(outcome.error)
+            if "tension" not in outcome.done:
+                continue
             name = outcome.folder.parent.name
             model = mm.read_model(next(outcome.folder.parent.rglob("*.osim")))
             (result,) = mm.load(outcome.folder).values()

@@ -184,7 +184,7 @@ def test_the_report_shows_fibers_and_lists_rigid_tendons(solved):
     model, motion, tension = solved
     shown = ShownTension(
         *(tension.time, tension.muscles, tension.activations, tension.forces, tension.reserves),
-        *(tension.coordinates, tension.optimal, tension.overstretched),
+        *(tension.coordinates, tension.optimal, tension.asked, tension.overstretched),
         fibers=tension.fibers,
     )
     given = ReportInput(PageHead("arm"), model, kinematics=Kinematics(coordinates=motion), tension=shown)

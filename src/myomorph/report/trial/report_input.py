@@ -67,13 +67,14 @@ class ShownTension:
     forces: Array
     reserves: Array  # (frames, reserves) torques of the reserve actuators [N m or N]
     reserve_coordinates: tuple[str, ...]  # coordinate of each reserve
-    solved: np.ndarray  # (frames,) whether the frame is optimal
+    # (frames,) whether the frame is optimal, and whether it had all that its solution needs
+    solved: np.ndarray
+    asked: np.ndarray
     overstretched: tuple[str, ...] = ()  # muscles whose passive force passes their maximum isometric force somewhere
     # muscles with much passive force, its largest share of the maximum isometric force and when [s]; None where passive
     # force takes no part
     passive: tuple[tuple[str, float, float], ...] | None = None
     fibers: Fibers | None = None  # fibers and tendons, where tendons were elastic
-    asked: np.ndarray | slice = slice(None)  # (frames,) which frames had all that their solution needs
 
 
 @dataclass(frozen=True, eq=False)

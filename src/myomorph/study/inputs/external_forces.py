@@ -167,7 +167,7 @@ def on_feet(wrenches: Wrenches, model: Model, motion: Motion, options: ForceOpti
         wrenches, findings = found.wrenches, found.findings
         wrenches = _without_loads(wrenches, findings)
     if not all(wrenches.bodies):
-        wrenches = nearest_feet(wrenches, model, motion)
+        wrenches = nearest_feet(wrenches, model, motion, options.force_checks != "none")
     texts = tuple(finding.text for finding in findings)
     places = tuple(f"{finding.place} may carry" for finding in findings)
     kept = (text for text in wrenches.notes if text not in texts and not text.startswith(places))

@@ -41,10 +41,10 @@ def recorded_wrenches(trial: Trial, bodies: Sequence[str] | None = None) -> Wren
     return replace(wrenches, bodies=tuple(body for _, body in used))
 
 
-def nearest_feet(wrenches: Wrenches, model: Model, motion: Motion) -> Wrenches:
+def nearest_feet(wrenches: Wrenches, model: Model, motion: Motion, checked: bool = True) -> Wrenches:
     """Forces, each given to the foot that is nearest to its center of pressure, step by step. A force that is nobody's,
-    as that of a plate that nobody steps on, is left out; a note says so. Raises `BadData` where the model has no foot,
-    or forces and motion have no time in common.
+    as that of a plate that nobody steps on, is left out; a note says so. `checked`: findings say when the forces do not
+    show what acts on a foot. Raises `BadData` where the model has no foot, or forces and motion have no time in common.
     """
     feet = feet_of(model)
     if not feet:
@@ -68,6 +68,8 @@ def nearest_feet(wrenches: Wrenches, model: Model, motion: Motion) -> Wrenches:
     unnamed = [index for index, body in enumerate(wrenches.bodies) if not body]
     found = assign_bodies(wrenches.columns(unnamed), places)
     carried = _carried(wrenches.columns(named).and_others(found.wrenches), found.warnings)
+    if not checked:
+        return carried
     inside = (carried.time >= motion.time[0]) & (carried.time <= motion.time[-1])
     during = {foot: place[inside] for foot, place in places.items()}
     unknown = undetermined_loads(carried.frames(inside), during, model.weight, np.asarray(model.up))

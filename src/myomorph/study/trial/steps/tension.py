@@ -284,10 +284,10 @@ def _show(report_input: ReportInput, stored: Stored) -> ReportInput:
             tension.reserves,
             stored.names.get("actuator_coordinate", ()),
             tension.optimal,
+            tension.asked,
             tension.overstretched,
             _large_shares(tension) if "muscle_passive_share" in stored.values else None,
             tension.fibers,
-            tension.asked,
         )
     return replace(
         report_input.with_warnings(map(str, get_findings(stored, FINDINGS))),
@@ -331,12 +331,8 @@ def _numbers(stored: Stored, model: Model, strides: TrialStrides | None) -> Iter
     """Frames without an optimum, the largest reserve of each coordinate, and loads of contact points."""
     if "tension_status" not in stored.values:
         return
-    yield Value(
-        "tension",
-        "frames not optimal",
-        float(np.isin(stored.values["tension_status"], (INFEASIBLE, STALLED)).sum()),
-        "1",
-    )
+    failed = np.isin(stored.values["tension_status"], (INFEASIBLE, STALLED))
+    yield Value("tension", "frames not optimal", float(failed.sum()), "1")
     yield from fiber_numbers(stored)
     yield from joint_contact_numbers(stored, strides)
     forces = stored.values.get("actuator_force")
