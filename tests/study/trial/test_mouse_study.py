@@ -7,12 +7,14 @@ import csv
 import numpy as np
 import pytest
 
+import myomorph as mm
 from myomorph.io.osim.write import write_osim
 from myomorph.model.errors import BadData, BadFile
 from myomorph.model.series import Markers, Trial
 from myomorph.study.inputs.reading import with_labels
 from myomorph.study.plan.plan import read_plan
 from myomorph.study.run.run import run_study
+from myomorph.tension.dual import STATUS_NAMES
 from truths.mouse_recordings import GAIT_LABELS, both_hindlimbs
 
 RECORDING = "mouse-gait-c3d-force/Cage6_1R_12_01_26_trial_2.c3d"
@@ -54,6 +56,30 @@ def test_strides_of_a_mouse_end_in_the_page(tmp_path, data):
     lasting = {(row[0], row[1]): float(row[2]) - float(row[1]) for row in strides[1:]}
     assert len(lasting) >= 12
     assert np.median(list(lasting.values())) == pytest.approx(0.28, abs=0.05)
+
+
+def test_a_leg_has_tensions_only_where_its_load_is_known(tmp_path, data):
+    """Two hind paws and two forepaws on one plate: what is left is solved, and its reserves are small."""
+    plan = study(tmp_path, data, ["ik", "id", "tension"], "[options.ik]\npasses_only = true")
+    outcome = run_study(plan, tmp_path / "out")[0]
+    assert outcome.error == ""
+    assert [text for text in outcome.findings if "the load on 'Foot_l' is not determined" in text]
+    (result,) = mm.load(outcome.folder).values()
+    tension = result.tension
+    left = [name.endswith("_l") for name in tension.muscles]
+    unknown = tension.undetermined
+    assert 0.1 < unknown[tension.asked].mean() < 0.9
+    # A leg is left out as a whole, and so are the torques and reserves of its joints.
+    for side, leg in ((True, "l"), (False, "r")):
+        muscles = unknown[:, [value is side for value in left]]
+        np.testing.assert_array_equal(muscles.all(axis=1), muscles.any(axis=1))
+        out = muscles.all(axis=1)
+        assert np.isnan(tension.reserve(f"reserve_Knee_extension_{leg}")[out]).all()
+        assert np.isnan(tension.torques[out, tension.coordinates.index(f"Knee_extension_{leg}")]).all()
+        given, asked = tension.reserve(f"reserve_Knee_extension_{leg}"), f"Knee_extension_{leg}"
+        torque = tension.torques[:, tension.coordinates.index(asked)]
+        assert np.sqrt(np.nanmean(given**2) / np.nanmean(torque**2)) < 0.2
+    np.testing.assert_array_equal(tension.status == STATUS_NAMES.index("not determined"), unknown.all(axis=1))
 
 
 def test_parts_that_show_enough_nowhere_are_named(tmp_path, data):
