@@ -62,6 +62,8 @@ def undetermined_loads(
         if spans:
             reasons = ["the center of pressure is not under it alone"] if (shared[:, number] & unknown).any() else []
             reasons += ["it stands where no plate carries it"] if (elsewhere & unknown).any() else []
-            text = f"the load on '{foot}' is not determined {times_text(spans)}: {', or '.join(reasons)}"
+            share = 100.0 * unknown.sum() / np.isfinite(lowest[:, number]).sum()
+            when = f"in {share:.0f} % of the time ({times_text(spans)})"
+            text = f"the load on '{foot}' is not determined {when}: {', or '.join(reasons)}"
             findings.append(Finding(UNDETERMINED, foot, f"{text}: no tensions of its muscles there", tuple(spans)))
     return tuple(findings)
