@@ -6,8 +6,8 @@ import pytest
 from benchmarks.house import CHECKOUT, checkout_texts, count
 
 LIMITS = {
-    ("lines", "src"): 127_661,
-    ("lines", "benchmarks"): 25_926,
+    ("lines", "src"): 127_816,
+    ("lines", "benchmarks"): 25_989,
     ("words", "documentation"): 99_975,
     ("vague", "src"): 6.5,
 }
