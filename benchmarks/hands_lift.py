@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 
 import myomorph as mm
-from myomorph.contact.held_objects import needed_wrench
 from myomorph.io.c3d.read import read_c3d
 from myomorph.model.arrays import Array
 from myomorph.model.inertia import free_object
@@ -19,6 +18,7 @@ from myomorph.model.sides import split_side
 from myomorph.motion.calibrate import Calibration
 from myomorph.motion.ik import KinematicsFit
 from myomorph.muscles.kinematics import default_path_lengths
+from truths.carried_bodies import needed_wrench
 
 FOLDER = "lifting-box-15kg"
 GENERIC = "rajagopal-walk-emg/raw/Rajagopal2016.osim"

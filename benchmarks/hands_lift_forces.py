@@ -11,7 +11,7 @@ import numpy as np
 
 import myomorph as mm
 from benchmarks.hands_lift import BOX_SIZE, Recorded, box, man, recorded
-from myomorph.contact.held_objects import find_holds, needed_wrench, raised_contacts
+from myomorph.contact.held_objects import find_holds, raised_contacts
 from myomorph.contact.site_motion import rest_on_floor
 from myomorph.contact.sites import body_sites, foot_sites
 from myomorph.contact.states import ActivationOptions, ContactStateOptions, contact_activations, preferred_directions
@@ -23,6 +23,7 @@ from myomorph.tension.certificates import ContactIntervals, contact_intervals
 from myomorph.tension.problem import TensionInputs, tension_problem
 from myomorph.tension.tension import Tension
 from myomorph.tension.terms.contacts import ContactOptions, ContactTask
+from truths.carried_bodies import needed_wrench
 
 HANDS = ("hand_r", "hand_l")
 WAYS = {

@@ -12,7 +12,6 @@ import numpy as np
 
 import myomorph as mm
 from benchmarks.recordings import RECORDINGS, read_markers
-from myomorph.contact.shared import assign_feet
 from myomorph.contact.site_motion import plate_height, rest_on_floor, site_motion
 from myomorph.contact.sites import body_sites, foot_sites
 from myomorph.contact.states import (
@@ -31,6 +30,7 @@ from myomorph.motion.sync import cut
 from myomorph.study.inputs.external_forces import force_table
 from myomorph.tension.tension import Tension
 from myomorph.tension.terms.contacts import ContactOptions, ContactTask
+from truths.carried_bodies import assign_feet
 
 TABLES = (
     {"R_ground_force_": "calcn_r", "L_ground_force_": "calcn_l"},

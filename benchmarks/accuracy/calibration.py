@@ -17,7 +17,8 @@ from myomorph.model.scale import scale
 from myomorph.motion.calibrate import Calibration
 from myomorph.motion.ik import KinematicsFit
 from myomorph.motion.lengths import lengths_of
-from myomorph.motion.measurements import measured_factors, place_markers
+from myomorph.motion.measurements import measure as measured_length
+from myomorph.motion.measurements import place_markers, with_measured
 from myomorph.motion.sync import cut
 
 OPENCAP, GAIT = "opencap-subject4-multitask", "opensim-gait-subject01"
@@ -182,7 +183,7 @@ def scaled_by_pairs(generic: mm.Model, markers: mm.Markers) -> mm.Model:
         Measurement(name, tuple((a, b) for a, b in (one.split() for one in of)), dict.fromkeys(bodies, "xyz"))
         for name, of, bodies in HAMNER_PAIRS
     ]
-    model = scale(generic, measured_factors(generic, markers, pairs))
+    model = scale(generic, with_measured([measured_length(generic, markers, pair) for pair in pairs]))
     names = tuple(name for name in model.marker_names if name in markers.names)
     fit = tracked(model, markers, names)
     placed = {

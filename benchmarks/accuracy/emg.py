@@ -8,11 +8,12 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
+from scipy.optimize import nnls
 
 import myomorph as mm
 from myomorph.io.loads import read_external_loads
 from myomorph.model.arrays import Array
-from myomorph.motion.emg_delay import ChannelMap, EmgCalibration, channel_means, fit_gains, shifted
+from myomorph.motion.emg_delay import ChannelMap, EmgCalibration, channel_means, shifted
 from myomorph.motion.envelope import EnvelopeOptions
 from myomorph.motion.filters import lowpass
 from myomorph.motion.sync import cut
@@ -193,8 +194,8 @@ def _fit(predicted: Array, measured: Array) -> tuple[float, float]:
     """Correlation, and RMS after the scale that fits best."""
     use = np.isfinite(predicted) & np.isfinite(measured)
     predicted, measured = predicted[use], measured[use]
-    scale, _ = fit_gains(predicted[:, None], measured[:, None])
-    rms = float(np.sqrt(np.mean((scale[0] * predicted - measured) ** 2)))
+    (scale,), _ = nnls(predicted[:, None], measured)
+    rms = float(np.sqrt(np.mean((scale * predicted - measured) ** 2)))
     return float(np.corrcoef(predicted, measured)[0, 1]), rms
 
 

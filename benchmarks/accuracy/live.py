@@ -15,7 +15,7 @@ from myomorph.live.sources import Replay, open_recording
 from myomorph.model.arrays import Array
 from myomorph.motion.online import OnlineKinematics
 from myomorph.motion.steady_pose import SteadyKinematics
-from myomorph.motion.sync import common_time, cut
+from myomorph.motion.sync import cut
 from myomorph.study.inputs.external_forces import force_table
 
 Row = dict[str, object]
@@ -55,7 +55,8 @@ def recordings(folder: Path) -> Iterator[tuple[str, mm.Model, mm.Markers, mm.Wre
         markers, _ = open_recording(model, folder / HAMNER / name / "markers.trc", None)
         assert isinstance(markers, mm.Markers)
         wrenches = force_table(folder / HAMNER / name / "grf.mot", bodies)
-        yield speed, model, cut(markers, *common_time(markers, wrenches)), wrenches
+        start, end = max(markers.time[0], wrenches.time[0]), min(markers.time[-1], wrenches.time[-1])
+        yield speed, model, cut(markers, start, end), wrenches
 
 
 def measure(folder: Path) -> Iterator[Row]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
+from scipy.optimize import nnls
 
 import myomorph as mm
 from benchmarks.accuracy.emg import WALKS, Walk
@@ -19,7 +20,7 @@ from benchmarks.hands_lift_forces import task as lift_task
 from benchmarks.hidden_plates import CASES, Hidden, HiddenCase, feet_of, opened
 from myomorph.contact.states import preferred_directions
 from myomorph.model.arrays import Array
-from myomorph.motion.emg_delay import USUAL, channel_means, fit_gains, shifted
+from myomorph.motion.emg_delay import USUAL, channel_means, shifted
 from myomorph.tension.recruitment import KNEE_LOAD, RecruitmentOptions, recruitment_terms
 from myomorph.tension.tension import Tension
 from myomorph.tension.terms.contacts import ContactOptions, ContactTask
@@ -113,8 +114,8 @@ def _fit(found: Tension, walk: Walk, channel: str, measured: Array) -> tuple[flo
     """Correlation of the channel's muscles, and RMS once they are scaled to fit best."""
     predicted = channel_means({channel: walk.channels[channel]}, found.muscles, found.activations)[:, 0]
     use = np.isfinite(predicted) & np.isfinite(measured)
-    scale, _ = fit_gains(predicted[use, None], measured[use, None])
-    rms = float(np.sqrt(np.mean((scale[0] * predicted[use] - measured[use]) ** 2)))
+    (scale,), _ = nnls(predicted[use, None], measured[use])
+    rms = float(np.sqrt(np.mean((scale * predicted[use] - measured[use]) ** 2)))
     moves = np.std(predicted[use]) > 1e-9
     # A channel whose muscles never work follows nothing.
     return float(np.corrcoef(predicted[use], measured[use])[0, 1]) if moves else 0.0, rms

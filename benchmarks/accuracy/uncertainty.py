@@ -32,7 +32,7 @@ from benchmarks.recordings import RECORDINGS
 from myomorph.io.loads import write_external_loads
 from myomorph.model.arrays import Array
 from myomorph.model.segments import joint_labels
-from myomorph.motion.sync import common_time, cut
+from myomorph.motion.sync import cut
 from myomorph.rigid.kinematics import marker_positions
 from myomorph.store.results import Stored, read_result
 from myomorph.study.inputs.loads import ExternalLoads
@@ -167,7 +167,7 @@ def _recorded(folder: Path, motion: str, span: tuple[float, float]) -> tuple[mm.
     poses, loads = recorded_poses(trial), trial.inputs[ExternalLoads]
     model, given = trial.model, poses.recorded
     wrenches = loads.of(given)
-    start, end = common_time(given, wrenches)
+    start, end = max(given.time[0], wrenches.time[0]), min(given.time[-1], wrenches.time[-1])
     smooth = mm.differentiate(given, CUTOFF)
     used = cut(mm.Motion(smooth.time, smooth.names, smooth.values), max(start, span[0]), min(end, span[1]))
     return model, used, mm.resample_wrenches(wrenches, used.time, CUTOFF)

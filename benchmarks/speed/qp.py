@@ -18,7 +18,7 @@ from benchmarks.speed.timing import alternate
 from data_collection import data_folder
 from myomorph.tension.dual import solve_separable
 from myomorph.tension.problem import TensionInputs, tension_problem
-from myomorph.tension.separable import Separable, no_links, no_penalties
+from myomorph.tension.separable import Separable, no_links
 from myomorph.tension.terms.actuators import free_coordinates
 
 
@@ -109,7 +109,7 @@ def by_dual(frames: QuadraticFrames, warm: bool) -> np.ndarray:
             frames.values[part],
             frames.right[part],
             targets[part],
-            no_penalties(n),
+            np.zeros((1, 3, n)),
             no_links(),
             np.zeros(rows),
             x[part],

@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.contact.plate_pose import rotation_vector
 from myomorph.io.c3d.read import read_c3d
 from myomorph.model.errors import BadData
 from myomorph.model.series import Markers
-from myomorph.model.spatial import rotation_from_euler_xyz
+from myomorph.model.spatial import rotation_from_euler_xyz, vector_from_rotation
 from truths.handle_sensor import fit_handle, grip_point, object_motion
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
@@ -51,7 +50,7 @@ def test_a_made_handle_comes_back(squeeze):
     motion = object_motion(markers, markers.names, 12.0)
     held = (markers.time > 0.6) & (markers.time < 3.4)
     found = fit_handle(motion, held, own, force, GRAVITY, 12.0, LINE if squeeze else None)
-    assert np.linalg.norm(rotation_vector(found.rotation @ SENSOR.T)) < 0.01
+    assert np.linalg.norm(vector_from_rotation(found.rotation @ SENSOR.T)) < 0.01
     assert found.share == pytest.approx(2.5, rel=0.005)
     assert found.offset == pytest.approx(0.012, abs=1e-3)
     np.testing.assert_allclose(

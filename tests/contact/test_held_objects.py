@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.contact.held_objects import HoldOptions, find_holds, needed_wrench, raised_contacts
+from myomorph.contact.held_objects import HoldOptions, find_holds, raised_contacts
 from myomorph.contact.site_motion import site_motion
 from myomorph.model.contacts import Site
 from myomorph.model.errors import BadData, UnknownName
@@ -16,6 +16,7 @@ from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.kinematics import center_of_mass, forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from trees import floating_tree, swinging
+from truths.carried_bodies import needed_wrench
 
 STEP = 0.01
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.contact.held_objects import find_holds, needed_wrench
+from myomorph.contact.held_objects import find_holds
 from myomorph.contact.site_motion import site_motion
 from myomorph.contact.sites import body_sites
 from myomorph.io.formats import read_model
@@ -17,6 +17,7 @@ from myomorph.model.scale import scale
 from myomorph.model.series import Motion
 from myomorph.motion.filters import differentiate
 from myomorph.motion.sync import resample_wrenches
+from truths.carried_bodies import needed_wrench
 
 CHAIR = "opencap-subject4-multitask"
 

@@ -9,12 +9,13 @@ import pytest
 from numpy.testing import assert_allclose
 
 from measured_walk import measured_walk
-from myomorph.contact.shared import SharedOptions, assign_feet, misplaced_forces, shared_wrenches, without_measured
+from myomorph.contact.shared import SharedOptions, misplaced_forces, shared_wrenches, without_measured
 from myomorph.contact.site_motion import site_motion
 from myomorph.contact.states import contact_activations, find_contacts
 from myomorph.model.errors import BadData
 from myomorph.model.series import ForcePlate
 from myomorph.motion.sync import resample_wrenches
+from truths.carried_bodies import assign_feet
 
 
 @pytest.fixture(scope="module")

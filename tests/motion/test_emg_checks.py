@@ -17,7 +17,7 @@ from myomorph.motion.emg_checks import (
     refuse_unfit,
     without_faults,
 )
-from myomorph.motion.emg_delay import EmgCalibration, channel_means, fit_gains
+from myomorph.motion.emg_delay import EmgCalibration, channel_means
 from myomorph.motion.envelope import EnvelopeOptions, envelopes, largest, linear_envelope
 
 RATE = 2000.0
@@ -146,16 +146,6 @@ def test_references_scale_envelopes():
         envelopes(raw, maxima={"b": 1.0})
     with pytest.raises(BadData, match="'a': its largest value in the reference is 0"):
         envelopes(raw, maxima={"a": 0.0})
-
-
-def test_gains_are_found_again_and_turn_round_with_the_envelope():
-    rng = np.random.default_rng(1)
-    told = rng.uniform(0.0, 1.0, (200, 2))
-    truth = told * [0.4, 2.0] + [0.05, 0.0]
-    gains, rests = fit_gains(told, truth, offsets=True)
-    np.testing.assert_allclose([gains, rests], [[0.4, 2.0], [0.05, 0.0]], atol=1e-9)
-    np.testing.assert_allclose(fit_gains(told * 5.0, truth)[0], fit_gains(told, truth)[0] / 5.0)
-    assert fit_gains(told, -truth)[0].tolist() == [0.0, 0.0]
 
 
 def test_a_calibration_is_applied_late_and_within_bounds():

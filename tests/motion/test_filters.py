@@ -8,7 +8,7 @@ import pytest
 from myomorph.model.errors import BadData
 from myomorph.model.series import Motion, Wrenches
 from myomorph.motion.filters import _lowpass_padded, differentiate, lowpass, natural_spline
-from myomorph.motion.sync import common_time, cut, resample_wrenches
+from myomorph.motion.sync import cut, resample_wrenches
 
 
 def test_lowpass_equals_opensim():
@@ -162,13 +162,11 @@ def test_forces_are_extended_by_a_step_and_a_half_at_either_end(share):
                 resample_wrenches(given, np.sort([wanted, time[16]]))
 
 
-def test_cut_and_common_time():
+def test_cut():
     motion = Motion(np.arange(100) / 100.0, ("a",), np.zeros((100, 1)))
     assert len(cut(motion, 0.1, 0.2)) == 11
     with pytest.raises(BadData, match=r"runs from 0 to 0\.99"):
         cut(motion, 5.0, 6.0)
-    start, end = common_time(motion, wrenches_with_unknown_points())
-    assert (start, end) == (0.0, pytest.approx(0.098))
 
 
 def test_forces_of_a_long_recording_do_not_depend_on_its_far_ends():

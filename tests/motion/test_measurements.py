@@ -14,7 +14,7 @@ from myomorph.model.model import Marker
 from myomorph.model.scale import scale
 from myomorph.model.series import Markers, Motion
 from myomorph.motion.ik import InverseKinematicsOptions
-from myomorph.motion.measurements import default_markers, frames_around, measure, measured_factors, place_on_pose
+from myomorph.motion.measurements import default_markers, frames_around, measure, place_on_pose, with_measured
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 
@@ -36,6 +36,10 @@ def recorded(model, frames=1, motion=None):
     return Markers(motion.time, names, poses.points(bodies, np.array([one.location for one in model.markers])))
 
 
+def factors_of(model, markers, lengths, factors=None):
+    return with_measured([measure(model, markers, one) for one in lengths], factors)
+
+
 def test_known_factors_are_recovered(walker):
     """Markers of one body: the distance grows as the body."""
     grown = scale(walker, {"femur_r": (1.1, 1.1, 1.1), "torso": (0.9, 0.9, 0.9)})
@@ -43,7 +47,7 @@ def test_known_factors_are_recovered(walker):
         Measurement("thigh", (("R.Thigh.Upper", "R.Knee.Lat"), ("R.Thigh.Front", "R.Thigh.Rear")), {"femur_r": "xyz"}),
         Measurement("trunk", (("R.Acromium", "L.Acromium"),), {"torso": "xz", "pelvis": "y"}),
     )
-    factors = measured_factors(walker, recorded(grown, frames=3), lengths)
+    factors = factors_of(walker, recorded(grown, frames=3), lengths)
     np.testing.assert_allclose(factors["femur_r"], 1.1, rtol=1e-12)
     np.testing.assert_allclose(factors["torso"], (0.9, 1.0, 0.9), rtol=1e-12)
     np.testing.assert_allclose(factors["pelvis"], (1.0, 0.9, 1.0), rtol=1e-12)
@@ -54,7 +58,7 @@ def test_a_later_measurement_counts_and_others_stay(walker):
     pair = (("R.Thigh.Upper", "R.Knee.Lat"),)
     lengths = (Measurement("a", pair, {"femur_r": "xy"}), Measurement("b", (("R.ASIS", "L.ASIS"),), {"femur_r": "y"}))
     given = {"femur_r": np.array([2.0, 2.0, 3.0])}
-    factors = measured_factors(walker, trial, lengths, given)
+    factors = factors_of(walker, trial, lengths, given)
     np.testing.assert_allclose(factors["femur_r"], (1.2, 1.0, 3.0), rtol=1e-12)
     np.testing.assert_array_equal(given["femur_r"], (2.0, 2.0, 3.0))
 
@@ -81,7 +85,7 @@ def test_a_measurement_that_cannot_be_used_says_why(walker, pairs, said):
     found = measure(walker, recorded(walker), Measurement("odd", pairs, {"pelvis": "xyz"}))
     assert np.isnan(found.factor)
     assert any(said in note for note in found.notes)
-    assert measured_factors(walker, recorded(walker), [found.measurement]) == {}
+    assert with_measured([found]) == {}
 
 
 def test_unseen_and_unrecorded_markers_are_not_used(walker):

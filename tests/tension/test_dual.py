@@ -11,7 +11,7 @@ from readable import balance, effort, nearness, program, solve_program
 from myomorph.model.arrays import frozen_array
 from myomorph.rigid.kernels import kernel
 from myomorph.tension.dual import INFEASIBLE, MISSING, OPTIMAL, _step, solve_separable
-from myomorph.tension.separable import Separable, no_links, no_penalties, pattern
+from myomorph.tension.separable import Separable, no_links, pattern
 
 
 def muscles(seed: int, rows: int = 12, count: int = 40, reserve: float = 1.0, lower: float = 0.01):
@@ -42,7 +42,7 @@ def solve(directions, low, high, torques, exponent=2.0, weights=None, targets=No
     residual, iterations, status = np.empty(frames), np.empty(frames, np.int64), np.empty(frames, np.int8)
     targets = np.zeros((frames, count)) if targets is None else targets
     right = np.ascontiguousarray(torques[:, shape.order])
-    penalties = no_penalties(count) if penalties is None else penalties
+    penalties = np.zeros((1, 3, count)) if penalties is None else penalties
     warm = np.zeros(n)
     solve_separable(fixed, values, right, targets, penalties, no_links(), warm, x, y, residual, iterations, status)
     multipliers = np.empty_like(y)

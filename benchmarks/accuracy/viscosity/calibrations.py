@@ -8,20 +8,21 @@ from pathlib import Path
 import numpy as np
 
 import myomorph as mm
-from myomorph.contact.plate_calibration import calibrate_plate, check_plate
+from myomorph.contact.plate_calibration import calibrate_plate
 from myomorph.contact.plate_corners import plate_axes
 from myomorph.contact.plate_placements import MarkedWeight, Placement, find_placements
-from myomorph.contact.plate_pose import residuals, rotation_vector, sizes
+from myomorph.contact.plate_pose import residuals, sizes
 from myomorph.io.c3d.read import read_c3d
 from myomorph.model.arrays import Array
 from myomorph.model.series import PlateRecording
-from myomorph.model.spatial import axis_rotation, rotation_from_euler_xyz
+from myomorph.model.spatial import axis_rotation, rotation_from_euler_xyz, vector_from_rotation
 from myomorph.morph.maps.linear import Similarity
 from myomorph.morph.registration.clusters import surface_parts
 from myomorph.morph.registration.rigid import register_surface
 from myomorph.motion.filters import natural_spline
 from myomorph.viscosity.swings.plate import wrench_clock
 from truths.handle_sensor import fit_handle, grip_point, object_motion
+from truths.plate_checks import check_plate, pose_deviations
 
 Row = dict[str, object]
 
@@ -43,10 +44,10 @@ def measure_plates() -> Iterator[Row]:
     ):
         mass = 5.0 if name.startswith("5") else 20.0
         found = [calibrate_plate(_placements(places, seed, mass, pushed)) for seed in range(RUNS)]
-        turns = np.array([rotation_vector(one.rotation @ AXES.T) for one in found])
+        turns = np.array([vector_from_rotation(one.rotation @ AXES.T) for one in found])
         shifts = np.array([one.center - CENTER for one in found])
-        shown = np.isfinite(found[0].center_sd)
-        told = np.concatenate([[one.rotation_sd for one in found], [one.center_sd[shown] for one in found]], axis=1)
+        shown = np.isfinite(pose_deviations(found[0])[3:])
+        told = np.array([pose_deviations(one) for one in found])[:, [True, True, True, *shown]]
         errors = np.hstack([turns, shifts[:, shown]])
         yield {
             "placements (simulated)": name,
@@ -231,7 +232,7 @@ def measure_scans(folder: Path) -> Iterator[Row]:
                 named += any("mirrored" in line for line in found.notes)
                 apart = found.similarity.apply(scan.vertices) - truth.apply(scan.vertices)
                 places.append(np.sqrt(np.mean(np.sum(apart**2, axis=1))))
-                angles.append(np.linalg.norm(rotation_vector(found.similarity.rotation @ truth.rotation.T)))
+                angles.append(np.linalg.norm(vector_from_rotation(found.similarity.rotation @ truth.rotation.T)))
                 scales.append(abs(found.similarity.scale / truth.scale - 1))
                 rms.append(found.rms)
             yield {

@@ -36,11 +36,6 @@ class CheckedForces:
     findings: tuple[Finding, ...]  # with `mended` where `wrenches` have it put right
 
 
-def check_forces(wrenches: Wrenches, model: Model, motion: Motion) -> tuple[Finding, ...]:
-    """What looks wrong with external forces, nothing put right; see `checked_forces`."""
-    return checked_forces(wrenches, model, motion, mend=False).findings
-
-
 def checked_forces(wrenches: Wrenches, model: Model, motion: Motion, mend: bool = True) -> CheckedForces:
     """Hold external forces against the motion, put right what is safe and name the rest.
     Looked for are forces that pull instead of push, turned axes or a mirrored one, a plate mirrored about

@@ -22,10 +22,9 @@ from myomorph.contact.states import (
 )
 from myomorph.model.arrays import Array, runs
 from myomorph.model.contacts import Contacts, Site, Touch
-from myomorph.model.errors import BadData, check_name
+from myomorph.model.errors import BadData
 from myomorph.model.model import GROUND, Model
-from myomorph.model.series import Motion, Wrenches
-from myomorph.rigid.dynamics import external_arrays, joint_wrenches, motion_arrays
+from myomorph.model.series import Motion
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 
@@ -82,30 +81,6 @@ def find_holds(model: Model, motion: Motion, sites: Sequence[Site], options: Hol
             for first, stop in runs(held)
         ]
     return Contacts(tuple(site.name for site in sites), tuple(touches))
-
-
-def needed_wrench(model: Model, motion: Motion, body: str, known: Wrenches | None = None) -> Wrenches:
-    """Force and moment that reach a body, and all that it carries, from its parent.
-    By Newton's and Euler's equations of these bodies: for a free object, what hands and floor give it together;
-    for the trunk, what passes through its joint with the pelvis, muscles included.
-    `motion`: with velocities and accelerations; `known`: other external forces, at the motion's times; those on bodies
-    that it does not carry have no effect. Returns Wrenches with one force on `body`, at the center of its joint, with
-    the moment about it as the torque.
-    """
-    tree = compile_tree(model)
-    check_name("body", body, model.body_names)
-    number = tree.body_index[body]
-    bodies, forces, points, torques = external_arrays(tree, motion, known)
-    applied = np.zeros((len(motion), len(tree.arrays.parent), 6))
-    for index, each_body in enumerate(bodies):
-        applied[:, each_body, :3] += forces[:, index]
-        applied[:, each_body, 3:] += torques[:, index] + np.cross(points[:, index], forces[:, index])
-    result = joint_wrenches(tree, *motion_arrays(tree, motion), applied)
-    center = model.joints[number - 1].child_frame.translation
-    at = result.rotations[:, number] @ center + result.origins[:, number]
-    force = result.forces[:, number]
-    torque = result.moments[:, number] - np.cross(at, force)
-    return Wrenches(motion.time, (body,), (body,), force[:, None], at[:, None], torque[:, None])
 
 
 RESTING = 10.0  # Percentile of a site's heights that is taken for the height it rests at

@@ -17,22 +17,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.special import fdtrc as chance_above
 
+from myomorph.contact import plate_pose
 from myomorph.contact.plate_corners import plate_axes
 from myomorph.contact.plate_placements import Placement
-from myomorph.contact.plate_pose import (
-    believed,
-    best_pose,
-    line_notes,
-    outlier_notes,
-    residuals,
-    rotation_vector,
-    sign_notes,
-    sizes,
-    solve_pose,
-    unknown_notes,
-)
 from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.series import PlateRecording
 
@@ -67,64 +55,25 @@ class PlateCalibration:
         """Root mean square of the angles [rad]."""
         return float(np.sqrt(np.mean(self.angles**2)))
 
-    @property
-    def center_sd(self) -> Array:
-        """(3,) standard deviation of the center; inf along directions that are not shown [m]."""
-        return _deviations(self.covariance, self.unknown)[3:]
-
-    @property
-    def rotation_sd(self) -> Array:
-        """(3,) standard deviation of the rotation about the laboratory's axes; inf where not shown [rad]."""
-        return _deviations(self.covariance, self.unknown)[:3]
-
-
-@read_only
-class PlateCheck:
-    """An existing calibration against placements."""
-
-    distances: Array  # (placements,) residuals with the pose as it is [m]
-    angles: Array  # (placements,) residuals with the pose as it is [rad]
-    shift: Array  # (3,) that the center should move by [m]
-    turn: Array  # (3,) rotation vector that the axes should turn by [rad]
-    shift_sd: Array  # (3,) standard deviations [m]
-    turn_sd: Array  # (3,) standard deviations [rad]
-    chance: float  # probability of so large a correction if the calibration were right
-    calibration: PlateCalibration  # the pose that the placements give
-
-    @property
-    def significant(self) -> bool:
-        """Whether the calibration is off by more than its placements' scatter explains (1 % level)."""
-        return self.chance < 0.01
-
-    @property
-    def summary(self) -> str:
-        """The check in a sentence."""
-        off = f"{1e3 * np.linalg.norm(self.shift):.1f} mm and {np.degrees(np.linalg.norm(self.turn)):.2f}°"
-        sd = f"{1e3 * np.linalg.norm(self.shift_sd):.1f} mm and {np.degrees(np.linalg.norm(self.turn_sd)):.2f}°"
-        word = "significant" if self.significant else "not significant"
-        lost = self.calibration.unknown.shape[1]
-        return f"the plate's calibration is off by {off} (standard deviations {sd}): {word} (p = {self.chance:.2g})" + (
-            f"; {lost} of 6 directions are not shown" if lost else ""
-        )
-
 
 def calibrate_plate(placements: Sequence[Placement], nominal: PlateRecording | None = None) -> PlateCalibration:
     """Pose of a plate from placements of marked weights and pushes of marked rods."""
-    kept, notes = believed(placements)
+    kept, notes = plate_pose.believed(placements)
     start = None if nominal is None else (plate_axes(nominal.corners), nominal.corners.mean(axis=0))
-    pose = best_pose(kept, start)
+    pose = plate_pose.best_pose(kept, start)
     left_out = [
-        solve_pose([*kept[:index], *kept[index + 1 :]], pose.rotation, pose.center) for index in range(len(kept))
+        plate_pose.solve_pose([*kept[:index], *kept[index + 1 :]], pose.rotation, pose.center)
+        for index in range(len(kept))
     ]
     apart = np.concatenate(
-        [residuals([item], other.rotation, other.center) for item, other in zip(kept, left_out, strict=True)]
+        [plate_pose.residuals([item], other.rotation, other.center) for item, other in zip(kept, left_out, strict=True)]
     )
-    distances, angles = sizes(residuals(kept, pose.rotation, pose.center))
-    out_distances, out_angles = sizes(apart)
+    distances, angles = plate_pose.sizes(plate_pose.residuals(kept, pose.rotation, pose.center))
+    out_distances, out_angles = plate_pose.sizes(apart)
     if not all(item.tared for item in kept):
         notes.append("a recording never shows the plate unloaded: what the plate reads then could not be subtracted")
-    notes += unknown_notes(pose, kept, nominal is not None) + line_notes(kept)
-    notes += outlier_notes(kept, distances, out_distances) + sign_notes(kept, pose)
+    notes += plate_pose.unknown_notes(pose, kept, nominal is not None) + plate_pose.line_notes(kept)
+    notes += plate_pose.outlier_notes(kept, distances, out_distances) + plate_pose.sign_notes(kept, pose)
     shares = [item.size / item.expected for item in kept if np.isfinite(item.expected)]
     return PlateCalibration(
         rotation=frozen_array(pose.rotation),
@@ -142,32 +91,8 @@ def calibrate_plate(placements: Sequence[Placement], nominal: PlateRecording | N
     )
 
 
-def check_plate(recording: PlateRecording, placements: Sequence[Placement]) -> PlateCheck:
-    """How far the calibration in a file is off, and whether the placements are good enough to say so."""
-    calibration = calibrate_plate(placements, recording)
-    axes, center = plate_axes(recording.corners), recording.corners.mean(axis=0)
-    used, _ = believed(placements)
-    distances, angles = sizes(residuals(used, axes, center))
-    turn = rotation_vector(calibration.rotation @ axes.T)
-    shift = calibration.center - center
-    correction = np.concatenate([turn, shift])
-    values, vectors = np.linalg.eigh(calibration.covariance)
-    shown = values > 1e-12 * max(values.max(), 1e-300)
-    free = 4 * len(used) - int(shown.sum())
-    share = float(np.sum((vectors[:, shown].T @ correction) ** 2 / values[shown])) / max(int(shown.sum()), 1)
-    chance = float(chance_above(int(shown.sum()), max(free, 1), share)) if shown.any() else 1.0
-    deviations = np.sqrt(np.diag(calibration.covariance))
-    return PlateCheck(distances, angles, shift, turn, deviations[3:], deviations[:3], chance, calibration)
-
-
 def place_plate(recording: PlateRecording, calibration: PlateCalibration) -> PlateRecording:
     """The recording with its plate where the calibration says, of the size it had."""
     half = 0.5 * np.array([np.linalg.norm(recording.corners[0] - recording.corners[index]) for index in (1, 3)])
     local = np.array([[1, 1, 0], [-1, 1, 0], [-1, -1, 0], [1, -1, 0]]) * np.array([*half, 0.0])
     return replace(recording, corners=local @ calibration.rotation.T + calibration.center)
-
-
-def _deviations(covariance: Array, unknown: Array) -> Array:
-    """Standard deviations (6,) of rotation and center, inf along what is not shown."""
-    lost = np.linalg.norm(unknown, axis=1) > 0.1
-    return np.where(lost, np.inf, np.sqrt(np.maximum(np.diag(covariance), 0.0)))

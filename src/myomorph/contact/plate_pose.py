@@ -176,21 +176,6 @@ def _turning(source: Array, target: Array) -> Array:
     return axis_rotation(axis / size, float(np.arctan2(size, source @ target)))
 
 
-def rotation_vector(rotation: Array) -> Array:
-    """Axis times angle (3,) of a rotation matrix [rad]."""
-    spin = 0.5 * np.array(
-        [rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]]
-    )
-    sine, cosine = float(np.linalg.norm(spin)), 0.5 * (float(np.trace(rotation)) - 1.0)
-    angle = float(np.arctan2(sine, cosine))
-    if sine > 1e-9:
-        return spin * angle / sine
-    if cosine > 0:
-        return spin
-    values, vectors = np.linalg.eigh(rotation)
-    return np.pi * vectors[:, int(np.argmax(values))]
-
-
 MIN_COUNT = 3
 MIRRORED = 0.1  # Share of the cost that remains when the sign of the wrench is turned, below which it was wrong
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from myomorph.contact.assign import Assignment, assign_bodies
 from myomorph.contact.plates import wrenches_from_plates
 from myomorph.contact.site_motion import SiteMotion, site_motion
 from myomorph.contact.states import hysteresis, steady
@@ -187,20 +186,6 @@ def _wrenches(
         on_it = tuple(sites[member].name for member in members)
         shared.append(SharedWrench(label, on_it, force, moment, *deviations))
     return tuple(shared)
-
-
-def assign_feet(model: Model, motion: Motion, sites: Sequence[Site], wrenches: Wrenches) -> Assignment:
-    """Give each plate's force to the foot whose sole its center of pressure is under.
-    The bodies are those of the first site of each group: the heels. See `assign_bodies`, whose warnings name
-    plates that carried two feet at once; `shared_wrenches` is for these.
-    `wrenches`: at the motion's times; the bodies they name are not regarded.
-    """
-    places = site_motion(model, motion, sites).places
-    positions = {}
-    for site in sites:
-        members = [index for index, other in enumerate(sites) if other.group == site.group]
-        positions[sites[members[0]].body] = places[:, members]
-    return assign_bodies(wrenches, positions)
 
 
 def misplaced_forces(model: Model, motion: Motion, sites: Sequence[Site], wrenches: Wrenches) -> tuple[str, ...]:

@@ -163,21 +163,6 @@ def uncalibrated(channels: Sequence[str], delay: float, shape: float = 0.0) -> E
     return EmgCalibration(tuple(channels), np.full(count, delay), np.ones(count), np.zeros(count), shapes=shapes)
 
 
-def fit_gains(envelopes: Array, activations: Array, offsets: bool = False) -> tuple[Array, Array]:
-    """Gains and offsets (channels,) by non-negative least squares of activations (frames, channels); 1 where never
-    known.
-    """
-    count = envelopes.shape[1]
-    gains, rests = np.ones(count), np.zeros(count)
-    for c in range(count):
-        use = np.isfinite(envelopes[:, c]) & np.isfinite(activations[:, c])
-        if use.any():
-            columns = [envelopes[use, c], np.ones(int(use.sum()))][: 2 if offsets else 1]
-            (gains[c], *rest), _ = nnls(np.array(columns).T, activations[use, c])
-            rests[c] = rest[0] if rest else 0.0
-    return gains, rests
-
-
 def channel_means(channels: ChannelMap, muscles: Sequence[str], activations: Array) -> Array:
     """Activations (frames, channels): the mean over each channel's muscles of `activations` (frames, muscles)."""
     chosen = [

@@ -33,15 +33,6 @@ class Measured:
     notes: tuple[str, ...] = ()
 
 
-def measured_factors(
-    model: Model, markers: Markers, measurements: Iterable[Measurement], factors: Mapping[str, Array] | None = None
-) -> dict[str, Array]:
-    """Scale factors (3,) of the bodies that measurements of a static trial stretch; `scale` takes them. A later
-    measurement of the same body and axis counts; axes that none stretches stay as in `factors`, by default 1.
-    """
-    return with_measured([measure(model, markers, measurement) for measurement in measurements], factors)
-
-
 def with_measured(measured: Iterable[Measured], factors: Mapping[str, Array] | None = None) -> dict[str, Array]:
     """Factors with those that measurements found put in; a measurement that cannot be used changes none."""
     result = {body: np.array(factor, dtype=np.float64) for body, factor in (factors or {}).items()}

@@ -9,7 +9,7 @@ import numpy as np
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
-from myomorph.model.series import Markers, Motion, Series, Wrenches
+from myomorph.model.series import Motion, Series, Wrenches
 from myomorph.motion.filters import lowpass, natural_spline
 
 LOADED = 0.02
@@ -151,17 +151,6 @@ def clock_shift(time: Array, other: Array) -> float | None:
     if alike and common < 0.5 * min(lasts):
         return apart
     return None if common < 0.0 else 0.0
-
-
-def common_time(first: Markers | Motion, wrenches: Wrenches) -> tuple[float, float]:
-    """Start and end [s] of what both recordings cover."""
-    start, end = max(first.time[0], wrenches.time[0]), min(first.time[-1], wrenches.time[-1])
-    if end <= start:
-        raise BadData(
-            f"motion ({first.time[0]:g} to {first.time[-1]:g} s) and forces ({wrenches.time[0]:g} to "
-            f"{wrenches.time[-1]:g} s) have no time in common"
-        )
-    return float(start), float(end)
 
 
 def _loaded_points(wrenches: Wrenches, time: Array) -> Array:

@@ -56,11 +56,6 @@ def no_links() -> Links:
     return Links(0, np.zeros((0, 0)), np.zeros((0, 0)), np.zeros(0), 1.0, 0, 0.0)
 
 
-def no_penalties(variables: int) -> Array:
-    """No interval penalty, (1, 3, variables)."""
-    return np.zeros((1, 3, variables))
-
-
 @read_only
 class Pattern:
     """Where A (rows, variables) may differ from zero, and an order of its rows with a small envelope."""

@@ -1,0 +1,61 @@
+"""What placements say of a force plate's calibration: deviations of a pose, and how far a file's pose is off."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.special import fdtrc as chance_above
+
+from myomorph.contact.plate_calibration import PlateCalibration, calibrate_plate
+from myomorph.contact.plate_corners import plate_axes
+from myomorph.contact.plate_placements import Placement
+from myomorph.contact.plate_pose import believed, residuals, sizes
+from myomorph.model.arrays import Array, read_only
+from myomorph.model.series import PlateRecording
+from myomorph.model.spatial import vector_from_rotation
+
+
+def pose_deviations(calibration: PlateCalibration) -> Array:
+    """Standard deviations (6,) of the rotation about the laboratory's axes [rad] and of the center [m], inf along what
+    is not shown.
+    """
+    lost = np.linalg.norm(calibration.unknown, axis=1) > 0.1
+    return np.where(lost, np.inf, np.sqrt(np.maximum(np.diag(calibration.covariance), 0.0)))
+
+
+@read_only
+class PlateCheck:
+    """An existing calibration against placements."""
+
+    distances: Array  # (placements,) residuals with the pose as it is [m]
+    angles: Array  # (placements,) residuals with the pose as it is [rad]
+    shift: Array  # (3,) that the center should move by [m]
+    turn: Array  # (3,) rotation vector that the axes should turn by [rad]
+    shift_sd: Array  # (3,) standard deviations [m]
+    turn_sd: Array  # (3,) standard deviations [rad]
+    chance: float  # probability of so large a correction if the calibration were right
+    calibration: PlateCalibration  # the pose that the placements give
+
+    @property
+    def significant(self) -> bool:
+        """Whether the calibration is off by more than its placements' scatter explains (1 % level)."""
+        return self.chance < 0.01
+
+
+def check_plate(recording: PlateRecording, placements: Sequence[Placement]) -> PlateCheck:
+    """How far the calibration in a file is off, and whether the placements are good enough to say so."""
+    calibration = calibrate_plate(placements, recording)
+    axes, center = plate_axes(recording.corners), recording.corners.mean(axis=0)
+    used, _ = believed(placements)
+    distances, angles = sizes(residuals(used, axes, center))
+    turn = vector_from_rotation(calibration.rotation @ axes.T)
+    shift = calibration.center - center
+    correction = np.concatenate([turn, shift])
+    values, vectors = np.linalg.eigh(calibration.covariance)
+    shown = values > 1e-12 * max(values.max(), 1e-300)
+    free = 4 * len(used) - int(shown.sum())
+    share = float(np.sum((vectors[:, shown].T @ correction) ** 2 / values[shown])) / max(int(shown.sum()), 1)
+    chance = float(chance_above(int(shown.sum()), max(free, 1), share)) if shown.any() else 1.0
+    deviations = np.sqrt(np.diag(calibration.covariance))
+    return PlateCheck(distances, angles, shift, turn, deviations[3:], deviations[:3], chance, calibration)
