@@ -24,7 +24,6 @@ from myomorph.tension.certificates import (
     contact_intervals,
     group_functions,
     open_bounds,
-    optimality,
 )
 from myomorph.tension.problem import TensionInputs, TensionProblem, tension_problem
 from myomorph.tension.relaxation import Relaxation, RelaxationOptions, relaxations
@@ -32,6 +31,7 @@ from myomorph.tension.simplex import extremes
 from myomorph.tension.solved import solved_frames
 from myomorph.tension.tension import Tension
 from myomorph.tension.terms.contacts import ContactTask
+from truths.optimality import optimality
 
 Row = dict[str, object]
 

@@ -55,7 +55,7 @@ def measure_lift_open(folder: Path) -> Iterator[Row]:
         for way in ("body", "box", "hidden"):
             intervals = left_open(lift_task(folder, lift, way), held)
             # The sites are on the hands; the box is pushed the other way.
-            _, greatest, least = (-one[:, 1] for one in intervals.of("hands"))
+            _, greatest, least = (-one[:, 0, 1] for one in (intervals.forces, intervals.low, intervals.high))
             near = intervals.near_high[:, 0, 1] - intervals.near_low[:, 0, 1]
             inside = (truth[held] >= least) & (truth[held] <= greatest)
             row: Row = {"lift": lift, "known": WAYS[way]}

@@ -25,9 +25,10 @@ from myomorph.simulate.bout import FEET, GRIPS
 from myomorph.simulate.fighter import GRIP, LAPEL, PARTS, Build, compile_pair, fighter_text, marker_points, segments
 from myomorph.simulate.pair import PairOptions, pair_sites, virtual_pair
 from myomorph.tension.solve import solve_tension
-from myomorph.tension.tension import TensionOptions, tension_of
+from myomorph.tension.tension import TensionOptions
 from myomorph.tension.terms.contacts import ContactOptions, ContactTask
 from myomorph.tension.terms.emg import EmgTarget
+from truths.part_tension import tension_of
 
 CUTOFF = 6.0
 EXACT = PairOptions("pull", 0, marker_noise=0.0, strength_error=0.0, emg_gain=0.0, emg_noise=0.0, until=1.0)

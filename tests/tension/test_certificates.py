@@ -13,7 +13,7 @@ from myomorph.contact.states import contact_activations, find_contacts
 from myomorph.io.osim.read import read_osim
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.contacts import Cone, SharedWrench, Site
-from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series
 from myomorph.motion.filters import differentiate
@@ -25,7 +25,6 @@ from myomorph.tension.certificates import (
     contact_intervals,
     group_functions,
     open_bounds,
-    optimality,
 )
 from myomorph.tension.problem import TensionInputs, tension_problem
 from myomorph.tension.reaction import joint_reactions
@@ -34,6 +33,7 @@ from myomorph.tension.solved import SolvedFrames, solved_frames
 from myomorph.tension.terms.contacts import ContactOptions, ContactTask
 from myomorph.tension.terms.emg import EmgTarget
 from standing import WEIGHT, block, legs, standing_still
+from truths.optimality import cost_slope, optimality
 
 EXACT = CertificateOptions(residual=0.0, reserve=0.0)
 
@@ -64,7 +64,8 @@ def test_two_legs_without_friction_are_determined():
     """Levers: the legs stand 0.1 m and 0.3 m beside the mass center."""
     found = intervals(legs([(-0.1, 0.0), (0.3, 0.0)], friction=0.0))
     for group, share in (("leg0", 0.75), ("leg1", 0.25)):
-        force, low, high = found.of(group)
+        number = found.groups.index(group)
+        force, low, high = (part[:, number] for part in (found.forces, found.low, found.high))
         np.testing.assert_allclose(force[0], [0.0, share * WEIGHT, 0.0], atol=1e-6)
         np.testing.assert_allclose(low, force, atol=1e-6)
         np.testing.assert_allclose(high, force, atol=1e-6)
@@ -75,7 +76,8 @@ def test_friction_lets_two_legs_press_against_each_other():
     """Along the line between them up to what the cones allow; across it they would turn the body."""
     found = intervals(legs([(-0.2, 0.0), (0.2, 0.0)], friction=0.5, edges=4))
     for group in found.groups:
-        _, low, high = found.of(group)
+        number = found.groups.index(group)
+        low, high = found.low[:, number], found.high[:, number]
         np.testing.assert_allclose(low[0], [-0.25 * WEIGHT, 0.5 * WEIGHT, 0.0], atol=1e-5)
         np.testing.assert_allclose(high[0], [0.25 * WEIGHT, 0.5 * WEIGHT, 0.0], atol=1e-5)
     assert found.sentences[0].startswith("shifting force between 'leg0' and 'leg1' along x")
@@ -274,13 +276,7 @@ def test_what_cannot_be_asked_is_named(walk):
     problem, tension = solved(model, motion, task, None)
     with pytest.raises(BadData, match="frame 99 is asked for"):
         contact_intervals(problem, tension, [99])
-    with pytest.raises(BadData, match="there are 'group', 'site'"):
-        CertificateOptions(by="foot")
-    found = contact_intervals(problem, tension, [0], CertificateOptions(near=0.0, by="site"))
-    assert len(found.groups) == len(task.sites)
-    assert np.isnan(found.near_low).all()
-    with pytest.raises(UnknownName, match="unknown contact group 'hand'"):
-        found.of("hand")
+    assert np.isnan(contact_intervals(problem, tension, [0], CertificateOptions(near=0.0)).near_low).all()
     bare = tension_problem(TensionInputs(model, motion, inverse_dynamics(model, motion)))
     over_frames(bare.solve, len(motion))
     with pytest.raises(BadData, match="there are no contacts"):
@@ -308,6 +304,6 @@ def test_slope_and_curvature_of_the_cost_are_its_differences():
     penalties[:, 2] = [[5.0], [0.0]]
     frames = SolvedFrames(np.arange(2), np.zeros((2, 1, 9)), none, x, shared, penalties, none, 9, 0, 0)
     ahead, behind = (frames.cost(x[:, None] + step * np.eye(9)) for step in (h, -h))
-    np.testing.assert_allclose(frames.slope(x), (ahead - behind) / (2.0 * h), rtol=1e-6)
-    ahead, behind = (frames.slope(x + step) for step in (h, -h))
+    np.testing.assert_allclose(cost_slope(frames, x), (ahead - behind) / (2.0 * h), rtol=1e-6)
+    ahead, behind = (cost_slope(frames, x + step) for step in (h, -h))
     np.testing.assert_allclose(frames.curvature(x), (ahead - behind) / (2.0 * h), rtol=1e-6)

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from myomorph.tension.fibers import Certificate, Fibers, Unreachable
-from myomorph.tension.tension import Tension, TensionOptions, tension_of
+from myomorph.tension.tension import Tension, TensionOptions
+from truths.part_tension import tension_of
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""Certificates of the tension problem: that a frame is an optimum, and what the data leave open of contact forces.
+"""Certificates of the tension problem: what the data leave open of contact forces.
 
 Physics gives many contact forces that would do. For each frame and group of sites,
 
@@ -13,14 +13,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
-from myomorph.model.model import index_of
 from myomorph.rigid.frames import over_frames
 from myomorph.tension.dual import OPTIMAL
 from myomorph.tension.problem import TensionProblem
@@ -78,27 +76,11 @@ class CertificateOptions:
     deviations: float = 2.0
     # share of the cost by which solutions may be worse that still count as near the optimum, 0 to leave out
     near: float = 0.05
-    by: Literal["group", "site"] = "group"  # "group": net forces of groups of sites; "site": forces of sites
 
     def __post_init__(self) -> None:
         for name in ("residual", "reserve", "deviations", "near"):
             if not getattr(self, name) >= 0.0:
                 raise BadData(f"{name} of certificates is {getattr(self, name):g}: expected 0 or more")
-        if self.by not in ("group", "site"):
-            raise BadData(f"unknown intervals by '{self.by}': there are 'group', 'site'")
-
-
-@read_only
-class Optimality:
-    """Conditions of an optimum (Karush, Kuhn and Tucker), each from the problem's own arrays and not by the solver."""
-
-    frames: np.ndarray  # (frames,) numbers in the motion
-    # greatest slope of the cost that neither balance nor a bound explains, as a share of 1 + the greatest slope
-    stationarity: Array
-    balance: Array  # greatest |A x - b|, as a share of 1 + max |b|
-    bounds: Array  # greatest violation of a bound
-    # greatest product of a multiplier of a bound and the distance from it, as a share of the cost
-    complementarity: Array
 
 
 @read_only
@@ -130,37 +112,6 @@ class ContactIntervals:
     def __len__(self) -> int:
         return len(self.time)
 
-    def of(self, group: str) -> tuple[Array, Array, Array]:
-        """Forces, least and greatest (frames, 3) of one group; raises `UnknownName`."""
-        index = index_of("contact group", group, self.groups, "the intervals")
-        return self.forces[:, index], self.low[:, index], self.high[:, index]
-
-
-def optimality(problem: TensionProblem, tension: Tension, frames: Sequence[int] | None = None) -> Optimality:
-    """Whether frames fulfil the conditions of an optimum; smoothness between frames takes part as it is in the cost."""
-    chosen = _chosen(tension, frames)
-    solved = solved_frames(problem, tension, chosen)
-    slope = solved.slope(solved.x) + _smooth_slope(problem, tension, solved)
-    low, high = solved.shared.lower, solved.shared.upper
-    near = ON_BOUND * (1.0 + np.abs(solved.x))
-    at_low, at_high = solved.x <= low + near, solved.x >= high - near
-    inside = ~(at_low | at_high)
-    result = np.full((4, len(chosen)), np.nan)
-    for number in np.flatnonzero(tension.status[chosen] == OPTIMAL):
-        A, x = solved.A[number], solved.x[number]
-        multipliers = np.linalg.lstsq(A[:, inside[number]].T, slope[number, inside[number]], rcond=None)[0]
-        left = slope[number] - A.T @ multipliers
-        unexplained = np.where(at_low[number], np.minimum(left, 0.0), left)
-        unexplained = np.where(at_high[number], np.maximum(unexplained, 0.0), unexplained)
-        unexplained = np.where(at_low[number] & at_high[number], 0.0, unexplained)
-        pressed = left - np.where(inside[number], left, unexplained)
-        away = np.where(np.isfinite(low) & at_low[number], x - low, np.where(at_high[number], high - x, 0.0))
-        result[0, number] = np.abs(unexplained).max() / (1.0 + np.abs(slope[number]).max())
-        result[1, number] = np.abs(A @ x - solved.b[number]).max() / (1.0 + np.abs(solved.b[number]).max())
-        result[2, number] = max(np.maximum(low - x, 0.0).max(), np.maximum(x - high, 0.0).max())
-        result[3, number] = np.abs(pressed * away).max() / (1e-6 + float(solved.cost(solved.x[number : number + 1])[0]))
-    return Optimality(chosen, *result)
-
 
 def contact_intervals(
     problem: TensionProblem,
@@ -173,7 +124,7 @@ def contact_intervals(
     if problem.contacts is None:
         raise BadData("there are no contacts whose forces could be left open: give contacts to the tension problem")
     chosen = _chosen(tension, frames)
-    groups, members = _groups(problem, options.by)
+    groups, members = _groups(problem)
     parts = []
     for start in range(0, len(chosen), 64):
         with threadpool_limits(1, "blas"):
@@ -299,11 +250,11 @@ def _least_determined(solved: SolvedFrames, good: np.ndarray, functions: Array, 
     return direction, spread
 
 
-def _groups(problem: TensionProblem, by: str) -> tuple[tuple[str, ...], list[Array]]:
+def _groups(problem: TensionProblem) -> tuple[tuple[str, ...], list[Array]]:
     """Names of groups in the order of their first site, and which generators belong to each."""
     assert problem.contacts is not None
     generators = problem.contacts.generators
-    labels = [site.group if by == "group" else site.name for site in generators.sites]
+    labels = [site.group for site in generators.sites]
     names = tuple(dict.fromkeys(labels))
     return names, [np.array([labels[number] == name for number in generators.site]) for name in names]
 
@@ -315,20 +266,3 @@ def _chosen(tension: Tension, frames: Sequence[int] | None) -> np.ndarray:
     if not (chosen.min() >= 0 and chosen.max() < len(tension)):
         raise BadData(f"frame {chosen.max()} is asked for, but the tensions have {len(tension)}")
     return chosen
-
-
-def _smooth_slope(problem: TensionProblem, tension: Tension, solved: SolvedFrames) -> Array:
-    """Gradient of the smoothness between frames, (frames, variables)."""
-    result = np.zeros(solved.x.shape)
-    if problem.smooth is None or problem.contacts is None:
-        return result
-    scale, z = problem.smooth.scale, problem.amplitudes
-    for index, frame in enumerate(solved.frames):
-        for beside in (frame - 1, frame + 1):
-            if 0 <= beside < len(tension) and tension.status[beside] == OPTIMAL:
-                linked = (scale[frame] > 0.0) & (scale[beside] > 0.0)
-                apart = scale[frame] * z[frame] - scale[beside] * np.nan_to_num(z[beside])
-                stiffness = problem.smooth.stiffness[min(frame, beside)] * problem.contacts.cost
-                pull = np.where(linked, 2.0 * stiffness * scale[frame] * apart, 0.0)
-                result[index, solved.controls : solved.amplitudes] += pull
-    return result

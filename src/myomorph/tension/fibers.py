@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -82,26 +81,3 @@ class Fibers:
             "transient": Variable(("time",), self.transient, "1"),
             "bridged": Variable(("time",), self.bridged, "1"),
         }
-
-    def of(self, muscles: Mapping[int, str], names: Sequence[str]) -> Fibers:
-        """Fibers of some muscles, by other names.
-
-        Parameters
-        ----------
-        muscles : column to new name
-        names : present name of every column
-        """
-        columns = list(muscles)
-        new = {names[index]: muscle for index, muscle in muscles.items()}
-        return replace(
-            self,
-            lengths=self.lengths[:, columns],
-            velocities=self.velocities[:, columns],
-            tendon_strains=self.tendon_strains[:, columns],
-            fiber_powers=self.fiber_powers[:, columns],
-            tendon_powers=self.tendon_powers[:, columns],
-            rigid=tuple(new[name] for name in self.rigid if name in new),
-            unreachable=tuple(
-                replace(item, muscle=new[item.muscle]) for item in self.unreachable if item.muscle in new
-            ),
-        )

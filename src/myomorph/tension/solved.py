@@ -59,13 +59,6 @@ class SolvedFrames:
         pulled = np.where(penalties[:, 2] > 0.0, penalties[:, 2] * (below**2 + above**2), 0.0)
         return (self.shared.weight * np.abs(x) ** self.shared.exponent + pulled).sum(axis=-1)
 
-    def slope(self, x: Array) -> Array:
-        """Gradient of the cost, (frames, variables)."""
-        w, p = self.shared.weight, self.shared.exponent
-        drawn = np.where(x < self.penalties[:, 0], x - self.penalties[:, 0], np.maximum(x - self.penalties[:, 1], 0.0))
-        pulled = np.where(self.penalties[:, 2] > 0.0, 2.0 * self.penalties[:, 2] * drawn, 0.0)
-        return p * w * np.abs(x) ** (p - 1.0) * np.sign(x) + pulled
-
     def curvature(self, x: Array) -> Array:
         """Second derivatives of the cost, (frames, variables), above 0."""
         w, p = self.shared.weight, self.shared.exponent

@@ -5,16 +5,15 @@ strength its passive force takes up, and how sure they are.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
 import numpy as np
 
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.contacts import ContactForces
-from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.errors import BadData
 from myomorph.model.findings import Finding
-from myomorph.model.join import own_name
 from myomorph.model.labelled import Labelled, Variable
 from myomorph.model.model import index_of
 from myomorph.muscles.hill_arrays import Convention
@@ -233,42 +232,6 @@ class Tension(Labelled):
     def summary(self) -> dict[str, int]:
         """Number of frames by status."""
         return {name: int(np.sum(self.status == index)) for index, name in enumerate(STATUS_NAMES)}
-
-
-def tension_of(whole: Tension, part: str) -> Tension:
-    """Activations, tensions, reserves and torques of one part of a joined model, by the part's own names.
-    Status, iterations and equilibrium residual stay those of the whole problem. Contact forces are not taken along, as
-    those between parts have a site on one of them only: `part_of(whole.contacts.wrenches(), part)` gives all on it.
-    """
-    muscles = _own(whole.muscles, part)
-    if not muscles:
-        begins = tuple(dict.fromkeys(name.partition("_")[0] for name in whole.muscles))
-        raise UnknownName("part", part, begins, "the muscles' names begin with what it")
-    reserves, coordinates = _own(whole.reserve_names, part), _own(whole.coordinates, part)
-    columns, rows, held = list(muscles), list(coordinates), list(reserves)
-    return replace(
-        whole,
-        muscles=tuple(muscles.values()),
-        activations=whole.activations[:, columns],
-        forces=whole.forces[:, columns],
-        viscous=np.array(whole.viscous[:, columns]),
-        passive_share=np.array(whole.passive_share[columns]),
-        passive_time=np.array(whole.passive_time[columns]),
-        lower=whole.lower[columns],
-        upper=whole.upper[columns],
-        reserve_names=tuple(reserves.values()),
-        reserves=whole.reserves[:, held],
-        coordinates=tuple(coordinates.values()),
-        torques=whole.torques[:, rows],
-        overstretched=tuple(_own(whole.overstretched, part).values()),
-        contacts=None,
-        fibers=None if whole.fibers is None else whole.fibers.of(muscles, whole.muscles),
-    )
-
-
-def _own(names: tuple[str, ...], part: str) -> dict[int, str]:
-    """Columns of a part, and its own names of them."""
-    return {index: own for index, name in enumerate(names) if (own := own_name(name, part)) is not None}
 
 
 LARGE = 0.2  # Share of the maximum isometric force from which a muscle's passive force is named

@@ -1,0 +1,65 @@
+"""What one of several joined models did, by its own names."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from myomorph.model.errors import UnknownName
+from myomorph.model.join import own_name
+from myomorph.tension.fibers import Fibers
+from myomorph.tension.tension import Tension
+
+
+def tension_of(whole: Tension, part: str) -> Tension:
+    """Activations, tensions, reserves and torques of one part of a joined model, by the part's own names.
+    Status, iterations and equilibrium residual stay those of the whole problem. Contact forces are not taken along, as
+    those between parts have a site on one of them only: `part_of(whole.contacts.wrenches(), part)` gives all on it.
+    """
+    muscles = _own(whole.muscles, part)
+    if not muscles:
+        begins = tuple(dict.fromkeys(name.partition("_")[0] for name in whole.muscles))
+        raise UnknownName("part", part, begins, "the muscles' names begin with what it")
+    reserves, coordinates = _own(whole.reserve_names, part), _own(whole.coordinates, part)
+    columns, rows, held = list(muscles), list(coordinates), list(reserves)
+    return replace(
+        whole,
+        muscles=tuple(muscles.values()),
+        activations=whole.activations[:, columns],
+        forces=whole.forces[:, columns],
+        viscous=np.array(whole.viscous[:, columns]),
+        passive_share=np.array(whole.passive_share[columns]),
+        passive_time=np.array(whole.passive_time[columns]),
+        lower=whole.lower[columns],
+        upper=whole.upper[columns],
+        reserve_names=tuple(reserves.values()),
+        reserves=whole.reserves[:, held],
+        coordinates=tuple(coordinates.values()),
+        torques=whole.torques[:, rows],
+        overstretched=tuple(_own(whole.overstretched, part).values()),
+        contacts=None,
+        fibers=None if whole.fibers is None else _fibers_of(whole.fibers, muscles, whole.muscles),
+    )
+
+
+def _own(names: tuple[str, ...], part: str) -> dict[int, str]:
+    """Columns of a part, and its own names of them."""
+    return {index: own for index, name in enumerate(names) if (own := own_name(name, part)) is not None}
+
+
+def _fibers_of(fibers: Fibers, muscles: Mapping[int, str], names: tuple[str, ...]) -> Fibers:
+    """Fibers of some muscles, column to new name; `names`: the present name of every column."""
+    columns = list(muscles)
+    new = {names[index]: muscle for index, muscle in muscles.items()}
+    return replace(
+        fibers,
+        lengths=fibers.lengths[:, columns],
+        velocities=fibers.velocities[:, columns],
+        tendon_strains=fibers.tendon_strains[:, columns],
+        fiber_powers=fibers.fiber_powers[:, columns],
+        tendon_powers=fibers.tendon_powers[:, columns],
+        rigid=tuple(new[name] for name in fibers.rigid if name in new),
+        unreachable=tuple(replace(item, muscle=new[item.muscle]) for item in fibers.unreachable if item.muscle in new),
+    )
