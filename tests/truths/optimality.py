@@ -56,10 +56,8 @@ def optimality(problem: TensionProblem, tension: Tension, frames: Sequence[int] 
 def cost_slope(solved: SolvedFrames, x: Array) -> Array:
     """Gradient of the cost, (frames, variables)."""
     w, p, (low, high, stiff) = solved.shared.weight, solved.shared.exponent, solved.penalties.swapaxes(0, 1)
-    drawn = np.where(
-        x < solved.penalties[:, 0], x - solved.penalties[:, 0], np.maximum(x - solved.penalties[:, 1], 0.0)
-    )
-    pulled = np.where(solved.penalties[:, 2] > 0.0, 2.0 * solved.penalties[:, 2] * drawn, 0.0)
+    drawn = np.where(x < low, x - low, np.maximum(x - high, 0.0))
+    pulled = np.where(stiff > 0.0, 2.0 * stiff * drawn, 0.0)
     return p * w * np.abs(x) ** (p - 1.0) * np.sign(x) + pulled
 
 
