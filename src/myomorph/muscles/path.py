@@ -21,21 +21,8 @@ from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.latest import Latest
 from myomorph.model.model import Model
-from myomorph.muscles.path_arrays import (
-    AFTER,
-    ARMS,
-    BODIES,
-    BODY,
-    LOCAL,
-    OBJECT,
-    OBJECT_BODY,
-    OBJECT_LOCAL,
-    POINTS,
-    WRAPS,
-    PathArrays,
-    moved_paths,
-    path_arrays,
-)
+from myomorph.muscles import path_arrays as columns
+from myomorph.muscles.path_arrays import PathArrays, moved_paths, path_arrays
 from myomorph.muscles.path_kernels import path_frames
 from myomorph.rigid.coordinates import Ints
 from myomorph.rigid.frames import over_frames
@@ -57,12 +44,12 @@ class Paths:
     @cached_property
     def arm_muscle(self) -> Ints:
         """(moment arms,) the muscle of each pair of the pattern."""
-        return np.repeat(np.arange(len(self.muscles)), np.diff(self.arrays.start[:, ARMS]))
+        return np.repeat(np.arange(len(self.muscles)), np.diff(self.arrays.start[:, columns.ARMS]))
 
     @cached_property
     def wraps(self) -> tuple[int | None, int | None]:
         """`surfaces` and `tendons` of `path_frames`."""
-        by_mujoco = self.arrays.wrap[:, AFTER] >= 0
+        by_mujoco = self.arrays.wrap[:, columns.AFTER] >= 0
         return (1 if (~by_mujoco).any() else None), (1 if by_mujoco.any() else None)
 
     @property
@@ -108,16 +95,16 @@ class Paths:
     @cached_property
     def pull_muscle(self) -> Ints:
         """(pairs,) the muscle of each pair of a muscle and a body that its path touches."""
-        return np.repeat(np.arange(len(self.muscles)), np.diff(self.arrays.start[:, BODIES]))
+        return np.repeat(np.arange(len(self.muscles)), np.diff(self.arrays.start[:, columns.BODIES]))
 
     @cached_property
     def pull_body(self) -> Ints:
         """(pairs,) number in the tree of the body of each of those pairs."""
-        P, first = self.arrays, self.arrays.start[:, BODIES]
+        P, first = self.arrays, self.arrays.start[:, columns.BODIES]
         bodies = np.zeros(int(first[-1]), np.int64)
         for column, local, numbers in (
-            (POINTS, P.point[:, LOCAL], P.point[:, BODY]),
-            (WRAPS, P.wrap[:, OBJECT_LOCAL], P.object[P.wrap[:, OBJECT], OBJECT_BODY]),
+            (columns.POINTS, P.point[:, columns.LOCAL], P.point[:, columns.BODY]),
+            (columns.WRAPS, P.wrap[:, columns.OBJECT_LOCAL], P.object[P.wrap[:, columns.OBJECT], columns.OBJECT_BODY]),
         ):
             muscle = np.repeat(np.arange(len(self.muscles)), np.diff(P.start[:, column]))
             bodies[first[muscle] + local] = numbers
@@ -208,7 +195,7 @@ def drawn_paths(paths: Paths, coordinates: Array) -> DrawnPaths:
     """
     nodes = paths.nodes(coordinates)
     start = paths.arrays.start
-    rooms = np.diff(start[:, POINTS]) + np.diff(start[:, WRAPS]) * (ARC_PARTS + 1)
+    rooms = np.diff(start[:, columns.POINTS]) + np.diff(start[:, columns.WRAPS]) * (ARC_PARTS + 1)
     most = int(rooms.max(initial=0))
     drawn = np.full((len(nodes), len(paths.muscles), most + 1, 3), np.nan)
     real = np.isfinite(nodes[..., 0])

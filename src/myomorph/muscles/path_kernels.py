@@ -7,44 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from myomorph.model.arrays import Array
-from myomorph.muscles.path_arrays import (
-    AFTER,
-    ARMS,
-    AXES,
-    BODIES,
-    BODY,
-    COORDINATE,
-    FOLLOWS,
-    HIGH,
-    LOCAL,
-    LOW,
-    MOVING,
-    OBJECT_BODY,
-    POINTS,
-    ROTATES,
-    SLOT_1,
-    SLOT_2,
-    SUPPORT,
-    SUPPORT_STOP,
-    TREE_AXIS,
-    WEIGHT,
-    WRAPS,
-)
-from myomorph.muscles.path_chain import (
-    NODE_ARC,
-    NODE_END,
-    NODE_LOCAL,
-    NODE_OBJECT,
-    NODE_POINT,
-    NODE_WEIGHT,
-    NODE_WRAP,
-    SEEN,
-    between,
-    chain_length,
-    seen_at,
-    tendon_nodes,
-    wrapped_nodes,
-)
+from myomorph.muscles import path_arrays as columns
+from myomorph.muscles import path_chain as chain
 from myomorph.rigid.coordinates import Ints, couple, evaluate
 from myomorph.rigid.kernels import in_place, inner, kernel
 from myomorph.rigid.kinematics import body_poses
@@ -122,40 +86,42 @@ def path_frames(T, P, surfaces, tendons, c, cdot, lengths, velocities, arms, pul
         _move_points(P, here, moved)
         _place_objects(surface, fixed_pose, R, p, pose)
         for m in range(start.shape[0] - 1):
-            first = start[m, POINTS]
-            count = _point_nodes(point, place, moved, first, start[m + 1, POINTS], here, R, p, x, node)
-            begin, end = start[m, WRAPS], start[m + 1, WRAPS]
+            first = start[m, columns.POINTS]
+            count = _point_nodes(point, place, moved, first, start[m + 1, columns.POINTS], here, R, p, x, node)
+            begin, end = start[m, columns.WRAPS], start[m + 1, columns.WRAPS]
             if end > begin:
                 for i in range(2 * (end - begin)):
                     seen[i, 3] = 0.0
-                by_mujoco = wrap[begin, AFTER] >= 0
+                by_mujoco = wrap[begin, columns.AFTER] >= 0
                 # Numba leaves out a branch whose condition is None by type, if nothing else stands in the condition.
                 if tendons is not None:  # noqa: SIM102
                     if by_mujoco:
-                        count = tendon_nodes(
+                        count = chain.tendon_nodes(
                             wrap, side, surface, size, begin, end, first, R, p, x, node, seen, pose, rotation, rows,
                             out, count,
                         )  # fmt: skip
                 if surfaces is not None:  # noqa: SIM102
                     if not by_mujoco:
-                        count = wrapped_nodes(wrap, surface, size, begin, end, first, x, node, seen, turns, pose, count)
-            lengths[f, m] = chain_length(x, node, count)
+                        count = chain.wrapped_nodes(
+                            wrap, surface, size, begin, end, first, x, node, seen, turns, pose, count
+                        )
+            lengths[f, m] = chain.chain_length(x, node, count)
             if nodes.shape[1] > 0:
                 _tell_nodes(x, node, count, nodes[f, m])
-            begin, end = start[m, ARMS], start[m + 1, ARMS]
+            begin, end = start[m, columns.ARMS], start[m + 1, columns.ARMS]
             for index in range(begin, end):
                 row[index] = 0.0
-            for b in range(start[m + 1, BODIES] - start[m, BODIES]):
+            for b in range(start[m + 1, columns.BODIES] - start[m, columns.BODIES]):
                 for i in range(6):
                     pull[b, i] = 0.0
             _pulls(point, moving, moved, R, x, node, pull, count, begin, row)
             if pulls.shape[1] > 0:
-                for b in range(start[m, BODIES], start[m + 1, BODIES]):
+                for b in range(start[m, columns.BODIES], start[m + 1, columns.BODIES]):
                     for i in range(6):
-                        pulls[f, b, i] = pull[b - start[m, BODIES], i]
+                        pulls[f, b, i] = pull[b - start[m, columns.BODIES], i]
             else:
-                _gather(axis, support, start[m, AXES], start[m + 1, AXES], w, o, dphi, pull, begin, row)
-            _hand_on(follow, slopes, start[m, FOLLOWS], start[m + 1, FOLLOWS], begin, row)
+                _gather(axis, support, start[m, columns.AXES], start[m + 1, columns.AXES], w, o, dphi, pull, begin, row)
+            _hand_on(follow, slopes, start[m, columns.FOLLOWS], start[m + 1, columns.FOLLOWS], begin, row)
             speed = 0.0
             for index in range(begin, end):
                 if arm[index, 1] == 1:
@@ -169,8 +135,8 @@ def _tell_nodes(x, node, count, told):
     for n in range(count):
         for i in range(3):
             told[n, i] = x[n, i]
-        arc = n > 0 and node[n, NODE_OBJECT] >= 0 and node[n, NODE_OBJECT] == node[n - 1, NODE_OBJECT]
-        told[n, 3] = x[n, NODE_ARC] if arc else 0.0
+        arc = n > 0 and node[n, chain.NODE_OBJECT] >= 0 and node[n, chain.NODE_OBJECT] == node[n - 1, chain.NODE_OBJECT]
+        told[n, 3] = x[n, chain.NODE_ARC] if arc else 0.0
 
 
 @in_place
@@ -196,7 +162,7 @@ def coupler_slopes(P, c, slopes):
 def _place_objects(rows, poses, R, p, placed):
     """Poses of all surfaces in ground."""
     for index in range(rows.shape[0]):
-        b = rows[index, OBJECT_BODY]
+        b = rows[index, columns.OBJECT_BODY]
         for i in range(3):
             x = p[b, i]
             for j in range(3):
@@ -212,20 +178,20 @@ def _point_nodes(point, place, moved, start, stop, c, R, p, x, node):
     """Put a muscle's active points in the chain; returns how many."""
     count = 0
     for index in range(start, stop):
-        j = point[index, COORDINATE]
-        if j >= 0 and not place[index, LOW] - SLACK <= c[j] <= place[index, HIGH] + SLACK:
+        j = point[index, columns.COORDINATE]
+        if j >= 0 and not place[index, columns.LOW] - SLACK <= c[j] <= place[index, columns.HIGH] + SLACK:
             continue
         u0, u1, u2 = place[index, 0], place[index, 1], place[index, 2]
-        v = point[index, MOVING]
+        v = point[index, columns.MOVING]
         if v >= 0:
             u0, u1, u2 = moved[v, 0], moved[v, 1], moved[v, 2]
-        b = point[index, BODY]
+        b = point[index, columns.BODY]
         for i in range(3):
             x[count, i] = R[b, i, 0] * u0 + R[b, i, 1] * u1 + R[b, i, 2] * u2 + p[b, i]
-            x[count, SEEN + i] = x[count, i]
-        x[count, NODE_WEIGHT], x[count, NODE_ARC] = place[index, WEIGHT], 0.0
-        node[count, NODE_LOCAL], node[count, NODE_OBJECT] = point[index, LOCAL], -1
-        node[count, NODE_POINT], node[count, NODE_WRAP], node[count, NODE_END] = index, -1, -1
+            x[count, chain.SEEN + i] = x[count, i]
+        x[count, chain.NODE_WEIGHT], x[count, chain.NODE_ARC] = place[index, columns.WEIGHT], 0.0
+        node[count, chain.NODE_LOCAL], node[count, chain.NODE_OBJECT] = point[index, columns.LOCAL], -1
+        node[count, chain.NODE_POINT], node[count, chain.NODE_WRAP], node[count, chain.NODE_END] = index, -1, -1
         count += 1
     return count
 
@@ -247,23 +213,23 @@ def _move_points(P, c, moved):
 def _pulls(point, moving, moved, R, x, node, pull, count, arm, arms):
     """Add force and moment of unit tension to each body of the muscle; what moves points goes into `arms`."""
     for n in range(count - 1):
-        index, j = node[n, NODE_POINT], node[n + 1, NODE_POINT]
-        v = point[index, MOVING] if index >= 0 else -1
-        u = point[j, MOVING] if j >= 0 else -1
-        if node[n, NODE_LOCAL] == node[n + 1, NODE_LOCAL] and v < 0 and u < 0:
+        index, j = node[n, chain.NODE_POINT], node[n + 1, chain.NODE_POINT]
+        v = point[index, columns.MOVING] if index >= 0 else -1
+        u = point[j, columns.MOVING] if j >= 0 else -1
+        if node[n, chain.NODE_LOCAL] == node[n + 1, chain.NODE_LOCAL] and v < 0 and u < 0:
             continue
-        start, stop = seen_at(x, n), seen_at(x, n + 1)
-        length = between(start, stop)
+        start, stop = chain.seen_at(x, n), chain.seen_at(x, n + 1)
+        length = chain.between(start, stop)
         if length < COINCIDENT:
             continue
-        scale = x[n, NODE_WEIGHT] / length
+        scale = x[n, chain.NODE_WEIGHT] / length
         f0, f1, f2 = scale * (stop[0] - start[0]), scale * (stop[1] - start[1]), scale * (stop[2] - start[2])
-        _pull(pull, node[n, NODE_LOCAL], x, n, f0, f1, f2)
-        _pull(pull, node[n + 1, NODE_LOCAL], x, n + 1, -f0, -f1, -f2)
+        _pull(pull, node[n, chain.NODE_LOCAL], x, n, f0, f1, f2)
+        _pull(pull, node[n + 1, chain.NODE_LOCAL], x, n + 1, -f0, -f1, -f2)
         if v >= 0:
-            _work(moving, moved, v, R, point[index, BODY], f0, f1, f2, arm, arms)
+            _work(moving, moved, v, R, point[index, columns.BODY], f0, f1, f2, arm, arms)
         if u >= 0:
-            _work(moving, moved, u, R, point[j, BODY], -f0, -f1, -f2, arm, arms)
+            _work(moving, moved, u, R, point[j, columns.BODY], -f0, -f1, -f2, arm, arms)
 
 
 @inner
@@ -292,7 +258,7 @@ def _gather(axis, support, start, stop, w, o, dphi, pull, arm, arms):
     """Add what the forces do along the axes that lie between the muscle's bodies."""
     for q in range(start, stop):
         f0, f1, f2, m0, m1, m2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        for n in range(axis[q, SUPPORT], axis[q, SUPPORT_STOP]):
+        for n in range(axis[q, columns.SUPPORT], axis[q, columns.SUPPORT_STOP]):
             b = support[n]
             f0 += pull[b, 0]
             f1 += pull[b, 1]
@@ -300,12 +266,12 @@ def _gather(axis, support, start, stop, w, o, dphi, pull, arm, arms):
             m0 += pull[b, 3]
             m1 += pull[b, 4]
             m2 += pull[b, 5]
-        index = axis[q, TREE_AXIS]
-        if axis[q, ROTATES] == 1:
+        index = axis[q, columns.TREE_AXIS]
+        if axis[q, columns.ROTATES] == 1:
             x0, x1, x2 = o[index, 0], o[index, 1], o[index, 2]
             f0, f1, f2 = m0 - (x1 * f2 - x2 * f1), m1 - (x2 * f0 - x0 * f2), m2 - (x0 * f1 - x1 * f0)
         work = w[index, 0] * f0 + w[index, 1] * f1 + w[index, 2] * f2
-        if axis[q, SLOT_1] >= 0:
-            arms[arm + axis[q, SLOT_1]] += dphi[index, 0] * work
-        if axis[q, SLOT_2] >= 0:
-            arms[arm + axis[q, SLOT_2]] += dphi[index, 1] * work
+        if axis[q, columns.SLOT_1] >= 0:
+            arms[arm + axis[q, columns.SLOT_1]] += dphi[index, 0] * work
+        if axis[q, columns.SLOT_2] >= 0:
+            arms[arm + axis[q, columns.SLOT_2]] += dphi[index, 1] * work

@@ -21,28 +21,7 @@ from myomorph.motion.ik import (
     pose_problem,
     tracked_markers,
 )
-from myomorph.motion.sensors.first_guess import (
-    MIN_LIKENESS,
-    RATE,
-    CalibrationPose,
-    Guess,
-    by_trying,
-    calibration_pose,
-    clock_delay,
-    from_motion,
-    from_pose,
-    named_headings,
-    speeds_of,
-)
-from myomorph.motion.sensors.fit_mounting import (
-    CORRELATED,
-    FRAMES,
-    FRAMES_PER_KNOT,
-    INDEPENDENT,
-    KNOTS,
-    Chosen,
-    MountingFit,
-)
+from myomorph.motion.sensors import first_guess, fit_mounting
 from myomorph.motion.sensors.mounting import (
     SensorMounting,
     SensorOptions,
@@ -215,7 +194,7 @@ class _Finder:
             return self._as_modelled()
         pose = self._pose()
         delay, notes = self._delay()
-        fit = MountingFit(tree, sensors, self.bodies, self._chosen(delay), self.options, self.sizes, pose)
+        fit = fit_mounting.MountingFit(tree, sensors, self.bodies, self._chosen(delay), self.options, self.sizes, pose)
         if self.marked is not None and kind == "recording":
             guess, azimuth = self._from_markers(delay, not anywhere), True
         elif pose is None:
@@ -225,7 +204,7 @@ class _Finder:
                 "sensor's name (--imu-mounting model)"
             )
         else:
-            named = named_headings(self.model, sensors.names, pose, self.recording.headings)
+            named = first_guess.named_headings(self.model, sensors.names, pose, self.recording.headings)
             if named is None and anywhere:
                 raise BadData(
                     f"{sensors.source}: without magnetic fields every sensor has a heading of its own: name each "
@@ -233,9 +212,9 @@ class _Finder:
                 )
             azimuth = named is None
             if named is not None:
-                guess = from_pose(tree, self.bodies, pose, named)
+                guess = first_guess.from_pose(tree, self.bodies, pose, named)
             else:
-                guess = by_trying(tree, self.bodies, pose, lambda guess: self._cost(fit, guess, delay))
+                guess = first_guess.by_trying(tree, self.bodies, pose, lambda guess: self._cost(fit, guess, delay))
         start = fit.at(guess, delay)
         notes += _of_heading(guess)
         if kind == "pose":
@@ -243,7 +222,7 @@ class _Finder:
         found = fit.fitted(start, azimuth, anywhere)
         if pose is None:
             return replace(found, notes=(*notes, *_of_mounting(found, None)))
-        by_pose = from_pose(tree, self.bodies, pose, found.heading_at(np.array([pose.time]))[0])
+        by_pose = first_guess.from_pose(tree, self.bodies, pose, found.heading_at(np.array([pose.time]))[0])
         return replace(found, notes=(*notes, *_of_mounting(found, by_pose)))
 
     def _as_modelled(self) -> SensorMounting:
@@ -259,44 +238,45 @@ class _Finder:
             sensors.names, self.bodies, rotations, sensors.time[:1], np.zeros((1, count)), 0.0, factor, up
         )
 
-    def _pose(self) -> CalibrationPose | None:
+    def _pose(self) -> first_guess.CalibrationPose | None:
         """The calibration pose: recorded apart, at the time stated, or at the start where the body stands still."""
         recording, rest = self.recording, compile_tree(self.model).defaults
         trial, span = recording.sensors, recording.pose_time
         if recording.pose is not None:
             apart = with_orientations(recording.pose.only(trial.names), self.sizes.imu_magnetometer)
             used = apart if span is None else apart.between(*span)
-            return calibration_pose(self.model, used, rest, float(trial.time[0]))
+            return first_guess.calibration_pose(self.model, used, rest, float(trial.time[0]))
         if span is not None:
-            return calibration_pose(self.model, trial.between(*span), rest, 0.5 * sum(span))
+            return first_guess.calibration_pose(self.model, trial.between(*span), rest, 0.5 * sum(span))
         start = trial.between(trial.time[0], trial.time[0] + STILL_TIME)
         if self.marked is not None or len(start) < 2:
             return None
-        speeds = speeds_of(start.time, rotations_at(start, start.time, self.model), start.time)
-        return calibration_pose(self.model, start, rest, float(start.time[0])) if np.nanmax(speeds) < STILL else None
+        speeds = first_guess.speeds_of(start.time, rotations_at(start, start.time, self.model), start.time)
+        still = np.nanmax(speeds) < STILL
+        return first_guess.calibration_pose(self.model, start, rest, float(start.time[0])) if still else None
 
     def _delay(self) -> tuple[float, tuple[str, ...]]:
         """Delay of the sensors' clock against the markers', by speeds of rotation."""
         if self.marked is None or self.recording.same_clock:
             return 0.0, ()
         seen, time = self.marked.seen, self.markers.time
-        at = np.arange(time[0], time[-1], 1.0 / RATE)
-        own = speeds_of(time[seen], self._bodies()[seen], at)
+        at = np.arange(time[0], time[-1], 1.0 / first_guess.RATE)
+        own = first_guess.speeds_of(time[seen], self._bodies()[seen], at)
         sensors = self.recording.sensors
         earth = rotations_at(sensors, sensors.time, self.model)
-        dense = speeds_of(sensors.time, earth, sensors.time)
+        dense = first_guess.speeds_of(sensors.time, earth, sensors.time)
 
         def speeds(times: Array) -> Array:
             return np.column_stack([np.interp(times, sensors.time, column, np.nan, np.nan) for column in dense.T])
 
-        delay, likeness = clock_delay(own, speeds, at, SEARCH)
-        if not likeness > MIN_LIKENESS:
+        delay, likeness = first_guess.clock_delay(own, speeds, at, SEARCH)
+        if not likeness > first_guess.MIN_LIKENESS:
             return 0.0, (
                 f"sensors and markers do not turn alike at any delay within {SEARCH:g} s (correlation "
                 f"{likeness:.2f}): are they of one trial, and on the bodies that they name? Clocks are taken as one",
             )
         note = f"the sensors' clock is {1e3 * delay:.0f} ms behind the markers' (correlation {likeness:.2f})"
-        return delay, (note,) if abs(delay) > 1.0 / RATE else ()
+        return delay, (note,) if abs(delay) > 1.0 / first_guess.RATE else ()
 
     def _bodies(self) -> Array:
         """(frames, sensors, 3, 3) rotations of the sensors' bodies by the markers."""
@@ -305,13 +285,13 @@ class _Finder:
         values = np.where(np.isfinite(self.marked.motion.values), self.marked.motion.values, tree.defaults)
         return forward_kinematics(tree, values).rotations[:, [tree.body_number(body) for body in self.bodies]]
 
-    def _from_markers(self, delay: float, together: bool) -> Guess:
+    def _from_markers(self, delay: float, together: bool) -> first_guess.Guess:
         assert self.marked is not None
-        seen = np.flatnonzero(self.marked.seen)[:: max(1, int(self.marked.seen.sum()) // FRAMES)]
+        seen = np.flatnonzero(self.marked.seen)[:: max(1, int(self.marked.seen.sum()) // fit_mounting.FRAMES)]
         earth = rotations_at(self.recording.sensors, self.markers.time[seen] + delay, self.model)
-        return from_motion(self._bodies()[seen], earth, np.asarray(self.model.up), together)
+        return first_guess.from_motion(self._bodies()[seen], earth, np.asarray(self.model.up), together)
 
-    def _chosen(self, delay: float) -> Chosen:
+    def _chosen(self, delay: float) -> fit_mounting.Chosen:
         """Frames, spread over the time that sensors and markers share."""
         sensors, time = self.recording.sensors, self.markers.time
         usable = (time + delay >= sensors.time[0]) & (time + delay <= sensors.time[-1])
@@ -325,15 +305,15 @@ class _Finder:
         if not len(frames):
             raise BadData(f"{sensors.source or 'sensors'}: no time in common with the markers")
         duration = float(time[frames[-1]] - time[frames[0]])
-        most = max(FRAMES, int(FRAMES_PER_KNOT * duration / KNOTS))
+        most = max(fit_mounting.FRAMES, int(fit_mounting.FRAMES_PER_KNOT * duration / fit_mounting.KNOTS))
         frames = frames[np.unique(np.linspace(0, len(frames) - 1, min(most, len(frames))).astype(int))]
         shown = self.marked is not None
         names, weights = tracked_markers(self.model, self.markers, self.options) if shown else ((), np.empty(0))
         markers = self.markers.frames(frames)
-        independent = min(duration / CORRELATED, INDEPENDENT)
-        return Chosen(time[frames], markers, names, weights, min(1.0, max(independent, 1.0) / len(frames)))
+        independent = min(duration / fit_mounting.CORRELATED, fit_mounting.INDEPENDENT)
+        return fit_mounting.Chosen(time[frames], markers, names, weights, min(1.0, max(independent, 1.0) / len(frames)))
 
-    def _cost(self, fit: MountingFit, guess: Guess, delay: float) -> float:
+    def _cost(self, fit: fit_mounting.MountingFit, guess: first_guess.Guess, delay: float) -> float:
         """Mean over some frames of the squared angles between sensors and bodies, in squares of the noise."""
         markers = fit.chosen.markers.frames(slice(None, None, 5))
         thin = replace(fit, chosen=fit.chosen._replace(time=markers.time, markers=markers))
@@ -341,7 +321,7 @@ class _Finder:
         return float(np.mean(cost[np.isfinite(cost)])) / self.sizes.imu_marker_noise**2
 
 
-def _of_heading(guess: Guess) -> tuple[str, ...]:
+def _of_heading(guess: first_guess.Guess) -> tuple[str, ...]:
     if not guess.ambiguity < AMBIGUOUS:
         return ()
     return (
@@ -350,7 +330,7 @@ def _of_heading(guess: Guess) -> tuple[str, ...]:
     )
 
 
-def _of_mounting(found: SensorMounting, by_pose: Guess | None) -> Iterator[str]:
+def _of_mounting(found: SensorMounting, by_pose: first_guess.Guess | None) -> Iterator[str]:
     """Sensors that the recording turns from the calibration pose, and headings that drift."""
     if by_pose is not None:
         angles = np.linalg.norm(vector_from_rotation(found.rotations @ np.swapaxes(by_pose.rotations, 1, 2)), axis=1)

@@ -18,22 +18,10 @@ from myomorph.model.errors import BadData
 from myomorph.rigid.frames import over_frames, thread_count
 from myomorph.rigid.tree import compile_tree
 from myomorph.tension.dual import INFEASIBLE, MISSING, OPTIMAL, STALLED
+from myomorph.tension.elastic import windows
 from myomorph.tension.elastic.interior import Outcome
 from myomorph.tension.elastic.term import ElasticMuscleTerm, fibers_at
-from myomorph.tension.elastic.windows import (
-    Frames,
-    along,
-    balanced,
-    drawn,
-    filled,
-    parts_of,
-    picked,
-    program_of,
-    runs,
-    solve_part,
-    solved_every,
-    start_of,
-)
+from myomorph.tension.elastic.windows import along
 from myomorph.tension.fibers import Certificate, Fibers, Unreachable
 from myomorph.tension.problem import Balance, TensionInputs, TensionProblem
 from myomorph.tension.tension import Tension
@@ -95,12 +83,12 @@ class ElasticProblem(TensionProblem):
         self._refuse_rows()
         if not self.muscles.elastic.any():
             raise BadData("no muscle has an elastic tendon that its fibers can reach: take rigid tendons")
-        self.parts = parts_of(self.separable, self.muscles.elastic)
+        self.parts = windows.parts_of(self.separable, self.muscles.elastic)
         step = float(np.median(np.diff(time))) if frames > 1 else MARGIN
         self._margin = int(np.ceil(MARGIN / step))
         # Contact forces come and go within a frame and cannot push and pull as balance would have it: all are solved.
         whole = self.contacts is not None or self.smooth is not None
-        self._every = 1 if whole else solved_every(time)
+        self._every = 1 if whole else windows.solved_every(time)
         window = WINDOW * self._every
         self.window = frames if frames <= window + 2 * self._margin else window
         self._tendon_forces = np.full((frames, muscles), np.nan)
@@ -146,7 +134,7 @@ class ElasticProblem(TensionProblem):
         forces = np.full((end - begin, len(self.muscles.strength)), np.nan)
         iterations, status = np.zeros(end - begin, np.int64), np.full(end - begin, MISSING, np.int8)
         out = (x, forces, residual, iterations, status)
-        for first, last in runs(good, self._bridgeable(begin, good)):
+        for first, last in windows.runs(good, self._bridgeable(begin, good)):
             self._solve_run(balance, begin, slice(first, last), good[first:last], out)
         kept, part = slice(start - begin, stop - begin), slice(start, stop)
         self._residual[part], self._iterations[part] = residual[kept], iterations[kept]
@@ -177,7 +165,7 @@ class ElasticProblem(TensionProblem):
             for _ in range(1 if self.smooth is None else PASSES):
                 if self.smooth is not None:
                     links = self.smooth.links(begin + part.start, begin + part.stop)
-                    frames.penalties = drawn(penalties_here, links, frames.x, self.separable)
+                    frames.penalties = windows.drawn(penalties_here, links, frames.x, self.separable)
                 results = self._pass_thinned(frames) if self._every > 1 else self._pass(frames)
             if not all(result.solved for result in results):
                 status[:] = STALLED
@@ -190,9 +178,9 @@ class ElasticProblem(TensionProblem):
         self._certificates += results
         self._mark(begin + part.start, begin + part.stop)
 
-    def _pass_thinned(self, frames: Frames) -> list[_Found]:
+    def _pass_thinned(self, frames: windows.Frames) -> list[_Found]:
         """Solve some of the frames; those between follow them, their forces as near by as balances their torques."""
-        keep, elastic = picked(len(frames.time), self._every), np.flatnonzero(self.muscles.elastic)
+        keep, elastic = windows.picked(len(frames.time), self._every), np.flatnonzero(self.muscles.elastic)
         few = frames.at(keep)
         result = self._pass(few)
         frames.x = along(frames.time, keep, few.x)
@@ -201,17 +189,18 @@ class ElasticProblem(TensionProblem):
         on_elastic = np.isin(np.arange(held.shape[1]), elastic)
         between = np.setdiff1d(np.arange(len(frames.time)), keep)
         for part in np.array_split(between, 1 + len(between) // WINDOW):
-            held[part] = balanced(self.separable, frames.values[part], frames.right[part], held[part], on_elastic)
+            values, right = frames.values[part], frames.right[part]
+            held[part] = windows.balanced(self.separable, values, right, held[part], on_elastic)
         frames.forces[:, elastic] = held[:, elastic]
         frames.x = np.where(on_elastic, frames.x, held)
         return result
 
-    def _pass(self, frames: Frames) -> list[_Found]:
+    def _pass(self, frames: windows.Frames) -> list[_Found]:
         """Solve the parts of a run of frames from what `frames` has of x and y, and put there what was found."""
         dynamics, again = self.options.activation_dynamics, self.options.second_start
-        programs = [program_of(part, frames, self.separable, self.muscles, dynamics) for part in self.parts]
+        programs = [windows.program_of(part, frames, self.separable, self.muscles, dynamics) for part in self.parts]
         tasks = [
-            partial(solve_part, program, *start_of(one, frames, program), again)
+            partial(windows.solve_part, program, *windows.start_of(one, frames, program), again)
             for one, program in zip(self.parts, programs, strict=True)
         ]
         result = []
@@ -222,12 +211,14 @@ class ElasticProblem(TensionProblem):
             result.append(_Found(outcome.residual, outcome.equilibrium, outcome.steps, outcome.solved, far))
         return result
 
-    def _frames(self, balance: Balance, begin: int, part: slice, good: NDArray[np.bool_]) -> tuple[Frames, np.ndarray]:
+    def _frames(
+        self, balance: Balance, begin: int, part: slice, good: NDArray[np.bool_]
+    ) -> tuple[windows.Frames, np.ndarray]:
         """What programs are made of in a run of frames, with the solution on rigid tendons."""
         place = slice(begin + part.start, begin + part.stop)
         time, term, shared = self._time[place], self.muscles, self.separable
         values, right, lengths, speeds = (
-            filled(time, one, good)
+            windows.filled(time, one, good)
             for one in (balance.values[part], balance.right[part], self.lengths[place], self.speeds[place])
         )
         active, passive = term.rigid_forces(lengths, speeds)
@@ -245,11 +236,11 @@ class ElasticProblem(TensionProblem):
         x, y = np.nan_to_num(x, posinf=0.0, neginf=0.0), np.nan_to_num(y, posinf=0.0, neginf=0.0)
         forces = np.where(term.elastic, ratio * x[:, :muscles] + offset, np.nan)
         penalties = self.penalties[place]
-        return Frames(time, values, right, penalties, lengths, speeds, x, y, forces), np.where(
+        return windows.Frames(time, values, right, penalties, lengths, speeds, x, y, forces), np.where(
             status == MISSING, MISSING, OPTIMAL
         )
 
-    def _missed(self, frames: Frames, x: Array) -> tuple[Array, Array]:
+    def _missed(self, frames: windows.Frames, x: Array) -> tuple[Array, Array]:
         """Greatest torque that is not balanced in each frame, and the scale it is judged by."""
         shared, held = self.separable, x.copy()
         elastic = np.flatnonzero(self.muscles.elastic)
