@@ -15,9 +15,8 @@ from myomorph.model.model import Coordinate, Coupler
 from myomorph.model.paths import MovingPathPoint, Muscle, Path, PathPoint
 from myomorph.model.series import Motion
 from myomorph.muscles.coupled_arms import loop_couplings, loop_groups
-from myomorph.muscles.kinematics import muscle_kinematics
+from myomorph.muscles.kinematics import ReportedPaths, muscle_kinematics
 from myomorph.muscles.path import compile_paths
-from myomorph.muscles.reported_arms import arms_as_reported, crossings
 from myomorph.rigid.coordinates import couple_frames
 from myomorph.rigid.loops import close_loops, closure_jacobian
 from myomorph.rigid.tree import compile_tree
@@ -133,13 +132,15 @@ def test_files_and_values_agree(data):
     path = data(SHOULDERS[1])
     model = read_osim(path)
     motion = motion_from_table(read_sto(data("shoulder-thoracoscapular/ik/SHRUG01.mot")), model)
-    tree, paths = compile_tree(model), compile_paths(model)
+    tree = compile_tree(model)
     values = tree.coordinates_of(motion)[::150]
     dense = muscle_kinematics(model, poses_of(values, model.coordinate_names), velocities=False).moment_arms
-    pattern = crossings(paths)
-    found = arms_as_reported(paths, pattern, values, paths.evaluate(values)[2])
+    reported = ReportedPaths(model)
+    still = poses_of(values, model.coordinate_names)
+    found = reported.evaluate(replace(still, velocities=np.zeros_like(values)), slice(None))[2]
     kept = np.zeros_like(dense)
-    kept[:, pattern.muscle[pattern.order], pattern.coordinate[pattern.order]] = found
+    for column, (muscle, coordinate) in zip(found.T, reported.pairs, strict=True):
+        kept[:, model.muscle_names.index(muscle), model.coordinate_names.index(coordinate)] = column
     np.testing.assert_allclose(kept, dense, atol=1e-12)
 
 

@@ -29,7 +29,7 @@ def test_jacobian_is_the_derivative_of_poses(seed):
     for body in (6, 12):
         local = np.array([0.1, 0.2, -0.3])
         point = poses.points(np.array([body]), local[None])[0, 0]
-        J = poses.jacobian(0, body, point)[3:]
+        J = poses.jacobian(body, point)[0][3:]
         gather_dependents(tree.arrays, c[0], J)
         for j in tree.independent:
             moved = np.vstack([c, c])
@@ -60,7 +60,7 @@ def test_power_of_generalized_forces_is_the_rate_of_energy(seed):
     energy = np.array([mechanical_energy(tree, c[i], cdot[i]) for i in range(5)])
     rate = (energy[0] - 8 * energy[1] + 8 * energy[3] - energy[4]) / (12 * step)
     poses = forward_kinematics(tree, c)
-    twist = poses.jacobian(2, 8, np.full(3, 0.3)) @ cdot[2]
+    twist = poses.jacobian(8, np.full(3, 0.3))[2] @ cdot[2]
     external = twist[3:] @ [30.0, -20.0, 10.0] + twist[:3] @ [2.0, 2.0, 2.0]
     assert tau[2] @ cdot[2] + external == pytest.approx(rate, rel=1e-6, abs=1e-6)
 
@@ -72,7 +72,7 @@ def mechanical_energy(tree, c, cdot):
     for b in range(1, len(arrays.parent)):
         R = poses.rotations[0, b]
         center = poses.origins[0, b] + R @ arrays.mass_center[b]
-        twist = poses.jacobian(0, b, center) @ cdot
+        twist = poses.jacobian(b, center)[0] @ cdot
         inertia = R @ arrays.inertia[b] @ R.T
         total += 0.5 * arrays.mass[b] * twist[3:] @ twist[3:] + 0.5 * twist[:3] @ inertia @ twist[:3]
         total -= arrays.mass[b] * arrays.gravity @ center

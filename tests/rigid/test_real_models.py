@@ -37,7 +37,7 @@ def test_jacobian_is_the_derivative_of_poses(data, name):
     poses = forward_kinematics(tree, c)
     body = len(model.bodies)
     local = np.array([0.03, 0.02, -0.01])
-    J = poses.jacobian(0, body, poses.points(np.array([body]), local[None])[0, 0])[3:]
+    J = poses.jacobian(body, poses.points(np.array([body]), local[None])[0, 0])[0][3:]
     gather_dependents(tree.arrays, c[0], J)
     step = 1e-6
     for j in tree.independent:

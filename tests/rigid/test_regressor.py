@@ -37,7 +37,7 @@ def root_forces(model, motion, wrench):
     poses = forward_kinematics(tree, motion_arrays(tree, motion)[0])
     names = model.joints[0].coordinates
     columns = [model.coordinate_names.index(name) for name in names]
-    forces = [poses.jacobian(f, 1, poses.origins[f, 1])[:, columns].T @ wrench[f] for f in range(len(motion))]
+    forces = [poses.jacobian(1, poses.origins[f, 1])[f][:, columns].T @ wrench[f] for f in range(len(motion))]
     return Series(motion.time, names, np.array(forces))
 
 
@@ -76,7 +76,7 @@ def test_wrench_is_the_rate_of_momentum_less_gravity(seed):
         for b, body in enumerate(model.bodies, start=1):
             R = poses.rotations[f, b]
             center = poses.origins[f, b] + R @ body.mass_center
-            twist = poses.jacobian(f, b, center) @ cdot[f]
+            twist = poses.jacobian(b, center)[f] @ cdot[f]
             linear = body.mass * twist[3:]
             momentum[f, :3] += R @ body.inertia @ R.T @ twist[:3] + np.cross(center - point, linear)
             momentum[f, 3:] += linear

@@ -152,7 +152,7 @@ def test_a_reaction_works_on_its_joints_coordinates_only_through_what_acts_there
             child = tree.body_index[joint.child]
             point = poses.origins[frame, child] + poses.rotations[frame, child] @ joint.child_frame.translation
             own, parents = (
-                poses.jacobian(frame, tree.body_index[one], point)[:, j] if one != GROUND else np.zeros(6)
+                poses.jacobian(tree.body_index[one], point)[frame][:, j] if one != GROUND else np.zeros(6)
                 for one in (joint.child, joint.parent)
             )
             work = (own - parents) @ np.concatenate([found.moments[frame, k], found.forces[frame, k]])

@@ -112,9 +112,8 @@ def generalized(model: Model, motion: Motion, tension: Tension, forces: np.ndarr
         force = tension.reserves[:, r]
         if name.startswith("residual_"):
             axis = "XYZ".index(name[-1]) + (3 if name[-2] == "F" else 0)
-            for frame in range(len(motion)):
-                point = poses.rotations[frame, pelvis] @ center + poses.origins[frame, pelvis]
-                total[frame] += force[frame] * poses.jacobian(frame, pelvis, point)[axis]
+            points = poses.rotations[:, pelvis] @ center + poses.origins[:, pelvis]
+            total += force[:, None] * poses.jacobian(pelvis, points)[:, axis]
         else:
             coordinate = name.removeprefix("reserve_")
             known = {one.name: one.coordinate for one in model.actuators}

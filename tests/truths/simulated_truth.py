@@ -90,7 +90,7 @@ def own_wrench(model: mm.Model, motion: mm.Motion, center: Array, frames: int = 
     torques = mm.inverse_dynamics(model, motion).values[:, columns]
     poses = forward_kinematics(tree, tree.coordinates_of(motion))
     result = np.full((len(motion), 6), np.nan)
-    for frame in np.linspace(0, len(motion) - 1, min(frames, len(motion)), dtype=int):
-        jacobian = poses.jacobian(frame, tree.body_index[joint.child], center)[:, columns]
-        result[frame] = np.linalg.solve(jacobian.T, torques[frame])
+    chosen = np.linspace(0, len(motion) - 1, min(frames, len(motion)), dtype=int)
+    jacobian = poses.jacobian(tree.body_index[joint.child], center)[chosen][:, :, columns]
+    result[chosen] = np.linalg.solve(jacobian.swapaxes(1, 2), torques[chosen, :, None])[..., 0]
     return result

@@ -108,7 +108,7 @@ def effective_mass(model: Model, motion: Motion, body: str, point: ArrayLike, di
     places = poses.points(np.array([b]), np.atleast_2d(np.asarray(point, float)))[:, 0]
     along = np.broadcast_to(np.asarray(direction, float), places.shape)
     along = along / np.linalg.norm(along, axis=1, keepdims=True)
-    rows = np.array([along[f] @ poses.jacobian(f, b, places[f])[3:] for f in range(len(along))])
+    rows = np.einsum("fi,fij->fj", along, poses.jacobian(b, places)[:, 3:])
     still, nothing = np.zeros_like(rows), np.zeros((len(rows), len(tree.arrays.parent), 6))
     push = gathered(tree, coordinates, rows)
     try:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from myomorph.model.arrays import Array
-from myomorph.model.errors import BadData
+from myomorph.model.errors import BadData, BadModel
 from myomorph.model.labelled import Labelled, Variable
 from myomorph.model.model import Model, index_of
 from myomorph.model.series import DEFAULT_POSE, Motion
@@ -170,7 +170,7 @@ def muscle_kinematics(
     if velocities and motion.velocities is None:
         raise BadData("lengthening velocities need the velocities of the coordinates: differentiate the motion first")
     coordinates = paths.tree.coordinates_of(motion)
-    speeds = _speeds(model, motion) if velocities else None
+    speeds = paths.tree.rates_of(motion)[0] if velocities else None
     if not np.isfinite(coordinates).all() or not (speeds is None or np.isfinite(speeds).all()):
         raise BadData("the motion has values that are not finite")
     lengths, rates, arms = paths.evaluate(coordinates, speeds, progress)
@@ -180,27 +180,9 @@ def muscle_kinematics(
         (group, loop_couplings(paths.tree, group, coordinates)) for group in loop_groups(paths.tree) if moment_arms
     )
     return MuscleKinematics(
-        motion.time,
-        model.muscle_names,
-        model.coordinate_names,
-        lengths,
-        rates if velocities else None,
-        arms if moment_arms else None,
-        slopes,
-        paths,
-        loops,
-    )
-
-
-def _speeds(model: Model, motion: Motion) -> Array:
-    """(frames, coordinates) speeds in the model's order, 0 for what the motion does not have."""
-    assert motion.velocities is not None
-    speeds = np.zeros((len(motion), len(model.coordinates)))
-    columns = {name: i for i, name in enumerate(motion.names)}
-    for j, name in enumerate(model.coordinate_names):
-        if name in columns:
-            speeds[:, j] = motion.velocities[:, columns[name]]
-    return speeds
+        motion.time, model.muscle_names, model.coordinate_names, lengths, rates if velocities else None,
+        arms if moment_arms else None, slopes, paths, loops,
+    )  # fmt: skip
 
 
 def default_path_lengths(model: Model) -> Array:
@@ -227,3 +209,52 @@ def default_path_lengths(model: Model) -> Array:
     [0.28, 0.24]
     """
     return muscle_kinematics(model, DEFAULT_POSE, velocities=False, moment_arms=False).lengths[0]
+
+
+AT_ONCE = 64  # Frames whose moment arms stand in one dense table
+
+
+class ReportedPaths:
+    """The muscle paths of a model as tables report them, a part of a motion at a time.
+    `model`: with muscles. `pairs`: muscle and coordinate of each column of moment arms, in order of coordinates: every
+    pair that can have one.
+    """
+
+    def __init__(self, model: Model):
+        if not model.muscles:
+            raise BadModel(f"model '{model.name}' has no muscles")
+        self.model = model
+        paths = compile_paths(model)
+        crossed = np.zeros((len(model.coordinates), len(model.muscles)), np.bool_)
+        crossed[paths.arm_coordinate, paths.arm_muscle] = True
+        tree = paths.tree.arrays
+        for dependent, sources in zip(tree.coupler_coordinate, tree.coupler_source, strict=True):
+            crossed[dependent] |= crossed[sources[sources >= 0]].any(axis=0)
+        for group in loop_groups(paths.tree):
+            crossed[group.coordinates] = crossed[group.coordinates].any(axis=0)
+        self._coordinate, self._muscle = np.nonzero(crossed)
+        names = model.muscle_names, model.coordinate_names
+        self.pairs = tuple((names[0][m], names[1][j]) for m, j in zip(self._muscle, self._coordinate, strict=True))
+
+    def evaluate(
+        self, motion: Motion, part: slice, advance: Callable[[int], None] | None = None
+    ) -> tuple[Array, Array, Array]:
+        """Lengths [m] and velocities [m/s] (frames, muscles), moment arms (frames, pairs) of some frames of a motion.
+        Frames without coordinates (NaN) stay NaN.
+        `motion`: with velocities; `advance`: called with the number of frames just done.
+        """
+        if motion.velocities is None:
+            raise ValueError("the motion has no velocities")
+        values, rates = motion.values[part], motion.velocities[part]
+        unknown = ~(np.isfinite(values) & np.isfinite(rates)).all(axis=1, keepdims=True)
+        defaults = {coordinate.name: coordinate.default for coordinate in self.model.coordinates}
+        values = np.where(unknown, [defaults.get(name, 0.0) for name in motion.names], values)
+        known = Motion(motion.time[part], motion.names, values, np.where(unknown, 0.0, rates))
+        found = muscle_kinematics(self.model, known, progress=advance)
+        tables = [found.dense(slice(i, i + AT_ONCE)) for i in range(0, len(known), AT_ONCE)]
+        arms = np.concatenate([table[:, self._muscle, self._coordinate] for table in tables])
+        assert found.velocities is not None
+        lengths, speeds, reported = (
+            np.where(unknown, np.nan, result) for result in (found.lengths, found.velocities, arms)
+        )
+        return lengths, speeds, reported

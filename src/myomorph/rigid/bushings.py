@@ -9,7 +9,7 @@ import numpy as np
 from myomorph.model.arrays import Array
 from myomorph.model.paths import Bushing
 from myomorph.rigid.kinematics import Poses, forward_kinematics
-from myomorph.rigid.tree import ROTATION, Tree
+from myomorph.rigid.tree import Tree
 
 
 def bushing_forces(tree: Tree, bushings: Sequence[Bushing], coordinates: Array, rates: Array) -> Array:
@@ -47,7 +47,7 @@ def deflection(tree: Tree, poses: Poses, bushing: Bushing) -> tuple[Array, Array
     z = np.arctan2(-Q[:, 0, 1], Q[:, 0, 0])
     apart = np.einsum("fij,fj->fi", towards, x2 - x1)
     # Both bodies' motion at the second frame's origin: what is left turns or moves one frame against the other.
-    moved = jacobian_frames(tree, poses, b2, x2) - jacobian_frames(tree, poses, b1, x2)
+    moved = poses.jacobian(b2, x2) - poses.jacobian(b1, x2)
     B = np.concatenate(
         [np.linalg.solve(angular_velocities(x, y), towards @ moved[:, :3]), towards @ moved[:, 3:]], axis=1
     )
@@ -61,19 +61,3 @@ def angular_velocities(x: Array, y: Array) -> Array:
     E[:, 1, 1], E[:, 2, 1] = np.cos(x), np.sin(x)
     E[:, 0, 2], E[:, 1, 2], E[:, 2, 2] = np.sin(y), -np.sin(x) * np.cos(y), np.cos(x) * np.cos(y)
     return E
-
-
-def jacobian_frames(tree: Tree, poses: Poses, body: int, points: Array) -> Array:
-    """`Poses.jacobian` of all frames at once: (frames, 6, coordinates) at points (frames, 3) in ground [m]."""
-    arrays = tree.arrays
-    columns = np.zeros((len(points), 6, len(tree.model.coordinates)))
-    for support in np.flatnonzero(tree.supports[body]):
-        w = poses.axis_directions[:, support]
-        if arrays.axis_kind[support] == ROTATION:
-            twist = np.concatenate([w, np.cross(w, points - poses.axis_points[:, support])], axis=1)
-        else:
-            twist = np.concatenate([np.zeros_like(w), w], axis=1)
-        for s, j in enumerate(arrays.axis_coordinate[support]):
-            if j >= 0:
-                columns[:, :, j] += poses.axis_slopes[:, support, s, None] * twist
-    return columns

@@ -53,7 +53,7 @@ def closed_motion(model: Model, motion: Motion) -> tuple[Motion, tuple[str, ...]
     worst = refuse_open(tree, values)
     coordinates = close_loops(tree, values)
     moved = float(np.nanmax(np.abs(coordinates - values), initial=0.0))
-    velocities, accelerations = _rates(tree, motion)
+    velocities, accelerations = tree.rates_of(motion)
     couple_rates_frames(tree.arrays, coordinates, velocities, accelerations)
     velocities, accelerations = project_rates(tree, coordinates, velocities, accelerations)
     closed = replace(
@@ -68,19 +68,6 @@ def closed_motion(model: Model, motion: Motion) -> tuple[Motion, tuple[str, ...]
     named = ", ".join(f"'{loop.name}'" for loop in model.loops)
     note = f"loops ({named}) stood open by up to {worst:.2g} m or rad"
     return closed, (f"{note}: coordinates moved by up to {moved:.2g} to close them",)
-
-
-def _rates(tree: Tree, motion: Motion) -> tuple[Array, Array]:
-    """Velocities and accelerations (frames, coordinates) in the model's order, 0 where the motion has none."""
-    result = []
-    columns = {name: i for i, name in enumerate(motion.names)}
-    for recorded in (motion.velocities, motion.accelerations):
-        rates = np.zeros((len(motion), len(tree.model.coordinates)))
-        for j, name in enumerate(tree.model.coordinate_names):
-            if recorded is not None and name in columns:
-                rates[:, j] = recorded[:, columns[name]]
-        result.append(rates)
-    return result[0], result[1]
 
 
 @read_only

@@ -70,12 +70,7 @@ def motion_arrays(tree: Tree, motion: Motion) -> tuple[Array, Array, Array]:
     if motion.velocities is None or motion.accelerations is None:
         raise BadData("inverse dynamics needs velocities and accelerations: differentiate the motion first")
     c = tree.coordinates_of(motion)
-    cdot, cddot = np.zeros_like(c), np.zeros_like(c)
-    columns = {name: i for i, name in enumerate(motion.names)}
-    for j, name in enumerate(tree.model.coordinate_names):
-        if name in columns:
-            cdot[:, j] = motion.velocities[:, columns[name]]
-            cddot[:, j] = motion.accelerations[:, columns[name]]
+    cdot, cddot = tree.rates_of(motion)
     couple_rates_frames(tree.arrays, c, cdot, cddot)
     return c, cdot, cddot
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import inspect
 import os
 import sys
 from collections.abc import Callable
@@ -30,6 +31,7 @@ from myomorph import __version__
 LOCK = "kernels.lock"
 PATIENCE = 60.0  # How long a process waits until others have saved a kernel [s]; after that it keeps its own to itself
 PACKAGE = Path(__file__).resolve().parents[1]
+OURS = "myomorph."
 
 
 def kernel(function: Callable[..., Any] | None = None, /, counted: bool = True, **options: Any) -> Any:
@@ -91,6 +93,7 @@ def _fingerprint(module: str) -> str:
             for value in vars(sys.modules[name]).values():
                 parts = value if isinstance(value, tuple) else (value,)
                 left += [part.py_func.__module__ for part in parts if isinstance(part, Dispatcher)]
+                left += [part.__name__ for part in parts if inspect.ismodule(part) and part.__name__.startswith(OURS)]
                 left += [part.__module__ for part in parts if isinstance(part, type) and hasattr(part, "kernels")]
     return hashlib.sha256(b"".join(sources[name] for name in sorted(sources))).hexdigest()
 
@@ -99,7 +102,7 @@ def _ours(kind: Any) -> bool:
     """Whether all classes that an argument's type names come with the package: others may not be there to be read."""
     named = getattr(kind, "instance_class", None)
     parts = getattr(kind, "types", ())
-    return (named is None or named.__module__.startswith("myomorph.")) and all(_ours(part) for part in parts)
+    return (named is None or named.__module__.startswith(OURS)) and all(_ours(part) for part in parts)
 
 
 class KernelFile(IndexDataCacheFile):  # type: ignore[misc]

@@ -146,21 +146,22 @@ class Poses:
         rotations, origins = self.rotations[frame], self.origins[frame]
         return {body: Transform(rotations[number], origins[number]) for body, number in self.tree.body_index.items()}
 
-    def jacobian(self, frame: int, body: int, point: Array) -> Array:
-        """d(twist)/d(coordinates) of a body, (6, coordinates): angular, then linear at `point`.
-        Both rows are in ground; `point` (3,) is given in ground [m]. Dependent coordinates keep columns of their own.
+    def jacobian(self, body: int, points: Array) -> Array:
+        """d(twist)/d(coordinates) of a body, (frames, 6, coordinates): angular, then linear at points.
+        All rows are in ground; `points` (frames, 3) or (3,) in ground [m]. Dependent coordinates keep columns of their
+        own.
         """
         arrays = self.tree.arrays
-        columns = np.zeros((6, len(self.tree.model.coordinates)))
+        columns = np.zeros((len(self.origins), 6, len(self.tree.model.coordinates)))
         for support in np.flatnonzero(self.tree.supports[body]):
-            w = self.axis_directions[frame, support]
+            w = self.axis_directions[:, support]
             if arrays.axis_kind[support] == ROTATION:
-                twist = np.concatenate([w, np.cross(w, point - self.axis_points[frame, support])])
+                twist = np.concatenate([w, np.cross(w, points - self.axis_points[:, support])], axis=1)
             else:
-                twist = np.concatenate([np.zeros(3), w])
-            for slope, j in zip(self.axis_slopes[frame, support], arrays.axis_coordinate[support], strict=True):
+                twist = np.concatenate([np.zeros_like(w), w], axis=1)
+            for s, j in enumerate(arrays.axis_coordinate[support]):
                 if j >= 0:
-                    columns[:, j] += slope * twist
+                    columns[:, :, j] += self.axis_slopes[:, support, s, None] * twist
         return columns
 
 
@@ -178,15 +179,8 @@ def forward_kinematics(tree: Tree, coordinates: Array) -> Poses:
     dphi = np.empty((frames, axes, 2))
 
     def part(start: int, stop: int) -> None:
-        _poses(
-            arrays,
-            coordinates[start:stop],
-            R[start:stop],
-            p[start:stop],
-            w[start:stop],
-            o[start:stop],
-            dphi[start:stop],
-        )
+        s = slice(start, stop)
+        _poses(arrays, coordinates[s], R[s], p[s], w[s], o[s], dphi[s])
 
     over_frames(part, frames)
     return Poses(tree, R, p, w, o, dphi)

@@ -129,13 +129,24 @@ class Tree:
         """(frames, coordinates) a motion's values in the model's order.
         What the motion does not have stands at its default; dependent coordinates follow couplers.
         """
-        columns = {name: i for i, name in enumerate(motion.names)}
         values = np.tile(self.defaults, (len(motion), 1))
-        for j, name in enumerate(self.model.coordinate_names):
-            if name in columns:
-                values[:, j] = motion.values[:, columns[name]]
+        self._put(motion.names, motion.values, values)
         couple_frames(self.arrays, values)
         return values
+
+    def rates_of(self, motion: Motion) -> tuple[Array, Array]:
+        """(frames, coordinates) velocities and accelerations in the model's order, 0 for what the motion lacks."""
+        rates = np.zeros((2, len(motion), len(self.model.coordinates)))
+        for values, filled in zip((motion.velocities, motion.accelerations), rates, strict=True):
+            if values is not None:
+                self._put(motion.names, values, filled)
+        return rates[0], rates[1]
+
+    def _put(self, names: tuple[str, ...], values: Array, filled: Array) -> None:
+        columns = {name: i for i, name in enumerate(names)}
+        for j, name in enumerate(self.model.coordinate_names):
+            if name in columns:
+                filled[:, j] = values[:, columns[name]]
 
 
 def compile_tree(model: Model) -> Tree:

@@ -25,7 +25,7 @@ from myomorph.model.paths import Bushing
 from myomorph.model.series import Motion
 from myomorph.model.spatial import Transform
 from myomorph.motion.filters import differentiate
-from myomorph.rigid.bushings import angular_velocities, bushing_forces, deflection, jacobian_frames
+from myomorph.rigid.bushings import angular_velocities, bushing_forces, deflection
 from myomorph.rigid.coordinates import gather_dependents
 from myomorph.rigid.dynamics import rates_of
 from myomorph.rigid.kinematics import forward_kinematics
@@ -57,7 +57,7 @@ def joint_jacobian(tree: Tree, base: str, first: str, coordinates: Array) -> tup
     poses = forward_kinematics(tree, coordinates)
     a, b = tree.body_index[base], tree.body_index[first]
     nowhere = np.zeros((len(coordinates), 3))
-    moved = jacobian_frames(tree, poses, b, nowhere) - jacobian_frames(tree, poses, a, nowhere)
+    moved = poses.jacobian(b, nowhere) - poses.jacobian(a, nowhere)
     turned = np.swapaxes(poses.rotations[:, b], 1, 2) @ moved[:, :3]
     for frame, c in enumerate(np.array(coordinates)):
         gather_dependents(tree.arrays, c, turned[frame])

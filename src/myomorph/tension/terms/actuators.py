@@ -16,6 +16,7 @@ from myomorph.rigid.kernels import inner, kernel
 from myomorph.rigid.kinematics import body_poses
 from myomorph.rigid.knees import THIGH
 from myomorph.rigid.tree import ROTATION, Tree, compile_tree
+from myomorph.rigid.vectors import along, cross, dot, matrix, minus, norm, plus, turned, vector
 from myomorph.tension.tension import RESERVE, RESIDUAL
 from myomorph.tension.terms.term import Columns, Frames, Penalties, Term, Unknowns, Variables
 
@@ -45,29 +46,29 @@ class BodyActuators(NamedTuple):
 def compile_body_actuators(tree: Tree, actuators: Sequence[Actuator]) -> BodyActuators:
     """Torque, point and point-to-point actuators as flat arrays, in the order given."""
     bodies, others, coordinates, start = [], [], [], [0]
-    reached = _coordinates_by_body(tree)
     for actuator in actuators:
         where = f"actuator '{actuator.name}': the model"
-        body = tree.body_number(actuator.body, where)
-        other = tree.body_number(actuator.other_body, where) if actuator.other_body else -1
+        bodies.append(tree.body_number(actuator.body, where))
+        others.append(tree.body_number(actuator.other_body, where) if actuator.other_body else -1)
         if actuator.kind != "point_to_point" and not np.linalg.norm(actuator.direction) > 0.0:
             raise BadModel(f"actuator '{actuator.name}' has direction (0, 0, 0)")
-        bodies.append(body)
-        others.append(other)
         # What both bodies hang on moves them alike, but need not cancel: a force pair has two points.
-        touched = reached[body] | (reached[other] if other >= 0 else set())
-        coordinates.extend(sorted(touched))
+        supported = tree.supports[[number for number in (bodies[-1], others[-1]) if number >= 0]].any(axis=0)
+        touched = np.unique(tree.arrays.axis_coordinate[supported])
+        coordinates.extend(touched[touched >= 0].tolist())
         start.append(len(coordinates))
-    lengths = [np.linalg.norm(actuator.direction) or 1.0 for actuator in actuators]
+    point, other_point, direction = (
+        np.array([getattr(actuator, name) for actuator in actuators], dtype=np.float64).reshape(-1, 3)
+        for name in ("point", "other_point", "direction")
+    )
+    length = np.linalg.norm(direction, axis=1, keepdims=True)
     return BodyActuators(
         kind=np.array([_KINDS[actuator.kind] for actuator in actuators], np.int64),
         body=np.array(bodies, np.int64),
         other=np.array(others, np.int64),
-        point=np.array([actuator.point for actuator in actuators], dtype=np.float64).reshape(-1, 3),
-        other_point=np.array([actuator.other_point for actuator in actuators], dtype=np.float64).reshape(-1, 3),
-        direction=np.array(
-            [actuator.direction / length for actuator, length in zip(actuators, lengths, strict=True)], dtype=np.float64
-        ).reshape(-1, 3),
+        point=point,
+        other_point=other_point,
+        direction=direction / np.where(length > 0.0, length, 1.0),
         global_point=np.array([actuator.point_is_global for actuator in actuators], np.bool_),
         global_direction=np.array([actuator.direction_is_global for actuator in actuators], np.bool_),
         start=np.array(start, np.int64),
@@ -76,93 +77,58 @@ def compile_body_actuators(tree: Tree, actuators: Sequence[Actuator]) -> BodyAct
     )
 
 
-def _coordinates_by_body(tree: Tree) -> list[set[int]]:
-    result = []
-    for supported in tree.supports:
-        used = tree.arrays.axis_coordinate[supported]
-        result.append({int(j) for j in used.ravel() if j >= 0})
-    return result
-
-
-@inner
-def _place(P, a, R, p, point, body, out):
-    """A point of an actuator in ground."""
-    for i in range(3):
-        if P.global_point[a]:
-            out[i] = point[i]
-        else:
-            out[i] = p[body, i] + R[body, i, 0] * point[0] + R[body, i, 1] * point[1] + R[body, i, 2] * point[2]
-
-
 @kernel
 def body_directions(T, P, coordinates, out):
     """Generalized force per unit of force or torque of every body actuator."""
     bodies, axes = T.parent.shape[0], T.axis_kind.shape[0]
     R, p = np.empty((bodies, 3, 3)), np.empty((bodies, 3))
     w, o, dphi = np.empty((axes, 3)), np.empty((axes, 3)), np.empty((axes, 2))
-    column = np.empty(coordinates.shape[1])
-    x, y, d = np.empty(3), np.empty(3), np.empty(3)
+    column, zero = np.empty(coordinates.shape[1]), (0.0, 0.0, 0.0)
     for frame in range(coordinates.shape[0]):
         body_poses(T, coordinates[frame], R, p, w, o, dphi)
         for a in range(P.kind.shape[0]):
             for e in range(P.start[a], P.start[a + 1]):
                 column[P.coordinate[e]] = 0.0
             b, other = P.body[a], P.other[a]
-            for i in range(3):
-                d[i] = P.direction[a, i]
+            d = vector(P.direction, a)
             if not P.global_direction[a]:
-                for i in range(3):
-                    x[i] = R[b, i, 0] * d[0] + R[b, i, 1] * d[1] + R[b, i, 2] * d[2]
-                for i in range(3):
-                    d[i] = x[i]
+                d = turned(matrix(R, b), d)
             if P.kind[a] == TORQUE:
-                _add_torque(T, P, w, dphi, b, d, 1.0, column)
+                _add_work(T, P, w, o, dphi, b, zero, d, column)
                 if other >= 0:
-                    _add_torque(T, P, w, dphi, other, d, -1.0, column)
-            elif P.kind[a] == POINT:
-                _place(P, a, R, p, P.point[a], b, x)
-                _add_force(T, P, w, o, dphi, b, x, d, 1.0, column)
+                    _add_work(T, P, w, o, dphi, other, zero, minus(zero, d), column)
             else:
-                _place(P, a, R, p, P.point[a], b, x)
-                _place(P, a, R, p, P.other_point[a], max(other, 0), y)
-                # A positive force drives the points apart.
-                length = np.sqrt((x[0] - y[0]) ** 2 + (x[1] - y[1]) ** 2 + (x[2] - y[2]) ** 2)
-                for i in range(3):
-                    d[i] = (x[i] - y[i]) / length
-                _add_force(T, P, w, o, dphi, b, x, d, 1.0, column)
-                if other >= 0:
-                    _add_force(T, P, w, o, dphi, other, y, d, -1.0, column)
+                x = _place(P, a, R, p, vector(P.point, a), b)
+                if P.kind[a] == POINT_TO_POINT:
+                    # A positive force drives the points apart.
+                    y = _place(P, a, R, p, vector(P.other_point, a), max(other, 0))
+                    d = minus(x, y)
+                    d = along(zero, 1.0 / norm(d), d)
+                    if other >= 0:
+                        _add_work(T, P, w, o, dphi, other, minus(zero, d), cross(d, y), column)
+                _add_work(T, P, w, o, dphi, b, d, cross(x, d), column)
             for e in range(P.start[a], P.start[a + 1]):
                 out[frame, e] = column[P.coordinate[e]]
 
 
 @inner
-def _add_torque(T, P, w, dphi, body, d, sign, column):
-    for index in range(w.shape[0]):
-        if P.supports[body, index] and T.axis_kind[index] == ROTATION:
-            power = sign * (w[index, 0] * d[0] + w[index, 1] * d[1] + w[index, 2] * d[2])
-            for s in range(2):
-                if T.axis_coordinate[index, s] >= 0:
-                    column[T.axis_coordinate[index, s]] += dphi[index, s] * power
+def _place(P, a, R, p, point, body):
+    """A point of an actuator in ground."""
+    return point if P.global_point[a] else plus(vector(p, body), turned(matrix(R, body), point))
 
 
 @inner
-def _add_force(T, P, w, o, dphi, body, x, d, sign, column):
+def _add_work(T, P, w, o, dphi, body, force, moment, column):
+    """Add what a force and its moment about the ground's origin do along the axes that carry a body."""
     for index in range(w.shape[0]):
-        if not P.supports[body, index]:
-            continue
-        if T.axis_kind[index] == ROTATION:
-            r0, r1, r2 = x[0] - o[index, 0], x[1] - o[index, 1], x[2] - o[index, 2]
-            power = (
-                w[index, 0] * (r1 * d[2] - r2 * d[1])
-                + w[index, 1] * (r2 * d[0] - r0 * d[2])
-                + w[index, 2] * (r0 * d[1] - r1 * d[0])
-            )
-        else:
-            power = w[index, 0] * d[0] + w[index, 1] * d[1] + w[index, 2] * d[2]
-        for s in range(2):
-            if T.axis_coordinate[index, s] >= 0:
-                column[T.axis_coordinate[index, s]] += sign * dphi[index, s] * power
+        if P.supports[body, index]:
+            acts = force
+            if T.axis_kind[index] == ROTATION:
+                acts = minus(moment, cross(vector(o, index), force))
+            power = dot(vector(w, index), acts)
+            for s in range(2):
+                if T.axis_coordinate[index, s] >= 0:
+                    column[T.axis_coordinate[index, s]] += dphi[index, s] * power
 
 
 def free_coordinates(model: Model) -> tuple[str, ...]:

@@ -15,8 +15,8 @@ from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series, Table
 from myomorph.motion.sync import cut
+from myomorph.muscles.kinematics import ReportedPaths
 from myomorph.muscles.path import compile_paths
-from myomorph.muscles.reported_arms import ReportedPaths
 from myomorph.report.trial.report_input import MusclePaths, ReportInput
 from myomorph.report.trial.summary_lines import muscles_line
 from myomorph.rigid.closed_motion import closed_motion
