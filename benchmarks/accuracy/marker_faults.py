@@ -17,8 +17,8 @@ from benchmarks.accuracy.faults import texts_of
 from benchmarks.recordings import RECORDINGS
 from myomorph.model.findings import Finding
 from myomorph.motion.ik import tracked_markers
+from myomorph.motion.label_repair import front_pairs, limb_pairs, side_pairs
 from myomorph.motion.marker_checks import checked_kinematics
-from myomorph.motion.marker_swaps import front_pairs, limb_pairs, side_pairs
 from myomorph.study.inputs.reading import fitted_to
 
 Row = dict[str, object]

@@ -7,10 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.contact.plate_calibration import calibrate_plate, place_plate
+from myomorph.contact.plate_calibration import _Lines, calibrate_plate, place_plate, solve_pose
 from myomorph.contact.plate_corners import plate_axes
 from myomorph.contact.plate_placements import MarkedWeight, Placement, find_placements
-from myomorph.contact.plate_pose import _Lines, solve_pose
 from myomorph.contact.plates import force_plate
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.series import Markers, PlateRecording

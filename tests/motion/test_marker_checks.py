@@ -9,6 +9,7 @@ import pytest
 from tests.motion.test_turns import bounded_walker, recorded
 
 from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics, pose_problem, tracked_markers
+from myomorph.motion.label_repair import front_pairs, limb_pairs, side_pairs
 from myomorph.motion.marker_checks import (
     MarkerCheckOptions,
     checked_kinematics,
@@ -19,7 +20,6 @@ from myomorph.motion.marker_checks import (
     near_names,
 )
 from myomorph.motion.marker_influence import left_out, marker_frames, undetermined
-from myomorph.motion.marker_swaps import front_pairs, limb_pairs, side_pairs
 from myomorph.rigid.tree import compile_tree
 from myomorph.study.inputs.reading import fitted_to, open_model, read_recording
 

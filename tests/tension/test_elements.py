@@ -8,7 +8,7 @@ import pytest
 from myomorph.model.model import Model
 from myomorph.model.paths import Muscle, Path
 from myomorph.muscles.hill_arrays import compile_elastic
-from myomorph.tension.elastic.elements import elements, integrate
+from myomorph.tension.elastic.program import elements, integrate
 
 CLASSES = ("DeGrooteFregly2016Muscle", "Millard2012EquilibriumMuscle", "Thelen2003Muscle")
 FRAMES, COUNT = 7, 30

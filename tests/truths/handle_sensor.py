@@ -19,7 +19,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 import myomorph as mm
-from myomorph.contact.plate_pose import rotation_vector
+from myomorph.contact.plate_calibration import rotation_vector
 from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.spatial import axis_rotation
 from myomorph.motion.filters import lowpass, natural_spline

@@ -7,10 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.special import fdtrc as chance_above
 
-from myomorph.contact.plate_calibration import PlateCalibration, calibrate_plate
+from myomorph.contact.plate_calibration import PlateCalibration, believed, calibrate_plate, residuals, sizes
 from myomorph.contact.plate_corners import plate_axes
 from myomorph.contact.plate_placements import Placement
-from myomorph.contact.plate_pose import believed, residuals, sizes
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.series import PlateRecording
 from myomorph.model.spatial import vector_from_rotation

@@ -3,26 +3,226 @@
 What the motion knows of its forces: a center of pressure lies under a foot that stands, the point of the foot at the
 center of pressure does not glide over the ground, and the forces accelerate the center of mass. Where they disagree,
 the faults that recordings usually have are tried one by one, and one that makes them agree is put right.
+
+A foot that a body passes over is left at the end to which the body goes; a plate mirrored about its own middle shows
+the opposite. On a treadmill a mirrored center of pressure goes forwards while the belt carries the foot backwards, and
+so it passes near the other foot, which swings forwards meanwhile. What sets it apart from a force on the wrong foot is
+that a foot under load moves as the belt does.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from myomorph.contact.foot_poses import foot_poses
 from myomorph.contact.force_balance import CUTOFF, check_directions, check_mass
 from myomorph.contact.force_clock import check_clock
-from myomorph.contact.force_inspection import LOAD, Inspection, change_repair
-from myomorph.contact.force_mirrors import check_mirrors, check_progress
-from myomorph.contact.force_placement import FAR, check_feet, check_origins, check_shared_plates
+from myomorph.contact.force_inspection import (
+    DOUBTFUL,
+    LOAD,
+    MIRRORED_PLATE,
+    Inspection,
+    belt_velocity,
+    change_repair,
+    foot_poses,
+    standing,
+)
+from myomorph.contact.force_placement import FAR, FITS, MARKED, NEAR, check_feet, check_origins, check_shared_plates
+from myomorph.model.arrays import Array
 from myomorph.model.findings import Finding, repaired
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Wrenches
 from myomorph.motion.filters import lowpass
+
+STANDS = 0.6  # Share of its load during which a foot that carries it stands
+STEPS = 3  # Steps on a belt from which on both ways are judged
+CLEARER = 0.6  # Of two explanations the one that leaves so much less of the distance is the right one
+LASTS = 0.25  # A step that is shorter is not judged [s]
+PASSES = 0.25  # Way of the center of mass along a human foot while it stands from which on it steps over the foot [m]
+AGAINST = 0.06
+"""Way of the center of pressure against that of the center of mass, from the first to the last third of a step [m]."""
+
+
+class Mirror(NamedTuple):
+    """A reflection of the points of a plate."""
+
+    axes: Array  # horizontal directions that are reversed (axes, 3)
+    middle: Array  # that stays where it is, along each of the axes [m]
+    distance: float  # of the centers of pressure to the feet that carry them afterwards, mean [m]
+
+
+def check_mirrors(inspection: Inspection) -> Iterator[Finding]:
+    """Forces of belts whose center of pressure lies under the foot that they are put on only when it is mirrored."""
+    if not np.any(belt_velocity(inspection)):
+        return
+    stands = standing(inspection)
+    for number in inspection.numbers:
+        weights = inspection.weights(number)
+        if len(inspection.episodes(number)) < STEPS:
+            continue
+        feet = inspection.feet
+        owner = feet.owners.get(inspection.wrenches.bodies[number])
+        carriers = _carriers(stands, owner)
+        centers = inspection.samples.centers(feet.up)[:, number]
+        before = _distance(inspection, centers, carriers, weights)
+        if before < NEAR * feet.unit:
+            continue
+        exchanged = np.inf
+        if owner is not None:
+            others = stands.copy()
+            others[:, owner] = False
+            if _share(np.asarray(others.any(axis=1)), weights) > STANDS:
+                exchanged = _distance(inspection, centers, others, weights)
+        result = _mirror(inspection, centers, carriers, weights)
+        fits = _share(_stands(stands, owner), weights) > STANDS
+        if not fits or result.distance > min(FITS * feet.unit, MARKED * before):
+            continue
+        if result.distance < CLEARER * exchanged:
+            yield _mirrored(inspection.name(number), result, before)
+        elif exchanged > CLEARER * result.distance:
+            yield _doubtful(inspection.name(number), result, exchanged)
+
+
+def _carriers(stands: NDArray[np.bool_], own: int | None) -> NDArray[np.bool_]:
+    """Feet (frames, feet) that may carry a force: the one it is put on, else those that stand."""
+    if own is None:
+        return stands
+    result = np.zeros_like(stands)
+    result[:, own] = True
+    return result
+
+
+def _stands(stands: NDArray[np.bool_], own: int | None) -> NDArray[np.bool_]:
+    return np.asarray(stands.any(axis=1) if own is None else stands[:, own])
+
+
+def _share(frames: NDArray[np.bool_], weights: Array) -> float:
+    """Share of a load that acts in some frames."""
+    return float(weights[frames].sum() / weights.sum())
+
+
+def _distance(inspection: Inspection, centers: Array, carriers: NDArray[np.bool_], weights: Array) -> float:
+    """Mean distance of centers of pressure (frames, 3) to the nearest foot that may carry them [m]."""
+    distances = np.nan_to_num(inspection.feet.distances(centers[:, None])[:, 0], nan=9.0)
+    nearest = np.where(carriers, distances, np.inf).min(axis=1)
+    known = np.isfinite(nearest) & (weights > 0.0)
+    return float(np.average(nearest[known], weights=weights[known])) if known.any() else np.inf
+
+
+def _mirror(inspection: Inspection, centers: Array, carriers: NDArray[np.bool_], weights: Array) -> Mirror:
+    """The reflection of horizontal axes, about a middle that is looked for, that brings forces nearest to feet."""
+    up = inspection.feet.up
+    level = np.eye(3)[np.sort(np.argsort(np.abs(up))[:2])]
+    heels, tips = inspection.feet.soles
+    middles = 0.5 * (heels + tips)
+    feet = np.where(carriers[..., None], middles, np.nan)
+    with np.errstate(invalid="ignore"):
+        target = np.nansum(feet, axis=1) / np.maximum(carriers.sum(axis=1), 1)[:, None]
+    known = carriers.any(axis=1) & (weights > 0.0)
+    best = Mirror(level[:0], np.zeros(0), np.inf)
+    for axes in (level[:1], level[1:], level):
+        middle = np.array([np.median(0.5 * (centers[known] + target[known]) @ axis) for axis in axes])
+        for step in (0.04, 0.01):
+            around = step * np.arange(-4, 5)
+            for i in range(len(axes)):
+                tried = np.tile(middle, (len(around), 1))
+                tried[:, i] += around
+                left = [
+                    _distance(inspection, _reflected(centers, axes, candidate), carriers, weights)
+                    for candidate in tried
+                ]
+                middle = tried[int(np.argmin(left))]
+        left_at = _distance(inspection, _reflected(centers, axes, middle), carriers, weights)
+        # One axis more has to explain more.
+        if left_at < (1.0 if len(axes) == 1 else CLEARER) * best.distance:
+            best = Mirror(axes, middle, left_at)
+    return best
+
+
+def _reflected(centers: Array, axes: Array, middle: Array) -> Array:
+    """Points (frames, 3) mirrored along axes about a middle."""
+    return np.asarray(centers + 2.0 * (middle - centers @ axes.T) @ axes)
+
+
+def _named(axes: Array) -> str:
+    return " and ".join("xyz"[int(np.argmax(np.abs(axis)))] for axis in axes)
+
+
+def _about(mirror: Mirror) -> str:
+    return ", ".join(f"{item:.2f}" for item in mirror.middle)
+
+
+def _mirrored(name: str, mirror: Mirror, before: float) -> Finding:
+    text = (
+        f"the center of pressure of force '{name}' lies {100.0 * before:.0f} cm from the foot that the belt carries, "
+        f"{100.0 * mirror.distance:.0f} cm when mirrored along {_named(mirror.axes)} (about {_about(mirror)} m): its "
+        "plate seems mirrored about its own middle, and torques there are wrong: check the plate's corners or the sign "
+        "of its moments"
+    )
+    return Finding(MIRRORED_PLATE, name, text)
+
+
+def _doubtful(name: str, mirror: Mirror, exchanged: float) -> Finding:
+    text = (
+        f"force '{name}' is put on the wrong foot ({100.0 * exchanged:.0f} cm from the other one), or its plate is "
+        f"mirrored along {_named(mirror.axes)} ({100.0 * mirror.distance:.0f} cm from its own then): the recording "
+        "does not say which: nothing was changed; check the plate's corners, or name its body (--bodies, --plates)"
+    )
+    return Finding(DOUBTFUL, name, text)
+
+
+def check_progress(inspection: Inspection) -> Iterator[Finding]:
+    """Plates whose center of pressure moves along the foot against the body.
+    An axis across the foot does not show it: the center of pressure hardly moves along it.
+    """
+    feet, unit = inspection.feet, inspection.feet.unit
+    heels, tips = feet.soles
+    along = tips - heels
+    along = along - (along @ feet.up)[..., None] * feet.up
+    along = along / np.maximum(np.linalg.norm(along, axis=2, keepdims=True), 1e-12)
+    for number in inspection.numbers:
+        centers, weights = inspection.samples.centers(feet.up)[:, number], inspection.weights(number)
+        distances = feet.distances(centers[:, None])[:, 0]
+        judged, against = [], []
+        for span in inspection.episodes(number):
+            if feet.time[span.stop - 1] - feet.time[span.start] < LASTS:
+                continue
+            body = inspection.wrenches.bodies[number]
+            foot = feet.owners.get(body, int(np.argmin(np.average(distances[span], axis=0, weights=weights[span]))))
+            way = along[span, foot]
+            place = ((centers[span] - heels[span, foot]) * way).sum(axis=1)
+            center = ((feet.center[span] - heels[span, foot]) * way).sum(axis=1)
+            passed = float(center[-1] - center[0])
+            if abs(passed) < PASSES * unit:
+                continue
+            judged.append(span)
+            moved = float(np.sign(passed)) * _moved(place, weights[span])
+            if moved < -AGAINST * unit:
+                against.append((span, moved))
+        if against and 2 * len(against) > len(judged):
+            name, times = inspection.name(number), inspection.times(span for span, _ in against)
+            mean = -float(np.mean([moved for _, moved in against]))
+            text = (
+                f"the center of pressure of force '{name}' moves {100.0 * mean:.0f} cm along the foot against the body "
+                f"in {len(against)} of {len(judged)} steps, first at {times[0][0]:.2f} s: its plate seems mirrored "
+                "about its own middle along the foot, and torques there are wrong: check the plate's corners or the "
+                "sign of its moments"
+            )
+            yield Finding(MIRRORED_PLATE, name, text, times)
+
+
+def _moved(place: np.ndarray, weights: np.ndarray) -> float:
+    """Way from the first to the last third of a step, weighted by force [m]."""
+    third = max(1, len(place) // 3)
+    first, last = (
+        float(np.average(place[part], weights=weights[part])) for part in (slice(third), slice(-third, None))
+    )
+    return last - first
+
 
 PULLED = 0.3  # Share of the weight that all plates together pull down where their sign is wrong
 LONGEST = 0.1  # Longest step between frames that are not taken for a gap [s]

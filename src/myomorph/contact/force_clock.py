@@ -8,9 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from myomorph.contact.foot_poses import FootPoses
 from myomorph.contact.force_balance import CUTOFF, balance
-from myomorph.contact.force_inspection import Inspection, supported
+from myomorph.contact.force_inspection import FootPoses, Inspection, supported
 from myomorph.model.arrays import Array, runs
 from myomorph.model.findings import Finding
 

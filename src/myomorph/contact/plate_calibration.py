@@ -18,11 +18,295 @@ from dataclasses import replace
 
 import numpy as np
 
-from myomorph.contact import plate_pose
 from myomorph.contact.plate_corners import plate_axes
 from myomorph.contact.plate_placements import Placement
 from myomorph.model.arrays import Array, frozen_array, read_only
+from myomorph.model.errors import BadData
+from myomorph.model.model import STANDARD_GRAVITY
 from myomorph.model.series import PlateRecording
+from myomorph.model.spatial import axis_rotation
+
+ARM = 0.2  # Length by which a rotation counts as a displacement when it is asked what the placements show [m]
+ITERATIONS = 50
+ROUGHLY = 8  # Iterations from each start, of which the best goes on
+TURNS = 6  # Starts about the vertical
+SETTLED = 1e-9
+FORCE_NOISE, MOMENT_NOISE = 0.5, 0.1  # Standard deviation of a placement's mean wrench [N], [N m]
+POINT_NOISE = 0.001  # Of the marked point [m]
+DIRECTION_NOISE = 0.002  # Of the marked direction [rad]
+SHOWN = 0.02  # A direction of the pose whose standard deviation is larger counts as not shown [m]
+MOST_MOVED = 0.002  # A weight that moved further while it should have rested is left out [m]
+MOST_UNSTEADY = 0.01  # So is one whose force varied by more than this share
+MOST_WRONG = 0.02  # Share by which a force may differ from the weight
+SPREAD = 0.05  # Weights must stand at least so far apart [m]
+
+
+@read_only
+class PlatePose:
+    """A pose and what is known of it."""
+
+    # rotation, center: (3, 3) the plate's axes as columns, (3,) of its top surface [m]
+    rotation: Array
+    center: Array
+    # (6, 6) of rotation vector [rad] and center [m] about the laboratory's axes, zero where not shown
+    covariance: Array
+    unknown: Array  # (6, k) unit directions of (0.2 m times the rotation vector, center) that no placement shows
+    cost: float  # sum of squared residuals in standard deviations
+
+
+def across(directions: Array) -> Array:
+    """Two unit vectors (n, 2, 3) across each of n directions (n, 3)."""
+    least = np.eye(3)[np.argmin(np.abs(directions), axis=1)]
+    first = np.cross(directions, least)
+    first = first / np.linalg.norm(first, axis=1, keepdims=True)
+    return np.stack([first, np.cross(directions, first)], axis=1)
+
+
+@read_only
+class _Lines:
+    """Placements as arrays: lines in the plate's axes, points and directions in the laboratory, and what they weigh."""
+
+    nearest: Array
+    forces: Array
+    points: Array
+    directions: Array
+    beside: Array
+    noise: Array
+    contacts: Array
+    contact_noise: float
+
+    @classmethod
+    def of(cls, placements: Sequence[Placement]) -> _Lines:
+        nearest, forces = (np.array(part) for part in zip(*(placement.line for placement in placements), strict=True))
+        sizes = np.array([placement.size for placement in placements])
+        directions = np.array([placement.direction for placement in placements])
+        angle = np.hypot(DIRECTION_NOISE, FORCE_NOISE / sizes)
+        distance = np.hypot(POINT_NOISE, MOMENT_NOISE / sizes)
+        return cls(
+            nearest=nearest,
+            forces=forces,
+            points=np.array([placement.point for placement in placements]),
+            directions=directions,
+            beside=across(directions),
+            noise=np.stack([angle, angle, distance, distance], axis=1),
+            contacts=np.array([placement.contact for placement in placements if placement.contact is not None]).reshape(
+                -1, 3
+            ),
+            contact_noise=POINT_NOISE,
+        )
+
+    def residuals(self, rotation: Array, center: Array) -> tuple[Array, Array, Array]:
+        """Residuals (placements, 4) [rad], [m], turned forces and their sides (placements, 2, 3)."""
+        turned = self.forces @ rotation.T
+        sides = across(turned)
+        away = self.points - center - self.nearest @ rotation.T
+        angles = np.einsum("nij,nj->ni", self.beside, turned)
+        return np.hstack([angles, np.einsum("nij,nj->ni", sides, away)]), turned, sides
+
+    def weighted(self, rotation: Array, center: Array) -> tuple[Array, Array]:
+        """Residuals (rows,) in standard deviations and their derivatives (rows, 6) by rotation vector and center."""
+        result, turned, sides = self.residuals(rotation, center)
+        arms = self.nearest @ rotation.T
+        along = np.einsum("nj,nj->n", self.points - center - arms, turned)
+        rates = np.zeros((len(result), 4, 6))
+        rates[:, :2, :3] = np.cross(turned[:, None], self.beside)
+        rates[:, 2:, :3] = np.cross(sides, (arms + along[:, None] * turned)[:, None])
+        rates[:, 2:, 3:] = -sides
+        values = (result / self.noise).reshape(-1)
+        slopes: Array = (rates / self.noise[:, :, None]).reshape(-1, 6)
+        if not len(self.contacts):
+            return values, slopes
+        normal, away = rotation[:, 2], self.contacts - center
+        heights = np.hstack([np.cross(normal, away), np.tile(-normal, (len(away), 1))])
+        return (
+            np.concatenate([values, away @ normal / self.contact_noise]),
+            np.concatenate([slopes, heights / self.contact_noise]),
+        )
+
+
+def residuals(placements: Sequence[Placement], rotation: Array, center: Array) -> Array:
+    """Residuals (placements, 4): the angle's two parts [rad], then the distance's two [m]."""
+    return _Lines.of(placements).residuals(rotation, center)[0]
+
+
+def sizes(found: Array) -> tuple[Array, Array]:
+    """Distances [m] and angles [rad], (placements,) each, of residuals (placements, 4)."""
+    return np.linalg.norm(found[:, 2:], axis=1), np.arcsin(np.minimum(np.linalg.norm(found[:, :2], axis=1), 1.0))
+
+
+def solve_pose(placements: Sequence[Placement], rotation: Array, center: Array) -> PlatePose:
+    """Gauss-Newton from a start; what the placements do not show stays where the start has it."""
+    return _solved(_Lines.of(placements), rotation, center, ITERATIONS)
+
+
+def _solved(lines: _Lines, rotation: Array, center: Array, iterations: int) -> PlatePose:
+    scale = np.repeat([1.0 / ARM, 1.0], 3)
+    for _ in range(iterations):
+        values, slopes = lines.weighted(rotation, center)
+        slopes = slopes * scale
+        levels, directions = np.linalg.eigh(slopes.T @ slopes)
+        shown = levels > SHOWN**-2
+        kept = directions[:, shown]
+        step = -scale * (kept @ ((kept.T @ (slopes.T @ values)) / levels[shown]))
+        angle = float(np.linalg.norm(step[:3]))
+        if angle > 0:
+            rotation = axis_rotation(step[:3] / angle, angle) @ rotation
+        center = center + step[3:]
+        if np.linalg.norm(step) < SETTLED:
+            break
+    values, _ = lines.weighted(rotation, center)
+    cost = float(values @ values)
+    free = max(len(values) - int(shown.sum()), 1)
+    covariance = (kept * (cost / free / levels[shown])) @ kept.T
+    return PlatePose(rotation, center, scale[:, None] * covariance * scale, directions[:, ~shown], cost)
+
+
+def best_pose(placements: Sequence[Placement], start: tuple[Array, Array] | None) -> PlatePose:
+    """The best of solutions from a nominal pose and from starts all around the force."""
+    lines = _Lines.of(placements)
+    force, up = lines.forces.mean(axis=0), lines.directions.mean(axis=0)
+    up = up / np.linalg.norm(up)
+    level = _turning(force / np.linalg.norm(force), up)
+    starts = [] if start is None else [start]
+    for index in range(TURNS):
+        rotation = axis_rotation(up, 2.0 * np.pi * index / TURNS) @ level
+        middle = lines.points.mean(axis=0) - rotation @ lines.nearest.mean(axis=0)
+        starts.append((rotation, middle if start is None else start[1]))
+    result = [_solved(lines, *start, ROUGHLY) for start in starts]
+    best = min(result, key=lambda pose: pose.cost)
+    return _solved(lines, best.rotation, best.center, ITERATIONS)
+
+
+def _turning(source: Array, target: Array) -> Array:
+    """Smallest rotation (3, 3) of one unit vector onto another."""
+    axis = np.cross(source, target)
+    size = float(np.linalg.norm(axis))
+    if size < 1e-12:
+        return np.eye(3) if source @ target > 0 else axis_rotation(across(source[None])[0, 0], np.pi)
+    return axis_rotation(axis / size, float(np.arctan2(size, source @ target)))
+
+
+MIN_COUNT = 3
+MIRRORED = 0.1  # Share of the cost that remains when the sign of the wrench is turned, below which it was wrong
+
+
+def believed(placements: Sequence[Placement]) -> tuple[list[Placement], list[str]]:
+    """Placements of weights that rested and weigh what they should, and what was left out."""
+    kept, notes = [], []
+    for placement in placements:
+        if not placement.pushed and placement.moved > MOST_MOVED:
+            notes.append(
+                f"placement '{placement.name}' was left out: the weight was not at rest (moved "
+                f"{1e3 * placement.moved:.1f} mm)"
+            )
+        elif not placement.pushed and placement.unsteady > MOST_UNSTEADY:
+            notes.append(
+                f"placement '{placement.name}' was left out: its force varied by "
+                f"{100 * placement.unsteady:.1f} %, so the weight was not at rest or was touched"
+            )
+        else:
+            kept.append(placement)
+    for name in dict.fromkeys(item.weight for item in kept if not item.pushed):
+        same = [item for item in kept if item.weight == name and not item.pushed]
+        usual = float(np.median([placement.size for placement in same]))
+        odd = (
+            [placement for placement in same if abs(placement.size - usual) > MOST_WRONG * usual]
+            if len(same) > 2
+            else []
+        )
+        for placement in odd:
+            notes.append(
+                f"placement '{placement.name}' was left out: it weighs {_kilograms(placement.size)}, the other "
+                f"placements of '{name}' {_kilograms(usual)}: touched, or not wholly on the plate"
+            )
+        kept = [item for item in kept if item not in odd]
+        expected = same[0].expected
+        if np.isfinite(expected) and abs(usual - expected) > MOST_WRONG * expected:
+            notes.append(
+                f"'{name}' was given as {_kilograms(expected)}, but the plate measures {_kilograms(usual)} "
+                f"({100 * (usual / expected - 1):+.1f} %): wrong mass, or wrong sensitivity of the plate"
+            )
+    if len(kept) < MIN_COUNT:
+        left = "; ".join(notes)
+        raise BadData(
+            f"{len(kept)} placements can be used, expected at least {MIN_COUNT}, spread over the plate"
+            + (f" ({left})" if left else "")
+        )
+    points = np.array([item.point for item in kept])
+    spread = float(np.max(np.linalg.norm(points - points.mean(axis=0), axis=1)))
+    if spread < SPREAD and not any(item.pushed for item in kept):
+        raise BadData(
+            f"all {len(kept)} placements lie within {1e3 * spread:.0f} mm of their middle: the plate's turn about the "
+            "vertical is not shown; place the weight near every corner"
+        )
+    return kept, notes
+
+
+def _kilograms(force: float) -> str:
+    return f"{force / STANDARD_GRAVITY:.2f} kg"
+
+
+def unknown_notes(pose: PlatePose, kept: Sequence[Placement], known: bool) -> list[str]:
+    """What the placements do not show, and what becomes of it."""
+    up = np.mean([item.direction for item in kept], axis=0)
+    stays = "it stays where the file has it" if known else "it is arbitrary"
+    notes = []
+    for direction in pose.unknown.T:
+        turn, shift = direction[:3], direction[3:]
+        moves = np.linalg.norm(shift) > np.linalg.norm(turn)
+        axis = (shift if moves else turn) / np.linalg.norm(shift if moves else turn)
+        upright = abs(axis @ up) > 0.95 * np.linalg.norm(up)
+        if moves:
+            what = "the height" if upright else f"the place along ({', '.join(f'{x:.2f}' for x in axis)})"
+        else:
+            what = (
+                "the turn about the vertical" if upright else f"the turn about ({', '.join(f'{x:.2f}' for x in axis)})"
+            )
+        hint = "forces that are all vertical never show it; push with a marked rod, or give its tip" if moves else ""
+        notes.append(f"{what} of the plate is not shown by these placements: {stays}" + (f" ({hint})" if hint else ""))
+    return notes
+
+
+def line_notes(kept: Sequence[Placement]) -> list[str]:
+    """A line if weights stand on a straight line."""
+    if any(item.pushed for item in kept):
+        return []
+    points = np.array([item.point for item in kept])
+    level = points - np.outer(points @ kept[0].direction, kept[0].direction)
+    width = float(np.linalg.svd(level - level.mean(axis=0), compute_uv=False)[1]) / np.sqrt(len(kept))
+    if width > 0.2 * SPREAD:
+        return []
+    return [
+        f"the placements lie on a line ({1e3 * width:.0f} mm across it): a wrong sign of one of the plate's axes, or a "
+        "place that is off along the line, would not show; place the weight on both sides"
+    ]
+
+
+def outlier_notes(kept: Sequence[Placement], distances: Array, left_out: Array) -> list[str]:
+    """The placement that the others contradict, if one does."""
+    if len(kept) < 4:
+        return []
+    worst = int(np.argmax(left_out))
+    usual = float(np.median(np.delete(distances, worst)))
+    if left_out[worst] < max(6.0 * usual, 0.005):
+        return []
+    return [
+        f"placement '{kept[worst].name}' lies {1e3 * left_out[worst]:.1f} mm off what the others say (they agree "
+        f"within {1e3 * usual:.1f} mm): was a marker moved or mislabelled?"
+    ]
+
+
+def sign_notes(kept: Sequence[Placement], pose: PlatePose) -> list[str]:
+    """A line if the placements say that the wrench has the other sign."""
+    if float(np.max(sizes(residuals(kept, pose.rotation, pose.center))[0])) < 0.005:
+        return []
+    turned = [replace(item, force=-item.force, moment=-item.moment) for item in kept]
+    if best_pose(turned, None).cost > MIRRORED * pose.cost:
+        return []
+    return [
+        "the placements agree much better with force and moment reversed: the plate's recording holds the force on the "
+        "plate, or an axis has the wrong sign"
+    ]
 
 
 @read_only
@@ -58,22 +342,21 @@ class PlateCalibration:
 
 def calibrate_plate(placements: Sequence[Placement], nominal: PlateRecording | None = None) -> PlateCalibration:
     """Pose of a plate from placements of marked weights and pushes of marked rods."""
-    kept, notes = plate_pose.believed(placements)
+    kept, notes = believed(placements)
     start = None if nominal is None else (plate_axes(nominal.corners), nominal.corners.mean(axis=0))
-    pose = plate_pose.best_pose(kept, start)
+    pose = best_pose(kept, start)
     left_out = [
-        plate_pose.solve_pose([*kept[:index], *kept[index + 1 :]], pose.rotation, pose.center)
-        for index in range(len(kept))
+        solve_pose([*kept[:index], *kept[index + 1 :]], pose.rotation, pose.center) for index in range(len(kept))
     ]
     apart = np.concatenate(
-        [plate_pose.residuals([item], other.rotation, other.center) for item, other in zip(kept, left_out, strict=True)]
+        [residuals([item], other.rotation, other.center) for item, other in zip(kept, left_out, strict=True)]
     )
-    distances, angles = plate_pose.sizes(plate_pose.residuals(kept, pose.rotation, pose.center))
-    out_distances, out_angles = plate_pose.sizes(apart)
+    distances, angles = sizes(residuals(kept, pose.rotation, pose.center))
+    out_distances, out_angles = sizes(apart)
     if not all(item.tared for item in kept):
         notes.append("a recording never shows the plate unloaded: what the plate reads then could not be subtracted")
-    notes += plate_pose.unknown_notes(pose, kept, nominal is not None) + plate_pose.line_notes(kept)
-    notes += plate_pose.outlier_notes(kept, distances, out_distances) + plate_pose.sign_notes(kept, pose)
+    notes += unknown_notes(pose, kept, nominal is not None) + line_notes(kept)
+    notes += outlier_notes(kept, distances, out_distances) + sign_notes(kept, pose)
     shares = [item.size / item.expected for item in kept if np.isfinite(item.expected)]
     return PlateCalibration(
         rotation=frozen_array(pose.rotation),

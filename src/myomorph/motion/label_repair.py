@@ -2,24 +2,235 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
+from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from myomorph.model.arrays import Array, runs
 from myomorph.model.findings import Finding, Repair, pairs_text, repaired, spans_of, times_text
-from myomorph.model.model import Model
+from myomorph.model.model import GROUND, Model
 from myomorph.model.scale import scale
 from myomorph.model.series import Markers
+from myomorph.model.sides import mirror_names
 from myomorph.motion.body.postures import overall_size
 from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit, inverse_kinematics, tracked_markers
 from myomorph.motion.lengths import length_unit
-from myomorph.motion.marker_swaps import MIRRORED, OF_ANY_LENGTHS, SIDES, USUAL, Margin, Solve, Swap, find_swap
 from myomorph.motion.stretch import skeleton
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
+
+SUSPECT = 0.02
+"""Root mean square of marker errors above which whole groups of labels are tried exchanged, on a human body [m]."""
+
+FAR = 0.025
+"""Errors of both markers above which a pair may be exchanged, on a human body [m]."""
+
+CROSSED = 0.4
+"""Share of a pair's squared errors that may be left when each is held against the other's place."""
+
+BETTER = 0.7
+"""Share of the root mean square that an exchange must leave at most to be believed."""
+
+MIRROR = np.array([1.0, 1.0, -1.0])
+"""Every mirrored recording is this one, turned."""
+
+SWAP_SAMPLES = 6
+"""Frames on which an exchange is tried."""
+
+LEAST_GAIN = 0.005
+"""What an exchange must take off the root mean square, on a human body [m]."""
+
+CLEARLY = 0.75
+"""Of swapped sides and a mirrored axis the one that leaves so much less is reported as it."""
+
+
+class Margin(NamedTuple):
+    """How much better an exchange must fit: share of the RMS left at most, and what it takes off at least [m]."""
+
+    share: float = BETTER
+    gain: float = LEAST_GAIN
+
+
+USUAL = Margin()
+"""Of a model of this body."""
+
+OF_ANY_LENGTHS = Margin(0.9, 0.01)
+"""Of a model whose lengths and marker places are not this body's: it never fits well, but a wrong exchange costs cm."""
+
+SIDES = "left and right"
+FRONT = "front and back"
+MIRRORED = "mirrored"
+
+
+@dataclass(frozen=True)
+class Swap:
+    """Exchanged labels of pairs of markers, none for a mirrored recording; certain where nothing else fits as well."""
+
+    name: str
+    pairs: tuple[tuple[str, str], ...]
+    certain: bool = True
+
+    def applied(self, observed: Array, columns: Sequence[int]) -> Array:
+        """The positions (frames, markers, 3) under the labels exchanged, or mirrored."""
+        return observed * MIRROR if self.name == MIRRORED else observed[:, columns]
+
+    def columns(self, names: Sequence[str]) -> list[int]:
+        """Where to take each marker from (markers,)."""
+        order = list(range(len(names)))
+        for first, other in self.pairs:
+            i, j = names.index(first), names.index(other)
+            order[i], order[j] = order[j], order[i]
+        return order
+
+
+Solve = Callable[[Array], Array]
+"""From positions (frames, markers, 3) [m] to errors (frames, markers) [m], each frame by itself."""
+
+
+def find_swap(
+    model: Model,
+    names: Sequence[str],
+    observed: Array,
+    errors: Array,
+    placed: Array,
+    solve: Solve,
+    unit: float,
+    margin: Margin = USUAL,
+) -> Swap | None:
+    """The exchange of labels under which the body fits best in most sampled frames; None where none is far better.
+    `observed`, `errors` and `placed` are (frames, markers, ...) [m], as inverse kinematics gave them.
+    """
+    rms = _rms(errors)
+    seen = np.flatnonzero(np.isfinite(rms)).astype(np.int64)
+    if not len(seen):
+        return None
+    pairs = crossed_pairs(names, observed, errors, placed, unit)
+    swaps: list[tuple[float, Swap]] = []
+    before: dict[int, float] = {}
+    for swap, frames in _hypotheses(model, names, pairs, bool(np.median(rms[seen]) > SUSPECT * unit), seen):
+        columns, ratios, gains = swap.columns(names), list[float](), list[float]()
+        for sample in _spread(frames):
+            if sample not in before:
+                before[sample] = float(_rms(solve(observed[sample : sample + 1]))[0])
+            after = float(_rms(solve(swap.applied(observed[sample : sample + 1], columns)))[0])
+            ratios.append(after / before[sample])
+            gains.append(before[sample] - after)
+            # Most exchanges are wrong, which two frames show.
+            if len(ratios) == 2 and min(ratios) > margin.share:
+                break
+        if np.mean(np.array(ratios) < margin.share) > 0.6 and np.median(gains) > margin.gain * unit:
+            swaps.append((float(np.median(ratios)), swap))
+    # Of exchanges that explain about as much, the one of fewest labels.
+    swaps.sort(key=lambda swap: (round(4.0 * swap[0]), len(swap[1].pairs), swap[0]))
+    whole = {swap.name: ratio for ratio, swap in swaps if swap.name in (SIDES, MIRRORED)}
+    if not swaps or len(whole) < 2 or swaps[0][1].name not in whole:
+        return swaps[0][1] if swaps else None
+    best = min(whole, key=lambda name: whole[name])
+    certain = whole[best] < CLEARLY * max(whole.values())
+    return next(replace(swap, certain=certain) for _, swap in swaps if swap.name == best)
+
+
+def _spread(frames: NDArray[np.int64]) -> list[int]:
+    """A few of the frames, the first two far from each other."""
+    order = np.unique(np.linspace(0, len(frames) - 1, SWAP_SAMPLES).astype(int))
+    order = np.concatenate([order[1::3], order[2::3], order[::3]])
+    return [int(frames[place]) for place in order]
+
+
+def crossed_pairs(
+    names: Sequence[str], observed: Array, errors: Array, placed: Array, unit: float
+) -> Mapping[tuple[str, str], NDArray[np.int64]]:
+    """Pairs that lie nearer to each other's places on the model than to their own, and the frames of that."""
+    far = errors > FAR * unit
+    result: dict[tuple[str, str], NDArray[np.int64]] = {}
+    for i, j in combinations(np.flatnonzero(far.sum(axis=0) > 0).tolist(), 2):
+        both = np.flatnonzero(far[:, i] & far[:, j])
+        if len(both):
+            straight = errors[both, i] ** 2 + errors[both, j] ** 2
+            other = ((observed[both, i] - placed[both, j]) ** 2).sum(axis=1)
+            other += ((observed[both, j] - placed[both, i]) ** 2).sum(axis=1)
+            frames = both[other < CROSSED * straight]
+            if len(frames) > 1:
+                result[names[i], names[j]] = frames.astype(np.int64)
+    return result
+
+
+def _hypotheses(
+    model: Model,
+    names: Sequence[str],
+    pairs: Mapping[tuple[str, str], NDArray[np.int64]],
+    groups: bool,
+    seen: NDArray[np.int64],
+) -> Iterable[tuple[Swap, NDArray[np.int64]]]:
+    """Exchanges to try, and the frames to try each on."""
+    for pair, frames in pairs.items():
+        yield Swap(f"'{pair[0]}' and '{pair[1]}'", (pair,)), frames
+    if not groups:
+        return
+    sided = side_pairs(names)
+    if len(sided) > 1:
+        yield Swap(SIDES, sided), seen
+        for limb, of_limb in limb_pairs(model, sided).items():
+            if 1 < len(of_limb) < len(sided):
+                yield Swap(f"{SIDES} of {limb}", of_limb), seen
+    if len(names) > 3:
+        yield Swap(MIRRORED, ()), seen
+    for pair in sided:
+        # The trunk turns with a pair that is exchanged, so that the pair itself does not look crossed.
+        if model.marker(pair[0]).body == model.marker(pair[1]).body and pair not in pairs:
+            yield Swap(f"'{pair[0]}' and '{pair[1]}'", (pair,)), seen
+    front = front_pairs(model, sided)
+    if front:
+        yield Swap(f"{FRONT} of {model.marker(front[0][0]).body}", front), seen
+
+
+def side_pairs(names: Sequence[str]) -> tuple[tuple[str, str], ...]:
+    """Markers of the two sides, each pair once."""
+    partner = mirror_names(names)
+    place = {name: i for i, name in enumerate(names)}
+    return tuple((name, partner[name]) for name in names if name in partner and place[name] < place[partner[name]])
+
+
+def limb_pairs(model: Model, sided: Sequence[tuple[str, str]]) -> dict[str, tuple[tuple[str, str], ...]]:
+    """Pairs of markers by the pair of limbs that they are on, named after the limb's first body; else by their body."""
+    parent = {joint.child: joint.parent for joint in model.joints}
+    bodies = mirror_names(model.body_names)
+    limbs: dict[str, list[tuple[str, str]]] = {}
+    for pair in sided:
+        body = model.marker(pair[0]).body
+        while body in bodies and parent.get(body, GROUND) in bodies:
+            body = parent[body]
+        limbs.setdefault(body, []).append(pair)
+    return {body: tuple(pairs) for body, pairs in limbs.items()}
+
+
+def front_pairs(model: Model, sided: Sequence[tuple[str, str]]) -> tuple[tuple[str, str], ...]:
+    """The front and the back markers of the first body on each side that has both."""
+    first, pairs = "", list[tuple[str, str]]()
+    for first in model.body_names:
+        pairs = [pair for pair in sided if model.marker(pair[0]).body == model.marker(pair[1]).body == first]
+        if len(pairs) > 1:
+            break
+    if len(pairs) < 2:
+        return ()
+    middle = [0.5 * (model.marker(a).location + model.marker(b).location) for a, b in pairs]
+    i, j = max(combinations(range(len(pairs)), 2), key=lambda ij: float(np.linalg.norm(middle[ij[0]] - middle[ij[1]])))
+    first_side = [model.marker(name).location for name in pairs[i]]
+    across = np.linalg.norm([model.marker(pairs[j][0]).location - place for place in first_side], axis=1)
+    other = pairs[j] if across[0] < across[1] else pairs[j][::-1]
+    return ((pairs[i][0], other[0]), (pairs[i][1], other[1]))
+
+
+def _rms(errors: Array) -> Array:
+    seen = np.isfinite(errors)
+    with np.errstate(invalid="ignore"):
+        return np.sqrt((np.where(seen, errors, 0.0) ** 2).sum(axis=1) / seen.sum(axis=1))
+
 
 MAX_SWAPS = 4
 """Exchanges of labels that are looked for one after the other."""

@@ -22,6 +22,7 @@ from myomorph.motion.ik import (
     tracked_markers,
 )
 from myomorph.motion.sensors import first_guess, fit_mounting
+from myomorph.motion.sensors.fit_mounting import LikelyAngles, Seen, joint_angles, likely_angles, undetermined
 from myomorph.motion.sensors.mounting import (
     SensorMounting,
     SensorOptions,
@@ -31,7 +32,6 @@ from myomorph.motion.sensors.mounting import (
     with_orientations,
 )
 from myomorph.motion.sensors.sensor_names import bodies_of_sensors
-from myomorph.motion.sensors.undetermined import LikelyAngles, Seen, joint_angles, likely_angles, undetermined
 from myomorph.motion.tasks.coordinates import CoordinateTask
 from myomorph.motion.tasks.orientations import OrientationTask
 from myomorph.motion.turns import floating_coordinates

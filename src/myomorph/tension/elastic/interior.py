@@ -15,10 +15,19 @@ from typing import NamedTuple
 import numpy as np
 
 from myomorph.model.arrays import Array
-from myomorph.tension.elastic.band import BandSystem
-from myomorph.tension.elastic.bounds import NEAR, Box
-from myomorph.tension.elastic.elements import elements
-from myomorph.tension.elastic.program import MAX_FORCE, MIN_FORCE, SMOOTH, Point, Program, integrated, possible
+from myomorph.tension.elastic.program import (
+    MAX_FORCE,
+    MIN_FORCE,
+    NEAR,
+    SMOOTH,
+    BandSystem,
+    Box,
+    Point,
+    Program,
+    elements,
+    integrated,
+    possible,
+)
 
 SLACK = 1e-6  # Slack of the balance per multiplier: where no activation can balance, torques are missed least
 FIRST, LAST = 1e-2, 1e-6  # Barrier parameter at the beginning and at the end, in units of the effort a^2 of one muscle

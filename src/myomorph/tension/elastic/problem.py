@@ -20,8 +20,7 @@ from myomorph.rigid.tree import compile_tree
 from myomorph.tension.dual import INFEASIBLE, MISSING, OPTIMAL, STALLED
 from myomorph.tension.elastic import windows
 from myomorph.tension.elastic.interior import Outcome
-from myomorph.tension.elastic.term import ElasticMuscleTerm, fibers_at
-from myomorph.tension.elastic.windows import along
+from myomorph.tension.elastic.windows import ElasticMuscleTerm, along, fibers_at
 from myomorph.tension.fibers import Certificate, Fibers, Unreachable
 from myomorph.tension.problem import Balance, TensionInputs, TensionProblem
 from myomorph.tension.tension import Tension
