@@ -15,7 +15,7 @@ from myomorph.model.inertia import free_object
 from myomorph.model.model import Actuator, Marker
 from myomorph.model.series import Z_UP_TO_Y_UP
 from myomorph.model.sides import split_side
-from myomorph.motion.calibrate import Calibration
+from myomorph.motion.calibration import Calibration
 from myomorph.motion.ik import KinematicsFit
 from myomorph.muscles.kinematics import default_path_lengths
 from truths.carried_bodies import needed_wrench

@@ -21,7 +21,7 @@ from myomorph.model.arrays import Array
 from myomorph.model.findings import repaired
 from myomorph.morph.mirror.muscles import with_other_muscles
 from myomorph.morph.species.masses import with_markers_of, with_possible_inertias, with_segment_shares
-from myomorph.motion.calibrate import Calibration
+from myomorph.motion.calibration import Calibration
 from myomorph.motion.crossings import crossings, within_crossings
 from myomorph.motion.ik import KinematicsFit
 from myomorph.motion.lengths import length_unit

@@ -14,7 +14,7 @@ from benchmarks.recordings import read_markers
 from myomorph.io.osim.marker_set import read_marker_set
 from myomorph.model.landmarks import Measurement
 from myomorph.model.scale import scale
-from myomorph.motion.calibrate import Calibration
+from myomorph.motion.calibration import Calibration
 from myomorph.motion.ik import KinematicsFit
 from myomorph.motion.lengths import lengths_of
 from myomorph.motion.measurements import measure as measured_length

@@ -14,8 +14,7 @@ from benchmarks.accuracy.calibration_static import KNEE, implant_markers, implan
 from myomorph.io.osim.marker_set import read_marker_set
 from myomorph.model.arrays import Array
 from myomorph.model.scale import scale
-from myomorph.motion.calibrate import Calibration
-from myomorph.motion.calibration import NORMAL_90
+from myomorph.motion.calibration import NORMAL_90, Calibration
 from myomorph.motion.lengths import Length, factors_of, lengths_of, mirrored_lengths
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree

@@ -5,7 +5,8 @@ import pytest
 
 from myomorph.io.formats import read_model
 from myomorph.io.trc import read_trc
-from myomorph.motion.calibrate import CalibrationOptions, calibrate
+from myomorph.motion.calibrate import calibrate
+from myomorph.motion.calibration import CalibrationOptions
 from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
 
 FOLDER = "opencap-subject4-multitask"

@@ -9,7 +9,8 @@ from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.scale import scale
 from myomorph.model.series import Markers
 from myomorph.model.spatial import axis_rotation
-from myomorph.motion.calibrate import CalibrationOptions, calibrate
+from myomorph.motion.calibrate import calibrate
+from myomorph.motion.calibration import CalibrationOptions
 from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
 from stick_figure import person, stick_figure
 

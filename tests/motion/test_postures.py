@@ -6,7 +6,7 @@ import numpy as np
 
 from myomorph.model.scale import scale
 from myomorph.model.series import Markers
-from myomorph.motion.body.postures import _seen_from_base, spread_postures
+from myomorph.motion.body.priors import _seen_from_base, spread_postures
 from myomorph.motion.ik import InverseKinematicsOptions
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree

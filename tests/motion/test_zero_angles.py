@@ -13,8 +13,8 @@ from myomorph.motion.body.angle_slopes import Slides, angle_slopes, sliding
 from myomorph.motion.body.priors import symmetric_posture
 from myomorph.motion.body.shared_fit import reduce, settle
 from myomorph.motion.body.shared_problem import FrameSet, Prior, SharedProblem
-from myomorph.motion.calibrate import CalibrationOptions, calibrate
-from myomorph.motion.calibration import STATIC
+from myomorph.motion.calibrate import calibrate
+from myomorph.motion.calibration import STATIC, CalibrationOptions
 from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics, pose_problem
 from myomorph.motion.lengths import factors_of, lengths_of
 from myomorph.motion.stretch import stretch_of

@@ -25,7 +25,7 @@ from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.scale import scale
 from myomorph.morph.maps.linear import procrustes
 from myomorph.morph.species.masses import with_segment_shares
-from myomorph.motion.calibrate import Calibration
+from myomorph.motion.calibration import Calibration
 from myomorph.motion.crossings import crossings, within_crossings
 from myomorph.motion.ik import KinematicsFit
 from myomorph.motion.measurements import default_markers, place_markers

@@ -15,9 +15,8 @@ from myomorph.model.model import Model, index_of
 from myomorph.model.scale import scale
 from myomorph.model.series import Markers
 from myomorph.motion.body.angle_slopes import Slides, far_zeros, posterior, sliding, widened, zero_angles, zero_notes
-from myomorph.motion.body.postures import overall_size, spread_postures
-from myomorph.motion.body.priors import calibration_prior, usual_shifts
-from myomorph.motion.body.shared_fit import reduce, settle
+from myomorph.motion.body.priors import calibration_prior, overall_size, spread_postures, usual_shifts
+from myomorph.motion.body.shared_fit import Search, reduce, search_minimum, settle
 from myomorph.motion.body.shared_problem import FrameSet, SharedProblem
 from myomorph.motion.calibration import (
     Calibration,
@@ -28,21 +27,17 @@ from myomorph.motion.calibration import (
     SideEstimate,
     root_mean_square,
 )
-from myomorph.motion.calibration_search import Search, search_minimum
 from myomorph.motion.ik import InverseKinematicsOptions, coordinate_targets, pose_problem, tracked_markers
 from myomorph.motion.lengths import factors_of, length_unit, lengths_of, segments_that_stretch
 from myomorph.motion.stretch import skeleton, stretch_of
 from myomorph.rigid.coordinates import Ints
 from myomorph.rigid.tree import compile_tree
 
-__all__ = ["Calibration", "CalibrationOptions", "LengthEstimate", "MarkerEstimate", "calibrate"]
-
 STANDING = ("knee_angle", "ankle_angle", "subtalar", "mtp")
 """What the coordinates' names begin with that stand near their defaults in a static trial."""
 
 POSITIVE = (
-    "frames", "length_sd", "shape_sd", "side_sd", "posture_sd", "marker_sd", "fixed_sd", "static_sd", "zero_sd",
-    "iterations",
+    "frames", "length_sd", "shape_sd", "side_sd", "posture_sd", "marker_sd", "fixed_sd", "static_sd", "iterations",
 )  # fmt: skip
 
 FEW_FRAMES = 10
@@ -128,17 +123,7 @@ def calibrate(
 
 
 def _check(options: CalibrationOptions) -> None:
-    for name in (
-        "frames",
-        "length_sd",
-        "shape_sd",
-        "side_sd",
-        "posture_sd",
-        "marker_sd",
-        "fixed_sd",
-        "static_sd",
-        "iterations",
-    ):
+    for name in POSITIVE:
         value = getattr(options, name)
         if value is not None and not value > 0:
             raise BadData(f"calibration: {name} is {value}; expected a number above 0")
@@ -325,14 +310,8 @@ def _thin_notes(model: Model, names: Sequence[str], recordings: Sequence[Markers
 def _side_estimates(problem: SharedProblem, search: Search) -> tuple[SideEstimate, ...]:
     names = [length.name for length in problem.lengths]
     return tuple(
-        SideEstimate(
-            names[side.first],
-            names[side.second],
-            side.difference,
-            side.sd,
-            (side.first, side.second) in search.differing,
-        )
-        for side in search.sides
+        SideEstimate(names[a], names[b], side.difference, side.sd, (a, b) in search.differing)
+        for side, a, b in ((side, side.first, side.second) for side in search.sides)
     )
 
 

@@ -17,7 +17,7 @@ from myomorph.model.model import GROUND, Model
 from myomorph.model.scale import scale
 from myomorph.model.series import Markers
 from myomorph.model.sides import mirror_names
-from myomorph.motion.body.postures import overall_size
+from myomorph.motion.body.priors import overall_size
 from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit, inverse_kinematics, tracked_markers
 from myomorph.motion.lengths import length_unit
 from myomorph.motion.stretch import skeleton

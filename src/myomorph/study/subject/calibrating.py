@@ -16,8 +16,8 @@ from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.provenance import Provenance
 from myomorph.model.series import Markers
-from myomorph.motion.calibrate import Calibration, CalibrationOptions, calibrate
-from myomorph.motion.calibration import SOURCES
+from myomorph.motion.calibrate import calibrate
+from myomorph.motion.calibration import SOURCES, Calibration, CalibrationOptions
 from myomorph.motion.ik import InverseKinematicsOptions
 from myomorph.motion.label_repair import mended_labels
 from myomorph.motion.lengths import length_unit
