@@ -19,7 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from myomorph.contact.plate_corners import counted_from, first_corner, plate_axes
-from myomorph.model.arrays import Array, runs
+from myomorph.contact.states import steady
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.series import ForcePlate, PlateRecording, Trial, Wrenches
 
@@ -223,10 +224,11 @@ def loaded_samples(
         noise = 1.05 * float(np.nanmedian(steps)) if np.isfinite(steps).any() else 0.0
         load = np.nan_to_num(np.abs(pressing - _idle(pressing, largest)))
         state = load > max(options.threshold * largest, 4.0 * noise)
-        steady = np.nanmax(pressing) - np.nanmin(pressing) <= 1e-9 * peak if peak else True
-        if peak <= 8.0 * noise or steady:
+        constant = np.nanmax(pressing) - np.nanmin(pressing) <= 1e-9 * peak if peak else True
+        if peak <= 8.0 * noise or constant:
             state[:] = False
-        states.append(_steady(state, rate, options))
+        time = np.arange(len(state)) / rate
+        states.append(steady(state, time, options.minimum_unloaded, options.minimum_loaded))
     return states
 
 
@@ -243,17 +245,6 @@ def _idle(pressing: Array, largest: float) -> float:
     between = np.count_nonzero((size > 0.8 * cut) & (size < 1.2 * cut))
     alone = len(small) >= max(10, 0.05 * len(size)) and between < 0.2 * len(small)
     return float(np.median(small)) if alone and size.max() > 2.0 * cut else 0.0
-
-
-def _steady(state: NDArray[np.bool_], rate: float, options: PlateOptions) -> NDArray[np.bool_]:
-    """The same state without gaps and loadings that are too short."""
-    state = state.copy()
-    for value, shortest in ((False, options.minimum_unloaded), (True, options.minimum_loaded)):
-        for start, stop in runs(state == value):
-            inside = start > 0 and stop < len(state)
-            if inside and stop - start < shortest * rate:
-                state[start:stop] = not value
-    return state
 
 
 def _doubts(recording: PlateRecording, plate: ForcePlate, state: NDArray[np.bool_], options: PlateOptions) -> list[str]:

@@ -64,7 +64,7 @@ def extensors(paths: Paths) -> Iterator[Extensors]:
         patella = patella_of(model, knee)
         if not coordinate or patella is None:
             continue
-        hanging = _hanging(tree.arrays.parent, tree.body_index[knee.child])
+        hanging = tree.hanging(knee.child)
         on_patella = np.flatnonzero(paths.pull_body == tree.body_index[patella])
         pairs = [
             (pair, own[0])
@@ -82,15 +82,6 @@ def patella_of(model: Model, knee: Joint) -> str | None:
     return next(
         (joint.child for joint in model.joints if joint.parent == knee.parent and PATELLA in joint.child.lower()), None
     )
-
-
-def _hanging(parent: Ints, child: int) -> np.ndarray:
-    """(bodies,) whether a body hangs on another, itself included; parents come first."""
-    result = np.zeros(len(parent), dtype=bool)
-    result[child] = True
-    for body in range(child + 1, len(parent)):
-        result[body] |= bool(result[parent[body]])
-    return result
 
 
 def tendon_arms(paths: Paths, group: Extensors, coordinates: Array, pulls: Array, work: Array) -> TendonArms:

@@ -110,6 +110,13 @@ class Tree:
                 roots[body] = roots[parent]
         return roots
 
+    def hanging(self, body: str) -> np.ndarray:
+        """(bodies,) whether each hangs on a body, itself included."""
+        result = np.arange(len(self.arrays.parent)) == self.body_index[body]
+        for number, parent in enumerate(self.arrays.parent):
+            result[number] |= parent >= 0 and result[parent]
+        return result
+
     @cached_property
     def loops(self) -> LoopArrays:
         """The constraints that close loops."""

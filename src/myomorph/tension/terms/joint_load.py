@@ -11,7 +11,6 @@ from myomorph.model.errors import BadData, BadModel, check_name
 from myomorph.model.model import Model
 from myomorph.muscles.patella import with_lever
 from myomorph.muscles.path import compile_paths
-from myomorph.rigid.tree import compile_tree
 from myomorph.tension.terms.muscles import MuscleTerm
 from myomorph.tension.terms.term import Frames, Rows, Term, Unknowns
 
@@ -39,8 +38,9 @@ class JointLoadTerm(Term):
         self.joints, self._weight = tuple(joints), weight
         self._paths, self._alone = compile_paths(model), alone
         muscles = _crossing(model)
+        child = {joint.name: joint.child for joint in model.joints}
         self._crossing = [np.flatnonzero(muscles[name]) for name in joints]
-        self._pairs = [np.flatnonzero(_hanging(model, name)[self._paths.pull_body]) for name in joints]
+        self._pairs = [np.flatnonzero(self._paths.tree.hanging(child[name])[self._paths.pull_body]) for name in joints]
         mass = sum(body.mass for body in model.bodies)
         self._body_weight = mass * float(np.linalg.norm(model.gravity))
         if not self._body_weight > 0.0:
@@ -89,23 +89,11 @@ def crossed_joints(model: Model, joints: Sequence[str] = ()) -> tuple[str, ...]:
     return tuple(joints) or tuple(name for name in names if crossing[name].any())
 
 
-def _hanging(model: Model, joint: str) -> np.ndarray:
-    """(bodies,) whether a body hangs on a joint."""
-    tree = compile_tree(model)
-    parent = tree.arrays.parent
-    child = next(each_joint.child for each_joint in model.joints if each_joint.name == joint)
-    result = np.zeros(len(parent), dtype=bool)
-    result[tree.body_index[child]] = True
-    for body in range(1, len(parent)):
-        result[body] |= bool(result[parent[body]])
-    return result
-
-
 def _crossing(model: Model) -> dict[str, np.ndarray]:
     """(muscles,) whether a muscle pulls on bodies that hang on a joint and on others too, by joint."""
     paths, muscles = compile_paths(model), np.arange(len(model.muscles))
     result = {}
     for joint in model.joints:
-        inside = _hanging(model, joint.name)[paths.pull_body]
+        inside = paths.tree.hanging(joint.child)[paths.pull_body]
         result[joint.name] = np.isin(muscles, paths.pull_muscle[inside]) & np.isin(muscles, paths.pull_muscle[~inside])
     return result
