@@ -26,7 +26,7 @@ from myomorph.tension.certificates import (
     open_bounds,
 )
 from myomorph.tension.problem import TensionInputs, TensionProblem, tension_problem
-from myomorph.tension.relaxation import Relaxation, RelaxationOptions, relaxations
+from myomorph.tension.relaxation import RESIDUAL_SHARE, Relaxation, relaxations
 from myomorph.tension.simplex import extremes
 from myomorph.tension.solved import solved_frames
 from myomorph.tension.tension import Tension
@@ -166,7 +166,7 @@ def measure_faults(folder: Path) -> Iterator[Row]:
                 alone = hidden.use & (ready[foot].max(axis=1) > 0.9) & ~(ready[other] > 0.0).any(axis=1)
                 problem, tension = solved(hidden, partial(fault, foot=foot))
                 found = {one.frame: one for one in relaxations(problem, tension)}
-                lacking = most(force, (ready[foot] > 0.0).sum(axis=1)) > RelaxationOptions().residual * hidden.weight
+                lacking = most(force, (ready[foot] > 0.0).sum(axis=1)) > RESIDUAL_SHARE * hidden.weight
                 seen = np.isin(np.arange(len(alone)), list(found))
                 frames, must = frames + int(alone.sum()), must + int((alone & lacking).sum())
                 marked, both = marked + int((alone & seen).sum()), both + int((alone & lacking & seen).sum())

@@ -13,7 +13,7 @@ import myomorph as mm
 from benchmarks.accuracy.knee import command
 from benchmarks.errors import rms
 from benchmarks.hidden_plates import CASES, Hidden, estimated, feet_of, foot_wrench, opened
-from myomorph.contact.shared import SharedOptions, shared_wrenches
+from myomorph.contact.shared import shared_wrenches
 from myomorph.contact.states import ActivationOptions, ContactStateOptions, contact_activations, hysteresis, steady
 from myomorph.model.arrays import Array
 from myomorph.model.series import Table
@@ -193,8 +193,7 @@ def summed(wrenches: mm.Wrenches) -> mm.Wrenches:
 
 def _shared(hidden: Hidden, plates: mm.Wrenches):
     # A plate without an outline: whoever touches may stand on it.
-    wide = SharedOptions(reach=2.0)
-    return shared_wrenches(hidden.model, hidden.motion, hidden.sites, hidden.contacts, plates, options=wide)
+    return shared_wrenches(hidden.model, hidden.motion, hidden.sites, hidden.contacts, plates, reach=2.0)
 
 
 def tension_of(folder: Path, number: int) -> tuple[Hidden, Tension]:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.contact.held_objects import HoldOptions, find_holds, raised_contacts
+from myomorph.contact.held_objects import FAR, NEAR, find_holds, raised_contacts
 from myomorph.contact.site_motion import site_motion
 from myomorph.model.contacts import Site
 from myomorph.model.errors import BadData, UnknownName
@@ -94,14 +94,13 @@ def reaching(arrive=0.5, leave=1.5):
 def test_a_hold_lasts_from_arriving_to_leaving():
     model, motion = reaching()
     site = Site("palm", "arm_palm", np.zeros((1, 3)), against="thing_box")
-    options = HoldOptions(moving=0.1, near=0.03, far=0.05)
-    (touch,) = find_holds(model, motion, (site,), options).intervals
+    (touch,) = find_holds(model, motion, (site,)).intervals
     assert touch.surface == "thing_box"
-    assert touch.start == pytest.approx(0.5 - options.near, abs=1.5 * STEP)
-    assert touch.stop == pytest.approx(1.5 + options.far, abs=1.5 * STEP)
+    assert touch.start == pytest.approx(0.5 - NEAR, abs=1.5 * STEP)
+    assert touch.stop == pytest.approx(1.5 + FAR, abs=1.5 * STEP)
 
 
-def test_a_glitch_neither_ends_nor_begins_a_hold():
+def test_a_glitch_neither_ends_nor_begins_a_hold(monkeypatch):
     """Two frames in which the hand seems away while it holds, and two in which it seems there while it does not."""
     model, motion = reaching()
     site = Site("palm", "arm_palm", np.zeros((1, 3)), against="thing_box")
@@ -110,20 +109,21 @@ def test_a_glitch_neither_ends_nor_begins_a_hold():
     values[10:12, 1] = values[11, 7] + 0.1
     seen = replace(motion, values=values)
     assert len(find_holds(model, seen, (site,)).intervals) == 1
-    assert len(find_holds(model, seen, (site,), HoldOptions(shortest=0.0)).intervals) == 3
+    monkeypatch.setattr("myomorph.contact.held_objects.SHORTEST", 0.0)
+    assert len(find_holds(model, seen, (site,)).intervals) == 3
 
 
-def test_an_object_that_rests_tells_no_hold():
+def test_an_object_that_rests_tells_no_hold(monkeypatch):
     model, motion = reaching(leave=1.5)
     site = Site("palm", "arm_palm", np.zeros((1, 3)), against="thing_box")
-    with pytest.raises(BadData, match="never faster"):
-        find_holds(model, motion, (site,), HoldOptions(moving=9.0))
+    with monkeypatch.context() as changed:
+        changed.setattr("myomorph.contact.held_objects.MOVING", 9.0)
+        with pytest.raises(BadData, match="never faster"):
+            find_holds(model, motion, (site,))
     with pytest.raises(BadData, match="against the ground"):
         find_holds(model, motion, (replace(site, against="ground"),))
     with pytest.raises(UnknownName, match="thing_box"):
         needed_wrench(model, motion, "box")
-    with pytest.raises(BadData, match="far not below near"):
-        HoldOptions(near=0.1, far=0.05)
 
 
 def test_an_object_is_judged_by_its_own_height():

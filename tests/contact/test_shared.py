@@ -9,7 +9,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from measured_walk import measured_walk
-from myomorph.contact.shared import SharedOptions, misplaced_forces, shared_wrenches, without_measured
+from myomorph.contact.shared import misplaced_forces, shared_wrenches, without_measured
 from myomorph.contact.site_motion import site_motion
 from myomorph.contact.states import contact_activations, find_contacts
 from myomorph.model.errors import BadData
@@ -90,13 +90,13 @@ def test_a_foot_on_two_plates_belongs_to_their_sum_where_it_straddles(walk):
         plate_of(halves, [k], box(*span, -5.0, 5.0), name)
         for k, (name, span) in enumerate((("rear", (-5.0, middle)), ("front", (middle, 5.0))))
     )
-    found = shared_wrenches(model, motion, sites, contacts, plates, motion.time, SharedOptions(margin=0.3))
+    found = shared_wrenches(model, motion, sites, contacts, plates, motion.time, margin=0.3)
     both = [one for one in found if one.name.startswith("rear + front")]
     assert both
     for one in both:
         known = np.isfinite(one.forces).all(axis=1)
         assert_allclose(one.forces[known], wrenches.forces[known, 0], atol=1e-9)
-    narrow = shared_wrenches(model, motion, sites, contacts, plates, motion.time, SharedOptions(margin=0.0))
+    narrow = shared_wrenches(model, motion, sites, contacts, plates, motion.time, margin=0.0)
     assert {one.name.split(" (")[0] for one in narrow} == {"rear", "front"}
     for one in narrow:
         known = np.isfinite(one.forces).all(axis=1)

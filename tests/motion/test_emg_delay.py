@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from myomorph.model.errors import BadData
 from myomorph.model.series import Emg
-from myomorph.motion.emg_delay import DelayOptions, EmgCalibration, independent_samples, shaped, shifted
+from myomorph.motion.emg_delay import EmgCalibration, independent_samples, shaped, shifted
 from myomorph.motion.filters import lowpass
 
 
@@ -47,8 +46,3 @@ def test_a_calibration_shapes_then_scales_then_adds_rest():
     np.testing.assert_allclose(told[11:], wanted)
     assert np.isnan(told[:10]).all()
     np.testing.assert_allclose(shifted(emg, time, np.array([0.1]))[20:], 0.4)
-
-
-def test_a_range_that_does_not_rise_is_refused():
-    with pytest.raises(BadData, match="rising range"):
-        DelayOptions(least=0.1, most=0.05)

@@ -6,7 +6,6 @@ A seat, a step or a table is a surface of its own height at which a site rests.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -28,33 +27,19 @@ from myomorph.model.series import Motion
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 
-
-@dataclass(frozen=True)
-class HoldOptions:
-    """When a hand holds an object."""
-
-    moving: float = 0.1  # the object moves where the held place is faster than that [m/s]
-    # near, far: a hold begins where the site comes so near to the place at which it holds the moving object, and ends
-    # where it leaves that far from it [m]
-    near: float = 0.03
-    far: float = 0.05
-    shortest: float = 0.03  # holds and gaps that last less are taken for noise [s]
-
-    def __post_init__(self) -> None:
-        if not (self.moving > 0.0 and 0.0 < self.near <= self.far and self.shortest >= 0.0):
-            raise BadData(
-                f"holding: moving {self.moving:g} m/s, near {self.near:g} m, far {self.far:g} m, shortest "
-                f"{self.shortest:g} s: expected above 0, and far not below near"
-            )
+MOVING = 0.1  # An object moves where the held place is faster than that [m/s]
+NEAR, FAR = 0.03, 0.05
+"""A hold begins where the site comes so near to the place at which it holds the moving object, and ends where it leaves
+that far from it [m]."""
+SHORTEST = 0.03  # Holds and gaps that last less are taken for noise [s]
 
 
-def find_holds(model: Model, motion: Motion, sites: Sequence[Site], options: HoldOptions | None = None) -> Contacts:
+def find_holds(model: Model, motion: Motion, sites: Sequence[Site]) -> Contacts:
     """When sites hold the objects that they are against.
     An object that nothing else drives moves only while it is held, so the site's place on it then (the median) is
     where it is held; it is held before and after for as long as the site stays there.
     `model`: of body and objects together (`join_models`); `sites`: on the hands, each against the body of an object.
     """
-    options = options or HoldOptions()
     if len(motion) < 2:
         raise BadData(f"a motion of {len(motion)} frames: when an object is held shows in how it moves")
     tree = compile_tree(model)
@@ -68,14 +53,14 @@ def find_holds(model: Model, motion: Motion, sites: Sequence[Site], options: Hol
         place = np.einsum("fji,fj->fi", poses.rotations[:, thing], point - poses.origins[:, thing])
         turning = np.gradient(poses.rotations[:, thing], motion.time, axis=0)
         speed = np.gradient(poses.origins[:, thing], motion.time, axis=0) + np.einsum("fij,fj->fi", turning, place)
-        moving = np.linalg.norm(speed, axis=1) > options.moving
+        moving = np.linalg.norm(speed, axis=1) > MOVING
         if not moving.any():
             raise BadData(
-                f"'{site.against}' is never faster than {options.moving:g} m/s: when '{site.name}' holds it cannot be "
+                f"'{site.against}' is never faster than {MOVING:g} m/s: when '{site.name}' holds it cannot be "
                 "found from motion; name the times in a table of contacts"
             )
         apart = np.linalg.norm(place - np.median(place[moving], axis=0), axis=1)
-        held = steady(hysteresis(apart <= options.near, apart > options.far), motion.time, options.shortest)
+        held = steady(hysteresis(apart <= NEAR, apart > FAR), motion.time, SHORTEST)
         touches += [
             Touch(site.name, float(motion.time[first]), float(motion.time[stop - 1]), site.against, source=KINEMATICS)
             for first, stop in runs(held)

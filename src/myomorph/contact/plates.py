@@ -12,8 +12,7 @@ after Kistler's formulae. The files hold the force of the plate on the subject.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Literal
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,23 +32,13 @@ REFUSED = {
     21: "AMTI stairs",
 }
 
-
-@dataclass(frozen=True)
-class PlateOptions:
-    """How plates are read."""
-
-    # "none" takes the channels as they are (as OpenSim and ezc3d do), "file" subtracts their mean over the samples that
-    # the file names as unloaded, "quiet" their median over unloaded samples
-    tare: Literal["none", "file", "quiet"] = "none"
-    threshold: float = 0.03  # a plate counts as loaded above this share of the largest normal force in the trial
-    # minimum_loaded, minimum_unloaded: shorter loadings and gaps are taken for noise [s]
-    minimum_loaded: float = 0.02
-    minimum_unloaded: float = 0.02
+THRESHOLD = 0.03  # A plate counts as loaded above this share of the largest normal force in the trial
+SHORTEST = 0.02  # Shorter loadings and gaps are taken for noise [s]
 
 
-def plate_wrench(plate: PlateRecording, samples: Array | None = None) -> tuple[Array, Array]:
+def plate_wrench(plate: PlateRecording) -> tuple[Array, Array]:
     """Force and moment about the center of the top surface, (samples, 3) each, in the plate's axes [N, N m]."""
-    channels = plate.channels if samples is None else samples
+    channels = plate.channels
     if plate.kind not in (1, 2, 3, 4):
         what = f" ({REFUSED[plate.kind]})" if plate.kind in REFUSED else ""
         raise BadData(
@@ -82,14 +71,11 @@ def _sensor_wrench(plate: PlateRecording, channels: Array) -> tuple[Array, Array
     return force, moment + np.cross(force, np.array([0.0, 0.0, -depth]))
 
 
-def force_plate(plate: PlateRecording, flip: bool = False, samples: Array | None = None) -> ForcePlate:
+def force_plate(plate: PlateRecording) -> ForcePlate:
     """Force on the subject, center of pressure and free torque of one plate, in the laboratory.
-    `flip` reverses force and moment, for files that hold the force of the subject on the plate. The
-    center of pressure is NaN only where the normal force is zero: see `force_plates` for loading.
+    The center of pressure is NaN only where the normal force is zero: see `force_plates` for loading.
     """
-    force, moment = plate_wrench(plate, samples)
-    if flip:
-        force, moment = -force, -moment
+    force, moment = plate_wrench(plate)
     with np.errstate(divide="ignore", invalid="ignore"):
         center = np.column_stack((-moment[:, 1] / force[:, 2], moment[:, 0] / force[:, 2], np.zeros(len(force))))
     center[~np.isfinite(center).all(axis=1)] = np.nan
@@ -118,7 +104,7 @@ def _corrected(center: Array, polynomial: Array) -> Array:
     return np.column_stack(((x - shift_x) / 1000.0, (y - shift_y) / 1000.0, center[:, 2]))
 
 
-def force_plates(trial: Trial, options: PlateOptions | None = None) -> Trial:
+def force_plates(trial: Trial) -> Trial:
     """The trial with `plates` made of its `plate_recordings`, and warnings about what looks wrong.
     Each plate's center of pressure and free torque are NaN where it is unloaded. A plate of a type that
     is not built is left out with a warning that names it. Which way is up is known from the markers: the
@@ -126,24 +112,17 @@ def force_plates(trial: Trial, options: PlateOptions | None = None) -> Trial:
     reversed, with a warning; and its center of pressure must lie under them, else its corners are counted
     from another one where that is clearly better (`first_corner`), with a warning.
     """
-    options = options or PlateOptions()
     warnings: list[str] = []
     recordings: list[PlateRecording] = []
     for recording in trial.plate_recordings:
         try:
-            plate_wrench(recording, recording.channels[:1])
+            plate_wrench(replace(recording, channels=recording.channels[:1]))
             recordings.append(recording)
         except BadData as error:
             warnings.append(f"{error}; it was left out")
     rate = 1.0 / float(np.median(np.diff(trial.plate_time))) if len(trial.plate_time) > 1 else 1000.0
-    plates = [force_plate(recording, samples=_tared(recording, options, warnings)) for recording in recordings]
-    if options.tare == "quiet":
-        states = loaded_samples(plates, rate, options)
-        plates = [
-            force_plate(recording, samples=_without_idle(recording, state))
-            for recording, state in zip(recordings, states, strict=True)
-        ]
-    states = loaded_samples(plates, rate, options)
+    plates = [force_plate(recording) for recording in recordings]
+    states = loaded_samples(plates, rate)
     if _pulls_down(plates, states, trial):
         plates = [replace(plate, forces=-plate.forces, torques=-plate.torques) for plate in plates]
         warnings.append("the force plates pull the subject down as the file has it: force and moment were reversed")
@@ -151,7 +130,7 @@ def force_plates(trial: Trial, options: PlateOptions | None = None) -> Trial:
     for recording, plate, state in zip(recordings, plates, states, strict=True):
         plate = _turned(plate, state, trial, warnings)
         recording = replace(recording, corners=plate.corners)
-        warnings += _doubts(recording, plate, state, options)
+        warnings += _doubts(recording, plate, state)
         final.append(_while_loaded(plate, state))
     return replace(trial, plates=tuple(final), warnings=trial.warnings + tuple(warnings))
 
@@ -190,31 +169,12 @@ def _pulls_down(plates: Sequence[ForcePlate], states: Sequence[NDArray[np.bool_]
     return load < 0
 
 
-def _tared(plate: PlateRecording, options: PlateOptions, warnings: list[str]) -> Array:
-    if options.tare != "file":
-        return plate.channels
-    if plate.zero is None:
-        warnings.append(f"the file names no unloaded samples for {plate.name}: it was not tared")
-        return plate.channels
-    first, last = plate.zero
-    return plate.channels - np.nan_to_num(np.nanmean(plate.channels[first : last + 1], axis=0))
-
-
-def _without_idle(plate: PlateRecording, loaded: NDArray[np.bool_]) -> Array:
-    """Channels less their median while nobody stands on the plate; unchanged without enough of such samples."""
-    idle = plate.channels[~loaded & np.isfinite(plate.channels).all(axis=1)]
-    return plate.channels - np.median(idle, axis=0) if len(idle) >= 10 else plate.channels
-
-
-def loaded_samples(
-    plates: Sequence[ForcePlate], rate: float, options: PlateOptions | None = None
-) -> list[NDArray[np.bool_]]:
+def loaded_samples(plates: Sequence[ForcePlate], rate: float) -> list[NDArray[np.bool_]]:
     """For each plate, which samples (samples,) carry a load.
     The threshold is a share of the largest normal force of all plates, so that a mouse and a jumper are
     judged alike, and counts from what the plate reads when idle (which may be tens of newtons). A plate
     whose largest force does not stand out of its own noise, or that never changes, is never loaded.
     """
-    options = options or PlateOptions()
     normals = [_pressing(plate) for plate in plates]
     peaks = [float(np.nanpercentile(np.abs(normal), 99.5)) if np.isfinite(normal).any() else 0.0 for normal in normals]
     largest = max(peaks, default=0.0)
@@ -223,12 +183,11 @@ def loaded_samples(
         steps = np.abs(np.diff(pressing))
         noise = 1.05 * float(np.nanmedian(steps)) if np.isfinite(steps).any() else 0.0
         load = np.nan_to_num(np.abs(pressing - _idle(pressing, largest)))
-        state = load > max(options.threshold * largest, 4.0 * noise)
+        state = load > max(THRESHOLD * largest, 4.0 * noise)
         constant = np.nanmax(pressing) - np.nanmin(pressing) <= 1e-9 * peak if peak else True
         if peak <= 8.0 * noise or constant:
             state[:] = False
-        time = np.arange(len(state)) / rate
-        states.append(steady(state, time, options.minimum_unloaded, options.minimum_loaded))
+        states.append(steady(state, np.arange(len(state)) / rate, SHORTEST))
     return states
 
 
@@ -247,7 +206,7 @@ def _idle(pressing: Array, largest: float) -> float:
     return float(np.median(small)) if alone and size.max() > 2.0 * cut else 0.0
 
 
-def _doubts(recording: PlateRecording, plate: ForcePlate, state: NDArray[np.bool_], options: PlateOptions) -> list[str]:
+def _doubts(recording: PlateRecording, plate: ForcePlate, state: NDArray[np.bool_]) -> list[str]:
     """What looks wrong with one plate."""
     result = []
     if recording.kind == 3 and not recording.origin[:2].any():
@@ -267,10 +226,10 @@ def _doubts(recording: PlateRecording, plate: ForcePlate, state: NDArray[np.bool
             "its origin, corners or channels may be wrong"
         )
     idle = plate.forces[~state & np.isfinite(plate.forces).all(axis=1)] @ axes[:, 2]
-    if len(idle) > 10 and options.tare == "none":
+    if len(idle) > 10:
         rest, peak = abs(float(np.median(idle))), float(np.nanmax(np.abs(plate.forces[state] @ axes[:, 2])))
         if rest > 0.01 * peak:
-            result.append(f"{plate.name} reads {rest:.3g} N with nobody on it: tare 'quiet' subtracts that")
+            result.append(f"{plate.name} reads {rest:.3g} N with nobody on it: was it set to zero?")
     return result
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,21 +17,11 @@ from myomorph.model.model import Model
 from myomorph.model.series import ForcePlate, Motion, Series, Wrenches
 from myomorph.motion.sync import refuse_other_times
 
-
-@dataclass(frozen=True)
-class SharedOptions:
-    """Which sites stand on a plate, and how well its wrench is known."""
-
-    # a site that far beside a plate's outline may stand on it, over the height of the center of mass
-    margin: float = 0.03
-    # where a plate's outline is not known: distance of a site to the center of pressure, over the same
-    reach: float = 0.25
-    # loaded, unloaded: shares of the weight between which a plate begins and ceases to count as loaded
-    loaded: float = 0.02
-    unloaded: float = 0.01
-    force_sd: float = 0.005  # standard deviation of a component of force, over the weight
-    moment_sd: float = 0.005  # of a moment, over the weight times the height of the center of mass
-    shortest: float = 0.03  # loadings and gaps that last less are taken for noise [s]
+MARGIN = 0.03  # A site that far beside a plate's outline may stand on it, over the height of the center of mass
+REACH = 0.25  # Where a plate's outline is not known: distance of a site to the center of pressure, over the same
+LOADED, UNLOADED = 0.02, 0.01  # Shares of the weight between which a plate begins and ceases to count as loaded
+DEVIATION = 0.005  # Of a component of force, over the weight; of a moment, over that times the center of mass' height
+SHORTEST = 0.03  # Loadings and gaps that last less are taken for noise [s]
 
 
 def shared_wrenches(
@@ -41,7 +31,8 @@ def shared_wrenches(
     contacts: Contacts,
     plates: Sequence[ForcePlate] | Wrenches,
     plate_time: Array | None = None,
-    options: SharedOptions | None = None,
+    margin: float = MARGIN,
+    reach: float = REACH,
 ) -> tuple[SharedWrench, ...]:
     """The wrench of every loaded plate, for the sites that touch while they are over it.
     Frames in which other sites stand on a plate make a wrench of their own, which is NaN in all other frames. Of
@@ -49,22 +40,21 @@ def shared_wrenches(
     joins these: their sum is known for the sites of both. Of wrenches without an outline a site belongs to that which
     acts on a body of its group, or, where bodies are not known, to those whose center of pressure its group is near.
     `plates`: with outlines, or wrenches at the motion's times; `plate_time`: clock of plates with outlines (samples,)
-    [s].
+    [s]; `margin`, `reach`: see `MARGIN`, `REACH`.
     """
-    options = options or SharedOptions()
     moving = site_motion(model, motion, sites)
     wrenches, outlines = _on_motion(plates, plate_time, motion)
     touching = contacts.states(motion.time).values[:, [contacts.sites.index(site.name) for site in sites]] > 0.0
     weight = model.weight
     pressing = np.nan_to_num(wrenches.forces @ moving.up)
-    state = hysteresis(pressing > options.loaded * weight, pressing < options.unloaded * weight)
-    loaded = np.stack([steady(column, motion.time, options.shortest) for column in state.T], axis=1)
+    state = hysteresis(pressing > LOADED * weight, pressing < UNLOADED * weight)
+    loaded = np.stack([steady(column, motion.time, SHORTEST) for column in state.T], axis=1)
     if outlines is not None:
-        near = _over(moving, outlines, options.margin * moving.height)
+        near = _over(moving, outlines, margin * moving.height)
     else:
-        near = _beside(model, moving, wrenches, sites, options.reach * moving.height)
+        near = _beside(model, moving, wrenches, sites, reach * moving.height)
     standing = near & loaded[:, :, None] & touching[:, None]
-    deviations = (options.force_sd * weight, options.moment_sd * weight * moving.height)
+    deviations = (DEVIATION * weight, DEVIATION * weight * moving.height)
     return _wrenches(_together(standing, loaded), wrenches, sites, deviations)
 
 
@@ -126,19 +116,16 @@ def group_bodies(model: Model, sites: Sequence[Site]) -> dict[str, set[str]]:
     return result
 
 
-def without_measured(
-    model: Model, ready: Series, sites: Sequence[Site], measured: Wrenches, options: SharedOptions | None = None
-) -> Series:
+def without_measured(model: Model, ready: Series, sites: Sequence[Site], measured: Wrenches) -> Series:
     """The activations of sites, zero while a force that was measured carries their group: it is known already.
-    A force counts as carrying between the shares of the weight in `SharedOptions`, so that what a filter makes of
+    A force counts as carrying between `LOADED` and `UNLOADED` of the weight, so that what a filter makes of
     an unloaded plate does not silence a foot that steps beside it.
     `ready`: activations (frames, sites) at the times of `measured`; `measured`: forces on bodies that act as they were
     measured.
     """
-    options = options or SharedOptions()
     weight = model.weight
     size = np.linalg.norm(np.nan_to_num(measured.forces), axis=2)
-    carrying = hysteresis(size > options.loaded * weight, size < options.unloaded * weight)
+    carrying = hysteresis(size > LOADED * weight, size < UNLOADED * weight)
     values, bodies = np.array(ready.values), group_bodies(model, sites)
     for group, members in _groups(sites).items():
         columns = [i for i, body in enumerate(measured.bodies) if body in bodies[group]]

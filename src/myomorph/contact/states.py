@@ -167,10 +167,10 @@ def hysteresis(begins: Bools, ends: Bools) -> Bools:
     return np.take_along_axis(marks, last, axis=0) > 0
 
 
-def steady(state: Bools, time: Array, gap: float, spell: float | None = None) -> Bools:
-    """The same state (frames,) without gaps, and then spells, shorter than so long [s]; those at the ends stay."""
+def steady(state: Bools, time: Array, shortest: float) -> Bools:
+    """The same state (frames,) without gaps and spells shorter than `shortest` [s]; those at the ends stay."""
     state = state.copy()
-    for value, shortest in ((False, gap), (True, gap if spell is None else spell)):
+    for value in (False, True):
         for start, stop in runs(state == value):
             inside = start > 0 and stop < len(state)
             if inside and time[stop] - time[start] < shortest - 1e-9:

@@ -296,7 +296,6 @@ class PlateRecording:
     channel_names : labels of the channels
     calibration : (6, 6) from the channels of a kind 4 plate to [N, N m], or None
     center_polynomial : (2, 6) Kistler's correction of the center of pressure (lengths in mm), or None
-    zero : first and last sample that the file names as unloaded, or None
     """
 
     name: str
@@ -307,7 +306,6 @@ class PlateRecording:
     channel_names: tuple[str, ...] = ()
     calibration: Array | None = None
     center_polynomial: Array | None = None
-    zero: tuple[int, int] | None = None
 
     def __post_init__(self) -> None:
         freeze(self, corners=(4, 3), origin=(3,), channels=(-1, -1), calibration=(6, 6), center_polynomial=(2, 6))

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Literal
+from dataclasses import field
 
 import numpy as np
 from scipy.optimize import nnls
@@ -19,29 +18,6 @@ USUAL = 0.05
 
 DOUBT = 1.92
 """Drop of the log-likelihood that is no chance: half the 95th percentile of chi^2 with one degree of freedom."""
-
-
-@dataclass(frozen=True)
-class DelayOptions:
-    """How the delay is looked for.
-
-    Attributes
-    ----------
-    least, most : bounds of the delay [s]
-    step : between the delays that are tried [s]
-    by : one delay for all channels of the subject, or one for each
-    """
-
-    least: float = 0.0
-    most: float = 0.150
-    step: float = 0.002
-    by: Literal["subject", "channel"] = "subject"
-
-    def __post_init__(self) -> None:
-        if not (0.0 <= self.least < self.most and self.step > 0.0):
-            raise BadData(f"delays from {self.least:g} to {self.most:g} s by {self.step:g} s: expected a rising range")
-        if self.by not in ("subject", "channel"):
-            raise BadData(f"unknown delay by '{self.by}': there are 'subject', 'channel'")
 
 
 def shifted(emg: Emg, time: Array, delays: Array) -> Array:

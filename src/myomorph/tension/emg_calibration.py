@@ -16,16 +16,14 @@ from myomorph.motion.emg_checks import envelope_faults, refuse_unfit, without_fa
 from myomorph.motion.emg_delay import DOUBT, USUAL, ChannelMap, EmgCalibration, uncalibrated
 from myomorph.motion.filters import lowpass
 from myomorph.tension.emg_frames import (
-    calibration_of,
     kept_level,
     settled_fit,
-    some_names,
     synergy_groups,
     tracked_frames,
 )
 from myomorph.tension.emg_held_out import EmgTrial, HeldOut, swap_lines
 from myomorph.tension.emg_targets import EmgOptions, mapped_muscles
-from myomorph.tension.emg_tracking import Fit, Prior, TorqueTracking, gain_prior
+from myomorph.tension.emg_tracking import Prior, TorqueTracking, gain_prior
 from myomorph.tension.problem import TensionInputs
 from myomorph.tension.tension import TensionOptions
 
@@ -33,7 +31,7 @@ MAX_FRAMES = 300  # About how many frames of all trials together the gains are f
 SHAPES = (-0.5, -1.0, -1.5, -2.0, -2.5, -3.0)
 """Shape factors that are tried beside a straight line; -3 is the limit of Lloyd and Besier (2003)."""
 DELAY_SPREAD = 0.03  # Standard deviation of delays about the usual one, before any torque is seen [s]
-COARSE = 0.01  # Between the delays that are tried first [s]
+LONGEST, COARSE, FINE = 0.150, 0.01, 0.002  # Of the delays that are tried, and between them first and last [s]
 ROUNDS = 4  # Searches of delay and shape in turn, at most
 
 
@@ -174,35 +172,30 @@ class _Search:
         self.shapes, self.delays = np.full(len(self.names), best[1]), best[2]
 
     def _delays(self, shapes: Array) -> Array:
-        search, count = self.options.search, len(self.names)
-        groups = [np.arange(count)] if search.by == "subject" else [np.array([c]) for c in range(count)]
-        delays = self.delays.copy()
-        for group in groups:
+        """The most probable delay, one for all channels of the subject."""
 
-            def cost(delay: float, group: np.ndarray = group) -> float:
-                tried = delays.copy()
-                tried[group] = delay
-                return self.tracking.fit(tried, shapes, self.prior).cost + 0.5 * float(_unusual(delay))
+        def cost(delay: float) -> float:
+            delays = np.full(len(self.names), delay)
+            return self.tracking.fit(delays, shapes, self.prior).cost + 0.5 * float(_unusual(delay))
 
-            coarse = np.append(np.arange(search.least, search.most, COARSE), search.most)
-            costs = np.array([cost(delay) for delay in coarse])
-            best = int(np.argmin(costs))
-            low, high = coarse[max(best - 1, 0)], coarse[min(best + 1, len(coarse) - 1)]
-            fine = np.arange(low, high + 0.5 * search.step, search.step)
-            delays[group] = fine[int(np.argmin([cost(delay) for delay in fine]))]
-            self._doubt(group, coarse, costs, float(delays[group[0]]))
-        return delays
+        coarse = np.append(np.arange(0.0, LONGEST, COARSE), LONGEST)
+        costs = np.array([cost(delay) for delay in coarse])
+        best = int(np.argmin(costs))
+        low, high = coarse[max(best - 1, 0)], coarse[min(best + 1, len(coarse) - 1)]
+        fine = np.arange(low, high + 0.5 * FINE, FINE)
+        delay = float(fine[int(np.argmin([cost(delay) for delay in fine]))])
+        self._doubt(coarse, costs, delay)
+        return np.full(len(self.names), delay)
 
-    def _doubt(self, group: np.ndarray, coarse: Array, costs: Array, delay: float) -> None:
-        """Warn where torques say nothing of a delay, or want one beyond the range."""
-        search = self.options.search
-        who = "all EMG channels" if search.by == "subject" else f"EMG channel '{self.names[group[0]]}'"
+    def _doubt(self, coarse: Array, costs: Array, delay: float) -> None:
+        """Warn where torques say nothing of the delay, or want one beyond the range."""
         likely = costs - 0.5 * _unusual(coarse)
-        self.warnings = [text for text in self.warnings if f"delay of {who} " not in text]
+        self.warnings = [text for text in self.warnings if "delay of all EMG channels " not in text]
         if float(np.ptp(likely)) < DOUBT:
-            self.warnings.append(f"no delay of {who} shows in the torques: {delay:.3f} s taken")
-        elif delay >= search.most - 0.5 * search.step:
-            self.warnings.append(f"the delay of {who} is {delay:g} s or more: EMG and motion may not be on one clock")
+            self.warnings.append(f"no delay of all EMG channels shows in the torques: {delay:.3f} s taken")
+        elif delay >= LONGEST - 0.5 * FINE:
+            text = f"the delay of all EMG channels is {delay:g} s or more: EMG and motion may not be on one clock"
+            self.warnings.append(text)
 
     def _calibration(self, fit: Fit, muscles: tuple[str, ...]) -> EmgCalibration:
         result = calibration_of(self.tracking, fit, self.names, muscles, self.delays, self.shapes)

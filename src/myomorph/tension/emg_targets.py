@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -12,7 +12,7 @@ from myomorph.model.errors import BadData
 from myomorph.model.model import Model, index_of
 from myomorph.model.series import Emg
 from myomorph.motion.emg_checks import envelope_faults, refuse_unfit, without_faults
-from myomorph.motion.emg_delay import USUAL, ChannelMap, DelayOptions, EmgCalibration, uncalibrated
+from myomorph.motion.emg_delay import USUAL, ChannelMap, EmgCalibration, uncalibrated
 from myomorph.tension.terms.emg import EmgTarget
 
 
@@ -34,7 +34,6 @@ class EmgOptions:
     unmeasured : of muscles without EMG: "effort": least effort alone; "synergies": those that act at the joints as
         measured ones do are drawn near these
     unmeasured_weight : of that, in units of the effort of one muscle; None chooses it along with `weight`
-    search : how the delay is looked for
     """
 
     SETTING_PREFIX: ClassVar[str] = "emg_"
@@ -48,7 +47,6 @@ class EmgOptions:
     shape: float | None = 0.0
     unmeasured: Literal["effort", "synergies"] = "synergies"
     unmeasured_weight: float | None = None
-    search: DelayOptions = field(default_factory=DelayOptions)
 
     def __post_init__(self) -> None:
         # What the target would refuse is refused before anything is calibrated.

@@ -13,7 +13,6 @@ them differ from 0, so that the answer has a name.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -25,22 +24,11 @@ from myomorph.tension.relaxation_program import Allowance, Roots, smallest_relax
 from myomorph.tension.tension import Tension
 from myomorph.tension.terms.actuators import floating_joints
 
-
-@dataclass(frozen=True)
-class RelaxationOptions:
-    """When contacts do not carry the motion."""
-
-    # residual force at a root from which a frame is marked, as a share of its subject's weight (Hicks et al. 2015 ask
-    # for less than that of the greatest external force)
-    residual: float = 0.05
-    # residual moment, as a share of the weight times the height of the center of mass above the floor
-    moment: float = 0.05
-    named: float = 0.01  # relaxations smaller than this share of the weight are not named beside greater ones
-
-    def __post_init__(self) -> None:
-        for name in ("residual", "moment", "named"):
-            if not getattr(self, name) > 0.0:
-                raise BadData(f"{name} of relaxations is {getattr(self, name):g}: expected above 0")
+RESIDUAL_SHARE = 0.05
+"""Residual force at a root from which a frame is marked, as a share of its subject's weight (Hicks et al. 2015 ask for
+less than that of the greatest external force)."""
+MOMENT_SHARE = 0.05  # Residual moment, as a share of the weight times the height of the center of mass above the floor
+NAMED = 0.01  # Relaxations smaller than this share of the weight are not named beside greater ones
 
 
 @read_only
@@ -60,21 +48,20 @@ class Relaxation:
 
 
 def relaxations(
-    problem: TensionProblem, tension: Tension, options: RelaxationOptions | None = None
+    problem: TensionProblem, tension: Tension, residual: float = RESIDUAL_SHARE, moment: float = MOMENT_SHARE
 ) -> tuple[Relaxation, ...]:
     """Frames whose contacts cannot carry the motion, and the smallest relaxation of each.
     Frames that lack input are left out, and those in which residuals are large though contacts could do without them;
     a model that does not float has none.
     `problem`, `tension`: as `tension_problem` sets it up with contacts, solved, and what it found.
     """
-    options = options or RelaxationOptions()
     if problem.contacts is None:
         raise BadData("there are no contacts that could carry the motion: give contacts to the tension problem")
     held = {name for joint in floating_joints(problem.assembly.tree.model) for name in joint.coordinates}
     if not held or not held <= set(problem.assembly.rows):
         return ()
     roots = Roots(problem, problem.contacts, tension)
-    limits = roots.weights[:, None] * [options.residual, options.moment * roots.center]
+    limits = roots.weights[:, None] * [residual, moment * roots.center]
     left = roots.left.reshape(len(tension), -1, 2, 3)
     beyond = (np.linalg.norm(left, axis=3) > limits).any(axis=(1, 2))
     marked = np.flatnonzero((tension.status != MISSING) & beyond)
@@ -84,20 +71,18 @@ def relaxations(
         if not allowed:
             # The contacts could carry it, at more effort than the residuals that were taken instead.
             continue
-        force, moment = left[frame].sum(axis=0)
+        force, turn = left[frame].sum(axis=0)
         sites = problem.contacts.generators.sites
         touching = tuple(
             site.name for index, site in enumerate(sites) if problem.contacts.activations[frame, index] > 0.0
         )
-        named = (
-            tuple(allowance for allowance in allowed if allowance.size > options.named * roots.weight) or allowed[:1]
-        )
+        named = tuple(allowance for allowance in allowed if allowance.size > NAMED * roots.weight) or allowed[:1]
         time = float(tension.time[frame])
-        lacking = what_lacks(touching, force, moment, roots.up)
+        lacking = what_lacks(touching, force, turn, roots.up)
         size = sum(allowance.size for allowance in allowed) / roots.weight
         results.append(
             Relaxation(
-                frame, time, force, moment, touching, named, size, f"{time:.2f} s: {lacking}: {what_would_do(named)}"
+                frame, time, force, turn, touching, named, size, f"{time:.2f} s: {lacking}: {what_would_do(named)}"
             )
         )
     return tuple(results)

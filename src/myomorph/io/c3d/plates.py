@@ -76,7 +76,6 @@ def _plate(raw: RawC3d, group: str, index: int, kind: int, meters: float, notes:
         channel_names=tuple(labels[column] if column < len(labels) else "" for column in columns),
         calibration=calibration,
         center_polynomial=polynomial.reshape(2, 6) if kind == 3 and len(polynomial) == 12 else None,
-        zero=_zero(raw, group),
     )
 
 
@@ -133,14 +132,3 @@ def _in_millimeters(samples: Array, corners: Array) -> bool:
     away = np.median(moments[loaded] / pressing[loaded]) if loaded.any() else 0.0
     reach = np.linalg.norm(corners - corners.mean(axis=0), axis=1).max()
     return bool(away > 10.0 * reach and 1e-3 * away < reach)
-
-
-def _zero(raw: RawC3d, group: str) -> tuple[int, int] | None:
-    """First and last sample that the file names as unloaded, or None."""
-    frames = raw.numbers(group, "ZERO")
-    if len(frames) < 2 or not len(raw.points) or frames[1] < max(frames[0], 1):
-        return None
-    each = len(raw.analog) // len(raw.points)
-    first = (max(int(frames[0]), 1) - raw.first_frame) * each
-    last = (int(frames[1]) - raw.first_frame + 1) * each - 1
-    return (first, last) if 0 <= first <= last < len(raw.analog) else None

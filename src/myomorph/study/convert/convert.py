@@ -213,8 +213,7 @@ def c3d_trial(recording: Recording) -> Trial:
     clock = markers.time[0] + step * np.arange(len(markers) * every)
     up = np.eye(3)["xyz".index(vertical(recording) or "y")]
     plates = tuple(
-        replace(plate, channels=_at(recording.plate_time, plate.channels, clock), zero=None)
-        for plate in recording.plates
+        replace(plate, channels=_at(recording.plate_time, plate.channels, clock)) for plate in recording.plates
     )
     if recording.wrenches is not None and not plates:
         plates = tuple(_plate(recording.wrenches, index, clock, up) for index in range(len(recording.wrenches.names)))

@@ -123,7 +123,7 @@ def between(recording: Recording, start: float, end: float) -> Recording:
         wrenches = wrenches.frames(inside)
     if len(plate_time):
         inside = (plate_time >= start - 1e-9) & (plate_time <= end + 1e-9)
-        plates = tuple(replace(plate, channels=plate.channels[inside], zero=None) for plate in plates)
+        plates = tuple(replace(plate, channels=plate.channels[inside]) for plate in plates)
         plate_time = plate_time[inside]
     return replace(
         recording,
