@@ -16,14 +16,16 @@ from myomorph.motion.emg_checks import envelope_faults, refuse_unfit, without_fa
 from myomorph.motion.emg_delay import DOUBT, USUAL, ChannelMap, EmgCalibration, uncalibrated
 from myomorph.motion.filters import lowpass
 from myomorph.tension.emg_frames import (
+    calibration_of,
     kept_level,
     settled_fit,
+    some_names,
     synergy_groups,
     tracked_frames,
 )
 from myomorph.tension.emg_held_out import EmgTrial, HeldOut, swap_lines
 from myomorph.tension.emg_targets import EmgOptions, mapped_muscles
-from myomorph.tension.emg_tracking import Prior, TorqueTracking, gain_prior
+from myomorph.tension.emg_tracking import Fit, Prior, TorqueTracking, gain_prior
 from myomorph.tension.problem import TensionInputs
 from myomorph.tension.tension import TensionOptions
 
