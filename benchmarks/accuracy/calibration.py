@@ -14,11 +14,10 @@ from benchmarks.recordings import read_markers
 from myomorph.io.osim.marker_set import read_marker_set
 from myomorph.model.landmarks import Measurement
 from myomorph.model.scale import scale
+from myomorph.motion import measurements
 from myomorph.motion.calibration import Calibration
 from myomorph.motion.ik import KinematicsFit
 from myomorph.motion.lengths import lengths_of
-from myomorph.motion.measurements import measure as measured_length
-from myomorph.motion.measurements import place_markers, with_measured
 from myomorph.motion.sync import cut
 
 OPENCAP, GAIT = "opencap-subject4-multitask", "opensim-gait-subject01"
@@ -183,13 +182,11 @@ def scaled_by_pairs(generic: mm.Model, markers: mm.Markers) -> mm.Model:
         Measurement(name, tuple((a, b) for a, b in (one.split() for one in of)), dict.fromkeys(bodies, "xyz"))
         for name, of, bodies in HAMNER_PAIRS
     ]
-    model = scale(generic, with_measured([measured_length(generic, markers, pair) for pair in pairs]))
+    model = scale(generic, measurements.with_measured([measurements.measure(generic, markers, pair) for pair in pairs]))
     names = tuple(name for name in model.marker_names if name in markers.names)
     fit = tracked(model, markers, names)
-    placed = {
-        one.name: one
-        for one in place_markers(model, fit.motion, markers, {name: model.marker(name).body for name in names})
-    }
+    bodies = {name: model.marker(name).body for name in names}
+    placed = {one.name: one for one in measurements.place_markers(model, fit.motion, markers, bodies)}
     return model.with_markers(tuple(placed.get(one.name, one) for one in model.markers))
 
 

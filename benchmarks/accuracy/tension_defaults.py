@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
-from scipy.optimize import nnls
 
 import myomorph as mm
 from benchmarks.accuracy.emg import WALKS, Walk
@@ -114,7 +113,7 @@ def _fit(found: Tension, walk: Walk, channel: str, measured: Array) -> tuple[flo
     """Correlation of the channel's muscles, and RMS once they are scaled to fit best."""
     predicted = channel_means({channel: walk.channels[channel]}, found.muscles, found.activations)[:, 0]
     use = np.isfinite(predicted) & np.isfinite(measured)
-    (scale,), _ = nnls(predicted[use, None], measured[use])
+    scale = max(predicted[use] @ measured[use], 0.0) / max(predicted[use] @ predicted[use], 1e-300)
     rms = float(np.sqrt(np.mean((scale * predicted[use] - measured[use]) ** 2)))
     moves = np.std(predicted[use]) > 1e-9
     # A channel whose muscles never work follows nothing.
