@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from myomorph.contact.feet_on_steps import feet_on_steps, shared_stairs, stair_wrenches
-from myomorph.contact.stairs import COMPONENTS, StairOptions, Step, loadings, step_loads
+from myomorph.contact.stairs import COMPONENTS, StairOptions, Step, step_loads
+from myomorph.model.arrays import runs
 from myomorph.model.contacts import Site
 from myomorph.model.errors import BadData
 from myomorph.model.functions import linear
@@ -23,6 +24,16 @@ RATE, FRAMES = 1000.0, 1200
 HERE = Transform.identity()
 UP = axis_rotation((1.0, 0.0, 0.0), -np.pi / 2.0)
 """Turns a tread whose z is its normal so that this is y of ground, x kept."""
+
+
+def loadings(loads):
+    """Every loading: step, start and stop [s], greatest force along the normal [N]; in order of time."""
+    result = [
+        (step.name, float(loads.time[a]), float(loads.time[b - 1]), float(loads.pressing[a:b, index].max()))
+        for index, step in enumerate(loads.steps)
+        for a, b in runs(loads.loaded[:, index])
+    ]
+    return sorted(result, key=lambda result: result[1])
 
 
 def mouse():

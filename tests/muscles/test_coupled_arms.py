@@ -96,7 +96,7 @@ def test_a_coordinate_moves_by_one_and_others_as_little_as_they_can():
     tree = compile_tree(model)
     c = close_loops(tree, start[None])
     for group in loop_groups(tree):
-        couplings = loop_couplings(tree, group, c, "coordinates")
+        couplings = loop_couplings(tree, group, c)
         n = len(group.coordinates)
         np.testing.assert_allclose(couplings[0][np.arange(n), np.arange(n)], 1.0)
         # The projection is symmetric: k's part in j's motion is j's in k's, each per its own.

@@ -19,9 +19,8 @@ import numpy as np
 from scipy.optimize import least_squares
 
 import myomorph as mm
-from myomorph.contact.plate_calibration import rotation_vector
 from myomorph.model.arrays import Array, frozen_array, read_only
-from myomorph.model.spatial import axis_rotation
+from myomorph.model.spatial import axis_rotation, vector_from_rotation
 from myomorph.motion.filters import lowpass, natural_spline
 
 STARTS = 3
@@ -270,7 +269,7 @@ class _Held:
         turn = across @ columns.T
         if np.linalg.det(turn) < 0:
             turn = np.eye(3)
-        return rotation_vector(turn)
+        return vector_from_rotation(turn)
 
     def _covariance(self, slopes: Array, left: Array) -> Array:
         """Sandwich of block sums."""

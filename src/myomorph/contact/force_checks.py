@@ -78,7 +78,7 @@ def check_mirrors(inspection: Inspection) -> Iterator[Finding]:
             if _share(np.asarray(others.any(axis=1)), weights) > STANDS:
                 exchanged = _distance(inspection, centers, others, weights)
         result = _mirror(inspection, centers, carriers, weights)
-        fits = _share(_stands(stands, owner), weights) > STANDS
+        fits = _share(stands.any(axis=1) if owner is None else stands[:, owner], weights) > STANDS
         if not fits or result.distance > min(FITS * feet.unit, MARKED * before):
             continue
         if result.distance < CLEARER * exchanged:
@@ -94,10 +94,6 @@ def _carriers(stands: NDArray[np.bool_], own: int | None) -> NDArray[np.bool_]:
     result = np.zeros_like(stands)
     result[:, own] = True
     return result
-
-
-def _stands(stands: NDArray[np.bool_], own: int | None) -> NDArray[np.bool_]:
-    return np.asarray(stands.any(axis=1) if own is None else stands[:, own])
 
 
 def _share(frames: NDArray[np.bool_], weights: Array) -> float:
@@ -152,14 +148,11 @@ def _named(axes: Array) -> str:
     return " and ".join("xyz"[int(np.argmax(np.abs(axis)))] for axis in axes)
 
 
-def _about(mirror: Mirror) -> str:
-    return ", ".join(f"{item:.2f}" for item in mirror.middle)
-
-
 def _mirrored(name: str, mirror: Mirror, before: float) -> Finding:
+    middle = ", ".join(f"{item:.2f}" for item in mirror.middle)
     text = (
         f"the center of pressure of force '{name}' lies {100.0 * before:.0f} cm from the foot that the belt carries, "
-        f"{100.0 * mirror.distance:.0f} cm when mirrored along {_named(mirror.axes)} (about {_about(mirror)} m): its "
+        f"{100.0 * mirror.distance:.0f} cm when mirrored along {_named(mirror.axes)} (about {middle} m): its "
         "plate seems mirrored about its own middle, and torques there are wrong: check the plate's corners or the sign "
         "of its moments"
     )

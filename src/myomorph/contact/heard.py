@@ -21,7 +21,7 @@ from myomorph.contact.impacts import (
 from myomorph.contact.onsets import SoundOptions
 from myomorph.contact.sound import HeardImpacts, Instrument, contacts_heard, hear_impacts
 from myomorph.model.arrays import Array, read_only
-from myomorph.model.contacts import Contacts, Site, Touch
+from myomorph.model.contacts import Contacts, Site
 from myomorph.model.errors import BadData, check_name
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Sound, Wrenches
@@ -113,12 +113,11 @@ def camera_clock(seen: Sequence[float], known: Sequence[float], drift: float = 1
 
 def on_clock(contacts: Contacts, clock: CameraClock) -> Contacts:
     """The same contacts on the motion's clock."""
-    return replace(contacts, intervals=tuple(_moved(interval, clock) for interval in contacts.intervals))
-
-
-def _moved(touch: Touch, clock: CameraClock) -> Touch:
-    start, stop = (clock.start + clock.pace * time for time in (touch.start, touch.stop))
-    return replace(touch, start=start, stop=stop)
+    start, pace = clock.start, clock.pace
+    intervals = (
+        replace(touch, start=start + pace * touch.start, stop=start + pace * touch.stop) for touch in contacts.intervals
+    )
+    return replace(contacts, intervals=tuple(intervals))
 
 
 Impulse = Literal["known", "motion"]

@@ -107,7 +107,7 @@ def sound_faults(sound: Sound, time: Array | None = None) -> tuple[str, ...]:
             results.append(f"sound channel '{name}' is silent")
             continue
         for edge in (channel.max(), channel.min()):
-            flat = _longest_run(channel == edge)
+            flat = max((stop - start for start, stop in runs(channel == edge)), default=0)
             if flat >= 3 and abs(edge) > 0.5 * peak:
                 at = sound.start + int(np.argmax(channel == edge)) / sound.rate
                 results.append(
@@ -256,7 +256,3 @@ def _without_echoes(impacts: Sequence[HeardImpact], options: SoundOptions) -> li
             continue
         kept.append(impact)
     return kept
-
-
-def _longest_run(flags: np.ndarray) -> int:
-    return max((stop - start for start, stop in runs(flags)), default=0)

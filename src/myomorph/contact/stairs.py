@@ -17,7 +17,7 @@ from typing import Literal
 import numpy as np
 
 from myomorph.contact.states import hysteresis, steady
-from myomorph.model.arrays import Array, freeze, frozen_array, read_only, runs
+from myomorph.model.arrays import Array, freeze, frozen_array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.series import Series
 from myomorph.model.spatial import Transform
@@ -221,13 +221,3 @@ def _in_ground(step: Step, own: Array) -> tuple[Array, Array]:
 def _reached(uses: np.ndarray, known: np.ndarray) -> np.ndarray:
     """(3,) whether all that a component is made of is known."""
     return np.all(~uses | known[None, :], axis=1)
-
-
-def loadings(loads: StepLoads) -> list[tuple[str, float, float, float]]:
-    """Every loading: step, start and stop [s], greatest force along the normal [N]; in order of time."""
-    result = [
-        (step.name, float(loads.time[a]), float(loads.time[b - 1]), float(loads.pressing[a:b, index].max()))
-        for index, step in enumerate(loads.steps)
-        for a, b in runs(loads.loaded[:, index])
-    ]
-    return sorted(result, key=lambda result: result[1])

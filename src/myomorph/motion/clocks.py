@@ -125,23 +125,6 @@ def resample(series: SeriesKind, time: Array, cutoff: float | None = None) -> Se
     return replace(series, **changes)
 
 
-def estimate_clock(
-    time: Array, signal: Array, other_time: Array, other_signal: Array, options: ClockOptions | None = None
-) -> Clock:
-    """Clock of one recording against another that holds the same signals (frames,) or (frames, signals), each up to a
-    factor and a constant; NaN where unknown.
-    """
-    mine = np.asarray(signal, dtype=np.float64).reshape(len(time), -1)
-    theirs = np.asarray(other_signal, dtype=np.float64).reshape(len(other_time), -1)
-    if mine.shape[1] != theirs.shape[1]:
-        raise BadData(f"{mine.shape[1]} signals on one clock and {theirs.shape[1]} on the other: expected the same")
-    signals = mine.shape[1]
-    rows = np.zeros((len(time), signals, 2 * signals))
-    each = np.arange(signals)
-    rows[:, each, each], rows[:, each, signals + each] = mine, 1.0
-    return fit_clock(time, rows, other_time, theirs, options)
-
-
 def fit_clock(
     time: Array,
     rows: Array,
@@ -207,7 +190,7 @@ def _doubt(refineds: list[Refined]) -> str:
 def on_one_clock(parts: Mapping[str, SeriesKind]) -> tuple[dict[str, SeriesKind], tuple[str, ...]]:
     """Motions or markers of several parts at the times of that with the highest rate, over what all cover; and notes on
     what was resampled or cut. Times are taken as they are: clocks that count from different instants have to be brought
-    together first (`estimate_clock`). A resampled motion has no velocities: differentiate it again.
+    together first (`fit_clock`). A resampled motion has no velocities: differentiate it again.
     """
     if not clock_difference(parts):
         return dict(parts), ()

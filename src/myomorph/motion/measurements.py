@@ -144,7 +144,12 @@ def place_on_pose(
         if marker.name in placed
     }
     return Placement(
-        replace(kept, markers=tuple(_at(marker, placed) for marker in kept.markers)),
+        replace(
+            kept,
+            markers=tuple(
+                replace(marker, location=placed.get(marker.name, marker).location) for marker in kept.markers
+            ),
+        ),
         fit,
         moved,
         removed,
@@ -159,10 +164,6 @@ def _mean(markers: Markers) -> Markers:
     total = np.where(seen, markers.values, 0.0).sum(axis=0)
     mean = np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0)
     return replace(markers, time=markers.time[:1], values=mean[None])
-
-
-def _at(marker: Marker, placed: dict[str, Marker]) -> Marker:
-    return replace(marker, location=placed[marker.name].location) if marker.name in placed else marker
 
 
 def _notes(model: Model, used: Markers, seen: set[str], most_movement: float) -> list[str]:

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from myomorph.model.arrays import Array
 from myomorph.model.errors import quoted
 from myomorph.model.findings import Finding, spans_of
 from myomorph.model.model import GROUND, Model
@@ -104,9 +103,9 @@ def _blind_findings(model: Model, markers: Markers, fit: KinematicsFit, problem:
     frames = marker_frames(compile_tree(model), problem, markers.values[chosen][:, columns], fit.motion.values[chosen])
     names = [model.coordinate_names[j] for j in undetermined(frames, problem, problem.markers.weight)]
     if names:
-        stay = "It stays" if len(names) == 1 else "They stay"
+        count, stay = ("a coordinate", "It stays") if len(names) == 1 else (f"{len(names)} coordinates", "They stay")
         text = (
-            f"no marker determines {_counted(names)}: {quoted(names)}. {stay} near the default; lock what is "
+            f"no marker determines {count}: {quoted(names)}. {stay} near the default; lock what is "
             "not measured, or add markers"
         )
         yield Finding("undetermined", ", ".join(names), text)
@@ -135,10 +134,6 @@ def turned_findings(model: Model, fit: KinematicsFit) -> Iterator[Finding]:
         yield Finding("joint turned over", coordinate.name, text, spans)
 
 
-def _counted(names: list[str]) -> str:
-    return "a coordinate" if len(names) == 1 else f"{len(names)} coordinates"
-
-
 def _upright_findings(model: Model, fit: KinematicsFit) -> Iterator[Finding]:
     """A floating body that lies or stands on its head in nearly all frames: its vertical may be another axis."""
     floating = set(floating_coordinates(model))
@@ -155,7 +150,7 @@ def _upright_findings(model: Model, fit: KinematicsFit) -> Iterator[Finding]:
     tilt = np.degrees(np.arccos(np.clip(now @ up, -1.0, 1.0)))
     if float((tilt > LIES).mean()) < MOSTLY:
         return
-    axis = "xyz"[int(np.argmax(np.abs(_mean(now))))]
+    axis = "xyz"[int(np.argmax(np.abs(now.mean(axis=0))))]
     usual = float(np.median(tilt))
     what = "stands on its head" if usual > 150.0 else "lies"
     count = f"{int((tilt > LIES).sum())} of {len(tilt)} frames"
@@ -164,10 +159,6 @@ def _upright_findings(model: Model, fit: KinematicsFit) -> Iterator[Finding]:
         "stood, the recording's vertical is not the model's: turn its axes"
     )
     yield Finding("vertical axis", joint.child, text)
-
-
-def _mean(vectors: Array) -> Array:
-    return np.asarray(vectors.mean(axis=0))
 
 
 def _convergence_findings(fit: KinematicsFit) -> Iterator[Finding]:

@@ -6,7 +6,6 @@ A body floats in the laboratory by coordinates whose bounds say nothing about it
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -113,12 +112,9 @@ def of_one_branch(tree: Tree, problem: PoseProblem, values: Array) -> Array:
             if np.abs(here - last).max() > JUMP:
                 alike = (here, nearest_turn(here, last), nearest_turn(other_angles(here, axes), last))
                 inside = [angles for angles in alike if ((low <= angles) & (angles <= high)).all()]
-                values[frame, triple] = min(inside or [here], key=partial(_distance, last))
+                tried = np.array(inside or [here])
+                values[frame, triple] = tried[np.argmin(np.sum((tried - last) ** 2, axis=1))]
     return values
-
-
-def _distance(one: Array, other: Array) -> float:
-    return float(np.sum((one - other) ** 2))
 
 
 def other_branch(angles: Array) -> Array:

@@ -16,7 +16,6 @@ for each holds the others' share: muscle forces take the null space instead, see
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
@@ -29,8 +28,6 @@ from myomorph.rigid.tree import Tree
 STILL = 1e-9  # A coordinate whose part in its own projection is less cannot move
 TURNING = ("ScapulothoracicJoint", "EllipsoidJoint", "BallJoint", "FreeJoint")
 """Joints whose speeds in OpenSim are angular velocities instead of rates of their three angles."""
-
-Speeds = Literal["opensim", "coordinates"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,18 +66,16 @@ def loop_groups(tree: Tree) -> tuple[LoopGroup, ...]:
     return tuple(results)
 
 
-def loop_couplings(tree: Tree, group: LoopGroup, coordinates: Array, speeds: Speeds = "opensim") -> Array:
+def loop_couplings(tree: Tree, group: LoopGroup, coordinates: Array) -> Array:
     """How fast a group's leading coordinates move per unit speed of each of its coordinates.
-    `coordinates` (frames, coordinates) consistent values; `speeds`: "opensim" for OpenSim's speeds; "coordinates" for
-    the rates of all coordinates, whose arms are -dl/dq. Returns (frames, leading, group) column k holds P e_k / (P
+    `coordinates` (frames, coordinates) consistent values. Returns (frames, leading, group) column k holds P e_k / (P
     e_k)_k of the formula above, of what leads; where k cannot move, its own motion alone.
     """
     members, leading = group.coordinates, group.leading
     frames, n = len(coordinates), len(members)
     G = closure_jacobian(tree, coordinates)[:, :, members[leading]]
     T = _leads(tree, group, coordinates)
-    if speeds == "opensim":
-        _turn(tree, group, coordinates, T)
+    _turn(tree, group, coordinates, T)
     result = np.zeros((frames, len(leading), n))
     places = {int(place): i for i, place in enumerate(leading)}
     for index in range(n):

@@ -55,31 +55,31 @@ def closure_rates(tree: Tree, coordinates: Array, velocities: Array, acceleratio
     return first, second
 
 
-def close_loops(tree: Tree, coordinates: Array, weights: Array | None = None, held: Sequence[int] | Ints = ()) -> Array:
+def close_loops(tree: Tree, coordinates: Array, held: Sequence[int] | Ints = ()) -> Array:
     """The coordinates nearest to those given that close every loop.
-    min sum_j w_j (c_j - given_j)^2 so that closure(c) = 0, by gradient projection.
+    min sum_j (c_j - given_j)^2 so that closure(c) = 0, by gradient projection.
     Locked, prescribed and `held` coordinates stay, coupled ones follow; ranges are not looked at.
-    `coordinates` (frames, coordinates) [rad or m]; frames that hold NaN stay as they are; `weights` (coordinates,)
-    above 0, 1 each by default; `held`: indices of coordinates that stay.
+    `coordinates` (frames, coordinates) [rad or m]; frames that hold NaN stay as they are; `held`: indices of
+    coordinates that stay.
     """
     targets = _copy(coordinates)
     couple_frames(tree.arrays, targets)
     if not tree.model.loops:
         return targets
     free = free_coordinates(tree, held)
-    scale = 1.0 / np.sqrt(_weights(tree, weights)[free])
     closed = targets.copy()
     good = np.flatnonzero(np.isfinite(targets).all(axis=1))
     for start in range(0, len(good), FRAMES_AT_ONCE):
         frames = good[start : start + FRAMES_AT_ONCE]
-        closed[frames] = _project(tree, targets[frames], free, scale)
+        closed[frames] = _project(tree, targets[frames], free)
     error = np.abs(closure(tree, closed[good]))
     if error.size and error.max() > CLOSED:
         worst, row = np.unravel_index(int(np.argmax(error)), error.shape)
         loop = tree.model.loops[int(np.searchsorted(tree.loops.row, row, side="right")) - 1]
+        before = float(np.abs(closure(tree, targets[good[worst]][None])).max())
         raise BadData(
             f"frame {good[worst]}: {loop.kind} '{loop.name}' cannot be closed, {error[worst, row]:.2g} are left of "
-            f"{_opening(tree, targets[good[worst]]):.2g} m or rad; do the coordinates belong to this model, and is "
+            f"{before:.2g} m or rad; do the coordinates belong to this model, and is "
             f"enough of {', '.join(_movers(tree))} free to move?"
         )
     return closed
@@ -90,15 +90,13 @@ def project_rates(
     coordinates: Array,
     velocities: Array,
     accelerations: Array,
-    weights: Array | None = None,
     held: Sequence[int] | Ints = (),
 ) -> tuple[Array, Array]:
     """Velocities and accelerations nearest to those given with which closed loops stay closed.
-    G qdot = 0 and G qddot + Gdot qdot = 0, changed as little as possible in the weighted norm. Locked,
+    G qdot = 0 and G qddot + Gdot qdot = 0, changed as little as possible. Locked,
     prescribed and `held` coordinates keep their rates, coupled ones follow.
     `coordinates`, `velocities`, `accelerations` (frames, coordinates), the coordinates closed (`close_loops`);
-    `weights` (coordinates,) above 0, 1 each by default; `held`: indices of coordinates whose rates stay. Returns
-    `velocities`, `accelerations` (frames, coordinates).
+    `held`: indices of coordinates whose rates stay. Returns `velocities`, `accelerations` (frames, coordinates).
     """
     c, v, a = (_copy(values) for values in (coordinates, velocities, accelerations))
     couple_rates_frames(tree.arrays, c, v, a)
@@ -106,11 +104,10 @@ def project_rates(
     if not tree.model.loops or not good.any():
         return v, a
     free = free_coordinates(tree, held)
-    scale = 1.0 / np.sqrt(_weights(tree, weights)[free])
-    inverse = _pseudo_inverse(closure_jacobian(tree, c[good])[:, :, free] * scale)
+    inverse = _pseudo_inverse(closure_jacobian(tree, c[good])[:, :, free])
     for order, rates in enumerate((v, a)):
         wrong = closure_rates(tree, c[good], v[good], a[good])[order]
-        rates[np.ix_(good, free)] -= scale * np.einsum("fjr,fr->fj", inverse, wrong)
+        rates[np.ix_(good, free)] -= np.einsum("fjr,fr->fj", inverse, wrong)
         couple_rates_frames(tree.arrays, c, v, a)
         left = np.abs(closure_rates(tree, c[good], v[good], a[good])[order])
         if left.max() > 1e-9 * (1.0 + np.abs(wrong).max() + np.abs(rates[good]).max()):
@@ -191,37 +188,29 @@ def _copy(array: Array) -> Array:
     return np.array(array, dtype=np.float64, order="C")
 
 
-def _weights(tree: Tree, weights: Array | None) -> Array:
-    n = len(tree.model.coordinates)
-    result = np.ones(n) if weights is None else np.asarray(weights, np.float64)
-    if result.shape != (n,) or not (result > 0.0).all():
-        raise BadData(f"weights of {n} coordinates: expected as many numbers above 0, got shape {result.shape}")
-    return result
-
-
 def _pseudo_inverse(G: Array) -> Array:
     """(frames, n, rows) Moore-Penrose inverse of (frames, rows, n), directions below `RANK` left out."""
     return np.asarray(np.linalg.pinv(G, rcond=RANK), np.float64)
 
 
-def _project(tree: Tree, targets: Array, free: Ints, scale: Array) -> Array:
+def _project(tree: Tree, targets: Array, free: Ints) -> Array:
     """Nearest closed coordinates: steps towards those given along the constraint, closed again after each."""
-    c = _shut(tree, targets, free, scale)
+    c = _shut(tree, targets, free)
     for frame in np.flatnonzero(np.abs(closure(tree, c)).max(axis=1) > CLOSED):
-        c[frame] = _elsewhere(tree, targets[frame], free, scale)
+        c[frame] = _elsewhere(tree, targets[frame], free)
         if np.abs(closure(tree, c[frame : frame + 1])).max() > CLOSED:
             return c
     share = np.ones(len(c))
     moving = np.flatnonzero(np.abs(closure(tree, c)).max(axis=1) <= CLOSED)
     for _ in range(STEPS):
         now = c[moving]
-        back = (targets[moving][:, free] - now[:, free]) / scale
-        G = closure_jacobian(tree, now)[:, :, free] * scale
+        back = targets[moving][:, free] - now[:, free]
+        G = closure_jacobian(tree, now)[:, :, free]
         along = back - np.einsum("fjr,frk,fk->fj", _pseudo_inverse(G), G, back)
         trial = now.copy()
-        trial[:, free] += share[moving, None] * along * scale
-        trial = _shut(tree, trial, free, scale)
-        left = ((targets[moving][:, free] - trial[:, free]) / scale) ** 2
+        trial[:, free] += share[moving, None] * along
+        trial = _shut(tree, trial, free)
+        left = (targets[moving][:, free] - trial[:, free]) ** 2
         nearer = (left.sum(axis=1) < (back**2).sum(axis=1)) & (np.abs(closure(tree, trial)).max(axis=1) <= CLOSED)
         c[moving[nearer]] = trial[nearer]
         share[moving] = np.where(nearer, np.minimum(1.0, 2.0 * share[moving]), 0.25 * share[moving])
@@ -231,7 +220,7 @@ def _project(tree: Tree, targets: Array, free: Ints, scale: Array) -> Array:
     return c
 
 
-def _elsewhere(tree: Tree, target: Array, free: Ints, scale: Array) -> Array:
+def _elsewhere(tree: Tree, target: Array, free: Ints) -> Array:
     """The nearest of the closed poses that the default and random poses lead to, where the given one leads to none."""
     starts = np.tile(target, (ELSEWHERE + 1, 1))
     starts[:, free] = tree.defaults[free]
@@ -244,12 +233,12 @@ def _elsewhere(tree: Tree, target: Array, free: Ints, scale: Array) -> Array:
             min(coordinate.range[1], coordinate.default + reach),
         )
         starts[1:, j] = low + (high - low) * shares[:, i]
-    shut = _shut(tree, starts, free, scale)
-    far = (((shut - target)[:, free] / scale) ** 2).sum(axis=1)
+    shut = _shut(tree, starts, free)
+    far = ((shut - target)[:, free] ** 2).sum(axis=1)
     return shut[int(np.argmin(np.where(np.abs(closure(tree, shut)).max(axis=1) <= CLOSED, far, np.inf)))]
 
 
-def _shut(tree: Tree, start: Array, free: Ints, scale: Array) -> Array:
+def _shut(tree: Tree, start: Array, free: Ints) -> Array:
     """Newton steps of least norm on the closure, each as long as it lowers it, until loops close or none does."""
     c = start.copy()
     moving = np.arange(len(c))
@@ -261,7 +250,7 @@ def _shut(tree: Tree, start: Array, free: Ints, scale: Array) -> Array:
         moving, error, G, size = moving[open_], error[open_], G[open_], size[open_]
         if not len(moving):
             break
-        step = -scale * np.einsum("fjr,fr->fj", _pseudo_inverse(G[:, :, free] * scale), error)
+        step = -np.einsum("fjr,fr->fj", _pseudo_inverse(G[:, :, free]), error)
         step /= np.maximum(1.0, np.abs(step).max(axis=1, initial=0.0))[:, None]
         better = np.zeros(len(moving), np.bool_)
         for share in (1.0, 0.3, 0.1, 0.01):
@@ -297,10 +286,6 @@ def _pivots(tree: Tree, G: Array, free: Ints) -> Ints:
         left[:, :, column] = 0.0
         chosen.append(column)
     return np.array(sorted(chosen), np.int64)
-
-
-def _opening(tree: Tree, coordinates: Array) -> float:
-    return float(np.abs(closure(tree, coordinates[None])).max())
 
 
 def _movers(tree: Tree) -> list[str]:

@@ -91,7 +91,8 @@ def demo_case() -> tuple[Model, dict[str, Surface], dict[str, Surface], dict[str
     names = {body: body if body == "pelvis" else f"{body}_r" for body in BODIES}
     left = {names[body]: surfaces[body if body == "pelvis" else f"{body}_l"] for body in BODIES}
     truth = truths(model)
-    theirs = {body: _deformed(_mirrored(surface), truth[body]) for body, surface in left.items()}
+    right = {body: Surface(surface.vertices * MIRROR, surface.faces[:, ::-1]) for body, surface in left.items()}
+    theirs = {body: _deformed(surface, truth[body]) for body, surface in right.items()}
     return model, {body: surfaces[body] for body in truth}, theirs, truth
 
 
@@ -135,10 +136,6 @@ def truths(model: Model) -> dict[str, BodyTruth]:
     tree = compile_tree(model)
     poses = forward_kinematics(tree, tree.defaults[None]).transforms()
     return {body: BodyTruth(field, poses[body], field.apply(poses[body].translation)) for body in model.body_names}
-
-
-def _mirrored(surface: Surface) -> Surface:
-    return Surface(surface.vertices * MIRROR, surface.faces[:, ::-1])
 
 
 def _deformed(surface: Surface, truth: BodyTruth) -> Surface:

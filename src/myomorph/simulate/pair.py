@@ -213,23 +213,22 @@ def _recorded(
     envelope = gain * truth.activations.values
     envelope = np.clip(envelope + options.emg_noise * random.standard_normal(envelope.shape), 0.0, 1.0)
     sites = pair_sites(builds)
+    feet = {i: body for i, body in enumerate(truth.wrenches.bodies) if body in FEET}
+    plates = {
+        part: truth.wrenches.columns([i for i, body in feet.items() if body.startswith(part)]) for part in fighter.PARTS
+    }
     return VirtualPair(
         options,
         FrozenMap(dict(known)),
         whole,
         Markers(time, whole.marker_names, places),
         Emg(time, whole.muscle_names, envelope),
-        FrozenMap({part: _plates(truth, part) for part in fighter.PARTS}),
+        FrozenMap(plates),
         sites,
         _touching(truth, known, sites),
         FrozenMap(dict(builds)),
         truth,
     )
-
-
-def _plates(truth: PairTruth, part: str) -> Wrenches:
-    feet = [index for index, body in enumerate(truth.wrenches.bodies) if body in FEET and body.startswith(part)]
-    return truth.wrenches.columns(feet)
 
 
 def pair_sites(builds: Mapping[str, fighter.Build], directed: bool = False) -> tuple[Site, ...]:

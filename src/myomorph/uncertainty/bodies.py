@@ -75,7 +75,9 @@ def drawn_model(model: Model, draw: Draw) -> Model:
         joints = (joint if floating.intersection(joint.coordinates) else _joint(joint, draw) for joint in model.joints)
         parts["joints"] = tuple(joints)
     if has.placement:
-        parts["markers"] = tuple(_marker(marker, draw) for marker in model.markers)
+        parts["markers"] = tuple(
+            replace(marker, location=marker.location + draw.of("placement", marker.name, 3)) for marker in model.markers
+        )
     if has.leg_alignment:
         parts |= _bowed(model, parts, draw)
     if has.attachment or has.patella or has.strength or has.fiber_length or has.slack_length:
@@ -192,10 +194,6 @@ def _bowed(model: Model, parts: Mapping[str, Any], draw: Draw) -> dict[str, Any]
         joints = tuple(bowed_knee(joint, leg, angle) if joint.name == name else joint for joint in joints)
         markers = tuple(beside_bowed_bones(marker, leg, angle) for marker in markers)
     return {"joints": joints, "markers": markers}
-
-
-def _marker(marker: Marker, draw: Draw) -> Marker:
-    return replace(marker, location=marker.location + draw.of("placement", marker.name, 3))
 
 
 def _muscle(muscle: Muscle, draw: Draw) -> Muscle:

@@ -251,7 +251,8 @@ def zero_angles(
     precision[SYMMETRY] = _precision(S, information)
     for name, part in ((FUNCTIONAL, motion), (STATIC, slice(len(problem.sets) - 1, None) if static else None)):
         if part is not None and problem.sets[part]:
-            H = reduce(replace(problem, sets=problem.sets[part]), _part(at, part)).H
+            here = replace(at, poses=at.poses[part], angles=at.angles[part], data=at.data[part])
+            H = reduce(replace(problem, sets=problem.sets[part]), here).H
             information = information + H[np.ix_(given_size, given_size)] / variance
         precision[name] = _precision(S, information)
     order = (GENERIC, SYMMETRY, FUNCTIONAL, STATIC)
@@ -271,10 +272,6 @@ def zero_angles(
         )
         for column, j in enumerate(chosen)
     )
-
-
-def _part(at: Point, part: slice) -> Point:
-    return replace(at, poses=at.poses[part], angles=at.angles[part], data=at.data[part])
 
 
 def _precision(S: Array, information: Array) -> Array:
