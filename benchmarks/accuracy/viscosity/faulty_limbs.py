@@ -18,13 +18,14 @@ from benchmarks.accuracy.viscosity.handling import Clamp, Gimbal, base_load, res
 from myomorph.model.arrays import Array
 from myomorph.model.series import Wrenches
 from myomorph.simulate.laboratory import Noise, Sampled, measured_markers, measured_wrench, simulate
-from myomorph.simulate.limb import BaseLoad, HeldLimb, SoftTissue, fixed_points, swing_mjcf
+from myomorph.simulate.limb import BaseLoad, HeldLimb, fixed_points, swing_mjcf
 from myomorph.simulate.shoulder import BASE, FIRST, FURTHER, HELD, PLATE, STEP, arm_specimen, hanging, mounted, released
 from myomorph.viscosity.cohort import SPECIMENS
 from myomorph.viscosity.identification.budget import ErrorOptions
 from myomorph.viscosity.specimen.model import Specimen, SwingTrial
 from myomorph.viscosity.trust.law import HINGES
 from myomorph.viscosity.trust.moment_arms import MomentArmOptions
+from truths.soft_limbs import SoftTissue
 
 SECONDS, TRIALS = 8.0, 3
 EVERY = 4
@@ -206,12 +207,12 @@ def _swings(
     states = [(np.append(position, loose), np.append(rates, loose)) for position, rates in states]
     text = {
         "limb": limb,
-        "parameters": parameters,
+        "parameters": parameters if tissue is None else parameters - tissue.parameters,
         "stand": limb.specimen.stand,
         "rest": rest,
         "damping": damping,
         "muscle": muscle,
-        "tissue": tissue,
+        "loose": "" if tissue is None else tissue.mjcf(rest.T @ np.asarray(limb.specimen.model.gravity)),
         "load": load,
         "joint": "" if gimbal is None else gimbal.mjcf,
     }

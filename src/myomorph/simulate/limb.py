@@ -25,7 +25,7 @@ SHARES = (0.3, 0.35, 0.35)
 """Of humerus, forearm and hand in the mass without muscles, before the mass center is set: [S] leaves skin, fat
 and muscle at the hand alone."""
 FLESH_RADIUS, FLESH_LENGTH = 0.045, 0.22  # The muscles as a cylinder about the humerus [m].
-TISSUE_RADIUS = 0.03  # Of soft tissue that moves against the bones [m].
+LOAD_RADIUS = 0.03  # Of what rests on the base, as a ball [m].
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,37 +90,6 @@ class HeldLimb:
 
 
 @dataclass(frozen=True)
-class SoftTissue:
-    """A part of a limb's mass that hangs on it by springs and dampers, the same in every direction."""
-
-    place: tuple[float, float, float]  # (3,) of its center in the limb's frame while the limb hangs at rest [m]
-    mass: float  # [kg]
-    frequency: float  # at which it vibrates against a limb that is held [Hz]
-    damping: float  # ratio to the critical one
-
-    @property
-    def parameters(self) -> Array:
-        """(10,) of a ball of `TISSUE_RADIUS` about the joint's center."""
-        x = np.array(self.place)
-        inertia = self.mass * ((x @ x + 0.4 * TISSUE_RADIUS**2) * np.eye(3) - np.outer(x, x))
-        off = (inertia[1, 2], inertia[2, 0], inertia[0, 1])
-        return np.array([self.mass, *(self.mass * x), *np.diag(inertia), *off])
-
-    def mjcf(self, down: Array) -> str:
-        """A body on three slides that is where `place` says while gravity `down` (3,), in the limb's frame, pulls."""
-        angular = 2.0 * np.pi * self.frequency
-        sag = down / angular**2
-        slides = "".join(
-            f'<joint type="slide" axis="{words(axis)}" stiffness="{self.mass * angular**2!r}" '
-            f'damping="{2.0 * self.damping * self.mass * angular!r}" springref="{float(-drop)!r}"/>'
-            for axis, drop in zip(np.eye(3), sag, strict=True)
-        )
-        size = words(np.full(3, 0.4 * self.mass * TISSUE_RADIUS**2))
-        inertia = f'<inertial pos="0 0 0" mass="{self.mass!r}" diaginertia="{size}"/>'
-        return f'<body name="tissue" pos="{words(self.place)}">{slides}{inertia}</body>'
-
-
-@dataclass(frozen=True)
 class BaseLoad:
     """What rests on the base and does not swing: `mass` [kg], `place` of its center in the base's frame [m]."""
 
@@ -129,7 +98,7 @@ class BaseLoad:
 
     def mjcf(self, center: Array) -> str:
         """Its inertia on the base's body, whose origin is the joint's center (3,) in the base's frame."""
-        size = words(np.full(3, 0.4 * self.mass * TISSUE_RADIUS**2))
+        size = words(np.full(3, 0.4 * self.mass * LOAD_RADIUS**2))
         place = words(np.array(self.place) - center)
         return f'<inertial pos="{place}" mass="{self.mass!r}" diaginertia="{size}"/>'
 
@@ -186,21 +155,19 @@ def swing_mjcf(
     rest: Array,
     damping: float,
     muscle: float,
-    tissue: SoftTissue | None = None,
     load: BaseLoad | None = None,
+    loose: str = "",
     clamp: str = "",
     joint: str = "",
 ) -> str:
     """MJCF of a limb on a base, with its muscles as tendons where `muscle` is positive. `parameters`: (10,) of
     the limb in its frame; `stand`: pose of the base in ground; `rest`: (3, 3) of the limb in ground at which the
     ball's angles are zero; `damping`: of the ball joint, the same about every axis [N m s/rad]; `muscle`: viscosity
-    of every muscle [N s/m]; `tissue`: part of the limb, `parameters` included, that moves against its bones; `load`: on
-    the base; `clamp`: joints by which the base gives way against the plate, none where it is fixed; `joint`: in place
-    of the ball.
+    of every muscle [N s/m]; `load`: on the base; `loose`: bodies on
+    the limb that `parameters` do not include; `clamp`: joints by which the base gives way against the plate, none where
+    it is fixed; `joint`: in place of the ball.
     """
     specimen = limb.specimen
-    loose = "" if tissue is None else tissue.mjcf(rest.T @ np.asarray(specimen.model.gravity))
-    stiff = parameters if tissue is None else parameters - tissue.parameters
     center = stand.apply(specimen.center)
     inside, paths = _muscles_mjcf(specimen.model, limb.centered) if muscle > 0.0 else ({}, {})
     on_base = "".join(inside.pop(specimen.base, [])) + ("" if load is None else load.mjcf(specimen.center))
@@ -217,7 +184,7 @@ def swing_mjcf(
       <body name="scapula" quat="{words(quaternion(stand.rotation))}">{on_base}</body>
       <body name="limb" quat="{words(quaternion(rest))}">
         {joint or f'<joint name="joint" type="ball" damping="{damping!r}"/>'}
-        {inertial(stiff)}
+        {inertial(parameters)}
         <site name="center"/>
         {on_limb}{loose}
       </body>
