@@ -261,11 +261,3 @@ def test_wrenches_need_a_plate_and_its_clock():
         wrenches_from_plates((), np.zeros(0))
     with pytest.raises(BadData, match="50 samples"):
         wrenches_from_plates((force_plate(a_plate(2)[0]),), np.arange(7.0))
-
-
-def test_the_force_on_the_plate_is_the_opposite_of_that_on_the_subject_at_the_same_place():
-    plate, _ = a_plate(2)
-    on_subject, on_plate = force_plate(plate), force_plate(plate, flip=True)
-    np.testing.assert_allclose(on_plate.forces, -on_subject.forces, atol=1e-9)
-    np.testing.assert_allclose(on_plate.points, on_subject.points, atol=1e-9)
-    np.testing.assert_allclose(on_plate.torques, -on_subject.torques, atol=1e-9)
