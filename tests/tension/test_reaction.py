@@ -25,8 +25,7 @@ from myomorph.rigid.dynamics import inverse_dynamics, joint_wrenches
 from myomorph.rigid.forward import gathered
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
-from myomorph.tension.applied import of_actuators, of_bushings, of_muscles, of_wrenches
-from myomorph.tension.reaction import joint_reactions
+from myomorph.tension.reaction import joint_reactions, of_actuators, of_bushings, of_muscles, of_wrenches
 from myomorph.tension.solve import solve_tension
 from myomorph.tension.terms.actuators import body_directions, compile_body_actuators
 from trees import random_rotation, random_tree, swinging

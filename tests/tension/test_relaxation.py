@@ -18,8 +18,7 @@ from myomorph.motion.filters import differentiate
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.frames import over_frames
 from myomorph.tension.problem import TensionInputs, tension_problem
-from myomorph.tension.relaxation import relaxation_lines, relaxations
-from myomorph.tension.relaxation_program import Allowance, what_lacks, what_would_do
+from myomorph.tension.relaxation import Allowance, relaxation_lines, relaxations, what_lacks, what_would_do
 from myomorph.tension.terms.contacts import ContactTask
 from standing import MASS, WEIGHT, block, legs, standing_still
 

@@ -19,8 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from myomorph.contact.force_balance import CUTOFF, check_directions, check_mass
-from myomorph.contact.force_clock import check_clock
+from myomorph.contact.force_balance import CUTOFF, check_clock, check_directions, check_mass
 from myomorph.contact.force_inspection import (
     DOUBTFUL,
     LOAD,
