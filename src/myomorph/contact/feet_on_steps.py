@@ -70,19 +70,9 @@ def feet_on_steps(
         values[:, np.isnan(measured).all(axis=0)] = np.nan
     notes = [*loads.notes, *_doubts(motion.time, loads.steps, sites, loaded, standing)]
     return FeetOnSteps(
-        motion.time,
-        loads.steps,
-        tuple(sites),
-        forces,
-        moments,
-        loaded,
-        standing,
-        moving.places,
-        loads.noise,
-        model.weight,
-        moving.height,
-        tuple(notes),
-    )
+        motion.time, loads.steps, tuple(sites), forces, moments, loaded, standing, moving.places, loads.noise,
+        model.weight, moving.height, tuple(notes),
+    )  # fmt: skip
 
 
 def _throughout(standing: np.ndarray, loaded: np.ndarray) -> np.ndarray:

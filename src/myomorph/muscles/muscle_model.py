@@ -127,15 +127,9 @@ class MuscleModel:
             shortest = height / float(np.sin(end)) if end > 1e-14 else 0.01 * muscle.optimal_fiber_length
             along = shortest * float(np.cos(end))
         return FiberSizes(
-            muscle.max_isometric_force,
-            muscle.optimal_fiber_length,
-            muscle.tendon_slack_length,
-            height,
-            shortest,
-            along,
-            float(np.cos(pennation)),
-            muscle.max_contraction_velocity * muscle.optimal_fiber_length,
-        )
+            muscle.max_isometric_force, muscle.optimal_fiber_length, muscle.tendon_slack_length, height, shortest,
+            along, float(np.cos(pennation)), muscle.max_contraction_velocity * muscle.optimal_fiber_length,
+        )  # fmt: skip
 
 
 def numbers(muscle: Muscle, **defaults: float) -> tuple[float, ...]:

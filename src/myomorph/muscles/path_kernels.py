@@ -40,16 +40,10 @@ def path_scratch(P):
     """Room for `path_frames`."""
     nodes, wraps, bodies = P.sizes[0] + 2, P.sizes[1], P.sizes[2]
     return PathScratch(
-        np.zeros((nodes, 8)),
-        np.zeros((nodes, 5), np.int64),
-        np.zeros((2 * wraps, 4)),
-        np.zeros((2, wraps), np.int64),
-        np.zeros((bodies, 6)),
-        np.zeros((P.object.shape[0], 12)),
-        np.zeros((P.coupler.shape[0], 2)),
-        np.zeros((P.moving.shape[0], 6)),
-        np.zeros((9, 3)),
-    )
+        np.zeros((nodes, 8)), np.zeros((nodes, 5), np.int64), np.zeros((2 * wraps, 4)), np.zeros((2, wraps), np.int64),
+        np.zeros((bodies, 6)), np.zeros((P.object.shape[0], 12)), np.zeros((P.coupler.shape[0], 2)),
+        np.zeros((P.moving.shape[0], 6)), np.zeros((9, 3)),
+    )  # fmt: skip
 
 
 @kernel

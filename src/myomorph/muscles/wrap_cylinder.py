@@ -1,4 +1,4 @@
-"""The way around a cylinder, a sphere or through a torus as OpenSim defines it (`WrapCylinder`, 4.6), one segment at a time.
+"""The way around cylinders, spheres and tori as OpenSim defines it (`WrapCylinder`, 4.6), one segment at a time.
 
 In the frame of the surface its axis is z and its middle the origin. The path of least length would be a helix; OpenSim
 takes the tangent points of the projection along the axis, slides them along the axis into the plane of both points and

@@ -252,15 +252,11 @@ def simulate_bout(
 def _room(m: Any, steps: int) -> dict[str, Array]:
     contacts = len(FEET) + len(GRIPS)
     return {
-        "time": np.empty(steps),
-        "qpos": np.empty((steps, m.nq)),
-        "activations": np.empty((steps, m.nu)),
-        "tensions": np.empty((steps, m.nu)),
-        "forces": np.zeros((steps, contacts, 3)),
-        "moments": np.zeros((steps, contacts, 3)),
-        "places": np.zeros((steps, len(GRIPS), 3)),
+        "time": np.empty(steps), "qpos": np.empty((steps, m.nq)), "activations": np.empty((steps, m.nu)),
+        "tensions": np.empty((steps, m.nu)), "forces": np.zeros((steps, contacts, 3)),
+        "moments": np.zeros((steps, contacts, 3)), "places": np.zeros((steps, len(GRIPS), 3)),
         "strayed": np.zeros(steps),
-    }
+    }  # fmt: skip
 
 
 def _standing(

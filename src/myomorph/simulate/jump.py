@@ -38,18 +38,10 @@ RECORDING = "tests/datasets/vicon_CMJ_kinem_kinet_emg.c3d"
 QUIET = (1.5, 3.0)  # When the jumper stands still [s].
 PELVIS_MARKERS = ("LASI", "RASI", "LASIMID", "RASIMID", "LPSI", "RPSI")
 LEG_MARKERS = {
-    "Right_MusloPS": "femur_r",
-    "Right_MusloAS": "femur_r",
-    "Right_MusloAI": "femur_r",
-    "Right_MusloPI": "femur_r",
-    "Right_PiernaPS": "tibia_r",
-    "Right_PiernaAS": "tibia_r",
-    "Right_PiernaAI": "tibia_r",
-    "Right_PiernaPI": "tibia_r",
-    "Right_TalonSup": "calcn_r",
-    "Right_TalonInf": "calcn_r",
-    "Right_Meta": "calcn_r",
-}
+    "Right_MusloPS": "femur_r", "Right_MusloAS": "femur_r", "Right_MusloAI": "femur_r", "Right_MusloPI": "femur_r",
+    "Right_PiernaPS": "tibia_r", "Right_PiernaAS": "tibia_r", "Right_PiernaAI": "tibia_r", "Right_PiernaPI": "tibia_r",
+    "Right_TalonSup": "calcn_r", "Right_TalonInf": "calcn_r", "Right_Meta": "calcn_r",
+}  # fmt: skip
 SHOULDER = "Right_Hombro"
 
 

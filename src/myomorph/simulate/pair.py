@@ -218,17 +218,10 @@ def _recorded(
         part: truth.wrenches.columns([i for i, body in feet.items() if body.startswith(part)]) for part in fighter.PARTS
     }
     return VirtualPair(
-        options,
-        FrozenMap(dict(known)),
-        whole,
-        Markers(time, whole.marker_names, places),
-        Emg(time, whole.muscle_names, envelope),
-        FrozenMap(plates),
-        sites,
-        _touching(truth, known, sites),
-        FrozenMap(dict(builds)),
-        truth,
-    )
+        options, FrozenMap(dict(known)), whole, Markers(time, whole.marker_names, places),
+        Emg(time, whole.muscle_names, envelope), FrozenMap(plates), sites, _touching(truth, known, sites),
+        FrozenMap(dict(builds)), truth,
+    )  # fmt: skip
 
 
 def pair_sites(builds: Mapping[str, fighter.Build], directed: bool = False) -> tuple[Site, ...]:

@@ -122,16 +122,11 @@ def virtual_specimen(
     arm = _mean_square_arm(swings)
     total = row.joint_viscosity + muscle * arm
     return VirtualSpecimen(
-        row,
-        limb.specimen,
+        row, limb.specimen,
         VirtualCondition(bare, row.joint_viscosity, _recorded(limb, bare_swings, "without", noise, random)),
-        VirtualCondition(whole, total, _recorded(limb, swings, "with", noise, random)),
-        row.joint_viscosity,
-        muscle,
-        factor,
-        float(np.sqrt(arm / len(limb.specimen.model.muscles))),
-        noise,
-    )
+        VirtualCondition(whole, total, _recorded(limb, swings, "with", noise, random)), row.joint_viscosity, muscle,
+        factor, float(np.sqrt(arm / len(limb.specimen.model.muscles))), noise,
+    )  # fmt: skip
 
 
 def _sized(

@@ -292,18 +292,9 @@ def solve_separable(S, values, balance, targets, penalties, links, warm, x, y, r
                 continue
             if sweep < 2 or drift[frame] > 0.1 * links.tolerance:
                 residual[frame], more, status[frame] = _solve_frame(
-                    S,
-                    values[frame],
-                    balance[frame],
-                    targets[min(frame, targets.shape[0] - 1)],
-                    penalties_here,
-                    accepted,
-                    x[frame],
-                    y[frame],
-                    by_variable,
-                    by_row,
-                    M,
-                )
+                    S, values[frame], balance[frame], targets[min(frame, targets.shape[0] - 1)], penalties_here,
+                    accepted, x[frame], y[frame], by_variable, by_row, M,
+                )  # fmt: skip
                 iterations[frame] += more
                 drift[frame] = 0.0
             if sweep == 0 and status[frame] != MISSING:

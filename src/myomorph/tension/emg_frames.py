@@ -141,16 +141,9 @@ def calibration_of(
     )
     synergies = tuple(_twins(group, near, fit.gains, names, muscles) for group in tracking.groups)
     return EmgCalibration(
-        names,
-        delays,
-        fit.gains,
-        fit.offsets,
-        (),
-        shapes,
-        fit.gains[:, None] * spread,
-        fit.deviation < TOLD * prior,
+        names, delays, fit.gains, fit.offsets, (), shapes, fit.gains[:, None] * spread, fit.deviation < TOLD * prior,
         tuple(synergy for synergy in synergies if synergy.muscles),
-    )
+    )  # fmt: skip
 
 
 def _twins(group: Group, near: Array, gains: Array, names: tuple[str, ...], muscles: tuple[str, ...]) -> SynergyWeights:

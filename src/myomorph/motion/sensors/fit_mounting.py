@@ -183,15 +183,9 @@ class MountingFit:
         knots = np.linspace(time[0], time[-1], 1 + round((time[-1] - time[0]) / KNOTS))
         count = len(self.bodies) * (3 + len(knots))
         return SensorMounting(
-            self.sensors.names,
-            self.bodies,
-            guess.rotations,
-            knots,
-            np.tile(guess.headings, (len(knots), 1)),
-            delay,
-            np.zeros((count, count)),
-            np.asarray(self.tree.model.up),
-        )
+            self.sensors.names, self.bodies, guess.rotations, knots, np.tile(guess.headings, (len(knots), 1)), delay,
+            np.zeros((count, count)), np.asarray(self.tree.model.up),
+        )  # fmt: skip
 
     def poses(self, mounting: SensorMounting, starts: Array | None) -> tuple[Array, Array, Array]:
         """Coordinates of the frames, what the sensors report of the bodies, and the cost of each frame."""

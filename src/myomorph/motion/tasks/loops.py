@@ -84,19 +84,10 @@ def new_closing(ties, n, variables):
         return None
     rows = 3 * ties.body_1.shape[0]
     return Closing(
-        np.empty(rows),
-        np.empty((rows, n)),
-        np.empty((rows, variables + 1 + rows)),
-        np.empty(rows, np.int64),
-        np.empty(variables, np.bool_),
-        np.empty(1, np.int64),
-        np.empty(rows),
-        np.empty((n, n)),
-        np.empty(n),
-        np.empty(n),
-        np.empty((variables, variables)),
-        np.empty(n),
-    )
+        np.empty(rows), np.empty((rows, n)), np.empty((rows, variables + 1 + rows)), np.empty(rows, np.int64),
+        np.empty(variables, np.bool_), np.empty(1, np.int64), np.empty(rows), np.empty((n, n)), np.empty(n),
+        np.empty(n), np.empty((variables, variables)), np.empty(n),
+    )  # fmt: skip
 
 
 @bare

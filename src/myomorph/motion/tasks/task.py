@@ -122,30 +122,12 @@ def new_work(T, n):
     """Sums and scratch arrays for a tree of n coordinates."""
     bodies, axes = T.parent.shape[0], T.axis_kind.shape[0]
     return Work(
-        np.empty((bodies, 3, 3)),
-        np.empty((bodies, 3)),
-        np.empty((axes, 3)),
-        np.empty((axes, 3)),
-        np.empty((axes, 2)),
-        np.empty((n, n)),
-        np.empty(n),
-        np.empty(n),
-        np.empty(n),
-        np.empty((n + 1, n)),
-        np.empty(n),
-        np.empty(n),
-        np.empty(n, np.bool_),
-        np.empty(n, np.bool_),
-        np.empty(n, np.bool_),
-        np.empty(n, np.int64),
-        np.empty(3),
-        np.empty((bodies, 22)),
-        np.zeros((bodies, 6, 6)),
-        np.zeros((bodies, 6)),
-        np.zeros(1, np.bool_),
-        np.empty((axes, 6)),
-        np.empty((axes, 3)),
-    )
+        np.empty((bodies, 3, 3)), np.empty((bodies, 3)), np.empty((axes, 3)), np.empty((axes, 3)), np.empty((axes, 2)),
+        np.empty((n, n)), np.empty(n), np.empty(n), np.empty(n), np.empty((n + 1, n)), np.empty(n), np.empty(n),
+        np.empty(n, np.bool_), np.empty(n, np.bool_), np.empty(n, np.bool_), np.empty(n, np.int64), np.empty(3),
+        np.empty((bodies, 22)), np.zeros((bodies, 6, 6)), np.zeros((bodies, 6)), np.zeros(1, np.bool_),
+        np.empty((axes, 6)), np.empty((axes, 3)),
+    )  # fmt: skip
 
 
 @bare

@@ -342,15 +342,9 @@ class Solver:
             at = there
         residual = max(self.errors(at, 0.0)[0], errors[2])
         return Outcome(
-            Point(*self.v[:3]),
-            self.y,
-            max(residual, errors[1]),
-            float(np.abs(at.g[..., 0]).max(initial=0.0)),
-            at.cost,
-            steps,
-            _solved(errors),
-            at.fibers,
-        )
+            Point(*self.v[:3]), self.y, max(residual, errors[1]), float(np.abs(at.g[..., 0]).max(initial=0.0)), at.cost,
+            steps, _solved(errors), at.fibers,
+        )  # fmt: skip
 
 
 def _solved(errors: tuple[float, float, float]) -> bool:

@@ -152,16 +152,10 @@ class Frames:
     def at(self, keep: NDArray[np.int64]) -> Frames:
         """Some of the frames."""
         return Frames(
-            self.time[keep],
-            self.values[keep],
-            self.right[keep],
-            self.penalties[keep] if len(self.penalties) == len(self.time) else self.penalties,
-            self.lengths[keep],
-            self.speeds[keep],
-            self.x[keep],
-            self.y[keep],
-            self.forces[keep],
-        )
+            self.time[keep], self.values[keep], self.right[keep],
+            self.penalties[keep] if len(self.penalties) == len(self.time) else self.penalties, self.lengths[keep],
+            self.speeds[keep], self.x[keep], self.y[keep], self.forces[keep],
+        )  # fmt: skip
 
 
 def runs(good: NDArray[np.bool_], bridge: NDArray[np.bool_]) -> list[tuple[int, int]]:
@@ -265,18 +259,11 @@ def program_of(part: Part, frames: Frames, shared: Separable, term: ElasticMuscl
     at_frames = np.moveaxis(np.broadcast_to(frames.penalties, (count, *frames.penalties.shape[1:])), 1, 0)
     m, times = part.muscles, term.rates
     return Program(
-        term.arrays,
-        m,
-        steps,
-        np.ascontiguousarray(lengths[:, m]),
-        np.ascontiguousarray(speeds[:, m]),
-        dense(m),
-        dense(part.others),
-        np.ascontiguousarray(frames.right[:, part.rows]),
-        costs(m, _penalties_between(frames.penalties, count), share),
-        costs(part.others, at_frames, share_x),
+        term.arrays, m, steps, np.ascontiguousarray(lengths[:, m]), np.ascontiguousarray(speeds[:, m]), dense(m),
+        dense(part.others), np.ascontiguousarray(frames.right[:, part.rows]),
+        costs(m, _penalties_between(frames.penalties, count), share), costs(part.others, at_frames, share_x),
         Rates(times.rise[m], times.fall[m], times.smooth[m]) if dynamics else None,
-    )
+    )  # fmt: skip
 
 
 def start_of(part: Part, frames: Frames, program: Program) -> tuple[Point, Array]:

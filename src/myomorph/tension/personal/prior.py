@@ -27,12 +27,8 @@ from myomorph.tension.personal.fibers import MuscleShapes, MuscleSizes
 from myomorph.tension.personal.recordings import Windows
 
 FIBER_BOUND, POINT_BOUND, FORCE_BOUND, STRAIN_BOUND, GAIN_BOUND = (
-    np.log(1.6),
-    0.5,
-    np.log(3.0),
-    np.log(2.0),
-    np.log(5.0),
-)
+    np.log(1.6), 0.5, np.log(3.0), np.log(2.0), np.log(5.0),
+)  # fmt: skip
 """Farthest from the prior: of the logarithms of fiber length, strength, passive strain and gain, and of the shift."""
 LEAST_SLACK = 0.3  # Of the tendon slack length of the model that personalization begins with
 PHYSIOLOGICAL = (0.5, 1.4)
@@ -152,13 +148,9 @@ def prior_of(
     gain[levels] = len(gains) + np.arange(len(levels))
     counts = (muscles, muscles, len(groups), len(groups), len(gains), len(levels))
     spreads = (
-        options.fiber_spread,
-        options.point_spread,
-        options.strength_spread,
-        options.passive_spread,
-        options.gain_spread,
-        LEVEL_SPREAD,
-    )
+        options.fiber_spread, options.point_spread, options.strength_spread, options.passive_spread,
+        options.gain_spread, LEVEL_SPREAD,
+    )  # fmt: skip
     bounds = (FIBER_BOUND, POINT_BOUND, FORCE_BOUND, STRAIN_BOUND, GAIN_BOUND, GAIN_BOUND)
     deviation = np.repeat(spreads, counts)
     for part in range(2):
