@@ -209,9 +209,9 @@ def test_random_poses_tried_fill_what_a_hinge_may_take(monkeypatch):
         for one, limits, default in zip(model.coordinates, ranges, defaults, strict=True)
     )
     tree = compile_tree(replace(model, coordinates=tuple(coordinates)))
-    monkeypatch.setattr(loops, "_shut", lambda tree, starts, free, scale: tried.append(starts.copy()) or starts)
+    monkeypatch.setattr(loops, "_shut", lambda tree, starts, free: tried.append(starts.copy()) or starts)
     given = np.array([0.1, 0.2, 0.3])
-    loops._elsewhere(tree, given, np.arange(3), np.ones(3))
+    loops._elsewhere(tree, given, np.arange(3))
     np.testing.assert_array_equal(tried[0][0], defaults)
     lows, highs = (-1.0, 0.5 - np.pi, 1.0), (2.0, 0.5 + np.pi, 2.0 + np.pi)
     for values, low, high in zip(tried[0][1:].T, lows, highs, strict=True):
