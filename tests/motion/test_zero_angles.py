@@ -225,9 +225,9 @@ def test_a_static_trial_takes_the_place_of_motion_that_would_put_zeros_where_no_
     options = CalibrationOptions(static=still, static_pose={})
     monkeypatch.setattr("myomorph.motion.calibrate.STANDING", ("tibia", "foot"))
     assert not calibrate(model, [moving], options).warnings
-    monkeypatch.setattr("myomorph.motion.body.angle_slopes.FAR", -10.0)
+    monkeypatch.setattr("myomorph.motion.body.zero_angles.FAR", -10.0)
     assert not calibrate(model, [moving], options).warnings[0].mended
-    monkeypatch.setattr("myomorph.motion.body.angle_slopes.REFUTED", -10.0)
+    monkeypatch.setattr("myomorph.motion.body.zero_angles.REFUTED", -10.0)
     mended, alone = calibrate(model, [moving], options), calibrate(model, [], options)
     assert mended.factors["tibia_r"] == pytest.approx(alone.factors["tibia_r"], abs=1e-12)
     assert mended.warnings[0].mended

@@ -19,7 +19,7 @@ from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.tension import emg_calibration
 from myomorph.tension.emg_calibration import calibrate_emg
 from myomorph.tension.emg_conflicts import APART, conflict_line, emg_conflicts
-from myomorph.tension.emg_frames import kept_level
+from myomorph.tension.emg_groups import kept_level
 from myomorph.tension.emg_held_out import EmgTrial
 from myomorph.tension.emg_targets import EmgOptions, emg_targets
 from myomorph.tension.emg_tracking import _bounded

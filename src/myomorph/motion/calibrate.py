@@ -14,10 +14,11 @@ from myomorph.model.errors import BadData, listing
 from myomorph.model.model import Model, index_of
 from myomorph.model.scale import scale
 from myomorph.model.series import Markers
-from myomorph.motion.body.angle_slopes import Slides, far_zeros, posterior, sliding, widened, zero_angles, zero_notes
+from myomorph.motion.body.angle_slopes import Slides, sliding, widened
 from myomorph.motion.body.priors import calibration_prior, overall_size, spread_postures, usual_shifts
 from myomorph.motion.body.shared_fit import Search, reduce, search_minimum, settle
 from myomorph.motion.body.shared_problem import FrameSet, SharedProblem
+from myomorph.motion.body.zero_angles import far_zeros, posterior, zero_angles, zero_notes
 from myomorph.motion.calibration import (
     Calibration,
     CalibrationOptions,
