@@ -7,6 +7,7 @@ scratch arrays of one frame.
 
 from __future__ import annotations
 
+from collections import namedtuple
 from typing import NamedTuple
 
 import numpy as np
@@ -37,7 +38,7 @@ class Ties(NamedTuple):
     point_2: Array
 
 
-class Closing(NamedTuple):
+class Closing(namedtuple("Closing", "e G A taken dependent rank push H g D Z before")):
     """Scratch arrays of the elimination.
 
     `e`, `G`: gaps in ground (rows,) [m] and their derivatives (rows, coordinates); `A` (rows, variables + 1 + rows):
@@ -46,19 +47,6 @@ class Closing(NamedTuple):
     multipliers; `H`, `g`, `D`: what these add to Hessian and gradient; `Z`: Hessian times the basis of the free
     directions; `before`: pose from which a step closes the loops.
     """
-
-    e: Array
-    G: Array
-    A: Array
-    taken: Ints
-    dependent: np.ndarray
-    rank: Ints
-    push: Array
-    H: Array
-    g: Array
-    D: Array
-    Z: Array
-    before: Array
 
 
 def ties_of(tree: Tree, lever: float = 1.0) -> Ties | None:

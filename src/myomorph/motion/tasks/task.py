@@ -10,6 +10,7 @@ together with the same loop when it is first used.
 
 from __future__ import annotations
 
+from collections import namedtuple
 from collections.abc import Callable, Sequence
 from typing import Any, ClassVar, NamedTuple, Self
 
@@ -18,7 +19,6 @@ from numba.extending import overload
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
-from myomorph.rigid.coordinates import Ints
 from myomorph.rigid.kernels import bare, inner
 from myomorph.rigid.tree import Tree
 from myomorph.rigid.vectors import cross, minus
@@ -78,7 +78,13 @@ def per_frame(values: Array, frames: int, what: str) -> Array:
     return values
 
 
-class Work(NamedTuple):
+class Work(
+    namedtuple(
+        "Work",
+        "R p w o dphi H g D direct L step trial held stopped late solved origin points rows row_gradient has_rows "
+        "fields curvature",
+    )
+):
     """Sums that tasks add to, and scratch arrays of one solver. Points are relative to `origin` (3,) [m] in sums over
     bodies.
 
@@ -91,30 +97,6 @@ class Work(NamedTuple):
     of the body, its angular velocity and the velocity at `origin`; `has_rows`: whether any was added; `fields`: (axes,
     6) of `axis_fields`; `curvature` (axes, 3): second derivatives of the axes' motions.
     """
-
-    R: Array
-    p: Array
-    w: Array
-    o: Array
-    dphi: Array
-    H: Array
-    g: Array
-    D: Array
-    direct: Array
-    L: Array
-    step: Array
-    trial: Array
-    held: np.ndarray
-    stopped: np.ndarray
-    late: np.ndarray
-    solved: Ints
-    origin: Array
-    points: Array
-    rows: Array
-    row_gradient: Array
-    has_rows: np.ndarray
-    fields: Array
-    curvature: Array
 
 
 @inner
