@@ -21,9 +21,8 @@ from myomorph.model.model import Marker, Model
 from myomorph.model.series import Markers
 from myomorph.motion.ik import pose_problem, tracked_markers
 from myomorph.motion.newton import solve_poses
-from myomorph.motion.starts import SCOUT, scout_poses
 from myomorph.motion.sync import cut
-from myomorph.motion.turns import floating_coordinates
+from myomorph.motion.turns import SCOUT, floating_coordinates, scout_poses
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.loops import close_loops, free_coordinates
 from myomorph.rigid.tree import compile_tree

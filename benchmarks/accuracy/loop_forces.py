@@ -18,9 +18,8 @@ from myomorph.model.paths import MovingPathPoint
 from myomorph.muscles.coupled_arms import loop_couplings, loop_groups
 from myomorph.muscles.path import compile_paths
 from myomorph.rigid.bushings import angular_velocities
-from myomorph.rigid.closed_motion import closed_motion, loop_torques
 from myomorph.rigid.coordinates import couple_frames
-from myomorph.rigid.loops import close_loops
+from myomorph.rigid.loops import close_loops, closed_motion, loop_torques
 from myomorph.rigid.tree import Tree, compile_tree
 from myomorph.tension.terms.actuators import default_reserves
 

@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 
 import myomorph as mm
-from myomorph.contact.plate_corners import first_corner
-from myomorph.contact.plates import loaded_samples
+from myomorph.contact.plates import first_corner, loaded_samples
 from myomorph.model.arrays import runs
 from myomorph.morph.mirror.model import with_other_side
 from myomorph.tension.dual import NOT_DETERMINED

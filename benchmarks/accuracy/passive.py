@@ -15,8 +15,8 @@ import numpy as np
 
 import myomorph as mm
 from myomorph.model.passive_dynamics import line_viscosity, with_passive_dynamics
-from myomorph.rigid.closed_motion import closed_motion
 from myomorph.rigid.dynamics import rates_of
+from myomorph.rigid.loops import closed_motion
 from myomorph.rigid.tree import compile_tree
 from myomorph.tension.tension import Tension
 from myomorph.tension.terms.actuators import default_reserves

@@ -13,8 +13,8 @@ import myomorph as mm
 from benchmarks.accuracy.passive import TRUNK
 from myomorph.model.arrays import Array
 from myomorph.model.model import Actuator
-from myomorph.rigid.closed_motion import closed_motion
 from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.loops import closed_motion
 from myomorph.rigid.tree import compile_tree
 from myomorph.tension.tension import Tension
 from myomorph.tension.terms.actuators import default_reserves

@@ -15,8 +15,8 @@ from myomorph.model.paths import Bushing
 from myomorph.model.spatial import Transform
 from myomorph.motion.filters import differentiate
 from myomorph.muscles.passive import passive_generalized_forces
-from myomorph.rigid.closed_motion import closed_motion, loop_torques
 from myomorph.rigid.dynamics import inverse_dynamics
+from myomorph.rigid.loops import closed_motion, loop_torques
 
 SHOULDER = "shoulder-thoracoscapular/model_cmc/TSM_subject_CMC_noWeight.osim"
 SHRUG = "shoulder-thoracoscapular/ik/SHRUG01.mot"

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from myomorph.contact.plate_calibration import _Lines, calibrate_plate, place_plate, solve_pose
-from myomorph.contact.plate_corners import plate_axes
 from myomorph.contact.plate_placements import MarkedWeight, Placement, find_placements
-from myomorph.contact.plates import force_plate
+from myomorph.contact.plates import force_plate, plate_axes
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.series import Markers, PlateRecording
 from myomorph.model.spatial import axis_rotation, rotation_from_euler_xyz, vector_from_rotation

@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.contact.plate_corners import FirstCorner, _middle, counted_from, first_corner
-from myomorph.contact.plates import force_plates, loaded_samples
+from myomorph.contact.plates import FirstCorner, _middle, counted_from, first_corner, force_plates, loaded_samples
 from myomorph.model.arrays import runs
 from myomorph.model.series import ForcePlate, Markers, PlateRecording, Trial
 from myomorph.model.spatial import axis_rotation

@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.contact.plate_corners import plate_axes
-from myomorph.contact.plates import force_plate, force_plates, wrenches_from_plates
+from myomorph.contact.plates import force_plate, force_plates, plate_axes, wrenches_from_plates
 from myomorph.io.c3d.read import read_c3d
 from myomorph.io.sto import read_sto
 from myomorph.model.errors import BadData

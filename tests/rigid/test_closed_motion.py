@@ -10,10 +10,17 @@ import pytest
 from looped import four_bar, four_bar_angles, looped_tree
 from myomorph.model.errors import BadData
 from myomorph.model.series import Motion, Series
-from myomorph.rigid.closed_motion import OPEN, closed_motion, loop_torques
 from myomorph.rigid.coordinates import couple_frames
 from myomorph.rigid.dynamics import inverse_dynamics, motion_arrays
-from myomorph.rigid.loops import close_loops, closure, closure_jacobian, closure_rates
+from myomorph.rigid.loops import (
+    OPEN,
+    close_loops,
+    closed_motion,
+    closure,
+    closure_jacobian,
+    closure_rates,
+    loop_torques,
+)
 from myomorph.rigid.tree import compile_tree
 
 

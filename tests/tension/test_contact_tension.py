@@ -17,9 +17,9 @@ from myomorph.model.errors import BadData, BadModel
 from myomorph.model.join import join_models, join_motions
 from myomorph.model.series import Motion, Series
 from myomorph.motion.filters import differentiate
-from myomorph.rigid.closed_motion import closed_motion
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.kinematics import center_of_mass, forward_kinematics
+from myomorph.rigid.loops import closed_motion
 from myomorph.rigid.tree import compile_tree
 from myomorph.tension.problem import TensionInputs, tension_problem
 from myomorph.tension.solve import solve_contacts, solve_tension

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from myomorph.tension.fibers import Certificate, Fibers, Unreachable
-from myomorph.tension.tension import Tension, TensionOptions
+from myomorph.tension.tension import Certificate, Fibers, Tension, TensionOptions, Unreachable
 from truths.part_tension import tension_of
 
 

@@ -14,11 +14,11 @@ from myomorph.model.passive_dynamics import with_passive_dynamics
 from myomorph.model.paths import MovingPathPoint
 from myomorph.model.series import Series
 from myomorph.motion.filters import differentiate
-from myomorph.muscles.hill import hill_forces
+from myomorph.muscles.hill_arrays import hill_forces
 from myomorph.muscles.kinematics import muscle_kinematics
 from myomorph.muscles.passive import passive_generalized_forces
-from myomorph.rigid.closed_motion import closed_motion, loop_torques
 from myomorph.rigid.dynamics import inverse_dynamics
+from myomorph.rigid.loops import closed_motion, loop_torques
 from myomorph.tension.solve import solve_tension
 from myomorph.tension.tension import TensionOptions
 from myomorph.tension.terms.actuators import default_reserves

@@ -9,8 +9,7 @@ import numpy as np
 
 from myomorph.model.errors import UnknownName
 from myomorph.model.join import own_name
-from myomorph.tension.fibers import Fibers
-from myomorph.tension.tension import Tension
+from myomorph.tension.tension import Fibers, Tension
 
 
 def tension_of(whole: Tension, part: str) -> Tension:

@@ -8,8 +8,8 @@ import numpy as np
 from scipy.special import fdtrc as chance_above
 
 from myomorph.contact.plate_calibration import PlateCalibration, believed, calibrate_plate, residuals, sizes
-from myomorph.contact.plate_corners import plate_axes
 from myomorph.contact.plate_placements import Placement
+from myomorph.contact.plates import plate_axes
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.series import PlateRecording
 from myomorph.model.spatial import vector_from_rotation

@@ -10,9 +10,8 @@ import pytest
 from myomorph.model.errors import BadFile
 from myomorph.study.inputs.error_size_tables import HEAD, TABLE, read_error_sizes, tables_beside, write_error_sizes
 from myomorph.uncertainty.bodies import Draw
-from myomorph.uncertainty.error_sizes import NOTHING, ItemSize, source_sizes
 from myomorph.uncertainty.normals import Normals
-from myomorph.uncertainty.sources import Sources
+from myomorph.uncertainty.sources import NOTHING, ItemSize, Sources, source_sizes
 
 DRAWS = 400
 

@@ -9,8 +9,8 @@ import numpy as np
 
 import myomorph as mm
 from myomorph.contact.plate_calibration import calibrate_plate, residuals, sizes
-from myomorph.contact.plate_corners import plate_axes
 from myomorph.contact.plate_placements import MarkedWeight, Placement, find_placements
+from myomorph.contact.plates import plate_axes
 from myomorph.io.c3d.read import read_c3d
 from myomorph.model.arrays import Array
 from myomorph.model.series import PlateRecording

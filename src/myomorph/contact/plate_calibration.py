@@ -18,8 +18,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from myomorph.contact.plate_corners import plate_axes
 from myomorph.contact.plate_placements import Placement
+from myomorph.contact.plates import plate_axes
 from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.model import STANDARD_GRAVITY

@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from myomorph.contact.plate_corners import plate_axes
-from myomorph.contact.plates import plate_wrench
+from myomorph.contact.plates import plate_axes, plate_wrench
 from myomorph.model.arrays import Array, freeze, frozen_array, read_only, runs
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.model import STANDARD_GRAVITY

@@ -17,8 +17,8 @@ from myomorph.motion.ik import InverseKinematicsOptions, coordinate_targets, pos
 from myomorph.motion.newton import Settings, frames_shown, solve_poses
 from myomorph.motion.pose_problem import PoseProblem
 from myomorph.motion.sensors.mounting import SensorMounting, SensorOptions, earth_to_ground, orientation_tasks
-from myomorph.motion.starts import scout_poses
 from myomorph.motion.tasks.orientations import OrientationArrays
+from myomorph.motion.turns import scout_poses
 from myomorph.rigid.tree import compile_tree
 
 REACH = 4.0

@@ -23,8 +23,8 @@ from myomorph.muscles.coupled_arms import TURNING
 from myomorph.muscles.fiber_states import FiberStates, fiber_states, state_names, without_fibers
 from myomorph.muscles.kinematics import MuscleKinematics, muscle_kinematics
 from myomorph.opensim_tools.outputs import needed
-from myomorph.rigid.closed_motion import closed_motion
 from myomorph.rigid.dynamics import motion_arrays
+from myomorph.rigid.loops import closed_motion
 from myomorph.rigid.tree import Tree, compile_tree
 from myomorph.store.settings import ForceOptions
 from myomorph.study.inputs import reading

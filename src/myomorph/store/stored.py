@@ -13,7 +13,7 @@ from myomorph.model.series import Emg, Event, ForcePlate, Markers, Motion, Serie
 from myomorph.motion.ik import KinematicsFit
 from myomorph.store.results import ResultWriter, Stored, coordinate_units
 from myomorph.tension.emg_conflicts import EmgConflict
-from myomorph.tension.fibers import Certificate, Fibers, Unreachable
+from myomorph.tension.tension import Certificate, Fibers, Unreachable
 
 if TYPE_CHECKING:
     from myomorph.tension.tension import Tension, TensionOptions

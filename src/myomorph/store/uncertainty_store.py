@@ -10,7 +10,7 @@ import numpy as np
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.store.netcdf import open_netcdf
 from myomorph.store.results import ResultWriter, Stored, stored_values
-from myomorph.uncertainty.error_sizes import SourceSize
+from myomorph.uncertainty.sources import SourceSize
 from myomorph.uncertainty.spread import Shares, Spread, Uncertainty, ValueErrors
 
 DIMENSIONS = {"coordinates": "coordinate", "torques": "coordinate", "activations": "muscle", "forces": "muscle"}

@@ -1,10 +1,10 @@
 # The public names of `mm.tension`: terms of the tension problem, and parts of its results.
-from .fibers import Certificate as Certificate
-from .fibers import Fibers as Fibers
 from .personal.fit import Fitted as Fitted
 from .personal.fit import HeldOut as HeldOut
 from .personal.generic_map import GenericMap as GenericMap
 from .personal.personalize import Estimate as Estimate
+from .tension import Certificate as Certificate
+from .tension import Fibers as Fibers
 from .terms.contacts import ContactOptions as ContactOptions
 from .terms.contacts import ContactTask as ContactTask
 from .terms.emg import EmgTarget as EmgTarget

@@ -16,10 +16,9 @@ from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Motion, Series
 from myomorph.motion.sync import refuse_other_times
 from myomorph.muscles.passive import joint_forces
-from myomorph.rigid.closed_motion import loop_slopes, refuse_open
 from myomorph.rigid.dynamics import rates_of
 from myomorph.rigid.frames import CHUNK, over_frames
-from myomorph.rigid.loops import loop_basis
+from myomorph.rigid.loops import loop_basis, loop_slopes, refuse_open
 from myomorph.rigid.tree import Tree, compile_tree
 from myomorph.tension.assembly import assemble, fold, take_off
 from myomorph.tension.dual import solve_separable

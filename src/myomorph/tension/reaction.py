@@ -30,10 +30,10 @@ from myomorph.muscles.passive import joint_forces
 from myomorph.muscles.patella import with_lever
 from myomorph.muscles.path import Paths, compile_paths
 from myomorph.rigid.bushings import angular_velocities, deflection
-from myomorph.rigid.closed_motion import refuse_open
 from myomorph.rigid.dynamics import external_arrays, joint_wrenches, motion_arrays
 from myomorph.rigid.forward import balancing_multipliers, forward_accelerations, gathered, loop_wrenches
 from myomorph.rigid.kinematics import Poses, forward_kinematics
+from myomorph.rigid.loops import refuse_open
 from myomorph.rigid.tree import Tree, compile_tree
 from myomorph.tension.tension import Tension
 from myomorph.tension.terms.actuators import default_reserves

@@ -5,12 +5,12 @@ from .drawn_inputs import drawn_angles as drawn_angles
 from .drawn_inputs import drawn_emg as drawn_emg
 from .drawn_inputs import drawn_markers as drawn_markers
 from .drawn_inputs import drawn_wrenches as drawn_wrenches
-from .error_sizes import ErrorSizes as ErrorSizes
-from .error_sizes import ItemSize as ItemSize
-from .error_sizes import SourceSize as SourceSize
 from .intervals import uncertainty_of as uncertainty_of
 from .normals import Normals as Normals
+from .sources import ErrorSizes as ErrorSizes
+from .sources import ItemSize as ItemSize
 from .sources import Sources as Sources
+from .sources import SourceSize as SourceSize
 from .spread import Shares as Shares
 from .spread import Spread as Spread
 from .spread import Uncertainty as Uncertainty

@@ -21,9 +21,8 @@ from myomorph.muscles.patella import PATELLA
 from myomorph.muscles.path import compile_paths_as
 from myomorph.rigid.knees import flexed, hinge_axis, knee_joints, long_axis
 from myomorph.rigid.tree import compile_tree, compile_tree_as
-from myomorph.uncertainty.error_sizes import NOTHING, ErrorSizes
 from myomorph.uncertainty.normals import Normals
-from myomorph.uncertainty.sources import Sources
+from myomorph.uncertainty.sources import NOTHING, ErrorSizes, Sources
 
 
 @dataclass(frozen=True)

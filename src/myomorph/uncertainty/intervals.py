@@ -12,9 +12,8 @@ from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.series import Series
 from myomorph.uncertainty.bodies import Draw, drawn_subject
-from myomorph.uncertainty.error_sizes import NOTHING, ErrorSizes, source_sizes
 from myomorph.uncertainty.normals import Normals
-from myomorph.uncertainty.sources import Sources
+from myomorph.uncertainty.sources import NOTHING, ErrorSizes, Sources, source_sizes
 from myomorph.uncertainty.spread import Draws, Uncertainty
 
 FAILURES = (MyomorphError, ArithmeticError, np.linalg.LinAlgError)

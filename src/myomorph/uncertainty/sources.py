@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, fields
+from typing import NamedTuple
+
+import numpy as np
 
 from myomorph.model.errors import BadData
+from myomorph.model.frozen_map import FrozenMap
 
 GROUPS: dict[str, tuple[str, ...]] = {
     "markers": ("marker_noise", "skin_thigh", "skin_shank", "skin_foot", "skin_trunk", "skin_arm", "angle"),
@@ -103,13 +108,108 @@ class Sources:
     criterion: float = 1.0
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
+        for source in fields(self):
+            value = getattr(self, source.name)
             if not 0.0 <= value < math.inf:
-                raise BadData(f"uncertainty '{field.name}' is {value:g}: expected 0 or more")
+                raise BadData(f"uncertainty '{source.name}' is {value:g}: expected 0 or more")
         if not self.skin_time > 0.0:
             raise BadData("uncertainty 'skin_time' is 0: expected a time [s] above 0")
 
     def of(self, group: str) -> dict[str, float]:
         """Sizes of one of `GROUPS`, by name."""
         return {name: getattr(self, name) for name in GROUPS[group]}
+
+
+USUAL, STATED = "usual", "stated"
+"""Where the size of a source comes from that no step found."""
+
+
+class ItemSize(NamedTuple):
+    """The size of a source for one item, in the source's own unit.
+
+    Attributes
+    ----------
+    source, item : as in `Sources`, and what it is of: a body, a muscle, a point of a path
+    size : standard deviation
+    shared : items with the same name here err together; "" for each by itself
+    """
+
+    source: str
+    item: str
+    size: float
+    shared: str = ""
+
+
+class SourceSize(NamedTuple):
+    """How large a source was taken to be.
+
+    Attributes
+    ----------
+    size : of all items alike, of found sizes the median
+    origin : `USUAL`, `STATED` or the step that found it
+    items : of so many there are sizes of their own
+    least, greatest : of these
+    """
+
+    group: str
+    source: str
+    size: float
+    origin: str
+    items: int
+    least: float
+    greatest: float
+
+
+@dataclass(frozen=True)
+class ErrorSizes:
+    """Sizes that steps found, the latest step's where several found one.
+
+    Attributes
+    ----------
+    items : by source and item
+    origins : by source, the step
+    """
+
+    items: Mapping[str, Mapping[str, ItemSize]] = field(default_factory=lambda: FrozenMap({}))
+    origins: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
+
+    def of(self, source: str, item: str) -> ItemSize | None:
+        """What was found of an item, or None."""
+        return self.items.get(source, {}).get(item)
+
+    def with_step(self, step: str, sizes: Iterable[ItemSize]) -> ErrorSizes:
+        """The same with what a later step found, which replaces all that earlier ones said of its sources."""
+        by_source: dict[str, dict[str, ItemSize]] = {}
+        for size in sizes:
+            by_source.setdefault(size.source, {})[size.item] = size
+        items = {**self.items, **{source: FrozenMap(by_item) for source, by_item in by_source.items()}}
+        return ErrorSizes(FrozenMap(items), FrozenMap({**self.origins, **dict.fromkeys(by_source, step)}))
+
+    def beside(self, sources: Sources) -> ErrorSizes:
+        """Without sources whose size a user stated: one that is not the usual."""
+        kept = [name for name in self.items if _origin(sources, name) == USUAL]
+        return ErrorSizes(
+            FrozenMap({name: self.items[name] for name in kept}), FrozenMap({name: self.origins[name] for name in kept})
+        )
+
+
+NOTHING = ErrorSizes()
+
+
+def source_sizes(sources: Sources, error_sizes: ErrorSizes) -> tuple[SourceSize, ...]:
+    """Every source with its size and where that comes from; one that is left out has size 0."""
+    rows = []
+    for group, names in GROUPS.items():
+        for name in names:
+            sizes = np.array([item.size for item in error_sizes.items.get(name, {}).values()])
+            size, origin = float(getattr(sources, name)), _origin(sources, name)
+            if len(sizes) and origin == USUAL:
+                least, middle, greatest = (float(size) for size in np.quantile(sizes, (0.0, 0.5, 1.0)))
+                rows.append(SourceSize(group, name, middle, error_sizes.origins[name], len(sizes), least, greatest))
+            else:
+                rows.append(SourceSize(group, name, size, origin, 0, size, size))
+    return tuple(rows)
+
+
+def _origin(sources: Sources, name: str) -> str:
+    return USUAL if getattr(sources, name) == getattr(Sources(), name) else STATED

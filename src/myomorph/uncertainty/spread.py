@@ -13,7 +13,7 @@ import numpy as np
 
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.frozen_map import FrozenMap
-from myomorph.uncertainty.error_sizes import SourceSize
+from myomorph.uncertainty.sources import SourceSize
 
 LEVEL = 0.9
 IN_MEMORY = 100e6

@@ -21,7 +21,7 @@ from myomorph.report.trial.figures import activation_panel, emg_panel, pair_pane
 from myomorph.report.trial.prepared import Prepared
 from myomorph.report.trial.report_input import ShownTension
 from myomorph.tension.emg_conflicts import APART, BORNE, EmgConflict
-from myomorph.tension.fibers import Fibers
+from myomorph.tension.tension import Fibers
 
 CONFLICT_HEAD = ("Muscle", "From", "To", "Largest difference at", "Activation from EMG", "Activation in the solution")
 RESERVE_HEAD = ("Coordinate", "From", "To", "Maximum at", "Required torque", "Reserve torque")

@@ -21,8 +21,8 @@ from myomorph.motion.calibration import Calibration
 from myomorph.motion.ik import KinematicsFit
 from myomorph.report.page.parts import PageHead, Section
 from myomorph.tension.emg_conflicts import EmgConflict
-from myomorph.tension.fibers import Fibers
 from myomorph.tension.joint_contact import JointContactForces
+from myomorph.tension.tension import Fibers
 from myomorph.uncertainty.spread import Uncertainty
 
 Situation = Literal["", "measured", "shared", "sound", "unknown"]

@@ -16,7 +16,7 @@ from myomorph.report.charts.curves import Line, time_plot
 from myomorph.report.charts.rows import dot_plot
 from myomorph.report.page.parts import Figure, Grid, Section
 from myomorph.report.trial.prepared import Prepared
-from myomorph.uncertainty.error_sizes import SourceSize
+from myomorph.uncertainty.sources import SourceSize
 from myomorph.uncertainty.spread import Shares, Spread
 
 UNITS = ("N·m",) * 3 + ("N",) * 3  # Of the components of a wrench.

@@ -11,8 +11,7 @@ from pathlib import Path
 from myomorph.io.parsing.text import write_csv
 from myomorph.model.errors import BadFile
 from myomorph.study.inputs.input import Input, Opened, Opening
-from myomorph.uncertainty.error_sizes import NOTHING, ErrorSizes, ItemSize
-from myomorph.uncertainty.sources import GROUPS
+from myomorph.uncertainty.sources import GROUPS, NOTHING, ErrorSizes, ItemSize
 
 
 @dataclass(frozen=True)

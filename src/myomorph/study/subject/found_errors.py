@@ -12,7 +12,7 @@ from myomorph.model.inertia import inertial_parameters
 from myomorph.model.model import Model
 from myomorph.morph.morphed import Morph
 from myomorph.tension.personal.personalize import FIBER, FORCE, SLACK, Personalized
-from myomorph.uncertainty.error_sizes import ItemSize
+from myomorph.uncertainty.sources import ItemSize
 
 NINETY = 1.645
 """Standard deviations of a 90 % interval."""

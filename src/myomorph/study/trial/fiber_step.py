@@ -21,8 +21,7 @@ from myomorph.study.step.step import StepOutput
 from myomorph.study.trial.trial_inputs import Signals, Value, all_drawn
 from myomorph.tension.dual import STALLED
 from myomorph.tension.elastic.windows import FASTEST, solved_every
-from myomorph.tension.fibers import Fibers
-from myomorph.tension.tension import Tension
+from myomorph.tension.tension import Fibers, Tension
 
 WORK = "fiber_work.csv"
 UNITS = {"start": "s", "stop": "s", "peak": "W", "done": "J", "absorbed": "J", "returned": "J", "stored": "J"}

@@ -185,7 +185,7 @@ def compile_motion() -> None:
 def compile_curves() -> None:
     """Run the muscle curves once, which need no paths."""
     # The kernels are imported when it is known that they must be compiled: a process that looks only starts faster.
-    from myomorph.muscles.hill import hill_forces
+    from myomorph.muscles.hill_arrays import hill_forces
 
     hill_forces(two_links(), np.full((2, 1), 0.6), np.zeros((2, 1)))
 

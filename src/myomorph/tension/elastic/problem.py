@@ -21,9 +21,8 @@ from myomorph.tension.dual import INFEASIBLE, MISSING, OPTIMAL, STALLED
 from myomorph.tension.elastic import windows
 from myomorph.tension.elastic.interior import Outcome
 from myomorph.tension.elastic.windows import ElasticMuscleTerm, along, fibers_at
-from myomorph.tension.fibers import Certificate, Fibers, Unreachable
 from myomorph.tension.problem import Balance, TensionInputs, TensionProblem
-from myomorph.tension.tension import Tension
+from myomorph.tension.tension import Certificate, Fibers, Tension, Unreachable
 
 WINDOW = 256  # Frames kept of each window of a long recording
 MARGIN = 0.3  # Time before and after them that is solved too [s]

@@ -9,8 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from myomorph.contact.plate_corners import plate_axes
-from myomorph.contact.plates import plate_wrench
+from myomorph.contact.plates import plate_axes, plate_wrench
 from myomorph.io.loads import read_external_loads
 from myomorph.io.mesh import read_mesh
 from myomorph.io.sto import read_sto

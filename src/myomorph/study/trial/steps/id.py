@@ -20,8 +20,8 @@ from myomorph.motion.turns import floating_coordinates
 from myomorph.report.trial.report_input import Dynamics, ReportInput
 from myomorph.report.trial.summary_lines import dynamics_line
 from myomorph.report.trial.tables import residuals
-from myomorph.rigid.closed_motion import closed_motion, loop_torques
 from myomorph.rigid.dynamics import inverse_dynamics
+from myomorph.rigid.loops import closed_motion, loop_torques
 from myomorph.store import stored as store
 from myomorph.store.outcome import Outcome
 from myomorph.store.results import Stored, get_findings, put_findings

@@ -19,7 +19,7 @@ from myomorph.muscles.kinematics import ReportedPaths
 from myomorph.muscles.path import compile_paths
 from myomorph.report.trial.report_input import MusclePaths, ReportInput
 from myomorph.report.trial.summary_lines import muscles_line
-from myomorph.rigid.closed_motion import closed_motion
+from myomorph.rigid.loops import closed_motion
 from myomorph.store import stored as store
 from myomorph.store.progress import progress
 from myomorph.store.results import ResultWriter, Stored, file_name

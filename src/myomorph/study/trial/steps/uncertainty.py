@@ -29,9 +29,8 @@ from myomorph.study.trial.steps.tension import Tensions, strides_of_trial
 from myomorph.study.trial.trial_inputs import TrialInputs
 from myomorph.study.trial.trial_strides import TrialStrides
 from myomorph.uncertainty.bodies import Draw
-from myomorph.uncertainty.error_sizes import NOTHING, ErrorSizes, SourceSize, source_sizes
 from myomorph.uncertainty.normals import Normals
-from myomorph.uncertainty.sources import Sources
+from myomorph.uncertainty.sources import NOTHING, ErrorSizes, Sources, SourceSize, source_sizes
 from myomorph.uncertainty.spread import (
     FACTORS,
     Draws,
