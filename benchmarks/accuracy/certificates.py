@@ -24,11 +24,11 @@ from myomorph.tension.certificates import (
     contact_intervals,
     group_functions,
     open_bounds,
+    solved_frames,
 )
 from myomorph.tension.problem import TensionInputs, TensionProblem, tension_problem
 from myomorph.tension.relaxation import RESIDUAL_SHARE, Relaxation, relaxations
 from myomorph.tension.simplex import extremes
-from myomorph.tension.solved import solved_frames
 from myomorph.tension.tension import Tension
 from myomorph.tension.terms.contacts import ContactTask
 from truths.optimality import optimality

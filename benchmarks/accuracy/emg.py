@@ -12,8 +12,7 @@ import numpy as np
 import myomorph as mm
 from myomorph.io.loads import read_external_loads
 from myomorph.model.arrays import Array
-from myomorph.motion.emg_delay import ChannelMap, EmgCalibration, channel_means, shifted
-from myomorph.motion.envelope import EnvelopeOptions
+from myomorph.motion.envelope import ChannelMap, EmgCalibration, EnvelopeOptions, channel_means, shifted
 from myomorph.motion.filters import lowpass
 from myomorph.motion.sync import cut
 from myomorph.tension.emg_calibration import calibrate_emg

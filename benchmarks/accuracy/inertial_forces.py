@@ -17,8 +17,7 @@ import myomorph as mm
 from benchmarks.errors import rms
 from benchmarks.hidden_plates import CASES, Hidden, HiddenCase, estimated, feet_of, foot_wrench, opened, tracked
 from myomorph.cli import main
-from myomorph.contact.foot_path import walked
-from myomorph.contact.site_motion import rest_on_floor
+from myomorph.contact.site_motion import rest_on_floor, walked
 from myomorph.contact.sites import foot_sites
 from myomorph.contact.states import ActivationOptions, ContactStateOptions, contact_activations
 from myomorph.motion.sensors.mounting import trunk_acceleration

@@ -13,8 +13,7 @@ from myomorph.live.chain import SOLVED, ChainFrame, ChainOptions, LiveChain
 from myomorph.live.loop import follow
 from myomorph.live.sources import Replay, open_recording
 from myomorph.model.arrays import Array
-from myomorph.motion.online import OnlineKinematics
-from myomorph.motion.steady_pose import SteadyKinematics
+from myomorph.motion.online import OnlineKinematics, SteadyKinematics
 from myomorph.motion.sync import cut
 from myomorph.study.inputs.external_forces import force_table
 

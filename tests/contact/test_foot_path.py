@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import myomorph as mm
-from myomorph.contact.foot_path import OnlineFootPath, root_places, walked
+from myomorph.contact.site_motion import OnlineFootPath, root_places, walked
 from myomorph.rigid.tree import compile_tree
 
 HOME = "rajagopal-walk-emg"

@@ -17,8 +17,7 @@ from myomorph.motion.emg_checks import (
     refuse_unfit,
     without_faults,
 )
-from myomorph.motion.emg_delay import EmgCalibration, channel_means
-from myomorph.motion.envelope import EnvelopeOptions, envelopes, largest, linear_envelope
+from myomorph.motion.envelope import EmgCalibration, EnvelopeOptions, channel_means, envelopes, largest, linear_envelope
 
 RATE = 2000.0
 TIME = np.arange(6000) / RATE

@@ -12,8 +12,7 @@ from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Markers
 from myomorph.motion.ik import inverse_kinematics
-from myomorph.motion.online import OnlineKinematics
-from myomorph.motion.steady_pose import BLEND, SteadyKinematics
+from myomorph.motion.online import BLEND, OnlineKinematics, SteadyKinematics
 
 FRAMES = slice(60, 130)
 HIDDEN = slice(20, 40)

@@ -21,15 +21,16 @@ from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.frames import over_frames
 from myomorph.tension.certificates import (
     CertificateOptions,
+    SolvedFrames,
     axis_words,
     contact_intervals,
     group_functions,
     open_bounds,
+    solved_frames,
 )
 from myomorph.tension.problem import TensionInputs, tension_problem
 from myomorph.tension.reaction import joint_reactions
 from myomorph.tension.separable import Separable, pattern
-from myomorph.tension.solved import SolvedFrames, solved_frames
 from myomorph.tension.terms.contacts import ContactOptions, ContactTask
 from myomorph.tension.terms.emg import EmgTarget
 from standing import WEIGHT, block, legs, standing_still

@@ -7,10 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from myomorph.model.arrays import Array, read_only
-from myomorph.tension.certificates import ON_BOUND
+from myomorph.tension.certificates import ON_BOUND, SolvedFrames, solved_frames
 from myomorph.tension.dual import OPTIMAL
 from myomorph.tension.problem import TensionProblem
-from myomorph.tension.solved import SolvedFrames, solved_frames
 from myomorph.tension.tension import Tension
 
 

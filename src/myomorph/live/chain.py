@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from myomorph.contact.assign import OnlineFeet
-from myomorph.contact.foot_path import OnlineFootPath, root_places
+from myomorph.contact.site_motion import OnlineFootPath, root_places
 from myomorph.live.limits import FrameLimits, Instant, LimitOptions, LiveLimits
 from myomorph.live.loop import GAP, HELD, NO_FORCE, SETTLING, SOLVED, UNSOLVED
 from myomorph.live.sources import Source
@@ -17,9 +17,8 @@ from myomorph.model.errors import BadData
 from myomorph.model.model import Model, index_of
 from myomorph.motion.causal import CausalFilter, CausalStream
 from myomorph.motion.measurements import default_markers
-from myomorph.motion.online import OnlineKinematics, OnlineOrientations
+from myomorph.motion.online import BLEND, OnlineKinematics, OnlineOrientations, SteadyFrame, SteadyKinematics
 from myomorph.motion.sensors.mounting import SensorMounting
-from myomorph.motion.steady_pose import BLEND, SteadyFrame, SteadyKinematics
 from myomorph.rigid.dynamics import OnlineDynamics
 from myomorph.tension.dual import MISSING, OPTIMAL
 from myomorph.tension.online import OnlineTension, TensionFrame

@@ -27,7 +27,7 @@ from myomorph.model.model import Model
 from myomorph.model.segments import Segment, segments_of
 from myomorph.model.series import Motion, Wrenches
 from myomorph.model.surface import Surface
-from myomorph.motion.steady_pose import SteadyFrame
+from myomorph.motion.online import SteadyFrame
 from myomorph.store.settings import with_settings
 from myomorph.study.subject.identifying import SubjectMotion, _surfaces, open_motions
 from myomorph.viewer.identification_page import Clock, Display, TerminalDisplay, WebDisplay

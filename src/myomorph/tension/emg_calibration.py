@@ -13,7 +13,7 @@ from myomorph.model.errors import BadData, check_name
 from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Emg
 from myomorph.motion.emg_checks import envelope_faults, refuse_unfit, without_faults
-from myomorph.motion.emg_delay import DOUBT, USUAL, ChannelMap, EmgCalibration, uncalibrated
+from myomorph.motion.envelope import DOUBT, USUAL, ChannelMap, EmgCalibration, uncalibrated
 from myomorph.motion.filters import lowpass
 from myomorph.tension.emg_frames import tracked_frames
 from myomorph.tension.emg_groups import calibration_of, kept_level, settled_fit, some_names, synergy_groups

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from myomorph.model.arrays import Array
-from myomorph.motion.emg_delay import DOUBT, EmgCalibration, Synergies, SynergyWeights, find_synergies
+from myomorph.motion.envelope import DOUBT, EmgCalibration, Synergies, SynergyWeights, find_synergies
 from myomorph.tension.emg_frames import TrackedFrames
 from myomorph.tension.emg_tracking import NEAR_MAXIMUM, Fit, Group, Prior, TorqueTracking, action_cosines, alike
 

@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_limits
 from myomorph.model.arrays import Array
 from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Emg, Motion, Series
-from myomorph.motion.emg_delay import ChannelMap, EmgCalibration, channel_means, shifted
+from myomorph.motion.envelope import ChannelMap, EmgCalibration, channel_means, shifted
 from myomorph.tension.emg_frames import few_frames
 from myomorph.tension.emg_groups import SAME, calibration_of, kept_level, settled_fit, some_names, synergy_groups
 from myomorph.tension.emg_targets import EmgOptions, emg_targets

@@ -22,7 +22,7 @@ from scipy.optimize import nnls
 
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.series import Emg
-from myomorph.motion.emg_delay import Synergies, independent_samples, shaped, shifted
+from myomorph.motion.envelope import Synergies, independent_samples, shaped, shifted
 from myomorph.tension.emg_frames import TrackedFrames
 
 UNMEASURED = 0.1  # How far an unmeasured muscle leaves what synergies say of it, standard deviation [activation]

@@ -23,10 +23,10 @@ from myomorph.model.contacts import Cone, Site
 from myomorph.model.errors import BadData
 from myomorph.model.model import GROUND
 from myomorph.rigid.kinematics import Poses, center_of_mass, forward_kinematics
+from myomorph.tension.certificates import subject_weight
 from myomorph.tension.dual import MISSING
 from myomorph.tension.problem import TensionProblem
 from myomorph.tension.simplex import extremes
-from myomorph.tension.solved import subject_weight
 from myomorph.tension.tension import Tension
 from myomorph.tension.terms.actuators import body_directions, compile_body_actuators, default_reserves, floating_joints
 from myomorph.tension.terms.cones import GRAVITY, ConeGenerators, compile_cones

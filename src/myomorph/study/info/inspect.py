@@ -133,7 +133,7 @@ def _arm_warnings(model: Model) -> tuple[str, ...]:
     if not model.muscles:
         return ()
     # Brings Numba: loaded only where it is needed.
-    from myomorph.muscles.published_arms import arm_warnings
+    from myomorph.muscles.patella import arm_warnings
 
     return arm_warnings(model)
 

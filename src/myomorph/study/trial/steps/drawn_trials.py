@@ -10,8 +10,8 @@ from typing import TypeVar
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
-from myomorph.contact.foot_path import root_places, walked
 from myomorph.contact.plan import ContactPlan
+from myomorph.contact.site_motion import root_places, walked
 from myomorph.io.sto import table_from_motion
 from myomorph.model.arrays import Array
 from myomorph.model.errors import MyomorphError

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from myomorph.contact.foot_path import root_places, walked
+from myomorph.contact.site_motion import root_places, walked
 from myomorph.io.sto import table_from_motion, write_sto
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, MyomorphError

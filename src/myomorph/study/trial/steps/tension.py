@@ -10,8 +10,8 @@ import numpy as np
 
 from myomorph.analysis.strides import Strides
 from myomorph.analysis.walking import walking_strides
-from myomorph.contact.foot_path import root_places, walked
 from myomorph.contact.plan import ContactPlan
+from myomorph.contact.site_motion import root_places, walked
 from myomorph.io.contact_events import write_events
 from myomorph.io.loads import write_external_loads
 from myomorph.io.sto import write_sto
