@@ -23,7 +23,7 @@ from myomorph.model.series import Motion, Wrenches
 from myomorph.motion.filters import lowpass
 from myomorph.rigid.frames import over_frames
 from myomorph.rigid.kernels import kernel
-from myomorph.rigid.regressor import BLOCK, base_regressor, base_wrench, frames_of, regressor_blocks, sum_of_wrenches
+from myomorph.rigid.regressor import BLOCK, base_regressor, base_wrench, regressor_blocks, sum_of_wrenches
 
 FILTER_REACH = 3.0  # How far a filter's ends reach, times 1 / cutoff, until rounding
 MIN_RUN = 8  # Frames in a row that are filtered
@@ -247,7 +247,7 @@ class Recording:
         for start in range(0, frames, BLOCK):
             stop = min(start + BLOCK, frames)
             around = slice(max(0, start - margin), min(frames, stop + margin))
-            rows = base_regressor(model, frames_of(finer.motion, around))
+            rows = base_regressor(model, finer.motion.frames(around))
             passed = finer.passed(np.concatenate([rows, measured[around, :, None]], axis=2))
             passed = passed[start - around.start : stop - around.start]
             yield slice(start, stop), passed[:, :, :-1], passed[:, :, -1]

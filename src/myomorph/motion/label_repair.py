@@ -259,7 +259,7 @@ def mended_labels(
     size = overall_size(model, names, [markers.values[:, columns]])
     bare = skeleton(model)
     sized = scale(bare, dict.fromkeys(bare.body_names, np.full(3, size)))
-    sample = Markers(markers.time[chosen], markers.names, markers.values[chosen])
+    sample = markers.frames(chosen)
     fit = inverse_kinematics(sized, sample, options)
     _, findings = swap_findings(sized, sample, fit, options, length_unit(compile_tree(sized)), OF_ANY_LENGTHS)
     return repaired(markers, (finding for finding in findings if not finding.times))

@@ -96,8 +96,7 @@ def frames_around(markers: Markers, start: float, end: float) -> Markers:
         raise BadData(f"the time range {start:g} to {end:g} s ends before it starts")
     first = max(int(np.searchsorted(markers.time, start + INSTANT, side="right")) - 1, 0)
     last = min(int(np.searchsorted(markers.time, end - INSTANT, side="left")), len(markers) - 1)
-    kept = slice(first, max(last, first) + 1)
-    return replace(markers, time=markers.time[kept], values=markers.values[kept])
+    return markers.frames(slice(first, max(last, first) + 1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +132,7 @@ def place_on_pose(
         )
     removed = tuple(name for name in model.marker_names if name not in markers.names)
     kept = replace(model, markers=tuple(marker for marker in model.markers if marker.name in markers.names))
-    fit = inverse_kinematics(kept, _mean(replace(used, time=used.time[inside], values=used.values[inside])), options)
+    fit = inverse_kinematics(kept, _mean(used.frames(inside)), options)
     mean = _mean(used)
     seen = {name for name in kept.marker_names if np.isfinite(mean[name]).all()}
     bodies = {marker.name: marker.body for marker in kept.markers if not marker.fixed and marker.name in seen}

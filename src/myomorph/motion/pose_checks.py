@@ -64,7 +64,7 @@ def _bound_findings(
     without = replace(model, coordinates=coordinates)
     some = np.flatnonzero(at[:, held].any(axis=1))
     some = some[np.unique(np.linspace(0, len(some) - 1, SAMPLES).astype(int))]
-    freed = inverse_kinematics(without, replace(markers, time=markers.time[some], values=markers.values[some]), options)
+    freed = inverse_kinematics(without, markers.frames(some), options)
     for i in held:
         coordinate = model.coordinate(names[i])
         at_bound = at[some, i]

@@ -59,7 +59,7 @@ def regressor_blocks(
     for start in range(0, len(motion), frames):
         span = slice(start, min(start + frames, len(motion)))
         length = span.stop - span.start
-        _fill(tree, frames_of(motion, span), fixed, points[:length], rows[:length])
+        _fill(tree, motion.frames(span), fixed, points[:length], rows[:length])
         yield RegressorBlock(span, rows[:length], points[:length])
 
 
@@ -91,13 +91,6 @@ def reference_points(model: Model, motion: Motion, reference: ArrayLike | None =
     points = np.empty((len(c), 3))
     over_frames(lambda start, stop: _base_origins(tree.arrays, c[start:stop], points[start:stop]), len(c))
     return points
-
-
-def frames_of(motion: Motion, span: slice) -> Motion:
-    """Some frames of a motion, derivatives included."""
-    velocities = motion.velocities[span] if motion.velocities is not None else None
-    accelerations = motion.accelerations[span] if motion.accelerations is not None else None
-    return Motion(motion.time[span], motion.names, motion.values[span], velocities, accelerations)
 
 
 def _fixed_point(reference: ArrayLike | None) -> Array | None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, runs
 from myomorph.model.model import Model
 from myomorph.muscles.path import compile_paths
 from myomorph.tension.tension import RESERVE, Tension
@@ -74,12 +74,9 @@ def _by_reserve(model: Model, tension: Tension, target: EmgTarget) -> Iterator[E
 
 def _stretches(time: Array, values: Array, limit: float) -> Iterator[tuple[int, int, int]]:
     """First, last and worst frame of each stretch in which values (frames,) are beyond a limit."""
-    beyond = np.nan_to_num(values) > limit
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], beyond.astype(np.int8), [0]])))
-    for first, stop in zip(edges[::2], edges[1::2], strict=True):
-        last = int(stop) - 1
-        if time[last] - time[first] >= SHORTEST:
-            yield int(first), last, int(first + np.argmax(values[first:stop]))
+    for first, stop in runs(np.nan_to_num(values) > limit):
+        if time[stop - 1] - time[first] >= SHORTEST:
+            yield first, stop - 1, first + int(np.argmax(values[first:stop]))
 
 
 def conflict_line(conflicts: Sequence[EmgConflict], table: str) -> tuple[str, ...]:

@@ -29,16 +29,7 @@ class TrackedFrames:
 
 def few_frames(motion: Motion, torques: Series, every: int) -> tuple[Motion, Series]:
     """Every so many frames of a motion with velocities and what else it has, and of its torques."""
-    chosen = slice(None, None, every)
-    assert motion.velocities is not None
-    few = replace(
-        motion,
-        time=motion.time[chosen],
-        values=motion.values[chosen],
-        velocities=motion.velocities[chosen],
-        accelerations=None if motion.accelerations is None else motion.accelerations[chosen],
-    )
-    return few, Series(few.time, torques.names, torques.values[chosen])
+    return motion.frames(slice(None, None, every)), torques.frames(slice(None, None, every))
 
 
 def tracked_frames(inputs: TensionInputs, emg: Emg, tells: Array, every: int) -> TrackedFrames:
@@ -77,10 +68,8 @@ def tracked_frames(inputs: TensionInputs, emg: Emg, tells: Array, every: int) ->
 
 def _thinned(contacts: ContactTask, chosen: slice) -> ContactTask:
     """The same contacts at fewer instants."""
-    whole = contacts.activations
-    activations = Series(whole.time[chosen], whole.names, whole.values[chosen])
     preferred = None if contacts.preferred is None else contacts.preferred[chosen]
     measured = tuple(
         replace(wrench, forces=wrench.forces[chosen], moments=wrench.moments[chosen]) for wrench in contacts.measured
     )
-    return replace(contacts, activations=activations, preferred=preferred, measured=measured)
+    return replace(contacts, activations=contacts.activations.frames(chosen), preferred=preferred, measured=measured)

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, runs
 from myomorph.model.contacts import Site
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
@@ -268,10 +268,8 @@ def _moved(time: Array, values: Array, begin: float, end: float) -> Array:
     """Columns of which the first half of every touch of any comes later by `begin` [s], the second by `end`. A touch
     that lasts to the end of the recording keeps that end: nothing was found there.
     """
-    on = (values > 0.0).any(axis=1)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], on.astype(int), [0]])))
     result = np.zeros_like(values)
-    for start, stop in edges.reshape(-1, 2):
+    for start, stop in runs((values > 0.0).any(axis=1)):
         first = begin if start > 0 else 0.0
         last = end if stop < len(time) else 0.0
         alone = np.zeros_like(values)

@@ -97,7 +97,7 @@ def spread_postures(
     looked, coordinates, places, misfit, shown = [], [], [], [], []
     for number, trial in enumerate(trials):
         every = np.arange(0, len(trial), stride)
-        fit = inverse_kinematics(model, Markers(trial.time[every], trial.names, trial.values[every]), options)
+        fit = inverse_kinematics(model, trial.frames(every), options)
         values = fit.motion.values
         seen = np.isfinite(values).all(axis=1)
         looked += [(number, int(frame)) for frame in every[seen]]
