@@ -228,8 +228,7 @@ BARELY, TRIFLE = 1e-4, 1e-9
 """Weight of the lowest corner however fast it is, and of rest, so that the path is determined in every frame."""
 LOWER = 0.005
 """A corner of a sole must be lower than the one that stands by so much to take over, while frames arrive [m]."""
-STEPS = 4
-"""Times that weights follow from the path and the path from weights."""
+STEPS = 4  # Times that weights follow from the path and the path from weights
 
 
 def root_places(model: Model) -> tuple[str, ...]:

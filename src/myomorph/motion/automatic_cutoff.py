@@ -10,33 +10,21 @@ from myomorph.model.arrays import Array, runs
 from myomorph.model.series import Motion
 from myomorph.motion.filters import natural_spline
 
-CHANCE = 0.02
-"""Chance that noise alone is taken for motion at any frequency of a coordinate."""
-
+CHANCE = 0.02  # Chance that noise alone is taken for motion at any frequency of a coordinate
 ENOUGH = 0.01
 """Squared error of accelerations over their square, below which a coordinate gains little: a tenth in amplitude."""
 
-SPEED_SHARE = 0.85
-"""Share of the power of velocities that lies below the frequency of a movement."""
-
+SPEED_SHARE = 0.85  # Share of the power of velocities that lies below the frequency of a movement
 HARMONICS = 3.0
 """Times the frequency of the movement up to which markers follow bones; docs/decisions/0003 says how it was chosen."""
 
-SLOWEST = 2.0
-"""Cutoff of the slowest movement [Hz]: of a pose that is held, noise alone is left to judge by."""
-
-MOVING = 0.05
-"""Coordinates that move less, by standard deviation over that of the one that moves most, do not count."""
-
-SMOOTH = 0.2
-"""Accelerations above the cutoff over those below it, up to which the motion is taken as filtered before."""
-
+SLOWEST = 2.0  # Cutoff of the slowest movement [Hz]: of a pose that is held, noise alone is left to judge by
+MOVING = 0.05  # Coordinates that move less, by standard deviation over that of the one that moves most, do not count
+SMOOTH = 0.2  # Accelerations above the cutoff over those below it, up to which the motion is taken as filtered before
 NOISELESS = 0.002
 """Accelerations of white noise over those of the motion, below which somebody filtered or computed the motion."""
 
-TRIED = np.geomspace(0.001, 0.49, 240)
-"""Cutoffs that are compared, over the rate of frames."""
-
+TRIED = np.geomspace(0.001, 0.49, 240)  # Cutoffs that are compared, over the rate of frames
 MIN_FRAMES, MAX_FRAMES = 30, 4096
 """Frames in a row without a gap: fewer have no spectrum, and of more the middle ones are enough."""
 

@@ -42,8 +42,7 @@ POSITIVE = (
 )  # fmt: skip
 
 FEW_FRAMES = 10
-FAR = 0.1
-"""A marker farther than this from its place on the model may be another one [length units]."""
+FAR = 0.1  # A marker farther than this from its place on the model may be another one [length units]
 
 
 def calibrate(
@@ -281,8 +280,7 @@ def _calibration(
     )
 
 
-THIN = 3
-"""A segment with fewer markers than these can turn without showing it [markers]."""
+THIN = 3  # A segment with fewer markers than these can turn without showing it [markers]
 
 
 def _thin_notes(model: Model, names: Sequence[str], recordings: Sequence[Markers]) -> Iterator[str]:

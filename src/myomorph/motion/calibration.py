@@ -20,8 +20,7 @@ SOURCES = (STATIC, FUNCTIONAL, SYMMETRY, GENERIC)
 SLIDE, SLIDE_TURN = 0.005, 0.05
 """How far all markers of a segment of a human body slide [m] and turn [rad] as one, standard deviations."""
 
-NORMAL_90 = 1.645
-"""Standard deviations to either side of a 90 % interval."""
+NORMAL_90 = 1.645  # Standard deviations to either side of a 90 % interval
 
 
 @dataclass(frozen=True)

@@ -18,11 +18,8 @@ from myomorph.model.errors import BadData
 from myomorph.model.series import Motion
 from myomorph.rigid.kernels import inner, kernel
 
-HALF_POWER = 2.1139176749042158
-"""Frequency times delay at which this filter halves the power, in radians."""
-
-SETTLING = 3.0
-"""Delays after which what the filter began with has fallen below 0.2 %."""
+HALF_POWER = 2.1139176749042158  # Frequency times delay at which this filter halves the power, in radians
+SETTLING = 3.0  # Delays after which what the filter began with has fallen below 0.2 %
 
 
 @dataclass(frozen=True)

@@ -11,26 +11,14 @@ from myomorph.model.arrays import Array, read_only, runs
 from myomorph.model.errors import BadData
 from myomorph.motion.filters import lowpass, natural_spline
 
-SAMPLES = 4.0
-"""Frames that are kept for every period of the cutoff."""
-
+SAMPLES = 4.0  # Frames that are kept for every period of the cutoff
 CANDIDATES = 5
-NEAR = 0.3
-"""A lag that explains less than the best by more than this share is no candidate."""
-
+NEAR = 0.3  # A lag that explains less than the best by more than this share is no candidate
 LEAST_EXPLAINED = 0.1
-REACH = 0.15
-"""Time either way that the lag of a piece is looked for [s]."""
-
-DENSE = 40.0
-"""Samples for every period of the cutoff through which the other recording is splined."""
-
-FINEST = 25.0
-"""Frames a second that are kept at least."""
-
-RIM = 1.0
-"""Periods of the cutoff by which what is not used reaches into what is."""
-
+REACH = 0.15  # Time either way that the lag of a piece is looked for [s]
+DENSE = 40.0  # Samples for every period of the cutoff through which the other recording is splined
+FINEST = 25.0  # Frames a second that are kept at least
+RIM = 1.0  # Periods of the cutoff by which what is not used reaches into what is
 SETTLING = 3.0
 """Periods of the cutoff after which a filter has forgotten an end by four digits: differentiated markers are rough."""
 

@@ -31,11 +31,8 @@ PERIODS = 4.0
 """A low-pass filter at that multiple of the recording's main frequency keeps a swing and its harmonics, and little of
 the noise that differentiated markers bring."""
 
-SIGNIFICANT = 3.0
-"""Standard deviations above which a drift is named."""
-
-AMBIGUOUS = 1.1
-"""Another offset whose residuals are at most this many times as large makes the offset doubtful."""
+SIGNIFICANT = 3.0  # Standard deviations above which a drift is named
+AMBIGUOUS = 1.1  # Another offset whose residuals are at most this many times as large makes the offset doubtful
 
 
 @dataclass(frozen=True)

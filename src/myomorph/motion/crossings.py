@@ -19,12 +19,8 @@ from myomorph.rigid.tree import Tree, compile_tree
 
 Bools = NDArray[np.bool_]
 
-STEP = 1e-6
-"""Of the differences by which coordinates move markers, in units of the coordinates."""
-
-BENT = 0.2
-"""How far joints are bent from the default pose, where straight limbs hide what their markers show [rad]."""
-
+STEP = 1e-6  # Of the differences by which coordinates move markers, in units of the coordinates
+BENT = 0.2  # How far joints are bent from the default pose, where straight limbs hide what their markers show [rad]
 SEEN_AT_ALL = 1e-3
 """A direction of the coordinates is shown that moves markers by this share of what the strongest one does."""
 

@@ -11,42 +11,25 @@ from myomorph.model.arrays import Array, runs
 from myomorph.model.errors import BadData
 from myomorph.model.series import Emg, Series
 
-DEAD = 0.05
-"""Time without any change after which a raw channel is dead [s]: muscle and amplifier are never that quiet."""
-
-DEAD_ENVELOPE = 0.5
-"""The same for an envelope [s]."""
-
-CLIPPED = 3
-"""Samples in a row at a channel's largest or smallest value that mean a saturated amplifier."""
-
-CLIPPED_SHARE = 0.001
-"""Part of the samples that must be so."""
-
+DEAD = 0.05  # Time without any change after which a raw channel is dead [s]: muscle and amplifier are never that quiet
+DEAD_ENVELOPE = 0.5  # The same for an envelope [s]
+CLIPPED = 3  # Samples in a row at a channel's largest or smallest value that mean a saturated amplifier
+CLIPPED_SHARE = 0.001  # Part of the samples that must be so
 MEDIAN_FREQUENCY = (25.0, 350.0)
 """Range of the median frequency of surface EMG at its true rate [Hz], wide: 50 to 150 in most muscles."""
 
-NEGATIVE = 0.01
-"""Part of a channel's largest value below which it is negative, and not only ripples of a filter."""
-
+NEGATIVE = 0.01  # Part of a channel's largest value below which it is negative, and not only ripples of a filter
 CLIPPED_ENVELOPE = 0.05
 """Time that an envelope stands at its largest value when it was cut there [s]; one of 6 Hz turns in a few ms."""
 
-FAST = 20.0
-"""Frequency that no envelope reaches [Hz]: raw EMG begins there."""
-
-FAST_SHARE = 0.1
-"""Share of a channel's variance above it that shows that it is none."""
-
-BEYOND_ONE = 1.5
-"""Envelopes beyond this are no share of a maximum."""
-
+FAST = 20.0  # Frequency that no envelope reaches [Hz]: raw EMG begins there
+FAST_SHARE = 0.1  # Share of a channel's variance above it that shows that it is none
+BEYOND_ONE = 1.5  # Envelopes beyond this are no share of a maximum
 BURSTS, STEADY = 5.0, 3.0
 """95th over 10th percentile of an envelope: from which on a channel has bursts, and below which it has none. Muscles of
 six walks have 3.3 and more, electrodes that were on nobody or hummed 2.7 and less."""
 
-LONG_ENOUGH = 1.0
-"""Length of a recording in which muscles that move a body burst [s]."""
+LONG_ENOUGH = 1.0  # Length of a recording in which muscles that move a body burst [s]
 
 
 @dataclass(frozen=True)

@@ -143,9 +143,7 @@ def _notches(options: EnvelopeOptions, rate: float, high: float) -> list[Array]:
     return [tf2sos(*iirnotch(place, place / options.notch_width, fs=rate)) for place in places]
 
 
-USUAL = 0.05
-"""Delay where none can be found [s]: 49.5 to 55.5 ms on average in Cavanagh and Komi (1979)."""
-
+USUAL = 0.05  # Delay where none can be found [s]: 49.5 to 55.5 ms on average in Cavanagh and Komi (1979)
 DOUBT = 1.92
 """Drop of the log-likelihood that is no chance: half the 95th percentile of chi^2 with one degree of freedom."""
 
@@ -177,8 +175,7 @@ def independent_samples(first: Array, second: Array) -> float:
 ChannelMap = Mapping[str, Sequence[str]]
 """EMG channel to the muscles that it records; a muscle may be recorded by several channels."""
 
-STRAIGHT = 1e-6
-"""Shape factors nearer to zero than this make no difference."""
+STRAIGHT = 1e-6  # Shape factors nearer to zero than this make no difference
 
 
 def shaped(envelopes: Array, shapes: Array) -> Array:

@@ -14,8 +14,7 @@ from myomorph.rigid.kernels import kernel
 
 _NATURAL = {3: [(2, 0.0)], 5: [(3, 0.0), (4, 0.0)]}
 
-REACH = 60
-"""Samples beyond an end after which a quintic spline does not feel it: 0.43^60 is less than rounding."""
+REACH = 60  # Samples beyond an end after which a quintic spline does not feel it: 0.43^60 is less than rounding
 
 
 def natural_spline(time: Array, values: Array, degree: int = 5) -> BSpline:

@@ -27,26 +27,13 @@ from myomorph.rigid.tree import compile_tree
 SUSPECT = 0.02
 """Root mean square of marker errors above which whole groups of labels are tried exchanged, on a human body [m]."""
 
-FAR = 0.025
-"""Errors of both markers above which a pair may be exchanged, on a human body [m]."""
-
-CROSSED = 0.4
-"""Share of a pair's squared errors that may be left when each is held against the other's place."""
-
-BETTER = 0.7
-"""Share of the root mean square that an exchange must leave at most to be believed."""
-
-MIRROR = np.array([1.0, 1.0, -1.0])
-"""Every mirrored recording is this one, turned."""
-
-SWAP_SAMPLES = 6
-"""Frames on which an exchange is tried."""
-
-LEAST_GAIN = 0.005
-"""What an exchange must take off the root mean square, on a human body [m]."""
-
-CLEARLY = 0.75
-"""Of swapped sides and a mirrored axis the one that leaves so much less is reported as it."""
+FAR = 0.025  # Errors of both markers above which a pair may be exchanged, on a human body [m]
+CROSSED = 0.4  # Share of a pair's squared errors that may be left when each is held against the other's place
+BETTER = 0.7  # Share of the root mean square that an exchange must leave at most to be believed
+MIRROR = np.array([1.0, 1.0, -1.0])  # Every mirrored recording is this one, turned
+SWAP_SAMPLES = 6  # Frames on which an exchange is tried
+LEAST_GAIN = 0.005  # What an exchange must take off the root mean square, on a human body [m]
+CLEARLY = 0.75  # Of swapped sides and a mirrored axis the one that leaves so much less is reported as it
 
 
 class Margin(NamedTuple):
@@ -56,9 +43,7 @@ class Margin(NamedTuple):
     gain: float = LEAST_GAIN
 
 
-USUAL = Margin()
-"""Of a model of this body."""
-
+USUAL = Margin()  # Of a model of this body
 OF_ANY_LENGTHS = Margin(0.9, 0.01)
 """Of a model whose lengths and marker places are not this body's: it never fits well, but a wrong exchange costs cm."""
 
@@ -232,14 +217,9 @@ def _rms(errors: Array) -> Array:
         return np.sqrt((np.where(seen, errors, 0.0) ** 2).sum(axis=1) / seen.sum(axis=1))
 
 
-MAX_SWAPS = 4
-"""Exchanges of labels that are looked for one after the other."""
-
-SAMPLES = 16
-"""Frames that are looked at before a body's lengths are known."""
-
-THROUGHOUT = 0.9
-"""Share of the frames from which on an exchange is one of all frames."""
+MAX_SWAPS = 4  # Exchanges of labels that are looked for one after the other
+SAMPLES = 16  # Frames that are looked at before a body's lengths are known
+THROUGHOUT = 0.9  # Share of the frames from which on an exchange is one of all frames
 
 
 def mended_labels(

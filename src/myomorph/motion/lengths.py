@@ -172,8 +172,7 @@ def _one_for_both_sides(lengths: Sequence[Length]) -> tuple[Length, ...]:
     return tuple(merged)
 
 
-HUMAN_SEGMENT = 0.24
-"""A body whose longest segment is that long, as an adult's forearm, or longer is of human size [m]."""
+HUMAN_SEGMENT = 0.24  # A body whose longest segment is that long, as an adult's forearm, or longer is of human size [m]
 
 
 def length_unit(tree: Tree) -> float:

@@ -30,11 +30,8 @@ from myomorph.motion.pose_checks import pose_findings
 from myomorph.motion.sensors.sensor_kinematics import SensorFit
 from myomorph.rigid.tree import compile_tree
 
-FEW = 0.5
-"""Share of the model's markers, and of those recorded, below which too few match."""
-
-NEAR = 0.8
-"""Likeness of two names, letters alone, from which one may be meant for the other."""
+FEW = 0.5  # Share of the model's markers, and of those recorded, below which too few match
+NEAR = 0.8  # Likeness of two names, letters alone, from which one may be meant for the other
 
 
 @dataclass(frozen=True)
@@ -232,23 +229,12 @@ def name_findings(missing: Sequence[str], unused: Sequence[str], matched: int) -
     return ()
 
 
-LEAST = 0.03
-"""Excess of a step below which it is no edge, on a body of human size [m]."""
-
-OUTSTANDING = 6.0
-"""An edge's excess is at least so many times what nine of ten steps of the marker have."""
-
-RETURNS = 0.25
-"""A marker that returns later did not jump for a few frames: it may have moved [s]."""
-
-GAP = 0.1
-"""Steps over longer gaps are not compared [s]."""
-
-AROUND = 3
-"""Steps either way that make the usual one."""
-
-CLOSES = 0.35
-"""What may be left of a jump after the marker has returned, or of two after their labels are exchanged."""
+LEAST = 0.03  # Excess of a step below which it is no edge, on a body of human size [m]
+OUTSTANDING = 6.0  # An edge's excess is at least so many times what nine of ten steps of the marker have
+RETURNS = 0.25  # A marker that returns later did not jump for a few frames: it may have moved [s]
+GAP = 0.1  # Steps over longer gaps are not compared [s]
+AROUND = 3  # Steps either way that make the usual one
+CLOSES = 0.35  # What may be left of a jump after the marker has returned, or of two after their labels are exchanged
 
 
 @dataclass(frozen=True)

@@ -21,14 +21,9 @@ from myomorph.rigid.coordinates import couple_frames
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import Tree, compile_tree
 
-STEP = 1e-6
-"""Of the differences that give the slopes of marker positions [rad or m]."""
-
-UNKNOWN = 0.15
-"""A direction of a marker of which the others determine a smaller share has no prediction."""
-
-BLIND = 1e-5
-"""A direction of the coordinates that moves the markers by a smaller share of the usual is not determined."""
+STEP = 1e-6  # Of the differences that give the slopes of marker positions [rad or m]
+UNKNOWN = 0.15  # A direction of a marker of which the others determine a smaller share has no prediction
+BLIND = 1e-5  # A direction of the coordinates that moves the markers by a smaller share of the usual is not determined
 
 
 @read_only
@@ -99,21 +94,15 @@ def undetermined(marker_frames: MarkerFrames, problem: PoseProblem, weight: Arra
     return tuple(int(problem.free[i]) for i in blind_variables if problem.coordinates.weight[problem.free[i]] == 0.0)
 
 
-OFF = 0.035
-"""Distance from where all others put a marker, from which it is beside its place, on a human body [m]."""
-
+OFF = 0.035  # Distance from where all others put a marker, from which it is beside its place, on a human body [m]
 USUAL = 4.0
 """That distance is at least so many times that of the median marker: on a generic model all lie off their places."""
 
 MIDDLE = 0.055
 """The same of a marker without one on the other side to compare with: sacral markers are often 4 cm off [m]."""
 
-STEADY = 0.6
-"""Largest share that may change over time: skin and a wrong joint move a marker to and fro."""
-
-ALIKE = 0.5
-"""A marker of the other side that is as far off by this share shows that the model, not the marker, is off."""
-
+STEADY = 0.6  # Largest share that may change over time: skin and a wrong joint move a marker to and fro
+ALIKE = 0.5  # A marker of the other side that is as far off by this share shows that the model, not the marker, is off
 MAX_COUNT, SAMPLES = 4, 20
 
 
@@ -175,17 +164,12 @@ FAINT = 0.01
 """A direction of the coordinates that moves the seen markers by a smaller share of the usual is not shown: on a human,
 one that 5 mm of noise turn by a radian."""
 
-PART = 0.3
-"""Share of a hidden direction from which a coordinate is hidden with it."""
-
+PART = 0.3  # Share of a hidden direction from which a coordinate is hidden with it
 LEAST = 0.1
 """Share of the frames in which a coordinate may be hidden without a word, as markers are for moments at a time."""
 
-TOGETHER = 0.5
-"""Share of their frames that two coordinates have in common to be named together."""
-
-CHUNK = 128
-"""Frames whose slopes are held at once."""
+TOGETHER = 0.5  # Share of their frames that two coordinates have in common to be named together
+CHUNK = 128  # Frames whose slopes are held at once
 
 
 def hidden_findings(model: Model, markers: Markers, fit: KinematicsFit, problem: PoseProblem) -> tuple[Finding, ...]:

@@ -17,15 +17,11 @@ APART = 0.03
 """Difference of a distance on both sides from which a marker is misplaced, on a human body [m]; set with recordings of
 other laboratories than those of `benchmarks/accuracy/unseen_marker_faults.py`."""
 
-USUAL = 3.0
-"""That difference is at least so many times the median of the recording."""
-
+USUAL = 3.0  # That difference is at least so many times the median of the recording
 STEADY = 0.015
 """Largest standard deviation over frames of a distance between two points of bone that skin and joints leave [m]."""
 
-ONE_BODY = ("pelvis", "trunk")
-"""Segments whose right and left markers lie on one body."""
-
+ONE_BODY = ("pelvis", "trunk")  # Segments whose right and left markers lie on one body
 BESIDE = (frozenset(("thigh", "shank")), frozenset(("shank", "foot")))
 """Segments whose markers near the joint between them keep their distances, where `STEADY` says so."""
 

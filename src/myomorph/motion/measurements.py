@@ -16,8 +16,7 @@ from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit, inverse_
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 
-INSTANT = 1e-9
-"""Times that differ by less are the same [s]."""
+INSTANT = 1e-9  # Times that differ by less are the same [s]
 
 
 @dataclass(frozen=True)

@@ -29,8 +29,7 @@ from myomorph.rigid.frames import CHUNK, over_frames
 from myomorph.rigid.kernels import bare, kernel
 from myomorph.rigid.tree import Tree
 
-SCOUT = 16
-"""Frames between the poses that are tracked first; a gap of so many frames ends at one of them."""
+SCOUT = 16  # Frames between the poses that are tracked first; a gap of so many frames ends at one of them
 
 
 Settings: TypeAlias = tuple[float, float, int]

@@ -26,11 +26,8 @@ from myomorph.motion.tasks.orientations import OrientationArrays
 from myomorph.motion.turns import floating_coordinates, scout_poses
 from myomorph.rigid.tree import compile_tree
 
-REACH = 4.0
-"""Half width of the filter's window in standard deviations of its bell."""
-
-LOST = 3.0
-"""A frame whose marker error is that many times the usual one starts again from several headings."""
+REACH = 4.0  # Half width of the filter's window in standard deviations of its bell
+LOST = 3.0  # A frame whose marker error is that many times the usual one starts again from several headings
 
 
 @dataclass(frozen=True)
@@ -247,11 +244,8 @@ class OnlineOrientations(OnlineKinematics):
         return problem.tasks[self._place].errors
 
 
-BLEND = 0.05
-"""Time constant with which a jump is given back: 9 % of it are left after four of them [s]."""
-
-SEARCH = 0.5
-"""Least time between two searches from several headings [s]."""
+BLEND = 0.05  # Time constant with which a jump is given back: 9 % of it are left after four of them [s]
+SEARCH = 0.5  # Least time between two searches from several headings [s]
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,18 +18,12 @@ from myomorph.motion.turns import floating_coordinates
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 
-HELD = 0.1
-"""Share of the frames in which a coordinate may lie at its bound without a word."""
-
-AT = 1e-9
-"""A coordinate nearer to its bound lies at it [rad or m]."""
-
+HELD = 0.1  # Share of the frames in which a coordinate may lie at its bound without a word
+AT = 1e-9  # A coordinate nearer to its bound lies at it [rad or m]
 BEYOND = {"rotational": np.radians(1.0), "translational": 0.002}
 """What the markers must ask for beyond a bound for the bound to matter [rad or m]."""
 
-OVER = np.radians(90.0)
-"""An angle so far outside the model's range has turned a joint over [rad]."""
-
+OVER = np.radians(90.0)  # An angle so far outside the model's range has turned a joint over [rad]
 SAMPLES = 24
 LIES, MOSTLY = 60.0, 0.8
 

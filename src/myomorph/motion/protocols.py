@@ -14,10 +14,8 @@ from myomorph.model.errors import BadData, listing
 from myomorph.model.frozen_map import FrozenMap
 
 SIDES = {"R": "right", "L": "left"}
-COMMON = "common"
-"""The name of the set of names in use in many laboratories, which belongs to no protocol."""
-MIN_COUNT = 6
-"""So many labels of a recording must be a protocol's for the recording to follow it."""
+COMMON = "common"  # The name of the set of names in use in many laboratories, which belongs to no protocol
+MIN_COUNT = 6  # So many labels of a recording must be a protocol's for the recording to follow it
 MIN_SHARE = 0.3
 """And so large a share of the protocol's landmarks must be there: some names are in every laboratory's use."""
 Kind = Literal["bony", "skin", "center"]

@@ -29,11 +29,8 @@ from myomorph.rigid.kinematics import body_poses
 from myomorph.rigid.tree import ROTATION, compile_tree
 from myomorph.rigid.vectors import about, along, cross, matrix, minus, product, turned, vector
 
-FRAMES_AT_ONCE = 64
-"""Frames whose eliminated angles are held in memory together."""
-
-TIED = 1e6
-"""Weight of a loop's gap beside a marker's: its angles follow the lengths to one part in about a million."""
+FRAMES_AT_ONCE = 64  # Frames whose eliminated angles are held in memory together
+TIED = 1e6  # Weight of a loop's gap beside a marker's: its angles follow the lengths to one part in about a million
 
 
 class Stretch(NamedTuple):

@@ -12,16 +12,10 @@ from myomorph.model.errors import BadData
 from myomorph.model.series import Motion, Series, Wrenches
 from myomorph.motion.filters import lowpass, natural_spline
 
-LOADED = 0.02
-"""Part of its largest force above which a plate's center of pressure is believed."""
-
-REACH = 40
-"""Samples beyond the wanted times that a cubic spline is made of: 0.27^40 is less than rounding."""
-
-SAME_LENGTH = 1.5
-"""Recordings of one length differ by fewer samples of the slower."""
-MIN_SAMPLES = 20
-"""Samples of the slower from which on an equal length is no chance."""
+LOADED = 0.02  # Part of its largest force above which a plate's center of pressure is believed
+REACH = 40  # Samples beyond the wanted times that a cubic spline is made of: 0.27^40 is less than rounding
+SAME_LENGTH = 1.5  # Recordings of one length differ by fewer samples of the slower
+MIN_SAMPLES = 20  # Samples of the slower from which on an equal length is no chance
 
 SeriesKind = TypeVar("SeriesKind", bound=Series)
 

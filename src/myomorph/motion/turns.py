@@ -20,16 +20,10 @@ from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.loops import close_loops
 from myomorph.rigid.tree import Tree
 
-SAME_POSE = 1e-6
-"""Entries of poses that differ by less are those of one pose [1 or m]."""
-
-JUMP = 0.5 * np.pi
-"""Change of an angle from frame to frame beyond which another branch is looked for [rad]."""
-
-SLACK = 1e-9
-"""Of an angle, that counts as none [rad]."""
-MASSLESS = 1e-6
-"""A body lighter than this share of the whole is a link on the way from the ground."""
+SAME_POSE = 1e-6  # Entries of poses that differ by less are those of one pose [1 or m]
+JUMP = 0.5 * np.pi  # Change of an angle from frame to frame beyond which another branch is looked for [rad]
+SLACK = 1e-9  # Of an angle, that counts as none [rad]
+MASSLESS = 1e-6  # A body lighter than this share of the whole is a link on the way from the ground
 
 
 def floating_coordinates(model: Model) -> tuple[str, ...]:
@@ -170,18 +164,12 @@ def _turns_alike(tree: Tree, pose: Array, triple: list[int], axes: Array) -> boo
     return all(np.ptp(entries, axis=0).max() < SAME_POSE for entries in (turned.rotations, turned.origins))
 
 
-SCOUT_TOLERANCE = 1e-3
-"""Last step of such a pose, in units of the coordinates: a start need not be exact."""
-
-HEADINGS_TRIED = 4
-"""Headings of the whole body, the best by themselves, from which the whole pose is solved."""
+SCOUT_TOLERANCE = 1e-3  # Last step of such a pose, in units of the coordinates: a start need not be exact
+HEADINGS_TRIED = 4  # Headings of the whole body, the best by themselves, from which the whole pose is solved
 
 
-AT_BOUND = 1e-9
-"""A coordinate that is nearer to its bound lies at it [rad]."""
-
-SAME_ROTATION = 1e-6
-"""Entries of rotation matrices that differ by less are those of one rotation."""
+AT_BOUND = 1e-9  # A coordinate that is nearer to its bound lies at it [rad]
+SAME_ROTATION = 1e-6  # Entries of rotation matrices that differ by less are those of one rotation
 
 
 def scout_poses(tree: Tree, problem: PoseProblem, settings: Settings) -> Array:

@@ -96,8 +96,7 @@ class Fibers:
 
 RESERVE, RESIDUAL = "reserve_", "residual_"
 """With what the names of actuators begin that are added by default: of coordinates, and of a body that floats."""
-MISSING = 0.25
-"""Share of the weight, root mean square, from which on forces that come from nowhere void the result."""
+MISSING = 0.25  # Share of the weight, root mean square, from which on forces that come from nowhere void the result
 _CHOICES = {
     "recruitment": ("power", "minmax"),
     "weights": ("equal", "volume", "strength"),

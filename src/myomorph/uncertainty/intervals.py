@@ -16,8 +16,7 @@ from myomorph.uncertainty.normals import Normals
 from myomorph.uncertainty.sources import NOTHING, ErrorSizes, Sources, source_sizes
 from myomorph.uncertainty.spread import Draws, Uncertainty
 
-FAILURES = (MyomorphError, ArithmeticError, np.linalg.LinAlgError)
-"""What a draw may end in that has no solution."""
+FAILURES = (MyomorphError, ArithmeticError, np.linalg.LinAlgError)  # What a draw may end in that has no solution
 MIN_DRAWS = 2
 
 

@@ -12,8 +12,7 @@ from scipy.special import ndtri
 
 from myomorph.model.arrays import Array
 
-REACH = 4
-"""Standard deviations of the smoothing Gaussian that a process is begun before its first frame."""
+REACH = 4  # Standard deviations of the smoothing Gaussian that a process is begun before its first frame
 
 
 @dataclass(frozen=True)

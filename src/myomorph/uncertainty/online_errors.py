@@ -21,10 +21,8 @@ from myomorph.rigid.tree import Tree, compile_tree
 from myomorph.uncertainty.bodies import Draw
 from myomorph.uncertainty.drawn_inputs import skin_sizes
 
-TOGETHER = 8
-"""Draws between two pauses."""
-FORGETS = 6.0
-"""Delays after which the filter of noise has forgotten how it began."""
+TOGETHER = 8  # Draws between two pauses
+FORGETS = 6.0  # Delays after which the filter of noise has forgotten how it began
 
 
 class SlowNoise:
@@ -176,8 +174,7 @@ class _Places:
         return forward_kinematics(self._tree, pose[None]).points(self._bodies, self._locations)[0]
 
 
-CARRIES = 1.0
-"""Vertical force from which on a center of pressure is taken from a wrench [N]."""
+CARRIES = 1.0  # Vertical force from which on a center of pressure is taken from a wrench [N]
 
 
 class OnlineInputs:
@@ -216,12 +213,9 @@ def _each(draws: Sequence[Draw], bodies: Sequence[str], source: str) -> Array:
     return np.array([[draw.of(source, name, 3) for name in bodies] for draw in draws]).reshape(len(draws), -1, 3)
 
 
-STEP = 1e-6
-"""Of the finite differences, in units of the coordinates: markers move smoothly with them."""
-BLOCK = 32
-"""Frames whose poses, each with every coordinate moved, are computed in one go."""
-BOUND = 1e-9
-"""Nearer to its bound than this a coordinate is held by it [rad or m]."""
+STEP = 1e-6  # Of the finite differences, in units of the coordinates: markers move smoothly with them
+BLOCK = 32  # Frames whose poses, each with every coordinate moved, are computed in one go
+BOUND = 1e-9  # Nearer to its bound than this a coordinate is held by it [rad or m]
 
 
 class SlopeFinder:

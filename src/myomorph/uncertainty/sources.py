@@ -120,8 +120,7 @@ class Sources:
         return {name: getattr(self, name) for name in GROUPS[group]}
 
 
-USUAL, STATED = "usual", "stated"
-"""Where the size of a source comes from that no step found."""
+USUAL, STATED = "usual", "stated"  # Where the size of a source comes from that no step found
 
 
 class ItemSize(NamedTuple):

@@ -16,10 +16,8 @@ from myomorph.model.frozen_map import FrozenMap
 from myomorph.uncertainty.sources import SourceSize
 
 LEVEL = 0.9
-IN_MEMORY = 100e6
-"""Draws that take more [bytes] are kept on disk, so that memory does not grow with their number."""
-AT_ONCE = 20e6
-"""Values that are sorted together [bytes]."""
+IN_MEMORY = 100e6  # Draws that take more [bytes] are kept on disk, so that memory does not grow with their number
+AT_ONCE = 20e6  # Values that are sorted together [bytes]
 
 
 @read_only

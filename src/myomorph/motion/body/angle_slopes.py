@@ -16,12 +16,10 @@ from myomorph.motion.tasks.loops import ties_of
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 
-SEEN = 1e-9
-"""A coordinate whose curvature is less than this share of the largest moves no marker."""
+SEEN = 1e-9  # A coordinate whose curvature is less than this share of the largest moves no marker
 
 
-MAX_COUNT = 120
-"""Frames of all recordings that are looked at, evenly chosen: a mean derivative needs no more of them."""
+MAX_COUNT = 120  # Frames of all recordings that are looked at, evenly chosen: a mean derivative needs no more of them
 
 
 @read_only

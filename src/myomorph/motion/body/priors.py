@@ -25,15 +25,11 @@ from myomorph.rigid.coordinates import Ints
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import ROTATION, Tree, compile_tree
 
-CANDIDATES = 1000
-"""At most so many frames of all recordings are looked at."""
-
+CANDIDATES = 1000  # At most so many frames of all recordings are looked at
 SAME_POSTURE = 0.01
 """Frames whose markers lie nearer to each other than this, root mean square, show the same posture [length units]."""
 
-SHORTEST = 0.05
-"""Markers nearer to each other than this say nothing of a body's size [length units]."""
-
+SHORTEST = 0.05  # Markers nearer to each other than this say nothing of a body's size [length units]
 UNITS = ((1000.0, "millimetres"), (100.0, "centimetres"), (0.001, "kilometres"))
 
 
@@ -142,11 +138,8 @@ def _farthest(table: Array, usable: Ints, count: int, first: NDArray[np.bool_], 
     return [int(usable[place]) for place in chosen]
 
 
-ASYMMETRIC_SD = 0.1
-"""Of the difference of two sides that the data show to differ, as a share of the length."""
-
-ASYMMETRIC_SHARE = 0.1
-"""Of pairs of lengths that differ so: the odds at which the data must show it."""
+ASYMMETRIC_SD = 0.1  # Of the difference of two sides that the data show to differ, as a share of the length
+ASYMMETRIC_SHARE = 0.1  # Of pairs of lengths that differ so: the odds at which the data must show it
 
 
 @read_only
@@ -255,11 +248,8 @@ def _log_evidence(seen: Array, spread: Array, sd: Array) -> float:
     return -0.5 * float(np.linalg.slogdet(total)[1] + seen @ np.linalg.solve(total, seen))
 
 
-ALONG = 0.9
-"""Cosine from which two axes of rotation are the same one."""
-
-MAX_UNEVEN = 0.25
-"""Postures that both sides pass so unevenly say nothing of the mean [rad]."""
+ALONG = 0.9  # Cosine from which two axes of rotation are the same one
+MAX_UNEVEN = 0.25  # Postures that both sides pass so unevenly say nothing of the mean [rad]
 
 
 def symmetric_posture(tree: Tree, free: Ints, angles: Sequence[Array], sd: float) -> MeanPosture | None:

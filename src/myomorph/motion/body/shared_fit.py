@@ -33,20 +33,13 @@ from myomorph.rigid.frames import over_frames
 from myomorph.rigid.loops import loop_basis
 from myomorph.rigid.tree import Tree, compile_tree
 
-LEAST_GAIN = 1e-7
-"""A step that lowers the cost by a smaller share is the last."""
-
-SETTLED = 1e-6
-"""A frame is settled when its last step moves no coordinate further [rad or m]."""
-
+LEAST_GAIN = 1e-7  # A step that lowers the cost by a smaller share is the last
+SETTLED = 1e-6  # A frame is settled when its last step moves no coordinate further [rad or m]
 KINK = 1e-4
 """Where no step lowers the cost although one promised at most this share, angles at their bounds bend it there."""
 
-RESTARTS = 8
-"""Frames from whose angles all others are tried."""
-
-SLOTS = 16
-"""Partial sums over frames: memory does not grow with frames, and the order of summation is always the same."""
+RESTARTS = 8  # Frames from whose angles all others are tried
+SLOTS = 16  # Partial sums over frames: memory does not grow with frames, and the order of summation is always the same
 
 
 def settle(problem: SharedProblem, x: Array, angles: Sequence[Array], variance: float, most: int = 50) -> Point:
@@ -238,11 +231,8 @@ Bools = NDArray[np.bool_]
 NOISE_UNKNOWN, NOISE_LEAST, NOISE_AT_FIRST = 0.005, 1e-4, 0.02
 """Of a marker along one axis: where the residual cannot show it, at least, and of the first stage [length units]."""
 
-SIDE_REPEATS = 3
-"""Stages done again where the last one shows other sides that differ."""
-
-TAIL = 3.0
-"""Degrees of freedom of Student's t, of which shifts of markers are a sample."""
+SIDE_REPEATS = 3  # Stages done again where the last one shows other sides that differ
+TAIL = 3.0  # Degrees of freedom of Student's t, of which shifts of markers are a sample
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,13 +21,9 @@ from myomorph.motion.body.shared_fit import reduce
 from myomorph.motion.body.shared_problem import Point, SharedProblem
 from myomorph.motion.calibration import FUNCTIONAL, GENERIC, NORMAL_90, STATIC, SYMMETRY, ZeroAngle
 
-WIDE = np.radians(10.0)
-"""An interval wider than this to either side is not left unsaid [rad]."""
-
-FAR = np.radians(16.0)
-"""As far as zeros of calibrated models lie from experts' at most: beyond it they are named [rad]."""
-REFUTED = np.radians(25.0)
-"""Beyond it a static trial takes the motion's place [rad]."""
+WIDE = np.radians(10.0)  # An interval wider than this to either side is not left unsaid [rad]
+FAR = np.radians(16.0)  # As far as zeros of calibrated models lie from experts' at most: beyond it they are named [rad]
+REFUTED = np.radians(25.0)  # Beyond it a static trial takes the motion's place [rad]
 
 
 def posterior(problem: SharedProblem, at: Point, variance: float, free: NDArray[np.bool_], H: Array) -> Array:

@@ -21,16 +21,11 @@ AXES = {
     for name, row in zip("xyz", np.eye(3), strict=True)
     for sign in ("", "-")
 }
-TRIED = 24
-"""Headings that are tried round the circle."""
-FLOOR = 0.2
-"""Added to costs that are compared, in squares of the noise: both may be perfect."""
-REFINED = 5
-"""Times that the step between them is halved about the best."""
-RATE = 100.0
-"""At which speeds of rotation are compared [Hz]."""
-MIN_LIKENESS = 0.5
-"""Correlation of speeds of rotation below which two clocks are not compared."""
+TRIED = 24  # Headings that are tried round the circle
+FLOOR = 0.2  # Added to costs that are compared, in squares of the noise: both may be perfect
+REFINED = 5  # Times that the step between them is halved about the best
+RATE = 100.0  # At which speeds of rotation are compared [Hz]
+MIN_LIKENESS = 0.5  # Correlation of speeds of rotation below which two clocks are not compared
 
 
 @read_only

@@ -29,14 +29,10 @@ from myomorph.rigid.coordinates import Ints, couple_frames
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import Tree
 
-DETERMINED = 0.9
-"""A coordinate of whose usual variance the sensors explain a smaller share is not determined by them."""
-NOISE, USUAL = 0.05, 0.35
-"""Standard deviations of a sensor and of a coordinate, for that [rad]."""
-RIDGE = 1e-3
-"""Of the regression, relative to the variance of what explains."""
-MIN_FRAMES = 10
-"""Frames for each unknown of the regression, at least."""
+DETERMINED = 0.9  # A coordinate of whose usual variance the sensors explain a smaller share is not determined by them
+NOISE, USUAL = 0.05, 0.35  # Standard deviations of a sensor and of a coordinate, for that [rad]
+RIDGE = 1e-3  # Of the regression, relative to the variance of what explains
+MIN_FRAMES = 10  # Frames for each unknown of the regression, at least
 
 
 @read_only
@@ -131,28 +127,19 @@ def likely_angles(tree: Tree, problem: PoseProblem, seen: Seen, time: Array) -> 
 
 
 STEPS = 30
-SETTLED = 1e-4
-"""The steps end when no mounting or heading moves further [rad]."""
-CORRELATED = 0.5
-"""Frames nearer than this to each other err alike, so that they count as one [s]."""
+SETTLED = 1e-4  # The steps end when no mounting or heading moves further [rad]
+CORRELATED = 0.5  # Frames nearer than this to each other err alike, so that they count as one [s]
 INDEPENDENT = 20.0
 """A recording counts as so many frames at most: skin that follows the movement errs alike in every stride."""
-KNOTS = 20.0
-"""Time between knots of the headings [s]."""
-FRAMES, FRAMES_PER_KNOT = 160, 12
-"""Of a recording that take part."""
-FREE = 1.5
-"""Standard deviation of a mounting before anything is known of it [rad]."""
-POSE_NOISE = 0.02
-"""Of a sensor against its bone while the body stands still [rad]."""
+KNOTS = 20.0  # Time between knots of the headings [s]
+FRAMES, FRAMES_PER_KNOT = 160, 12  # Of a recording that take part
+FREE = 1.5  # Standard deviation of a mounting before anything is known of it [rad]
+POSE_NOISE = 0.02  # Of a sensor against its bone while the body stands still [rad]
 SLIP = 0.1
 """A sensor that the recording turns further from the pose than this has slipped since: its pose counts less [rad]."""
-TREND = 0.07
-"""Standard deviation of the mean of a joint angle about a knot, against that over the recording [rad]."""
-SHORT = 0.005
-"""Time over which speeds of rotation are taken [s]."""
-CLOCK_ERROR = 0.05
-"""Standard deviation of the delay about the one that speeds of rotation show [s]."""
+TREND = 0.07  # Standard deviation of the mean of a joint angle about a knot, against that over the recording [rad]
+SHORT = 0.005  # Time over which speeds of rotation are taken [s]
+CLOCK_ERROR = 0.05  # Standard deviation of the delay about the one that speeds of rotation show [s]
 
 
 class Chosen(NamedTuple):

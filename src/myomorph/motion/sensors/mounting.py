@@ -137,10 +137,8 @@ def weights_seen(model: Model, markers: Markers, weights: Mapping[str, float], o
     return total
 
 
-MIN_RATE = 20.0
-"""Raw signals at a lower rate cannot be integrated [Hz]."""
-STEADY_RATE = 0.02
-"""Steps of a clock that differ by a larger share have gaps."""
+MIN_RATE = 20.0  # Raw signals at a lower rate cannot be integrated [Hz]
+STEADY_RATE = 0.02  # Steps of a clock that differ by a larger share have gaps
 
 
 def with_orientations(sensors: InertialSensors, magnetometer: bool = True, causal: bool = False) -> InertialSensors:

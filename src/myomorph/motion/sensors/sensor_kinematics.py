@@ -38,22 +38,15 @@ from myomorph.motion.turns import floating_coordinates
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 
-ENOUGH = 0.2
-"""Share of the frames that show all sensors, from which on only these say how the sensors are mounted."""
+ENOUGH = 0.2  # Share of the frames that show all sensors, from which on only these say how the sensors are mounted
 STILL, STILL_TIME = 0.25, 0.5
 """A body that turns slower [rad/s] for so long [s] at the start stands in its calibration pose."""
-AMBIGUOUS = 1.3
-"""Ratio of the second best heading's cost to the best's below which the heading is doubted."""
-SLIPPED = 0.2
-"""A mounting that the recording turns further from the calibration pose's is reported [rad]."""
-DRIFTED = 0.09
-"""A heading that turns further in a recording is reported [rad]."""
-SEARCH = 2.0
-"""The sensors' clock may differ from that of the markers by so much [s]."""
-LOST = 0.02
-"""A sensor that is missing in a larger share of the frames is reported."""
-BRIDGE = 1e-6
-"""Weight of the root's place in frames in which no marker shows it [1/m^2]."""
+AMBIGUOUS = 1.3  # Ratio of the second best heading's cost to the best's below which the heading is doubted
+SLIPPED = 0.2  # A mounting that the recording turns further from the calibration pose's is reported [rad]
+DRIFTED = 0.09  # A heading that turns further in a recording is reported [rad]
+SEARCH = 2.0  # The sensors' clock may differ from that of the markers by so much [s]
+LOST = 0.02  # A sensor that is missing in a larger share of the frames is reported
+BRIDGE = 1e-6  # Weight of the root's place in frames in which no marker shows it [1/m^2]
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,8 +10,7 @@ from myomorph.model.model import Model, index_of
 from myomorph.model.segments import Segment, segments_of
 from myomorph.model.sides import split_side
 
-SUFFIXES = ("_imu", "_sensor", "_sensors")
-"""What the name of a sensor may have behind that of its body."""
+SUFFIXES = ("_imu", "_sensor", "_sensors")  # What the name of a sensor may have behind that of its body
 WORDS = {
     "lower_trunk": ("pelvis", "sacrum", "lumbar", "waist", "hips"),
     "upper_trunk": ("t8", "sternum", "chest", "torso", "trunk", "thorax"),

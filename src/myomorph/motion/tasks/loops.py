@@ -19,14 +19,11 @@ from myomorph.rigid.kinematics import body_poses
 from myomorph.rigid.tree import ROTATION, Tree
 from myomorph.rigid.vectors import cross, dot, matrix, minus, plus, turned, vector
 
-CLOSED = 1e-12
-"""A loop is closed when no gap is larger [m]."""
-
+CLOSED = 1e-12  # A loop is closed when no gap is larger [m]
 PIVOT = 1e-8
 """Least pivot of the elimination relative to the largest entry: what is smaller is no constraint of its own."""
 
-TO_CLOSE = 40
-"""Newton steps that may close the loops."""
+TO_CLOSE = 40  # Newton steps that may close the loops
 
 
 class Ties(NamedTuple):
