@@ -77,7 +77,7 @@ def check_mirrors(inspection: Inspection) -> Iterator[Finding]:
             if _share(np.asarray(others.any(axis=1)), weights) > STANDS:
                 exchanged = _distance(inspection, centers, others, weights)
         result = _mirror(inspection, centers, carriers, weights)
-        fits = _share((stands if owner is None else stands[:, [owner]]).any(axis=1), weights) > STANDS
+        fits = _share(np.asarray(stands.any(axis=1) if owner is None else stands[:, owner]), weights) > STANDS
         if not fits or result.distance > min(FITS * feet.unit, MARKED * before):
             continue
         if result.distance < CLEARER * exchanged:
