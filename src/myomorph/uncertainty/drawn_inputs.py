@@ -269,7 +269,7 @@ def _moved(time: Array, values: Array, begin: float, end: float) -> Array:
     that lasts to the end of the recording keeps that end: nothing was found there.
     """
     result = np.zeros_like(values)
-    for start, stop in runs((values > 0.0).any(axis=1)):
+    for start, stop in runs(np.asarray((values > 0.0).any(axis=1))):
         first = begin if start > 0 else 0.0
         last = end if stop < len(time) else 0.0
         alone = np.zeros_like(values)
