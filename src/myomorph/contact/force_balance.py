@@ -118,9 +118,7 @@ def _changed(forces: Array, points: Array) -> Change:
 
 
 def _turn_errors(inspection: Inspection, choices: list[Turn]) -> Array | None:
-    """What horizontal forces leave of what the center of mass needs, turned each way [N^2]; None where too little acts.
-    The last entry is that of no force at all.
-    """
+    """What horizontal forces leave, turned each way, without them last [N^2]; None where too little acts."""
     result = balance(inspection)
     if result is None:
         return None

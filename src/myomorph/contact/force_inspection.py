@@ -145,9 +145,7 @@ class ForceSamples:
 
 
 def sampled(wrenches: Wrenches, time: Array, least: float) -> ForceSamples:
-    """The nearest samples of wrenches at some times; nothing acts at times that they do not cover.
-    `least`: force from which a wrench counts as loaded [N].
-    """
+    """The nearest samples of wrenches, 0 at times not covered; `least`: force from which one counts as loaded [N]."""
     after = np.clip(np.searchsorted(wrenches.time, time), 1, max(len(wrenches) - 1, 1))
     before = after - 1
     after = np.minimum(after, len(wrenches) - 1)

@@ -199,9 +199,7 @@ def _lost(inspection: Inspection, number: int, spans: list[slice], distances: Ar
 
 
 def on_carriers(wrenches: Wrenches, name: str, carriers: tuple[str, ...], edges: list[float]) -> Wrenches:
-    """Wrenches with each step of one of them on its own body, as a wrench for each of these.
-    `carriers`: body of each step; `edges`: times between the steps [s].
-    """
+    """Each step of a wrench on its own body, as a wrench for each; `carriers` by step, `edges` between steps [s]."""
     index, met = wrenches.names.index(name), tuple(dict.fromkeys(carriers))
     acts = np.array([[carrier == body for body in met] for carrier in carriers])[np.searchsorted(edges, wrenches.time)]
 

@@ -103,9 +103,7 @@ class CausalStream:
         )  # fmt: skip
 
     def at(self, time: float) -> Array:
-        """(3, width) value, velocity, acceleration not before the newest row; NaN until settled. The array is used
-        again.
-        """
+        """(3, width) value, velocity, acceleration from the newest row on, NaN until settled; the array is reused."""
         if not self.settled(time):
             self._found[:] = np.nan
             return self._found
@@ -171,9 +169,7 @@ def _multiply(A, B, C):
 
 @inner
 def _follow(transition, share, before, now, state):
-    """States after a straight line of length `share` in delays; less the steady answer, one delay late, they move
-    freely.
-    """
+    """States after a straight line of length `share` in delays: less the steady answer they move freely."""
     for m in range(state.shape[1]):
         slope = (now[m] - before[m]) / share
         a, b, c, d = state[0, m] - (before[m] - slope), state[1, m] - slope, state[2, m], state[3, m]

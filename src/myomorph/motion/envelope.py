@@ -179,9 +179,7 @@ STRAIGHT = 1e-6  # Shape factors nearer to zero than this make no difference
 
 
 def shaped(envelopes: Array, shapes: Array) -> Array:
-    """(exp(A e) - 1) / (exp(A) - 1) of envelopes e (frames, channels), e at a shape factor A of 0 (Lloyd and Besier
-    2003).
-    """
+    """(exp(A e) - 1) / (exp(A) - 1) of envelopes e (frames, channels), e at a shape A of 0 (Lloyd and Besier 2003)."""
     curved = np.abs(shapes) > STRAIGHT
     factors = np.where(curved, shapes, 1.0)
     return np.where(curved, np.expm1(factors * envelopes) / np.expm1(factors), envelopes)

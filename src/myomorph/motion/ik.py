@@ -260,9 +260,7 @@ def pose_problem(
     options: InverseKinematicsOptions,
     recording: Markers | None = None,
 ) -> PoseProblem:
-    """The sum of all tasks, and what may move with its bounds; without a recording no frames, only markers and
-    coordinates.
-    """
+    """The sum of all tasks, and what may move within its bounds; without a recording markers and coordinates alone."""
     model, frames = tree.model, 0 if recording is None else len(recording)
     time = np.empty(0) if recording is None else recording.time
     columns = [] if recording is None else [recording.values[:, recording.names.index(name)] for name in names]

@@ -271,9 +271,7 @@ def _residual(H, m, length, fiber):
 
 @inner(counted=False)
 def isometric_force(H, m, length):
-    """Force of a fully active resting muscle on an elastic tendon, passive force included [N].
-    The fiber length is found by regula falsi (Illinois).
-    """
+    """Force of a fully active muscle at rest on an elastic tendon, passive too, by regula falsi (Illinois) [N]."""
     h, slack = H.height[m], H.tendon[m]
     if length < slack:
         return 0.0

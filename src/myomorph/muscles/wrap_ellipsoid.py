@@ -290,9 +290,7 @@ def _most_square(x, y, r, s):
 
 @inner
 def _plane_point(r, s, a, method, best, square, place):
-    """The surface point that sets the plane, the cosine after fading, and the share of the fan.
-    The share is -inf where OpenSim leaves it unset.
-    """
+    """The surface point that sets the plane, the cosine after fading, the share of the fan (-inf where unset)."""
     chord = minus(s, r)
     middle = along(r, 0.5, chord)
     if method == MIDPOINT:

@@ -124,9 +124,7 @@ def inverse_dynamics_frames(T, c, cdot, cddot, bodies, forces, points, torques, 
 
 @in_place
 def body_wrenches(T, R, p, omega, alpha, a, f, m):
-    """Force and moment about the ground's origin that each body needs, gravity taken off.
-    f, m (bodies, 3) are filled [N], [N m], in ground.
-    """
+    """Fill f, m (bodies, 3) with what each body needs: force and moment about the ground's origin, less gravity."""
     gravity = (T.gravity[0], T.gravity[1], T.gravity[2])
     for b in range(T.parent.shape[0]):
         r, W, E = matrix(R, b), vector(omega, b), vector(alpha, b)

@@ -63,9 +63,7 @@ def flexed(model: Model, knee: Joint) -> Poses | None:
 
 
 def hinge_axis(model: Model, knee: Joint, poses: Poses, down: Array) -> Array:
-    """Unit vector on the tibia, across its length, about which a knee turns.
-    `poses`: of `flexed`; `down`: the tibia's `long_axis`.
-    """
+    """Unit vector across the tibia about which a knee turns; `poses`: of `flexed`; `down`: the tibia's `long_axis`."""
     index = compile_tree(model).body_index
     femur, tibia = index[knee.parent], index[knee.child]
     turned = poses.rotations[:, tibia].transpose(0, 2, 1) @ poses.rotations[:, femur]

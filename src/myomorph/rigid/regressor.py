@@ -48,9 +48,7 @@ def base_regressor(model: Model, motion: Motion, reference: ArrayLike | None = N
 def regressor_blocks(
     model: Model, motion: Motion, reference: ArrayLike | None = None, frames: int = BLOCK
 ) -> Iterator[RegressorBlock]:
-    """`base_regressor` block by block, so that memory does not grow with the frames.
-    Every block reuses the arrays of the one before.
-    """
+    """`base_regressor` block by block, which bounds memory: every block uses the arrays of the one before again."""
     tree = compile_tree(model)
     fixed = _fixed_point(reference)
     size = min(frames, len(motion))

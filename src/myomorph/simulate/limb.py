@@ -196,9 +196,7 @@ def swing_mjcf(
 
 
 def _muscles_mjcf(model: Model, frame: Callable[[str], Transform]) -> tuple[dict[str, list[str]], dict[str, str]]:
-    """Sites and surfaces by body, and the path of each muscle through them. `frame`: pose of a body in the frame of
-    what stands for it in the MJCF.
-    """
+    """Sites and surfaces by body, and each muscle's path; `frame`: pose of a body in what stands for it."""
     inside: dict[str, list[str]] = {name: [] for name in model.body_names}
     paths: dict[str, str] = {}
 

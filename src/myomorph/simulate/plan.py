@@ -156,9 +156,7 @@ class Plan:
 def make_plan(
     compiled: Any, builds: Mapping[str, Build], kind: str, random: np.random.Generator, vigor: float = 1.0
 ) -> Plan:
-    """A plan of one kind, its measures drawn at random. `vigor`: factor of the pulls, and of how far the fighters lean
-    back for them.
-    """
+    """A plan of one kind, its measures drawn; `vigor`: factor of the pulls, and of how far the fighters lean back."""
     check_name("kind of bout", kind, get_args(Kind), "the simulation")
     base = Stance(
         0.0,

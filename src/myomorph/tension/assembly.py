@@ -145,9 +145,7 @@ def _reach(tree: Tree, basis: LoopBasis | None) -> list[list[tuple[int, int]]]:
 
 @inner
 def _coupling(T, L, c, slopes, C):
-    """C (dependents, coordinates): derivatives of each of `L.driven` in those it ends in.
-    c (coordinates,); slopes (dependents of loops, coordinates).
-    """
+    """C (dependents, coordinates): derivatives of each of `L.driven` in those it ends in, from slopes of loops."""
     couplers = T.coupler_coordinate.shape[0]
     for d in range(slopes.shape[0]):
         for m in range(C.shape[1]):

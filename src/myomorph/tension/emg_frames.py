@@ -33,9 +33,7 @@ def few_frames(motion: Motion, torques: Series, every: int) -> tuple[Motion, Ser
 
 
 def tracked_frames(inputs: TensionInputs, emg: Emg, tells: Array, every: int) -> TrackedFrames:
-    """Every so many frames of a trial, on the rows that say anything of the muscles under EMG.
-    `tells` (muscles, channels) True where a channel measures a muscle.
-    """
+    """Every so many frames, on rows that tell of muscles under EMG; `tells` (muscles, channels) which tells which."""
     few, wanted = few_frames(inputs.motion, inputs.torques, every)
     touching = None if inputs.contacts is None else _thinned(inputs.contacts, slice(None, None, every))
     problem = tension_problem(replace(inputs, motion=few, torques=wanted, contacts=touching))

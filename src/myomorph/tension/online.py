@@ -55,9 +55,7 @@ class OnlineTension:
         self._warm = np.zeros(len(self._problem.assembly.pattern.order))
 
     def solve(self, coordinates: Array, rates: Array, torques: Array) -> TensionFrame:
-        """Share the torques of a frame among muscles.
-        `coordinates`, `rates`, `torques` (1, coordinates) consistent, of inverse dynamics [N m or N].
-        """
+        """Share torques of a frame among muscles; all (1, coordinates), consistent, of inverse dynamics [N m or N]."""
         self._problem.renew(coordinates, rates, torques)
         balance = self._problem.balance(0, 1)
         x, _, residual, _, status = self._problem.solved(balance, 0, self._warm)

@@ -93,9 +93,7 @@ def of_actuators(tree: Tree, poses: Poses, actuators: Sequence[Actuator], forces
 
 
 def of_bushings(tree: Tree, poses: Poses, bushings: Sequence[Bushing], rates: Array) -> Array:
-    """What bushings do to the bodies they hold together, (frames, bodies, 6) [N], [N m].
-    `rates` (frames, coordinates) velocities, consistent.
-    """
+    """What bushings do to bodies, (frames, bodies, 6) [N], [N m]; `rates` (frames, coordinates), consistent."""
     result = no_wrenches(tree, len(rates))
     for bushing in bushings:
         q, B = deflection(tree, poses, bushing)

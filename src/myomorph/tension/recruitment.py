@@ -235,9 +235,7 @@ class RecruitmentOptions:
                 raise BadData(f"{names} without {weight}: give {weight} above 0")
 
     def settled(self, model: Model, options: TensionOptions, external: bool) -> RecruitmentOptions:
-        """The options with the default weight of joint loads decided.
-        `external`: whether the external forces are known, not torques alone.
-        """
+        """The options with a default weight of joint loads; `external`: whether the external forces are known."""
         if self.joint_load is not None:
             return self
         plain = options.tendons == "rigid" and options.recruitment == "power" and not model.loops

@@ -215,9 +215,7 @@ class _Column:
 
 
 def smallest_relaxation(roots: Roots, frame: int, limits: Array) -> tuple[Allowance, ...]:
-    """The relaxation of least cost of one frame, greatest allowance first.
-    `limits` (bodies, 2) of residual force and moment [N], [N m].
-    """
+    """The relaxation of least cost of a frame, greatest first; `limits` (bodies, 2) of residuals [N], [N m]."""
     columns = [*_residuals(roots, frame, limits), *_generators(roots, frame), *_beyond_cones(roots, frame)]
     matrix = np.array([column.column for column in columns]).T
     rows, count = matrix.shape

@@ -68,9 +68,7 @@ class Pattern:
 
 
 def pattern(rows: NDArray[np.int64], columns: NDArray[np.int64], shape: tuple[int, int]) -> Pattern:
-    """Pattern of a matrix from the places of its entries.
-    `rows`, `columns` (entries,) each place at most once; `shape` (rows, variables) of the matrix.
-    """
+    """Pattern of a matrix of `shape` (rows, variables) from `rows`, `columns` (entries,), each place at most once."""
     n, variables = shape
     filled = csr_array(coo_array((np.ones(len(rows)), (rows, columns)), shape=shape))
     coupled = csr_array(filled @ filled.T)

@@ -118,9 +118,7 @@ def solve_contacts(
 
 
 def torques_under(problem: TensionProblem, torques: Series) -> Series:
-    """What joint torques remain under the contact forces that a solved problem found (frames, coordinates).
-    `torques`: as the problem got them [N m or N].
-    """
+    """Joint torques (frames, coordinates) that remain under the contact forces of a solved problem [N m or N]."""
     assert problem.contacts is not None
     names = problem.assembly.tree.model.coordinate_names
     mine = [index for index, name in enumerate(torques.names) if name in names]

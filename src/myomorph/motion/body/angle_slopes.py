@@ -59,9 +59,7 @@ def angle_slopes(problem: SharedProblem, at: Point) -> AngleSlopes:
 
 
 def frame_slopes(problem: SharedProblem, at: Point) -> Iterator[FrameSlopes]:
-    """At most `MAX_COUNT` frames of all recordings. Where a frame's cost has its minimum, dq/ds = -(J_q^T W J_q)^-1
-    J_q^T W J_s.
-    """
+    """dq/ds = -(J_q^T W J_q)^-1 J_q^T W J_s of at most `MAX_COUNT` frames, at the minima of their costs."""
     total = sum(len(angle) for angle in at.angles)
     tree = compile_tree(problem.stretched(at.x))
     stretch = with_travel(problem.stretch, problem.model, at.x[: len(problem.lengths)])

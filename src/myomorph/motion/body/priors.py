@@ -124,9 +124,7 @@ def _seen_from_base(model: Model, values: Array) -> Array:
 
 
 def _farthest(table: Array, usable: Ints, count: int, first: NDArray[np.bool_], same: float) -> list[int]:
-    """Rows chosen one by one, each as far as can be from those before, none within `same` of one [m RMS]; the first of
-    some.
-    """
+    """Rows each as far as can be from those chosen before, none within `same` of one [m RMS]; the first of some."""
     points = table[usable]
     least = same**2 * table.shape[1] / 3.0
     middle = ((points - points[first].mean(axis=0)) ** 2).sum(axis=1)

@@ -49,9 +49,7 @@ class LikelyAngles:
 
 
 class Seen(NamedTuple):
-    """Angles of joints (frames, coordinates), which sensors reported (frames, sensors), on which bodies, and free
-    joints.
-    """
+    """Angles of joints (frames, coordinates), which sensors told (frames, sensors), their bodies, free joints."""
 
     values: Array
     known: np.ndarray

@@ -114,9 +114,7 @@ def new_work(T, n):
 
 @bare
 def add_row(work, body, slope, residual, weight):
-    """Add weight residual^2 with Gauss-Newton curvature; `slope` in the body's twist at `work.origin`. Returns the
-    cost.
-    """
+    """Add weight residual^2 with Gauss-Newton curvature and return it; `slope` in the body's twist at `work.origin`."""
     if not work.has_rows[0]:
         work.has_rows[0] = True
         for b in range(work.rows.shape[0]):

@@ -116,9 +116,7 @@ class Part(NamedTuple):
 
 
 def parts_of(separable: Separable, elastic: NDArray[np.bool_]) -> list[Part]:
-    """The parts that have a muscle on an elastic tendon, the largest first.
-    `elastic` (muscles,) of the first unknowns, which have an elastic tendon.
-    """
+    """The parts with a muscle on an elastic tendon, the largest first; `elastic` (muscles,) of first unknowns."""
     unknowns, rows = len(separable.weight), len(separable.first)
     column = separable.column
     links = coo_array((np.ones(len(column)), (column, unknowns + separable.row)), shape=(unknowns + rows,) * 2)

@@ -111,9 +111,7 @@ def muscle_shapes(model: Model, elastic: bool = True) -> MuscleShapes:
 
 
 def _table(grid: Array, curves: Sequence[Curve | None], shift: float = 0.0) -> Lookup:
-    """One function a muscle, those alike kept once; None is 0 everywhere.
-    `shift`: from the grid to what the curves are over.
-    """
+    """One function a muscle, those alike once, None as 0; `shift`: from the grid to what the curves are over."""
     rows: dict[bytes, int] = {}
     sampled: dict[Curve | None, Array] = {None: np.zeros_like(grid)}
     values: list[Array] = []
