@@ -274,9 +274,9 @@ class Stairs:
     options: StairOptions
     unmeasured: Unmeasured
 
-    def paws_in(self, model: Model, motion: Motion, sites: tuple[Site, ...] = ()) -> FeetOnSteps:
+    def paws_in(self, model: Model, motion: Motion) -> FeetOnSteps:
         """Who stands where while the model moves."""
-        return feet_on_steps(model, motion, sites or self.paws, self.loads, self.options)
+        return feet_on_steps(model, motion, self.paws, self.loads, self.options)
 
 
 def stairs_wrenches(stairs: Stairs, model: Model, motion: Motion) -> Wrenches:

@@ -54,10 +54,10 @@ class ImpulseLaw:
         return 0.5 * self.lowest <= energy <= 2.0 * self.highest
 
 
-def calibrate_impulse(energies: ArrayLike, impulses: ArrayLike, exponent: float | None = None) -> ImpulseLaw:
+def calibrate_impulse(energies: ArrayLike, impulses: ArrayLike) -> ImpulseLaw:
     """The law through impacts of known impulse, a straight line of log p over log E.
-    `energies`, `impulses` (impacts,) of one instrument [full scale^2 s], [N s]; `exponent`: None fits it, drawn towards
-    1/2 where the impacts hardly differ.
+    `energies`, `impulses` (impacts,) of one instrument [full scale^2 s], [N s]; the exponent is drawn towards 1/2 where
+    they hardly differ.
     """
     E, p = np.atleast_1d(np.asarray(energies, float)), np.atleast_1d(np.asarray(impulses, float))
     if E.shape != p.shape or not len(E):
@@ -67,12 +67,10 @@ def calibrate_impulse(energies: ArrayLike, impulses: ArrayLike, exponent: float 
             "energies and impulses of calibration impacts must be above 0: leave out impacts that were not heard"
         )
     x, y = np.log(E), np.log(p)
-    slope = exponent
-    if slope is None:
-        across = x - x.mean()
-        slope = float((across @ y + PRIOR * LINEAR) / (across @ across + PRIOR))
+    across = x - x.mean()
+    slope = float((across @ y + PRIOR * LINEAR) / (across @ across + PRIOR))
     offset = float(np.mean(y - slope * x))
-    left = len(E) - (2 if exponent is None else 1)
+    left = len(E) - 2
     error = float(np.sqrt(np.sum((y - offset - slope * x) ** 2) / left)) if left > 0 else float("nan")
     return ImpulseLaw(float(np.exp(offset)), slope, error, float(E.min()), float(E.max()), len(E))
 

@@ -180,7 +180,7 @@ def heard_contacts(
     struck = striking_sites(heard, model, recorded, sites)
     own = tuple(dict.fromkeys(name for instrument in plan.instruments for name in instrument.sites))
     inside = HeardImpacts(heard.instruments, tuple(heard.impacts[number] for number in struck), heard.warnings)
-    contacts = contacts_heard(inside, dict(enumerate(struck.values())), plan.pulse)
+    contacts = contacts_heard(inside, tuple(struck.values()), plan.pulse)
     warned: tuple[str, ...] = ()
     if plan.impulse == "motion":
         impacts = _impacts_by_motion(plan, heard, struck, model, recorded, sites)

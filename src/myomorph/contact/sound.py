@@ -15,7 +15,7 @@ from scipy.optimize import nnls
 from myomorph.contact.onsets import Heard, Onset, SoundOptions, energy_after, listen, onsets
 from myomorph.model.arrays import Array, runs
 from myomorph.model.contacts import Contacts, Touch
-from myomorph.model.errors import BadData, UnknownName
+from myomorph.model.errors import BadData, check_name
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import index_of
 from myomorph.model.series import Sound
@@ -130,26 +130,14 @@ def sound_faults(sound: Sound, time: Array | None = None) -> tuple[str, ...]:
     return tuple(results)
 
 
-def contacts_heard(
-    heard: HeardImpacts, sites: Mapping[int, str] | None = None, duration: float = 0.01, all_sites: Sequence[str] = ()
-) -> Contacts:
+def contacts_heard(heard: HeardImpacts, sites: Sequence[str], duration: float = 0.01) -> Contacts:
     """Impacts as contacts: each site touches its instrument for `duration` seconds.
-    `sites`: site that made each impact, by its place in `heard.impacts`, as `impacts.striking_sites` finds; None where
-    every instrument has one site; `all_sites`: names of sites that were looked at beside those of the instruments.
+    `sites`: that made each impact, as `impacts.striking_sites` finds.
     """
-    owners = {instrument.name: instrument for instrument in heard.instruments}
-    known = tuple(dict.fromkeys([*(name for instrument in heard.instruments for name in instrument.sites), *all_sites]))
+    known = tuple(dict.fromkeys(name for instrument in heard.instruments for name in instrument.sites))
     touches = []
-    for index, impact in enumerate(heard.impacts):
-        site = (sites or {}).get(index)
-        if site is None:
-            possible = owners[impact.instrument].sites
-            if len(possible) != 1:
-                has = ", ".join(f"'{item}'" for item in possible) or "none"
-                raise BadData(f"which site struck '{impact.instrument}' at {impact.time:.3f} s? Its sites are {has}")
-            site = possible[0]
-        elif site not in known:
-            raise UnknownName("contact site", site, known, "the instruments")
+    for site, impact in zip(sites, heard.impacts, strict=True):
+        check_name("contact site", site, known, "the instruments")
         stop = impact.time + duration
         touches.append(Touch(site, impact.time, stop, impact.instrument, impact.confidence, "sound"))
     return Contacts(known, tuple(touches), heard.warnings)

@@ -222,13 +222,11 @@ SAMPLES = 16  # Frames that are looked at before a body's lengths are known
 THROUGHOUT = 0.9  # Share of the frames from which on an exchange is one of all frames
 
 
-def mended_labels(
-    model: Model, markers: Markers, options: InverseKinematicsOptions | None = None
-) -> tuple[Markers, tuple[Finding, ...]]:
+def mended_labels(model: Model, markers: Markers) -> tuple[Markers, tuple[Finding, ...]]:
     """A recording with labels that are exchanged throughout put back, before the lengths of the body are known. A
     calibration would else move the markers on the model to where the exchanged ones lie.
     """
-    options = options or InverseKinematicsOptions()
+    options = InverseKinematicsOptions()
     names, _ = tracked_markers(model, markers, options)
     columns = [markers.names.index(name) for name in names]
     seen = np.isfinite(markers.values[:, columns]).all(axis=2).sum(axis=1)

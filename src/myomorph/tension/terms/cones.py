@@ -176,10 +176,7 @@ def _reached(tree: Tree, site: Site) -> tuple[list[int], list[float], list[int],
 
 def _weight(tree: Tree, site: Site) -> float:
     """Weight of the subject or object that a site is a part of, the heavier of the two that touch [N]."""
-    parent, mass = tree.arrays.parent, tree.arrays.mass
-    root = np.arange(len(parent))
-    for b in range(1, len(parent)):
-        root[b] = root[parent[b]] if parent[b] > 0 else b
+    root, mass = tree.roots, tree.arrays.mass
     gravity = float(np.linalg.norm(tree.arrays.gravity)) or GRAVITY
     ends = {int(root[tree.body_index[name]]) for name in (site.body, site.against)} - {0}
     heaviest = max((float(mass[root == end].sum()) for end in ends), default=0.0)
