@@ -9,7 +9,7 @@ import pytest
 from benchmarks.accuracy.sound import impulse_errors, matched
 
 from myomorph.contact import onsets as onset_module
-from myomorph.contact.onsets import Heard, SoundOptions, energy_after, listen, onsets
+from myomorph.contact.onsets import Heard, energy_after, listen, onsets
 from myomorph.contact.sound import (
     HeardImpact,
     HeardImpacts,
@@ -86,7 +86,7 @@ def test_the_clock_and_the_way_to_the_microphone_are_taken_off():
     plain = times(clicks())
     np.testing.assert_allclose(times(clicks().starting(12.5)), plain + 12.5, atol=1e-9)
     np.testing.assert_allclose(times(clicks(), distance=3.43), plain - 0.01, atol=1e-9)
-    warm = hear_impacts(clicks(), [replace(DRUM, distance=3.43)], SoundOptions(speed=speed_of_sound(35.0)))
+    warm = hear_impacts(clicks(), [replace(DRUM, distance=3.43)], speed_of_sound(35.0))
     assert warm.impacts[0].time == pytest.approx(plain[0] - 3.43 / 351.9, abs=1e-5)
     assert speed_of_sound(20.0) == pytest.approx(343.2, abs=0.05)
 
@@ -108,7 +108,7 @@ def test_what_still_rings_is_taken_off_the_energy_of_the_next():
     energies = []
     for signal in (new, ringing + new):
         heard = listen(Sound(RATE, ("1",), (signal + 1e-5 * rng.standard_normal(len(time)))[:, None]), "1")
-        energies.append(energy_after(heard, 0.5, SoundOptions())[0])
+        energies.append(energy_after(heard, 0.5)[0])
     assert energies[1] == pytest.approx(energies[0], rel=0.05)
     window = (since >= 0.0) & (since < 0.02)
     plain = np.sum((ringing + new)[window] ** 2) / np.sum(new[window] ** 2)
@@ -197,6 +197,4 @@ def test_what_is_not_there_is_named():
         Instrument("drum", "1", -1.0)
     with pytest.raises(UnknownName, match="'bell'"):
         HeardImpacts((DRUM,), (HeardImpact("drum", 0.0, 1.0, 1.0),)).of("bell")
-    with pytest.raises(BadData, match="rest of the sound is 0"):
-        SoundOptions(rest=0.0)
     assert hear_impacts(Sound(RATE, ("1",), np.zeros((100, 1))), [DRUM]).impacts == ()

@@ -13,7 +13,6 @@ from scipy.fft import irfft, next_fast_len, rfft
 from scipy.ndimage import maximum_filter1d
 
 from myomorph.model.arrays import Array, read_only
-from myomorph.model.errors import BadData
 from myomorph.model.series import Sound
 
 HOP = 0.001  # Step of short-time energies [s]
@@ -24,30 +23,11 @@ SLOWEST = 2000.0  # Rate down to which a signal is thinned [Hz]
 LEARNT, ORDER = 0.03, 24  # Time before that from which linear prediction is fitted [s], and its order
 QUIET = 0.005  # Time before an onset in which the loudness before is taken [s]
 BLOCK = 0.002  # Time for which one linear prediction is used [s]
-
-
-@dataclass(frozen=True)
-class SoundOptions:
-    """How impacts are heard."""
-
-    lowest: float = 50.0  # what lies below is left out [Hz]
-    rise: float = 1.2  # least rise of the energy that was not foreseen, its natural logarithm: 1.2 is 5 dB
-    threshold: float = 4.0  # the same in standard deviations that noise alone would have
-    rest: float = 0.05  # least time between two impacts of one instrument [s]
-    together: float = 0.02  # arrivals this close may be one impact in several microphones [s]
-    heard: float = 0.02  # time over which the energy of a impact is taken [s]
-    softest: float = 0.002  # energy below which a impact of an instrument is none, as a share of its loud ones
-    # energy below which a impact within `echo_time` [s] of another of the same instrument is its echo, as a share of
-    # that
-    echo: float = 0.03
-    echo_time: float = 0.12
-    own: float = 0.75  # part of a channel's energy that its own instrument must explain, so that it was struck
-    speed: float = 343.0  # of sound [m/s]; 343 in air of 20 degrees C
-
-    def __post_init__(self) -> None:
-        for name in ("lowest", "rise", "threshold", "rest", "together", "heard", "speed"):
-            if not getattr(self, name) > 0.0:
-                raise BadData(f"{name} of the sound is {getattr(self, name):g}: expected above 0")
+LOWEST = 50.0  # What lies below is left out [Hz]
+RISE = 1.2  # Least rise of the energy that was not foreseen, its natural logarithm: 1.2 is 5 dB
+THRESHOLD = 4.0  # The same in standard deviations that noise alone would have
+REST = 0.05  # Least time between two impacts of one instrument [s]
+HEARD = 0.02  # Time over which the energy of an impact is taken [s]
 
 
 @dataclass(frozen=True)
@@ -56,7 +36,7 @@ class Onset:
 
     channel: str
     time: float  # at the microphone [s]
-    energy: float  # sum of the squared signal over `SoundOptions.heard`, background taken off [full scale^2 s]
+    energy: float  # sum of the squared signal over `HEARD`, background taken off [full scale^2 s]
     background: float  # the same of what was heard before
 
 
@@ -70,9 +50,9 @@ class Heard:
     start: float  # time of the first sample [s]
 
 
-def listen(sound: Sound, channel: str, options: SoundOptions | None = None) -> Heard:
+def listen(sound: Sound, channel: str) -> Heard:
     """One channel made ready; the filter is causal, so that nothing comes before its cause."""
-    lowest = min((options or SoundOptions()).lowest, 0.4 * sound.rate)
+    lowest = min(LOWEST, 0.4 * sound.rate)
     # Half a second to import, which only sound needs.
     from scipy.signal import butter, resample_poly, sosfilt
 
@@ -83,44 +63,43 @@ def listen(sound: Sound, channel: str, options: SoundOptions | None = None) -> H
     return Heard(channel, tuple(levels), sound.start)
 
 
-def onsets(heard: Heard, options: SoundOptions | None = None) -> tuple[Onset, ...]:
+def onsets(heard: Heard) -> tuple[Onset, ...]:
     """Arrivals in one channel, whatever instrument they come from."""
-    options = options or SoundOptions()
     signal, rate = heard.levels[0]
     hops = int(len(signal) / rate / HOP)
     if hops < 100:
         return ()
-    table = np.array([_excess(signal, rate, hops, options) for signal, rate in heard.levels])
+    table = np.array([_excess(signal, rate, hops) for signal, rate in heard.levels])
     excess = table.sum(axis=0)
     # Where nothing has been learnt yet everything is unforeseen, and at the end too little is heard.
     excess[: round(LEARNT / HOP)] = excess[-round(AHEAD / HOP) :] = 0.0
-    rest = 2 * round(0.5 * options.rest / HOP) + 1
+    rest = 2 * round(0.5 * REST / HOP) + 1
     peaks = np.flatnonzero((excess > 0.0) & (excess == maximum_filter1d(excess, rest)))
     results: list[Onset] = []
     for peak in peaks:
         # The fastest level that shows it has the time best.
         signal, rate = heard.levels[int(np.argmax(table[:, peak] >= 0.5 * table[:, peak].max()))]
         time = heard.start + _first_arrival(signal, round(peak * HOP * rate), rate) / rate
-        if results and time - results[-1].time < 0.5 * options.rest:
+        if results and time - results[-1].time < 0.5 * REST:
             continue
-        energy, background = energy_after(heard, time, options)
+        energy, background = energy_after(heard, time)
         if energy > 0.0:
             results.append(Onset(heard.channel, time, energy, background))
     return tuple(results)
 
 
-def energy_after(heard: Heard, time: float, options: SoundOptions) -> tuple[float, float]:
+def energy_after(heard: Heard, time: float) -> tuple[float, float]:
     """Energy of what begins at a time, what was heard before taken off, and how much that was.
     In the slowest level, what still rings is foreseen by linear prediction and taken off wave by wave; of what lies
     above it, the mean power of the time `QUIET` before.
     """
     (signal, rate), (slow, slow_rate) = heard.levels[0], heard.levels[-1]
-    whole, before = _powers(signal, rate, time - heard.start, options.heard)
-    low, low_before = _powers(slow, slow_rate, time - heard.start, options.heard)
+    whole, before = _powers(signal, rate, time - heard.start, HEARD)
+    low, low_before = _powers(slow, slow_rate, time - heard.start, HEARD)
     first, gap = round((time - heard.start) * slow_rate), max(round(APART * slow_rate), 1)
     learnt = max(int(LEARNT * slow_rate), 8 * ORDER)
     past = slow[max(first - gap - learnt, 0) : max(first - gap, 0)]
-    length = min(int(options.heard * slow_rate), len(slow) - first)
+    length = min(int(HEARD * slow_rate), len(slow) - first)
     rings = _foreseen(past, gap + length)[gap:]
     new = float(np.sum((slow[first : first + length] - rings) ** 2)) / slow_rate
     # A prediction that runs away is worse than none.
@@ -156,7 +135,7 @@ def _prediction(past: Array) -> Array:
     return np.linalg.solve(gram, rows[:, :-1].T @ rows[:, -1]).astype(np.float64)
 
 
-def _excess(signal: Array, rate: float, hops: int, options: SoundOptions) -> Array:
+def _excess(signal: Array, rate: float, hops: int) -> Array:
     """By how much the rise of unforeseen energy passes its threshold (hops,).
     The rise is log(energy ahead / energy behind), both with the quiet of the whole recording added.
     """
@@ -173,7 +152,7 @@ def _excess(signal: Array, rate: float, hops: int, options: SoundOptions) -> Arr
     rise = np.log((after + quiet) / (before + quiet))
     # Noise of so many independent samples alone moves the logarithm by this much.
     spread = np.sqrt(2.0 / (AHEAD * rate) + 2.0 / (BEHIND * rate))
-    return np.maximum(rise - max(options.rise, options.threshold * spread), 0.0)
+    return np.maximum(rise - max(RISE, THRESHOLD * spread), 0.0)
 
 
 def _innovation(signal: Array, rate: float) -> Array:

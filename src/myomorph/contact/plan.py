@@ -19,7 +19,6 @@ from myomorph.contact.impacts import (
     striking_sites,
     velocity_change,
 )
-from myomorph.contact.onsets import SoundOptions
 from myomorph.contact.sound import HeardImpacts, Instrument, contacts_heard, hear_impacts
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.contacts import Contacts, Site
@@ -166,17 +165,16 @@ def heard_contacts(
     `recorded`: the motion before it was filtered: a filter takes most of a impact's change of velocity away; `cutoff`:
     of that filter, which the forces go through too [Hz].
     """
-    options = SoundOptions(speed=plan.speed)
     sound = plan.sound
     result: tuple[str, ...] = ()
     if plan.find_clock:
-        clock = sound_clock(hear_impacts(sound, plan.instruments, options), model, recorded, sites)
+        clock = sound_clock(hear_impacts(sound, plan.instruments, plan.speed), model, recorded, sites)
         sound = replace(sound, start=sound.start + clock.shift)
         result = (
             f"the sound begins at {sound.start:.3f} s of the motion, as {clock.impacts} impacts show "
             f"({clock.ratio:.1f} times better than the next best time)",
         )
-    heard = hear_impacts(sound, plan.instruments, options, np.asarray(recorded.time))
+    heard = hear_impacts(sound, plan.instruments, plan.speed, np.asarray(recorded.time))
     struck = striking_sites(heard, model, recorded, sites)
     own = tuple(dict.fromkeys(name for instrument in plan.instruments for name in instrument.sites))
     inside = HeardImpacts(heard.instruments, tuple(heard.impacts[number] for number in struck), heard.warnings)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.optimize import nnls
 
-from myomorph.contact.onsets import Heard, Onset, SoundOptions, energy_after, listen, onsets
+from myomorph.contact.onsets import REST, Heard, Onset, energy_after, listen, onsets
 from myomorph.model.arrays import Array, runs
 from myomorph.model.contacts import Contacts, Touch
 from myomorph.model.errors import BadData, check_name
@@ -26,6 +26,14 @@ def speed_of_sound(celsius: float) -> float:
     if not -80.0 < celsius < 80.0:
         raise BadData(f"air of {celsius:g} degrees C: expected -80 to 80")
     return float(331.3 * np.sqrt(1.0 + celsius / 273.15))
+
+
+SPEED = 343.0  # Of sound in air of 20 degrees C [m/s]
+TOGETHER = 0.02  # Arrivals this close may be one impact in several microphones [s]
+SOFTEST = 0.002  # Energy below which an impact of an instrument is none, as a share of its loud ones
+ECHO, ECHO_TIME = 0.03, 0.12
+"""An impact of less than this share of the energy of another of its instrument within so long [s] is its echo."""
+OWN = 0.75  # Part of a channel's energy that its own instrument must explain, so that it was struck
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,13 +78,12 @@ class HeardImpacts:
 
 
 def hear_impacts(
-    sound: Sound, instruments: Sequence[Instrument], options: SoundOptions | None = None, time: Array | None = None
+    sound: Sound, instruments: Sequence[Instrument], speed: float = SPEED, time: Array | None = None
 ) -> HeardImpacts:
     """Impacts on every instrument, each heard once.
     `sound`: all channels on one clock, which `sound.start` ties to the motion's; `time` (frames,) of the motion, where
     there is one: a sound of another length is reported [s].
     """
-    options = options or SoundOptions()
     names = tuple(instrument.name for instrument in instruments)
     if not names or len(set(names)) != len(names):
         raise BadData(f"instruments are named {names}: expected one or more, each with a name of its own")
@@ -85,12 +92,12 @@ def hear_impacts(
             index_of("sound channel", channel, sound.names, f"the recording, for instrument '{instrument.name}',")
     warnings = [*sound.warnings, *sound_faults(sound, time)]
     channels = tuple(dict.fromkeys(instrument.channel for instrument in instruments))
-    heard = {name: listen(sound, name, options) for name in channels}
-    arrivals = {name: onsets(heard[name], options) for name in channels}
-    impacts = _told_apart(instruments, arrivals, heard, options)
+    heard = {name: listen(sound, name) for name in channels}
+    arrivals = {name: onsets(heard[name]) for name in channels}
+    impacts = _told_apart(instruments, arrivals, heard, speed)
     kept: list[HeardImpact] = []
     for name in names:
-        kept += _without_echoes([impact for impact in impacts if impact.instrument == name], options)
+        kept += _without_echoes([impact for impact in impacts if impact.instrument == name])
     for name in names:
         if not any(item.instrument == name for item in kept):
             warnings.append(f"no impact on '{name}' was heard")
@@ -147,10 +154,10 @@ def _told_apart(
     instruments: Sequence[Instrument],
     arrivals: Mapping[str, Sequence[Onset]],
     heard: Mapping[str, Heard],
-    options: SoundOptions,
+    speed: float,
 ) -> list[HeardImpact]:
     """Arrivals of all channels as impacts: those that are close in time are explained together."""
-    ways = {instrument.name: instrument.distance / options.speed for instrument in instruments}
+    ways = {instrument.name: instrument.distance / speed for instrument in instruments}
     entries = sorted(
         (
             (onset.time - ways[instrument.name], i, onset)
@@ -161,13 +168,13 @@ def _told_apart(
     )
     groups: list[list[tuple[float, int, Onset]]] = []
     for entry in entries:
-        if groups and entry[0] - groups[-1][0][0] <= options.together:
+        if groups and entry[0] - groups[-1][0][0] <= TOGETHER:
             groups[-1].append(entry)
         else:
             groups.append([entry])
     if not groups:
         return []
-    energies = np.array([_energies(instruments, group, heard, options) for group in groups])
+    energies = np.array([_energies(instruments, group, heard, speed) for group in groups])
     bleed = _bleed(instruments, energies)
     loud = np.quantile(energies, 0.9, axis=0)
     impacts = []
@@ -176,7 +183,7 @@ def _told_apart(
         shares, _ = nnls(bleed * scale / scale[:, None], energy / scale)
         scaled = shares * scale
         for time, i, onset in _first_of_each(group):
-            enough = scaled[i] >= options.own * max(energy[i], 1e-300) and scaled[i] >= options.softest * loud[i]
+            enough = scaled[i] >= OWN * max(energy[i], 1e-300) and scaled[i] >= SOFTEST * loud[i]
             if enough:
                 sure = scaled[i] / (energy[i] + onset.background)
                 impacts.append(HeardImpact(instruments[i].name, time, float(scaled[i]), float(min(sure, 1.0))))
@@ -187,7 +194,7 @@ def _energies(
     instruments: Sequence[Instrument],
     group: Sequence[tuple[float, int, Onset]],
     heard: Mapping[str, Heard],
-    options: SoundOptions,
+    speed: float,
 ) -> Array:
     """What each instrument's microphone got (instruments,) while a group of arrivals sounded."""
     energies = {i: onset.energy for _, i, onset in reversed(group)}
@@ -196,8 +203,8 @@ def _energies(
         if i in energies:
             result[i] = energies[i]
             continue
-        arrival = group[0][0] + instrument.distance / options.speed
-        result[i] = max(energy_after(heard[instrument.channel], arrival, options)[0], 0.0)
+        arrival = group[0][0] + instrument.distance / speed
+        result[i] = max(energy_after(heard[instrument.channel], arrival)[0], 0.0)
     return result
 
 
@@ -233,14 +240,14 @@ def _first_of_each(group: Sequence[tuple[float, int, Onset]]) -> list[tuple[floa
     return list(first.values())
 
 
-def _without_echoes(impacts: Sequence[HeardImpact], options: SoundOptions) -> list[HeardImpact]:
+def _without_echoes(impacts: Sequence[HeardImpact]) -> list[HeardImpact]:
     """Impacts on one instrument, in order, without weak ones soon after a loud one."""
     kept: list[HeardImpact] = []
     for impact in sorted(impacts, key=lambda impact: impact.time):
-        near = [item for item in kept if impact.time - item.time <= options.echo_time]
-        if any(impact.energy < options.echo * candidate.energy for candidate in near):
+        near = [item for item in kept if impact.time - item.time <= ECHO_TIME]
+        if any(impact.energy < ECHO * candidate.energy for candidate in near):
             continue
-        if kept and impact.time - kept[-1].time < 0.5 * options.rest:
+        if kept and impact.time - kept[-1].time < 0.5 * REST:
             continue
         kept.append(impact)
     return kept
