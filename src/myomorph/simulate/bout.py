@@ -15,7 +15,6 @@ contacts and constraints make of the activations, not f and g.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import mujoco
@@ -30,34 +29,25 @@ HORIZON = 0.012  # Time over which a choice of activations is to give the accele
 SMALL = 1e-3  # Difference of speeds for a slope [m/s].
 
 
-@dataclass(frozen=True)
-class Drives:
-    """How far off each aim may be for a cost of 1; the smaller, the more the fighters want it."""
-
-    # acceleration, root: of joints and of pelves [rad/s^2, m/s^2]
-    acceleration: float = 6.0
-    root: float = 2.0
-    # foot, lapel, sleeve: accelerations of soles, of the lapel's gap and of the sleeve's length [m/s^2]
-    foot: float = 0.3
-    lapel: float = 1.0
-    sleeve: float = 1.0
-    pull: float = 25.0  # of the intended force at the lapel [N]
-    effort: float = 0.3  # factor of the muscles' cost
-    friction: float = 0.6  # coefficient that the fighters count on
-    stiffness: float = 120.0  # of the way back to the plan [1/s^2]
+# How far off each aim may be for a cost of 1; the smaller, the more the fighters want it.
+ACCELERATION, ROOT = 6.0, 2.0  # Accelerations of joints and of pelves [rad/s^2, m/s^2]
+FOOT, LAPEL, SLEEVE = 0.3, 1.0, 1.0  # Those of soles, of the lapel's gap and of the sleeve's length [m/s^2]
+PULL = 25.0  # The intended force at the lapel [N]
+EFFORT = 0.3  # Factor of the muscles' cost
+FRICTION = 0.6  # Coefficient that the fighters count on
+STIFFNESS = 120.0  # Of the way back to the plan [1/s^2]
 
 
 class Controller:
     """Activations of both fighters from the state, instant by instant; `weight`, `tone`: (muscles,) w and a0."""
 
-    def __init__(self, compiled: Any, weight: Array, tone: Array, drives: Drives | None = None):
-        self.drives = drives or Drives()
+    def __init__(self, compiled: Any, weight: Array, tone: Array):
         self._m, self._weight, self._tone = compiled, weight, tone
         self._before = tone.copy()
-        self._scale = np.full(compiled.nv, self.drives.acceleration)
+        self._scale = np.full(compiled.nv, ACCELERATION)
         for j in np.flatnonzero(compiled.jnt_type == int(mujoco.mjtJoint.mjJNT_FREE)):
             start = compiled.jnt_dofadr[j]
-            self._scale[start : start + 6] = self.drives.root
+            self._scale[start : start + 6] = ROOT
 
     def activations(
         self, data: Any, wanted: Array, standing: Sequence[tuple[int, Array, Array]], lapel: Array, pull: float
@@ -66,7 +56,7 @@ class Controller:
         (nv,) accelerations; `standing`: corners of soles on the mat: number of the body, point in it (3,), and where
         it came down (3,) [m]; `lapel`: (3,) intended force on tori's hand [N]; `pull`: intended at the sleeve [N].
         """
-        m, drives = self._m, self.drives
+        m = self._m
         soles = [jacobian(m, data, body, point) for body, point, _ in standing]
         feet = np.vstack([J for J, _ in soles]) if soles else np.zeros((0, m.nv))
         grip, gap = _between(m, data, "tori_grip_r", "lapel")
@@ -75,16 +65,16 @@ class Controller:
         aims.add(np.eye(m.nv), wanted, self._scale)
         if soles:
             missed = np.concatenate([at - kept for (_, at), (_, _, kept) in zip(soles, standing, strict=True)])
-            aims.add(feet, -_RATE * (feet @ data.qvel) - _STIFF * missed, drives.foot)
-        aims.add(grip, -_RATE * (grip @ data.qvel) - _STIFF * gap, drives.lapel)
+            aims.add(feet, -_RATE * (feet @ data.qvel) - _STIFF * missed, FOOT)
+        aims.add(grip, -_RATE * (grip @ data.qvel) - _STIFF * gap, LAPEL)
         sleeve, longer, rate = self._sleeve(data, pull)
-        aims.add(sleeve[None], np.array([_STIFF * longer - _RATE * rate]), drives.sleeve)
+        aims.add(sleeve[None], np.array([_STIFF * longer - _RATE * rate]), SLEEVE)
         muscles = slice(0, m.nu)
-        effort = drives.effort * self._weight * (0.05 + np.abs(self._before - self._tone))
+        effort = EFFORT * self._weight * (0.05 + np.abs(self._before - self._tone))
         aims.pull(muscles, self._tone, effort)
         aims.pull(slice(m.nu, None), np.zeros(B.shape[1] - m.nu), 1e-7)
-        aims.pull(slice(-3, None), lapel, drives.pull**-2)
-        solution = _solve(aims.H, aims.c, m.nu, len(feet) // 3, drives.friction)
+        aims.pull(slice(-3, None), lapel, PULL**-2)
+        solution = _solve(aims.H, aims.c, m.nu, len(feet) // 3, FRICTION)
         self._before = np.clip(solution[muscles], 0.0, 1.0)
         return self._before
 
@@ -236,8 +226,7 @@ def simulate_bout(
             q, rates, accelerations = plan.at(m, index * STEP)
             mujoco.mj_differentiatePos(m, error, 1.0, data.qpos, q)
             record["strayed"][index : index + CONTROL] = np.abs(error).max()
-            stiff = controller.drives.stiffness
-            aim = accelerations + stiff * error + 2.0 * np.sqrt(stiff) * (rates - data.qvel)
+            aim = accelerations + STIFFNESS * error + 2.0 * np.sqrt(STIFFNESS) * (rates - data.qvel)
             lapel, sleeve = plan.pulls(index * STEP)
             chosen = controller.activations(data, aim, standing, np.array([lapel, 0.0, 0.0]), sleeve)
         activation = activation + (chosen - activation) * (1.0 - np.exp(-STEP / LAG))
