@@ -16,9 +16,9 @@ from myomorph.motion.envelope import ChannelMap, EmgCalibration, EnvelopeOptions
 from myomorph.motion.filters import lowpass
 from myomorph.motion.sync import cut
 from myomorph.tension.emg_calibration import calibrate_emg
-from myomorph.tension.emg_frames import few_frames
 from myomorph.tension.emg_held_out import EmgTrial
 from myomorph.tension.emg_targets import EmgOptions, emg_targets
+from myomorph.tension.emg_tracking import few_frames
 from myomorph.tension.tension import Tension
 
 CUTOFF = 6.0

@@ -16,9 +16,8 @@ from myomorph.model.spatial import (
     vector_from_rotation,
 )
 from myomorph.motion.ik import inverse_kinematics
-from myomorph.motion.sensors.mounting import SensorOptions
+from myomorph.motion.sensors.mounting import SensorOptions, bodies_of_sensors, named_bodies
 from myomorph.motion.sensors.sensor_kinematics import SensorRecording, sensor_kinematics
-from myomorph.motion.sensors.sensor_names import bodies_of_sensors, named_bodies
 from myomorph.rigid.kinematics import marker_positions
 from myomorph.rigid.tree import compile_tree
 from stick_figure import stick_figure

@@ -10,8 +10,8 @@ from walking import task, walk
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.series import Emg, Series
 from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.tension.emg_frames import tracked_frames
 from myomorph.tension.emg_targets import EmgOptions
+from myomorph.tension.emg_tracking import tracked_frames
 from myomorph.tension.problem import TensionInputs, tension_problem
 from myomorph.tension.solve import solve_tension
 from myomorph.tension.tension import TensionOptions

@@ -12,7 +12,7 @@ from myomorph.identify.online import total_wrench
 from myomorph.model.errors import BadModel, UnknownName
 from myomorph.rigid.dynamics import OnlineDynamics, inverse_dynamics, motion_arrays
 from myomorph.rigid.tree import compile_tree
-from myomorph.tension.online import OnlineTension
+from myomorph.tension.problem import OnlineTension
 from myomorph.tension.solve import solve_tension
 
 

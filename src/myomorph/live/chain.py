@@ -21,7 +21,7 @@ from myomorph.motion.online import BLEND, OnlineKinematics, OnlineOrientations, 
 from myomorph.motion.sensors.mounting import SensorMounting
 from myomorph.rigid.dynamics import OnlineDynamics
 from myomorph.tension.dual import MISSING, OPTIMAL
-from myomorph.tension.online import OnlineTension, TensionFrame
+from myomorph.tension.problem import OnlineTension, TensionFrame
 from myomorph.tension.tension import TensionOptions
 from myomorph.tension.terms.actuators import floating_joints
 from myomorph.uncertainty.sources import Sources

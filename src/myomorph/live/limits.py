@@ -20,7 +20,7 @@ from myomorph.rigid.dynamics import OnlineDynamics
 from myomorph.rigid.tree import compile_tree
 from myomorph.study.trial.steps.drawn_trials import POSES, TENSIONS, drawn_criterion
 from myomorph.tension.dual import OPTIMAL
-from myomorph.tension.online import OnlineTension
+from myomorph.tension.problem import OnlineTension
 from myomorph.tension.tension import TensionOptions
 from myomorph.uncertainty.bodies import Draw, drawn_subject
 from myomorph.uncertainty.normals import Normals

@@ -19,8 +19,7 @@ from __future__ import annotations
 import numpy as np
 
 from myomorph.rigid.kernels import in_place, inner, kernel
-from myomorph.tension.ceiling import add_common_motion, ceiling, response
-from myomorph.tension.separable import back_substitute, factorize
+from myomorph.tension.separable import add_common_motion, back_substitute, ceiling, factorize, response
 
 OPTIMAL, INFEASIBLE, STALLED, MISSING, NOT_DETERMINED = 0, 1, 2, 3, 4
 STATUS_NAMES = ("optimal", "infeasible", "not converged", "missing input", "not determined")

@@ -15,11 +15,10 @@ from myomorph.model.series import Emg
 from myomorph.motion.emg_checks import envelope_faults, refuse_unfit, without_faults
 from myomorph.motion.envelope import DOUBT, USUAL, ChannelMap, EmgCalibration, uncalibrated
 from myomorph.motion.filters import lowpass
-from myomorph.tension.emg_frames import tracked_frames
 from myomorph.tension.emg_groups import calibration_of, kept_level, settled_fit, some_names, synergy_groups
 from myomorph.tension.emg_held_out import EmgTrial, HeldOut, swap_lines
 from myomorph.tension.emg_targets import EmgOptions, mapped_muscles
-from myomorph.tension.emg_tracking import Fit, Prior, TorqueTracking, gain_prior
+from myomorph.tension.emg_tracking import Fit, Prior, TorqueTracking, gain_prior, tracked_frames
 from myomorph.tension.problem import TensionInputs
 from myomorph.tension.tension import TensionOptions
 

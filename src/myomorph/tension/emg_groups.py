@@ -11,8 +11,16 @@ import numpy as np
 
 from myomorph.model.arrays import Array
 from myomorph.motion.envelope import DOUBT, EmgCalibration, Synergies, SynergyWeights, find_synergies
-from myomorph.tension.emg_frames import TrackedFrames
-from myomorph.tension.emg_tracking import NEAR_MAXIMUM, Fit, Group, Prior, TorqueTracking, action_cosines, alike
+from myomorph.tension.emg_tracking import (
+    NEAR_MAXIMUM,
+    Fit,
+    Group,
+    Prior,
+    TorqueTracking,
+    TrackedFrames,
+    action_cosines,
+    alike,
+)
 
 TOLD = 0.5
 """Torques tell a gain where they leave less than this share of the prior's standard deviation of its logarithm."""

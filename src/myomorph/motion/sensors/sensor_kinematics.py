@@ -26,12 +26,12 @@ from myomorph.motion.sensors.fit_mounting import LikelyAngles, Seen, joint_angle
 from myomorph.motion.sensors.mounting import (
     SensorMounting,
     SensorOptions,
+    bodies_of_sensors,
     orientation_tasks,
     rotations_at,
     weights_seen,
     with_orientations,
 )
-from myomorph.motion.sensors.sensor_names import bodies_of_sensors
 from myomorph.motion.tasks.coordinates import CoordinateTask
 from myomorph.motion.tasks.orientations import OrientationTask
 from myomorph.motion.turns import floating_coordinates

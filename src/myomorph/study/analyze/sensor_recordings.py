@@ -16,8 +16,8 @@ from myomorph.model.inertial_sensors import InertialSensors
 from myomorph.model.model import Model
 from myomorph.model.spatial import rotation_from_quaternion
 from myomorph.motion.sensors.first_guess import speeds_of
+from myomorph.motion.sensors.mounting import named_bodies
 from myomorph.motion.sensors.sensor_kinematics import STILL, STILL_TIME
-from myomorph.motion.sensors.sensor_names import named_bodies
 from myomorph.study.inputs.imu import ImuFiles
 
 QUIET = 90.0

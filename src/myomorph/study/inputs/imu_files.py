@@ -9,8 +9,8 @@ from pathlib import Path
 from myomorph.io.inertial.read import read_inertial
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.inertial_sensors import InertialSensors
+from myomorph.motion.sensors.mounting import bodies_of_sensors
 from myomorph.motion.sensors.sensor_kinematics import SensorRecording
-from myomorph.motion.sensors.sensor_names import bodies_of_sensors
 from myomorph.store.results import file_source, value_source
 from myomorph.study.inputs.imu import ImuFiles
 from myomorph.study.inputs.input import Opened, Opening
