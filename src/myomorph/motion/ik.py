@@ -123,10 +123,7 @@ class KinematicsFit(Labelled):
     @property
     def rms(self) -> Array:
         """(frames,) root mean square of the marker errors [m], NaN where none was seen."""
-        seen = np.isfinite(self.errors)
-        total = np.where(seen, self.errors, 0.0) ** 2
-        with np.errstate(invalid="ignore"):
-            return np.sqrt(total.sum(axis=1) / seen.sum(axis=1))
+        return marker_rms(self.errors)
 
     @property
     def largest(self) -> Array:
@@ -228,6 +225,13 @@ def poses_near(
     values = solve_poses(tree, problem, starts, options.settings, chained=False).values
     values[blank] = np.nan
     return Motion(markers.time, model.coordinate_names, values)
+
+
+def marker_rms(errors: Array) -> Array:
+    """(frames,) root mean square of marker errors (frames, markers), NaN where none was seen."""
+    seen = np.isfinite(errors)
+    with np.errstate(invalid="ignore"):
+        return np.sqrt((np.where(seen, errors, 0.0) ** 2).sum(axis=1) / seen.sum(axis=1))
 
 
 def tracked_markers(model: Model, markers: Markers, options: InverseKinematicsOptions) -> tuple[tuple[str, ...], Array]:

@@ -18,7 +18,7 @@ from myomorph.model.scale import scale
 from myomorph.model.series import Markers
 from myomorph.model.sides import mirror_names
 from myomorph.motion.body.priors import overall_size
-from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit, inverse_kinematics, tracked_markers
+from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit, inverse_kinematics, marker_rms, tracked_markers
 from myomorph.motion.lengths import length_unit
 from myomorph.motion.stretch import skeleton
 from myomorph.rigid.kinematics import forward_kinematics
@@ -90,7 +90,7 @@ def find_swap(
     """The exchange of labels under which the body fits best in most sampled frames; None where none is far better.
     `observed`, `errors` and `placed` are (frames, markers, ...) [m], as inverse kinematics gave them.
     """
-    rms = _rms(errors)
+    rms = marker_rms(errors)
     seen = np.flatnonzero(np.isfinite(rms)).astype(np.int64)
     if not len(seen):
         return None
@@ -101,8 +101,8 @@ def find_swap(
         columns, ratios, gains = swap.columns(names), list[float](), list[float]()
         for sample in _spread(frames):
             if sample not in before:
-                before[sample] = float(_rms(solve(observed[sample : sample + 1]))[0])
-            after = float(_rms(solve(swap.applied(observed[sample : sample + 1], columns)))[0])
+                before[sample] = float(marker_rms(solve(observed[sample : sample + 1]))[0])
+            after = float(marker_rms(solve(swap.applied(observed[sample : sample + 1], columns)))[0])
             ratios.append(after / before[sample])
             gains.append(before[sample] - after)
             # Most exchanges are wrong, which two frames show.
@@ -209,12 +209,6 @@ def front_pairs(model: Model, sided: Sequence[tuple[str, str]]) -> tuple[tuple[s
     across = np.linalg.norm([model.marker(pairs[j][0]).location - place for place in first_side], axis=1)
     other = pairs[j] if across[0] < across[1] else pairs[j][::-1]
     return ((pairs[i][0], other[0]), (pairs[i][1], other[1]))
-
-
-def _rms(errors: Array) -> Array:
-    seen = np.isfinite(errors)
-    with np.errstate(invalid="ignore"):
-        return np.sqrt((np.where(seen, errors, 0.0) ** 2).sum(axis=1) / seen.sum(axis=1))
 
 
 MAX_SWAPS = 4  # Exchanges of labels that are looked for one after the other
