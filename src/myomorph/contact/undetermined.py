@@ -7,8 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from myomorph.contact.force_inspection import FOOT, sole_distances
-from myomorph.contact.force_inspection import CARRIED, LOADED, MOVES, PAUSE, ground_velocity
+from myomorph.contact.force_inspection import CARRIED, FOOT, LOADED, MOVES, PAUSE, ground_velocity, sole_distances
 from myomorph.contact.states import steady
 from myomorph.model.arrays import Array, runs
 from myomorph.model.findings import Finding, spans_of, times_text
