@@ -6,9 +6,9 @@ import pytest
 from benchmarks.house import CHECKOUT, checkout_texts, count
 
 LIMITS = {
-    ("lines", "src"): 127_816,
-    ("lines", "benchmarks"): 25_989,
-    ("words", "documentation"): 99_975,
+    ("lines", "src"): 126_085,
+    ("lines", "benchmarks"): 25_981,
+    ("words", "documentation"): 99_977,
     ("vague", "src"): 6.5,
 }
 
