@@ -95,26 +95,43 @@ def inverse_dynamics(model_path: Path, motion: Path, loads: Path | None, start: 
         return ToolResult(*read_table(Path(folder) / "id.sto"), seconds)
 
 
-def imu_inverse_kinematics(
-    model_path: Path, placement: Path, walking: Path, base: tuple[str, str], span: tuple[float, float], folder: Path
-) -> ToolResult:
-    """Sensors placed by a calibration pose, and their inverse kinematics; the placed model is `placed.osim`.
+EARTH = (-np.pi / 2, 0.0, 0.0)
+"""From the earth of sensors, whose z points up, to OpenSim's ground [rad]."""
+
+
+def imu_placement(model_path: Path, placement: Path, base: tuple[str, str], placed: Path) -> None:
+    """The model with a frame for each sensor, placed by a calibration pose.
 
     `base`: sensor that tells the heading, and its axis that points forward.
     """
-    turned = opensim.Vec3(-np.pi / 2, 0, 0)
     placer = opensim.IMUPlacer()
     placer.set_model_file(str(model_path))
     placer.set_orientation_file_for_calibration(str(placement))
-    placer.set_sensor_to_opensim_rotations(turned)
+    placer.set_sensor_to_opensim_rotations(opensim.Vec3(*EARTH))
     placer.set_base_imu_label(base[0])
     placer.set_base_heading_axis(base[1])
     placer.run(False)
-    placer.getCalibratedModel().printToXML(str(folder / "placed.osim"))
+    placer.getCalibratedModel().printToXML(str(placed))
+
+
+def without_couplers(model_path: Path, out: Path) -> None:
+    """The model with every coordinate that follows another locked at its default."""
+    model = opensim.Model(str(model_path))
+    constraints, coordinates = model.updConstraintSet(), model.updCoordinateSet()
+    for index in range(constraints.getSize()):
+        coupler = opensim.CoordinateCouplerConstraint.safeDownCast(constraints.get(index))
+        coordinates.get(coupler.getDependentCoordinateName()).set_locked(True)
+    constraints.clearAndDestroy()
+    model.initSystem()
+    model.printToXML(str(out))
+
+
+def imu_inverse_kinematics(placed: Path, walking: Path, span: tuple[float, float], folder: Path) -> ToolResult:
+    """Inverse kinematics of sensors that are frames of the model."""
     tool = opensim.IMUInverseKinematicsTool()
-    tool.set_model_file(str(folder / "placed.osim"))
+    tool.set_model_file(str(placed))
     tool.set_orientations_file(str(walking))
-    tool.set_sensor_to_opensim_rotations(turned)
+    tool.set_sensor_to_opensim_rotations(opensim.Vec3(*EARTH))
     tool.set_time_range(0, span[0])
     tool.set_time_range(1, span[1])
     tool.set_results_directory(str(folder))

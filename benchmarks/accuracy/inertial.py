@@ -127,15 +127,11 @@ def measure_opensense() -> Iterator[Row]:
     from benchmarks import opensim_tools
 
     with tempfile.TemporaryDirectory() as name:
-        theirs = opensim_tools.imu_inverse_kinematics(
-            folder / "Rajagopal2015_opensense.osim",
-            folder / "placement_orientations.sto",
-            folder / "walking_orientations.sto",
-            ("torso_imu", "z"),
-            (10.5, 17.0),
-            Path(name),
-        )
-        model = mm.read_model(Path(name) / "placed.osim")
+        placed, pose = Path(name) / "placed.osim", folder / "placement_orientations.sto"
+        opensim_tools.imu_placement(folder / "Rajagopal2015_opensense.osim", pose, ("torso_imu", "z"), placed)
+        walking = folder / "walking_orientations.sto"
+        theirs = opensim_tools.imu_inverse_kinematics(placed, walking, (10.5, 17.0), Path(name))
+        model = mm.read_model(placed)
     recording = SensorRecording(read_inertial(folder / "walking_orientations.sto").between(10.5, 17.0))
     options = SensorOptions(imu_mounting="model")
     sensor_kinematics(model, recording, sizes=options)

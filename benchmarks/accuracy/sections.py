@@ -44,6 +44,8 @@ PAGES: dict[str, dict[str, str]] = {
         "inertial_fusion": "accuracy.inertial:measure_fusion",
         "inertial_hidden": "accuracy.inertial:measure_hidden",
         "inertial_intervals": "accuracy.inertial:measure_intervals",
+        "inertial_steps": "accuracy.inertial_walks:measure_steps",
+        "inertial_minutes": "accuracy.inertial_walks:measure_minutes",
         "inertial_forces": "accuracy.inertial_forces:measure",
         "inertial_forces_intervals": "accuracy.inertial_forces:measure_intervals",
     },

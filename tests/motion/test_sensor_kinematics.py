@@ -137,6 +137,34 @@ def test_markers_show_mounting_heading_and_clock(walking):
     assert any("130 ms" in note for note in fit.mounting.notes)
 
 
+def test_markers_show_headings_that_have_nothing_in_common(walking):
+    """Sensors without magnetometer, whose orientations alone the file has."""
+    model, motion = walking
+    made = simulated_sensors(model, motion, BODIES, NO_ERRORS, seed=2)
+    apart = np.random.default_rng(8).uniform(-np.pi, np.pi, len(BODIES))
+    earth = rotation_from_quaternion(made.sensors.orientations)
+    turns = np.array([axis_rotation((0.0, 0.0, 1.0), angle) for angle in apart])
+    own = replace(made.sensors, orientations=quaternion_from_rotation(turns @ earth))
+    markers = marker_positions(model, motion)
+    fit = sensor_kinematics(model, SensorRecording(own, same_clock=True), markers, inverse_kinematics(model, markers))
+    np.testing.assert_allclose(turned_by(fit, made), 0.0, atol=5e-3)
+    assert any("headings of the sensors" in note for note in fit.mounting.notes)
+
+
+def test_the_recording_does_not_spoil_what_the_pose_gives(walking):
+    """Large errors, and two minutes of sitting between walks, whose mean angles no heading makes up for."""
+    model, motion = walking
+    seated = np.array(motion.values[0])
+    for j, name in enumerate(model.coordinate_names):
+        seated[j] = {"femur_r0": 1.3, "femur_l0": 1.3}.get(name, -1.5 if name.startswith("tibia") else 0.0)
+    values = np.concatenate([motion.values, np.tile(seated, (6000, 1)), motion.values])
+    whole = Motion(np.arange(len(values)) / RATE, motion.names, values)
+    made = simulated_sensors(model, whole, BODIES, SensorErrors(heading=0.15, skin=0.1, axes=0.1), seed=6)
+    recording = SensorRecording(made.sensors, pose=made.pose)
+    by_pose = sensor_kinematics(model, recording, sizes=SensorOptions(imu_mounting="pose"))
+    assert errors_of(sensor_kinematics(model, recording), whole, model) < errors_of(by_pose, whole, model)
+
+
 def test_sensors_bridge_hidden_markers(walking):
     """Markers of both shanks hidden for two seconds: sensors take their place, and angles go on."""
     model, motion = walking

@@ -15,8 +15,10 @@ from conftest import DATA
 from myomorph.io.osim.document import read_document
 from myomorph.io.osim.read import read_osim
 from myomorph.io.osim.write import write_osim
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.spatial import Transform, euler_xyz_from_rotation
+from myomorph.study.analyze.generic_model import generic_model
 from osim_models import FILES, body_poses, point_place
 
 pytest.importorskip("opensim")
@@ -183,3 +185,12 @@ def test_what_we_write_opensim_takes_for_the_original(name, answers):
     for muscle, theirs in original["muscles"].items():
         for key in ("kind", "numbers", "enabled", "parameters"):
             assert written["muscles"][muscle][key] == theirs[key], (muscle, key)
+
+
+def test_the_generic_model_opens_in_opensim(tmp_path):
+    """Its muscles may be less active than OpenSim's classes allow by default."""
+    pytest.importorskip("myo_sim")
+    model, _ = generic_model(FrozenMap({}), 1.8, 70.0)
+    write_osim(model, tmp_path / "generic.osim")
+    facts = opensim_oracle.ask({"generic": tmp_path / "generic.osim"}, tmp_path)["generic"]
+    assert not isinstance(facts, str), facts

@@ -197,6 +197,9 @@ def write_muscle(parent: etree._Element, muscle: Muscle, joints: dict[str, str],
         put(element, ignore_tendon_compliance=True, minimum_activation=muscle.min_activation)
     else:
         _write_parameters(element, muscle)
+        # OpenSim refuses a control below the activation that fibers need, 0.01 unless the file says less.
+        if "minimum_activation" not in muscle.parameters and muscle.min_activation < DEFAULTS[kind]:
+            put(element, minimum_activation=muscle.min_activation)
         for tag, curve in muscle.curves.items():
             write_function(child(element, tag), curve, f"muscle '{muscle.name}' {tag}", warnings)
 

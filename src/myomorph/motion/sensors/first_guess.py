@@ -25,6 +25,8 @@ TRIED = 24  # Headings that are tried round the circle
 FLOOR = 0.2  # Added to costs that are compared, in squares of the noise: both may be perfect
 REFINED = 5  # Times that the step between them is halved about the best
 RATE = 100.0  # At which speeds of rotation are compared [Hz]
+OWN = 0.25  # Sensors have their own headings where these leave less than this share of the squares of one heading
+STEADY = 0.05  # Added to errors that are compared, as the noise of a sensor against its bone [rad]
 MIN_LIKENESS = 0.5  # Correlation of speeds of rotation below which two clocks are not compared
 
 
@@ -122,9 +124,10 @@ def by_trying(tree: Tree, bodies: tuple[str, ...], pose: CalibrationPose, cost: 
     return guess._replace(ambiguity=(refined(min(away))[0] + FLOOR) / (least + FLOOR))
 
 
-def from_motion(bodies: Array, earth: Array, up: Array, together: bool) -> Guess:
-    """Mountings and headings, one of all sensors `together` or each its own, with which sensors follow bodies whose
-    motion is known; both (frames, sensors, 3, 3) to ground, NaN where unknown.
+def from_motion(bodies: Array, earth: Array, up: Array, anywhere: bool) -> tuple[Guess, bool]:
+    """Mountings and headings with which sensors follow bodies whose motion is known; both (frames, sensors, 3, 3) to
+    ground, NaN where unknown. All have one heading, or each its own: `anywhere`, or where they follow much better then,
+    as sensors without magnetometer do. Returns which.
     """
     count = bodies.shape[1]
     known = np.asarray(np.isfinite(bodies).all((2, 3)) & np.isfinite(earth).all((2, 3)))
@@ -137,18 +140,21 @@ def from_motion(bodies: Array, earth: Array, up: Array, together: bool) -> Guess
         mean = mean_rotation(turned)
         return float((vector_from_rotation(turned @ mean.T) ** 2).sum()), mean
 
-    def heading(sensors: Sequence[int]) -> float:
+    def heading(sensors: Sequence[int]) -> tuple[float, float]:
         step = 2.0 * np.pi / TRIED
         tried = min((sum(mounted(i, step * k)[0] for i in sensors), step * k) for k in range(TRIED))
         for _ in range(4 * REFINED):
             step *= 0.5
             beside = (tried[1] - step, tried[1] + step)
             tried = min(tried, *((sum(mounted(i, angle)[0] for i in sensors), angle) for angle in beside))
-        return (tried[1] + np.pi) % (2.0 * np.pi) - np.pi
+        return tried[0], (tried[1] + np.pi) % (2.0 * np.pi) - np.pi
 
-    groups = [range(count)] if together else [[index] for index in range(count)]
-    headings = np.concatenate([np.full(len(group), heading(group)) for group in groups])
-    return Guess(np.array([mounted(i, headings[i])[1] for i in range(count)]), headings)
+    together = heading(range(count))
+    each = [heading([index]) for index in range(count)]
+    floor = STEADY**2 * int(known.sum())
+    anywhere = anywhere or sum(error for error, _ in each) + floor < OWN * (together[0] + floor)
+    headings = np.array([angle for _, angle in each]) if anywhere else np.full(count, together[1])
+    return Guess(np.array([mounted(i, headings[i])[1] for i in range(count)]), headings), anywhere
 
 
 def speeds_of(time: Array, rotations: Array, at: Array) -> Array:

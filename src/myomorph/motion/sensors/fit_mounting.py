@@ -3,13 +3,15 @@
     minimise  sum_f w_f ( |r_s|^2 / sigma_o^2 + |e_m|^2 / sigma_m^2 )  + priors
 
 over the poses c of some frames and what is unknown of the sensors, by Gauss-Newton steps: r_s are rotation vectors from
-what a sensor reports to its body, e_m errors of markers. The calibration pose is one more frame, whose joint angles are
-known to `imu_pose_error`. Headings are a random walk from knot to knot, and mean joint angles hardly have a trend.
+what a sensor reports to its body, e_m errors of markers. sigma_o is `imu_noise`, or the size of r_s where that is more.
+The calibration pose is one more frame, whose joint angles are known to `imu_pose_error`. Headings are a random walk
+from knot to knot, and mean joint angles are much the same about knots at which the body does the same.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -136,6 +138,9 @@ POSE_NOISE = 0.02  # Of a sensor against its bone while the body stands still [r
 SLIP = 0.1
 """A sensor that the recording turns further from the pose than this has slipped since: its pose counts less [rad]."""
 TREND = 0.07  # Standard deviation of the mean of a joint angle about a knot, against that over the recording [rad]
+ALIKE = (
+    0.1  # Knots about which verticals of sensors are further apart see other movements, as sitting and walking [rad]
+)
 SHORT = 0.005  # Time over which speeds of rotation are taken [s]
 CLOCK_ERROR = 0.05  # Standard deviation of the delay about the one that speeds of rotation show [s]
 
@@ -265,10 +270,12 @@ class MountingFit:
             columns = [chosen.markers.names.index(name) for name in chosen.marker_names]
             marked = marker_frames(self.tree, problem, chosen.markers.values[:, columns], values)
         shares = _knot_shares(mounting.knots, chosen.time)
+        near = shares.argmax(axis=1)
+        noise = max(sizes.imu_noise, _noise(errors, slopes.shape[-1]))
         width, followed = len(right), [list[tuple[Array, Array]]() for _ in mounting.knots]
         for frame in range(len(values)):
             known = np.flatnonzero(np.isfinite(errors[frame, :, 0]))
-            scale = np.sqrt(chosen.share) / sizes.imu_noise
+            scale = np.sqrt(chosen.share) / noise
             J, X, r = [], [], []
             for index in known:
                 J.append(scale * slopes[frame, index])
@@ -283,24 +290,29 @@ class MountingFit:
                 X.append(np.zeros((len(r[-1]), width)))
             if J:
                 moved = _eliminate(np.concatenate(J), np.concatenate(X), np.concatenate(r), normal, right)
-                followed[shares[frame].argmax()].append((values[frame, problem.free] + moved[0], moved[1]))
-        self._add_trends(normal, right, problem.free, [part for part in followed if part])
+                followed[near[frame]].append((values[frame, problem.free] + moved[0], moved[1]))
+        if not chosen.marker_names:
+            # Where a sensor has its vertical no heading changes.
+            upright = np.swapaxes(reported, 2, 3) @ mounting.up
+            knots = [(part, np.nanmean(upright[near == knot], axis=0)) for knot, part in enumerate(followed) if part]
+            self._add_trends(normal, right, joint_angles(self.tree, problem.free), knots)
 
-    def _add_trends(self, normal: Array, right: Array, free: Ints, followed: list[list[tuple[Array, Array]]]) -> None:
-        """Means of joint angles about each knot, which are much alike: headings that drift would part them. `followed`
-        has by knot, of each frame, its coordinates and how they follow what is unknown.
+    def _add_trends(
+        self, normal: Array, right: Array, joints: Array, parts: list[tuple[list[tuple[Array, Array]], Array]]
+    ) -> None:
+        """Means of joint angles about knots at which the body does the same: headings that drift would part them.
+        `parts` has by knot, of each frame, its coordinates and how they follow what is unknown, and the mean verticals.
         """
-        if len(followed) < 2 or self.chosen.marker_names:
-            return
-        joints = joint_angles(self.tree, free)
-        means = [tuple(np.mean([part[i] for part in parts], axis=0)[joints] for i in range(2)) for parts in followed]
-        angle, slope = (np.mean([mean[i] for mean in means], axis=0) for i in range(2))
-        for own, follows in means:
-            X = (follows - slope) / TREND
-            # A mounting does not change: what it makes of the means is none of a trend's.
-            X[:, : 3 * len(self.bodies)] = 0.0
-            normal += X.T @ X
-            right -= X.T @ ((own - angle) / TREND)
+        angles = [np.mean([own[joints] for own, _ in frames], axis=0) for frames, _ in parts]
+        slopes = np.array([np.mean([follows[joints] for _, follows in frames], axis=0) for frames, _ in parts])
+        # A mounting does not change: what it makes of the means is none of a trend's.
+        slopes[..., : 3 * len(self.bodies)] = 0.0
+        for i, j in combinations(range(len(parts)), 2):
+            apart = np.sqrt(np.nanmean(((parts[i][1] - parts[j][1]) ** 2).sum(axis=-1)))
+            weight = np.exp(-0.5 * (apart / ALIKE) ** 2) / (len(parts) * TREND**2)
+            X = slopes[i] - slopes[j]
+            normal += weight * X.T @ X
+            right -= weight * X.T @ (angles[i] - angles[j])
 
     def _add_pose(
         self, normal: Array, right: Array, mounting: SensorMounting, pose: Array
@@ -343,6 +355,14 @@ class MountingFit:
     def _slopes(self, values: Array, problem: PoseProblem) -> tuple[Array, Array]:
         bodies = np.array([self.tree.body_number(body) for body in self.bodies], np.int64)
         return body_slopes(self.tree, problem, values, bodies)
+
+
+def _noise(errors: Array, coordinates: int) -> float:
+    """Standard deviation of the errors (frames, sensors, 3) that poses of so many coordinates left [rad]."""
+    numbers = int(np.isfinite(errors).sum())
+    # Poses explain as many numbers as they have coordinates, of those that are joints between sensors at most.
+    explained = len(errors) * min(coordinates, 3 * errors.shape[1] - 3)
+    return float(np.sqrt(np.nansum(errors**2) / max(numbers - explained, numbers / 3, 1)))
 
 
 def _factor(normal: Array) -> Array:

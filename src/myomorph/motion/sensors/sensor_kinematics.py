@@ -189,7 +189,13 @@ class _Finder:
         delay, notes = self._delay()
         fit = fit_mounting.MountingFit(tree, sensors, self.bodies, self._chosen(delay), self.options, self.sizes, pose)
         if self.marked is not None and kind == "recording":
-            guess, azimuth = self._from_markers(delay, not anywhere), True
+            (guess, own), azimuth = self._from_markers(delay, anywhere), True
+            if own and not anywhere:
+                anywhere = True
+                notes += (
+                    f"headings of the sensors are up to {np.degrees(np.ptp(guess.headings)):.0f}° apart, as without "
+                    "magnetometer: each sensor's is found by the markers",
+                )
         elif pose is None:
             raise BadData(
                 f"{sensors.source or 'sensors'}: nothing says how they are mounted: record the calibration pose "
@@ -278,11 +284,11 @@ class _Finder:
         values = np.where(np.isfinite(self.marked.motion.values), self.marked.motion.values, tree.defaults)
         return forward_kinematics(tree, values).rotations[:, [tree.body_number(body) for body in self.bodies]]
 
-    def _from_markers(self, delay: float, together: bool) -> first_guess.Guess:
+    def _from_markers(self, delay: float, anywhere: bool) -> tuple[first_guess.Guess, bool]:
         assert self.marked is not None
         seen = np.flatnonzero(self.marked.seen)[:: max(1, int(self.marked.seen.sum()) // fit_mounting.FRAMES)]
         earth = rotations_at(self.recording.sensors, self.markers.time[seen] + delay, self.model)
-        return first_guess.from_motion(self._bodies()[seen], earth, np.asarray(self.model.up), together)
+        return first_guess.from_motion(self._bodies()[seen], earth, np.asarray(self.model.up), anywhere)
 
     def _chosen(self, delay: float) -> fit_mounting.Chosen:
         """Frames, spread over the time that sensors and markers share."""
