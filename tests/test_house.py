@@ -6,9 +6,9 @@ import pytest
 from benchmarks.house import CHECKOUT, checkout_texts, count
 
 LIMITS = {
-    ("lines", "src"): 126_085,
-    ("lines", "benchmarks"): 25_981,
-    ("words", "documentation"): 99_977,
+    ("lines", "src"): 126_120,
+    ("lines", "benchmarks"): 26_202,
+    ("words", "documentation"): 100_121,
     ("vague", "src"): 6.5,
 }
 
