@@ -196,6 +196,17 @@ def test_sources_merge_by_trust():
     assert len(merged.of("toe")) == 1
 
 
+def test_a_foot_that_goes_on_standing_while_its_plate_is_another_ones_is_kept():
+    plates = Contacts(("foot",), (Touch("foot", 0.0, 2.0, source="plates"), Touch("foot", 3.0, 9.0, source="plates")))
+    merged = merge_contacts((plates, Contacts(("foot",), (Touch("foot", 0.0, 9.2),))))
+    assert sorted((one.start, one.stop) for one in merged.of("foot")) == [
+        (0.0, 2.0),
+        (2.0, 3.0),
+        (3.0, 9.0),
+        (9.0, 9.2),
+    ]
+
+
 def test_readiness_fades_smoothly():
     x = np.linspace(0.0, 1.5, 1501)
     y = fade(x, 0.8)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -32,12 +33,14 @@ def named_muscles(
 ) -> tuple[tuple[Pair, ...], tuple[str, ...]]:
     """The wanted muscles that a model has, right and left together, and those that it lacks.
     Parts of one muscle are members of one pair.
-    `names`: of the model's muscles; `wanted`: of `MUSCLES`; `prefix`: what the names of one subject begin with.
+    `names`: of the model's muscles; `wanted`: of `MUSCLES`, or the model's without their sides and `prefix`, what the
+    names of one subject begin with.
     """
     bare = {name: split_side(name.removeprefix(prefix).rsplit("__", 1)[-1]) for name in names}
     pairs, lacking = [], []
     for label in wanted:
-        members = with_right(spelled(bare, MUSCLES[label]))
+        pattern = MUSCLES.get(label) or re.escape(split_side(label)[0])
+        members = with_right(spelled(bare, pattern))
         if members:
             pairs.append(Pair(label, {side: members[side] for side in SIDES if side in members}))
         else:

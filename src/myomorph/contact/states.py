@@ -222,10 +222,13 @@ def _beside(moving: SiteMotion, points: Array) -> Array:
     return np.linalg.norm(flat, axis=2)
 
 
+LASTING = 0.4  # A touch that lasts as long beside those of a more trusted source is one of its own [s]
+
+
 def merge_contacts(sources: Sequence[Contacts]) -> Contacts:
     """Touches of several sources, the most trusted first.
-    A touch is left out where one of the same site from a source before it covers half of it or more, and cut
-    where it covers less.
+    A touch is cut where one of the same site from a source before it covers it, and left out where less than half and
+    less than `LASTING` is left: what is left then is how much the sources' times differ.
     """
     names = tuple(dict.fromkeys(name for source in sources for name in source.sites))
     kept: list[Touch] = []
@@ -233,7 +236,8 @@ def merge_contacts(sources: Sequence[Contacts]) -> Contacts:
         before = tuple(kept)
         for touch in source.intervals:
             rest = _outside(touch, [item for item in before if item.site == touch.site])
-            if sum(piece.stop - piece.start for piece in rest) > 0.5 * (touch.stop - touch.start) or rest == [touch]:
+            left = [piece.stop - piece.start for piece in rest]
+            if sum(left) > 0.5 * (touch.stop - touch.start) or max(left, default=0.0) > LASTING or rest == [touch]:
                 kept += rest
     return Contacts(names, tuple(kept), tuple(text for source in sources for text in source.warnings))
 

@@ -139,9 +139,11 @@ class ReportOptions:
     ----------
     preset : kind of motion, which says what panels, muscles and phases are shown; chosen by what the recording shows
         where it is not specified
+    muscles : muscles shown, by the report's names ("Soleus") or the model's, instead of those of the preset
     """
 
     preset: Preset = ""
+    muscles: tuple[str, ...] = ()
 
 
 def settings_of(options: type) -> tuple[Setting, ...]:
@@ -234,4 +236,4 @@ def _is_simple(kind: Any) -> bool:
     origin = get_origin(kind)
     if origin in (Union, types.UnionType):
         return all(arg is type(None) or _is_simple(arg) for arg in get_args(kind))
-    return kind in SIMPLE or origin is Literal
+    return kind in SIMPLE or origin is Literal or kind == tuple[str, ...]

@@ -29,7 +29,7 @@ from myomorph.report.trial.estimated_forces import (
 )
 from myomorph.report.trial.motion_analysis import analyse
 from myomorph.report.trial.prepared import prepare
-from myomorph.report.trial.report_input import InfeasibleContact, ReportInput
+from myomorph.report.trial.report_input import AnalysisChoice, InfeasibleContact, ReportInput
 from myomorph.report.trial.trial_page import report_page
 from myomorph.store import settings
 from walker import GRAVITY, Tension, everything, model, motion, steps
@@ -103,6 +103,18 @@ def test_muscles_that_a_model_lacks_are_named() -> None:
     assert len(found) + len(lacking) == 8
     section = analysis_sections(prepare(having(everything(60), preset="taichi")))[0]
     assert "The model lacks: Deltoid, anterior;" in section.lead
+
+
+def test_a_user_chooses_muscles_by_the_names_of_the_report_or_of_the_model() -> None:
+    found, lacking = named_muscles(("glut_med1_r", "glut_med1_l", "soleus_r"), ("Soleus", "glut_med1_r", "psoas"))
+    assert [(one.label, one.names) for one in found] == [
+        ("Soleus", ("soleus_r",)),
+        ("glut_med1_r", ("glut_med1_r", "glut_med1_l")),
+    ]
+    assert lacking == ("psoas",)
+    choice = AnalysisChoice("taichi", muscles=("glmax2", "psoas"))
+    section = analysis_sections(prepare(replace(everything(60), analysis=choice)))[0]
+    assert "The model lacks: psoas." in section.lead
 
 
 def test_presets_make_pages_of_well_formed_drawings() -> None:

@@ -166,6 +166,15 @@ def test_another_look_makes_only_the_report_again(arm):
     assert run(arm, preset="gait", steps=ALL)[0].reused == ("ik", "id", "report")
 
 
+def test_the_report_shows_the_muscles_of_the_study_file(arm):
+    run(arm, preset="gait", steps=EVERY)
+    path = arm.folder / "study.toml"
+    path.write_text(path.read_text() + 'muscles = ["flexor", "Psoas"]\n')
+    (outcome,) = run_study(read_plan(path), arm.out)
+    assert [step for step, _ in outcome.timed] == ["report"]
+    assert "The model lacks: Psoas." in (arm.out / "s01" / "reach0" / "report.html").read_text(encoding="utf-8")
+
+
 def test_results_do_not_outlive_the_steps_that_now_fail(arm):
     """What an earlier run found must not stand beside an error as if it were this run's."""
     run(arm)

@@ -18,7 +18,7 @@ from myomorph.rigid.regressor import sum_of_wrenches
 from myomorph.store.settings import ForceOptions
 from myomorph.study.inputs.external_forces import read_loads, recording_wrenches
 from myomorph.study.inputs.keys import keys_of
-from myomorph.study.inputs.loads import LoadsFile
+from myomorph.study.inputs.loads import LoadsFile, loads_by_name
 from myomorph.study.inputs.reading import open_model, read_motion
 from myomorph.study.subject.identifying import open_motions
 
@@ -206,3 +206,11 @@ def plate_of(wrenches, number):
     corners = np.nanmean(point, axis=0) + 0.3 * np.array([[1, 0, 1], [-1, 0, 1], [-1, 0, -1], [1, 0, -1]])
     force = np.where(loaded, wrenches.forces[:, number], 0.0)
     return ForcePlate(f"plate {number + 1}", 2, corners, force, point, torque)
+
+
+def test_a_model_with_the_name_of_a_recording_is_no_file_of_forces(tmp_path) -> None:
+    path = tmp_path / "tori.xml"
+    path.write_text("<mujoco/>")
+    assert loads_by_name(tmp_path / "tori.trc") is None
+    path.write_text("<OpenSimDocument><ExternalLoads/></OpenSimDocument>")
+    assert loads_by_name(tmp_path / "tori.trc") == path

@@ -36,7 +36,7 @@ class Person:
     standing: tuple[float, float]
     still: float  # mean height while the recording begins at rest [m], nan where it does not
     periods: tuple[Periodicity, ...]  # of the three columns of `center`
-    muscles: tuple[Pair, ...]  # of the preset, as far as the model has them
+    muscles: tuple[Pair, ...]  # of the preset or those chosen, as far as the model has them
     lacking: tuple[str, ...]  # the others
     # (frames, n) by `column_name`, parts of a muscle weighted by strength; None where nothing is known of them
     activations: Series | None
@@ -83,7 +83,7 @@ def analyse(prepared: Prepared) -> MotionAnalysis | None:
         if results.analysis.preset
         else fitting_preset(walks, sources, people, len(who) > people > 0)
     )
-    persons = _persons(prepared, who, preset)
+    persons = _persons(prepared, who, results.analysis.muscles or preset.muscles)
     period = _period(persons)
     nothing = "no plate loaded" if sources == ("plates",) else "no contact"
     cutting = cut(
@@ -140,7 +140,7 @@ def _clock(prepared: Prepared) -> Array:
     return np.linspace(*prepared.span, 1001)
 
 
-def _persons(prepared: Prepared, who: tuple[Subject, ...], preset: Preset) -> tuple[Person, ...]:
+def _persons(prepared: Prepared, who: tuple[Subject, ...], wanted: tuple[str, ...]) -> tuple[Person, ...]:
     results, motion = prepared.results, prepared.results.kinematics.motion
     if results.model is None or motion is None or prepared.centroid is None or not who:
         return ()
@@ -155,7 +155,7 @@ def _persons(prepared: Prepared, who: tuple[Subject, ...], preset: Preset) -> tu
         height = float(np.nanmean(series.values[:, 0])) if np.isfinite(series.values[:, 0]).any() else float("nan")
         muscles, lacking = named_muscles(
             [name for name in names if name in set(subject.muscles)],
-            preset.muscles if subject.muscles else (),
+            wanted if subject.muscles else (),
             subject.prefix,
         )
         periods = tuple(find_period(series.time, column) if len(series) > 8 else NONE for column in series.values.T)

@@ -154,6 +154,7 @@ class AnalysisChoice:
     # parts of the motion, as the user cuts them; () for those that events or contacts tell
     phases: tuple[Phase, ...] = ()
     times: tuple[float, ...] = ()  # instants to picture, () for those of events [s]
+    muscles: tuple[str, ...] = ()  # names of `MUSCLES` or of the model, () for those of the preset
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from myomorph.contact.force_checks import checked_forces
 from myomorph.contact.force_inspection import LOAD
+from myomorph.contact.plan import ContactPlan
 from myomorph.io.force_table import ForceLayout, force_layout, read_forces
 from myomorph.io.formats import trial_format
 from myomorph.model.arrays import Array
@@ -55,7 +56,9 @@ def opened(settings: LoadsFile, opening: Opening) -> Opened:
         loads = partial(
             recording_wrenches, recording.trial, model, plates=settings.plates, options=_force_options(opening)
         )
-        assumed = () if settings.plates else (nearest,)
+        contacts = opening.values.get(ContactPlan)
+        shared = contacts is not None and contacts.measured == "shared"
+        assumed = () if settings.plates or shared else (nearest,)
         return Opened((ExternalLoads(loads),), tuple(sources), real="external forces of the plates", assumed=assumed)
     path, markers = settings.loads, opening.settings.or_default(MarkersFile)
     loads = partial(

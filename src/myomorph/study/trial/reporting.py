@@ -250,7 +250,9 @@ def report_input(stored: Stored, model: Model) -> ReportInput:
         truth=Truth(truth.get("motion"), truth.get("torques"), truth.get("activations")) if truth else None,
     )
     phases = tuple(Phase(name, *span) for name, span in json.loads(facts.get("phases", "{}")).items())
-    shown = ReportInput(head, model, _Meshes(model), recorded, analysis=AnalysisChoice(facts.get("preset", ""), phases))
+    muscles = tuple(json.loads(facts.get("muscles", "[]")))
+    choice = AnalysisChoice(facts.get("preset", ""), phases, muscles=muscles)
+    shown = ReportInput(head, model, _Meshes(model), recorded, analysis=choice)
     for step in STEPS["trial"]:
         shown = step_of(step).show(shown, stored)
     return shown

@@ -183,6 +183,7 @@ class TrialInputs:
             "notes": json.dumps({"real": notes.real, "assumed": notes.assumed, "simulated": notes.simulated}),
             "warnings": json.dumps(self.warnings),
             "preset": self.options[ReportOptions].preset,
+            "muscles": json.dumps(self.options[ReportOptions].muscles),
         } | NO_FACTS
         for value in self._recorded:
             facts |= value.facts
