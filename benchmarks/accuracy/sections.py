@@ -155,6 +155,10 @@ PAGES: dict[str, dict[str, str]] = {
         "pair_open": "accuracy.pair:measure_open",
         "pair_truths": "accuracy.pair:measure_truths",
         "pair_compliance": "accuracy.pair:measure_compliance",
+        "chapter5_judo": "accuracy.chapter5.bout:measure_judo",
+        "chapter5_taichi": "accuracy.chapter5.scenes:measure_taichi",
+        "chapter5_tap": "accuracy.chapter5.scenes:measure_tap",
+        "chapter5_drum": "accuracy.chapter5.scenes:measure_drum",
     },
     "calibration": {
         "calibration": "accuracy.calibration:measure",

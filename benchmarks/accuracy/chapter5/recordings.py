@@ -1,0 +1,125 @@
+"""Files of a simulated recording as a laboratory has them: markers on skin, one force plate, raw EMG of 16 channels."""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import io
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from scipy.signal import butter, sosfilt
+
+import myomorph as mm
+from benchmarks.accuracy.chapter5.performer import Performance, worn
+from benchmarks.errors import rms
+from myomorph.cli.program import main
+from myomorph.io.c3d.write import write_c3d
+from myomorph.io.trc import write_trc
+from myomorph.model.arrays import Array
+from myomorph.model.series import PlateRecording
+from myomorph.simulate.pair import CHANNELS
+from myomorph.simulate.squat import SimulationOptions, measured_markers
+
+EMG_RATE, EMG_LATE = 1000.0, 0.04  # Of raw EMG [Hz], and how much later force comes [s].
+GAIN_SPREAD = 0.5  # Standard deviation of the logarithm of a channel's gain.
+ON_SKIN = SimulationOptions(tissue=0.003, marker_noise=0.0005)
+PLATE_RATE, PLATE_DEPTH, PLATE_NOISE = 10, 0.035, 1.0  # Samples a frame, depth of the sensors [m], white noise [N].
+AXES = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])  # Columns: of a plate in ground.
+
+
+def skin_markers(model: mm.Model, motion: mm.Motion, random: np.random.Generator) -> mm.Markers:
+    """Markers some millimeters from where the model has them, that slide on the skin, with white noise."""
+    return measured_markers(worn(model, random), motion, ON_SKIN, random)
+
+
+def write_plate_c3d(shown: Performance, path: Path, middle: Array, size: tuple[float, float], seed: int) -> None:
+    """Markers and one plate that all contacts press on, `size` along x and z, about a point of the floor (3,)."""
+    random = np.random.default_rng(seed)
+    markers = skin_markers(shown.body, shown.motion, random)
+    frames = np.arange(len(shown.motion) * PLATE_RATE) / PLATE_RATE
+    wrench = np.stack([np.interp(frames, np.arange(len(shown.wrench)), one) for one in shown.wrench.T], axis=1)
+    force = (wrench[:, 3:] + PLATE_NOISE * random.standard_normal((len(frames), 3))) @ AXES
+    moment = (wrench[:, :3] - np.cross(middle, wrench[:, 3:])) @ AXES
+    origin = np.array([0.0, 0.0, -PLATE_DEPTH])
+    x, z = 0.5 * np.array(size)
+    corners = middle + np.array([[x, 0.0, z], [-x, 0.0, z], [-x, 0.0, -z], [x, 0.0, -z]])
+    channels = np.hstack([force, moment - np.cross(force, origin)])
+    write_c3d(path, markers, PlateRecording("plate", 2, corners, origin, channels))
+
+
+def write_markers(model: mm.Model, motion: mm.Motion, path: Path, seed: int) -> None:
+    """A TRC file."""
+    write_trc(skin_markers(model, motion, np.random.default_rng(seed)), path)
+
+
+def write_raw_emg(activations: mm.Series, path: Path, seed: int) -> tuple[str, ...]:
+    """Raw EMG of both sides of [D]'s eight muscles, each channel with a gain that nobody knows; their names."""
+    random = np.random.default_rng(seed)
+    names = tuple(name for name in activations.names if name.startswith(CHANNELS))
+    time = np.arange(activations.time[0], activations.time[-1], 1.0 / EMG_RATE)
+    band = butter(4, (20.0, 400.0), "bandpass", fs=EMG_RATE, output="sos")
+    columns = []
+    for name in names:
+        level = np.interp(time + EMG_LATE, activations.time, activations[name]) + 0.005
+        noise = sosfilt(band, random.standard_normal(len(time)))
+        columns.append(2e-3 * np.exp(GAIN_SPREAD * random.standard_normal()) * level * noise / noise.std())
+    mm.write_sto(mm.Table(time, names, np.stack(columns, axis=1)), path)
+    return names
+
+
+def ran(study: Path) -> Path:
+    """Results of `myomorph run STUDY` by default options; raises `RuntimeError` with what it printed where it fails."""
+    out = study.parent / "results"
+    with contextlib.redirect_stdout(io.StringIO()) as said, contextlib.redirect_stderr(io.StringIO()) as told:
+        status = main(["run", str(study), "--out", str(out)])
+    if status:
+        raise RuntimeError(f"{study}: {said.getvalue()}{told.getvalue()}")
+    return out
+
+
+def over_limits(home: Path) -> str:
+    """Quantities that the report lists first, as they are over their limits."""
+    with (home / "quality.csv").open(encoding="utf-8", newline="") as file:
+        return "; ".join(row["quantity"] for row in csv.DictReader(file) if row["state"] == "over") or "none"
+
+
+OF_ARMS = re.compile(r"(^|_)(arm|elbow)_")  # In names of coordinates.
+
+
+def compared(home: Path, torques: mm.Series, names: Sequence[str], activations: mm.Series) -> dict[str, object]:
+    """RMS errors of the arms' torques and of the others beside standard deviations over time of the truth, those of
+    activations, and what the report warns of. `names`: of coordinates.
+    """
+    row: dict[str, object] = {}
+    found = mm.read_sto(home / "torques_with_contacts.sto")
+    for what in ("arms", "legs and trunk"):
+        some = [name for name in names if bool(OF_ARMS.search(name)) == (what == "arms")]
+        errors = [at_times(found, f"{name}_moment", torques.time) - torques[name] for name in some]
+        row[f"torques of {what}, RMS error [N m]"] = float(np.sqrt(np.nanmean(np.square(errors))))
+        row[f"SD of {what} [N m]"] = rms([torques[name] - torques[name].mean() for name in some])
+    row |= likeness(mm.read_sto(home / "activations.sto"), activations, activations.names)
+    return row | {"over their limits": over_limits(home)}
+
+
+def at_times(table: mm.Series, name: str, time: Array) -> Array:
+    """A column at other times (frames,), NaN outside."""
+    return np.interp(time, table.time, table[name], left=np.nan, right=np.nan)
+
+
+def likeness(table: mm.Series, truth: mm.Series, names: Sequence[str]) -> dict[str, object]:
+    """RMS error of activations, and the median over muscles that change of their correlation with the truth."""
+    errors, alike = [], []
+    for name in names:
+        found = at_times(table, name, truth.time)
+        known = np.isfinite(found)
+        true = truth[name][known]
+        errors.append(found[known] - true)
+        if np.ptp(true) > 0.05:
+            alike.append(np.corrcoef(found[known], true)[0, 1] if np.ptp(found[known]) > 0.0 else 0.0)
+    return {
+        "activations, RMS": rms(np.concatenate(errors)),
+        "activations, median r": float(np.median(alike)),
+    }
