@@ -33,14 +33,12 @@ def named_muscles(
 ) -> tuple[tuple[Pair, ...], tuple[str, ...]]:
     """The wanted muscles that a model has, right and left together, and those that it lacks.
     Parts of one muscle are members of one pair.
-    `names`: of the model's muscles; `wanted`: of `MUSCLES`, or the model's without their sides and `prefix`, what the
-    names of one subject begin with.
+    `names`: of the model's muscles; `wanted`: of `MUSCLES` or of the model; `prefix`: begins one subject's names.
     """
     bare = {name: split_side(name.removeprefix(prefix).rsplit("__", 1)[-1]) for name in names}
     pairs, lacking = [], []
     for label in wanted:
-        pattern = MUSCLES.get(label) or re.escape(split_side(label)[0])
-        members = with_right(spelled(bare, pattern))
+        members = with_right(spelled(bare, MUSCLES.get(label) or re.escape(split_side(label)[0])))
         if members:
             pairs.append(Pair(label, {side: members[side] for side in SIDES if side in members}))
         else:

@@ -24,6 +24,7 @@ from myomorph.rigid.tree import compile_tree
 Bools = NDArray[np.bool_]
 
 PLATES, KINEMATICS = "plates", "kinematics"  # Sources of contact intervals
+LASTING = 0.4  # A touch that lasts as long beside those of a more trusted source is one of its own [s]
 
 
 @dataclass(frozen=True)
@@ -222,13 +223,10 @@ def _beside(moving: SiteMotion, points: Array) -> Array:
     return np.linalg.norm(flat, axis=2)
 
 
-LASTING = 0.4  # A touch that lasts as long beside those of a more trusted source is one of its own [s]
-
-
 def merge_contacts(sources: Sequence[Contacts]) -> Contacts:
     """Touches of several sources, the most trusted first.
-    A touch is cut where one of the same site from a source before it covers it, and left out where less than half and
-    less than `LASTING` is left: what is left then is how much the sources' times differ.
+    A touch is cut where one of the same site from a source before it covers it, and left out where no more than half
+    and no part of `LASTING` is left: so much the sources' times may differ.
     """
     names = tuple(dict.fromkeys(name for source in sources for name in source.sites))
     kept: list[Touch] = []

@@ -55,8 +55,7 @@ def run_demo(name: str, out: Path) -> Outcome:
 
 def demo_trial(name: str) -> TrialInputs:
     """A demo's recording, ready for the steps. "jump": a recorded countermovement jump (package `biomdp`) with a leg
-    model (package `myo-sim`); "simulated": a full-body squat that the project simulates, with known truth; "judo": two
-    simulated fighters who pull on each other, every force known.
+    model (package `myo-sim`); "simulated": a full-body squat that the project simulates, with known truth.
     """
     if name == "jump":
         return _jump_trial()
@@ -65,12 +64,6 @@ def demo_trial(name: str) -> TrialInputs:
         from myomorph.simulate.squat import simulated_trial
 
         return simulated_trial()
-    if name == "judo":
-        # Each demo loads its own simulation only.
-        from myomorph.demo.judo import BOUT, CUTOFF, judo_trial
-        from myomorph.simulate.pair import virtual_pair
-
-        return judo_trial(virtual_pair(BOUT, CUTOFF))
     raise UnknownName("study", name, get_args(DemoName), "the demo")
 
 
@@ -147,9 +140,10 @@ def demo_model(name: str) -> Model:
     """The model of a demo's recording; raises `UnknownName`."""
     if name == "judo":
         # Each demo loads its own simulation only.
-        from myomorph.demo.judo import judo_model
+        from myomorph.demo.judo import BOUT
+        from myomorph.simulate.pair import pair_model
 
-        return judo_model()
+        return pair_model(BOUT)
     if name == "jump":
         # Without the rest of its trial, as EMG.
         from myomorph.simulate.jump import jump_study

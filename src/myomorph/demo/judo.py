@@ -11,12 +11,11 @@ from myomorph.contact.plan import ContactPlan
 from myomorph.model.arrays import runs
 from myomorph.model.contacts import ContactForces, Contacts, Touch
 from myomorph.model.frozen_map import FrozenMap
-from myomorph.model.model import Model
 from myomorph.model.series import Emg, Series, Trial
 from myomorph.motion.filters import differentiate
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.simulate.bout import FEET, GRIPS
-from myomorph.simulate.pair import CHANNELS, PairOptions, PairTruth, VirtualPair, pair_model, pair_sites, virtual_pair
+from myomorph.simulate.pair import CHANNELS, PairOptions, PairTruth, VirtualPair, pair_sites, virtual_pair
 from myomorph.store.contact_store import get_contact_forces
 from myomorph.store.outcome import Outcome
 from myomorph.store.results import STORED, file_name, read_result, value_source
@@ -50,11 +49,6 @@ def run_judo_demo(out: Path) -> Outcome:
         assert contact_forces is not None
         write_errors(contact_forces, pair.truth, out / ERRORS)
     return outcome
-
-
-def judo_model() -> Model:
-    """The model of the demo's bout."""
-    return pair_model(BOUT)
 
 
 def judo_trial(pair: VirtualPair) -> TrialInputs:
@@ -118,10 +112,9 @@ def simulated_of(pair: VirtualPair) -> tuple[str, ...]:
 
 def known_of(truth: PairTruth, pair: VirtualPair) -> dict[str, Series]:
     """The truth as the report takes it."""
-    motion = differentiate(truth.motion, CUTOFF)
     return {
         "motion": truth.motion,
-        "torques": inverse_dynamics(pair.model, motion, truth.wrenches),
+        "torques": inverse_dynamics(pair.model, differentiate(truth.motion, CUTOFF), truth.wrenches),
         "activations": truth.activations,
     }
 

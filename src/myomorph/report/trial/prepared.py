@@ -132,10 +132,9 @@ def prepare(results: ReportInput) -> Prepared:
     whole = weight if not results.dynamics.root_note else None
     movement = Movement()
     pressing = results.dynamics.wrenches
-    contacts = results.contacts
     # A plate that feet share is on the nearest one among the measured forces.
-    if (pressing is None or contacts.situation == "shared") and contacts.forces is not None:
-        pressing = contacts.forces.wrenches()
+    if (pressing is None or results.contacts.situation == "shared") and results.contacts.forces is not None:
+        pressing = results.contacts.forces.wrenches()
     if pressing is not None and len(pressing.names):
         movement = find_movement(pressing, up, whole, com)
     if results.recorded.events is not None:

@@ -57,8 +57,7 @@ def opened(settings: LoadsFile, opening: Opening) -> Opened:
             recording_wrenches, recording.trial, model, plates=settings.plates, options=_force_options(opening)
         )
         contacts = opening.values.get(ContactPlan)
-        shared = contacts is not None and contacts.measured == "shared"
-        assumed = () if settings.plates or shared else (nearest,)
+        assumed = () if settings.plates or (contacts and contacts.measured == "shared") else (nearest,)
         return Opened((ExternalLoads(loads),), tuple(sources), real="external forces of the plates", assumed=assumed)
     path, markers = settings.loads, opening.settings.or_default(MarkersFile)
     loads = partial(

@@ -18,7 +18,6 @@ WORDS = ("grf", "GRF", "external_loads", "external_forces", "externalforces", "E
 """In the name of a file of forces that belongs to a recording."""
 TABLES = (".mot", ".sto", ".csv", ".txt")
 """Endings of tables of forces."""
-HEAD = 4096  # Bytes of a file of XML that show what it is.
 FOLDERS = ("grf", "grfs", "forces", "force", "forcedata", "loads", "forceplates")
 """Names of folders of forces, in small letters without underscores."""
 
@@ -58,11 +57,8 @@ class ExternalLoads:
 def loads_by_name(recording: Path) -> Path | None:
     """The forces that belong to a recording by the rule of names, or None; a model may have the recording's name."""
     path = companion(recording, WORDS, (".xml", *TABLE_ENDINGS), alone=True)
-    if path is not None and path.suffix == ".xml" and path.stem in (recording.stem, plain_stem(recording)):
-        with path.open("rb") as file:
-            if b"<mujoco" in file.read(HEAD):
-                return companion(recording, WORDS, TABLE_ENDINGS, alone=True)
-    return path
+    model = path is not None and path.suffix == ".xml" and b"<mujoco" in path.read_bytes()
+    return companion(recording, WORDS, TABLE_ENDINGS, alone=True) if model else path
 
 
 def _beside(recording: Path, values: Mapping[str, Any]) -> Beside:

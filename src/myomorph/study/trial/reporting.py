@@ -250,8 +250,7 @@ def report_input(stored: Stored, model: Model) -> ReportInput:
         truth=Truth(truth.get("motion"), truth.get("torques"), truth.get("activations")) if truth else None,
     )
     phases = tuple(Phase(name, *span) for name, span in json.loads(facts.get("phases", "{}")).items())
-    muscles = tuple(json.loads(facts.get("muscles", "[]")))
-    choice = AnalysisChoice(facts.get("preset", ""), phases, muscles=muscles)
+    choice = AnalysisChoice(facts.get("preset", ""), phases, muscles=tuple(json.loads(facts.get("muscles", "[]"))))
     shown = ReportInput(head, model, _Meshes(model), recorded, analysis=choice)
     for step in STEPS["trial"]:
         shown = step_of(step).show(shown, stored)
