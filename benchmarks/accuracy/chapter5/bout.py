@@ -11,14 +11,7 @@ import mujoco
 import numpy as np
 
 import myomorph as mm
-from benchmarks.accuracy.chapter5.performer import with_marker_tuple
-from benchmarks.accuracy.chapter5.recordings import (
-    at_times,
-    compared,
-    ran,
-    write_markers,
-    write_raw_emg,
-)
+from benchmarks.accuracy.chapter5.results import at_times, compared, ran
 from benchmarks.accuracy.chapter5.scenes import site
 from benchmarks.errors import rms, rms_of_vectors
 from myomorph.io.mjcf.compile import silent_mujoco
@@ -27,6 +20,8 @@ from myomorph.model.join import join_models
 from myomorph.simulate.bout import FEET, GRIPS
 from myomorph.simulate.fighter import PARTS, fighter_text
 from myomorph.simulate.pair import PairOptions, VirtualPair, pair_sites, virtual_pair
+from truths.laboratory_files import write_markers, write_raw_emg
+from truths.performer import with_marker_tuple
 
 Row = dict[str, object]
 CUTOFF = 6.0  # Of the true forces that results are compared with [Hz].

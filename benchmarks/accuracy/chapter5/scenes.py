@@ -6,7 +6,7 @@ Each is files and a study file in a folder; `myomorph run` does the rest with de
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
@@ -14,35 +14,17 @@ import numpy as np
 from scipy.io.wavfile import write as write_wav
 
 import myomorph as mm
-from benchmarks.accuracy.chapter5.performer import (
-    HEIGHT,
-    MASS,
-    Blow,
-    Contact,
-    Part,
-    Performance,
-    performed,
-    sole,
-)
-from benchmarks.accuracy.chapter5.recordings import (
-    at_times,
-    compared,
-    ran,
-    write_markers,
-    write_plate_c3d,
-    write_raw_emg,
-)
+from benchmarks.accuracy.chapter5.results import at_times, compared, ran
 from benchmarks.errors import rms
 from myomorph.io.contact_events import read_events
 from myomorph.io.loads import read_external_loads
 from myomorph.model.arrays import Array
-from myomorph.model.spatial import axis_rotation
-from myomorph.simulate import fighter
-from myomorph.simulate.plan import Aim
+from truths.laboratory_files import write_markers, write_plate_c3d, write_raw_emg
+from truths.performances import DRUM_PLACES, STICK_OF, TIP, drum_part, taichi_part, tap_part
+from truths.performer import MASS, Part, Performance, performed, sole
 from truths.simulated_drums import RATE, Scene, instruments, record
 
 Row = dict[str, object]
-WIDE, NARROW = 0.2, 0.12  # Half the distance of the feet [m].
 STUDY = """
 [study]
 name = "{name}"
@@ -63,35 +45,6 @@ body = "{body}"
 points = {points}
 {more}
 """
-
-
-def smooth(time: float | Array, start: float, stop: float) -> Array:
-    """From 0 to 1, smooth to the second derivative."""
-    x = np.clip((np.asarray(time) - start) / (stop - start), 0.0, 1.0)
-    return x**3 * (10.0 - 15.0 * x + 6.0 * x * x)
-
-
-def foot_aims(side: str, wide: float, pitch: float = 0.0, about: float = 0.0) -> list[Aim]:
-    """A foot on its place, pitched (toes up) about the point of the sole `about` ahead of the ankle [rad, m]."""
-    z = wide if side == "r" else -wide
-    turn = axis_rotation((0.0, 0.0, 1.0), pitch)
-    hinge = np.array([about, -fighter.SOLE_HEIGHT, 0.0])
-    place = np.array([about, 0.0, z])
-    return [
-        Aim(f"foot_{side}", at, place + turn @ (at - hinge), weight=10.0) for at in fighter.sole_points(side).values()
-    ]
-
-
-def trunk_aims(sway: float, drop: float, twist: float = 0.0, ahead: float = 0.05) -> list[Aim]:
-    """The pelvis over the feet, `sway` to the right and `drop` below straight legs [m]; a trunk that turns left."""
-    place = np.array([ahead - 0.03, fighter.LEG * HEIGHT / fighter.HEIGHT - drop, sway])
-    turns = [(body, axis_rotation((0.0, 1.0, 0.0), share * twist)) for body, share in (("torso", 1.0), ("pelvis", 0.5))]
-    return [Aim("pelvis", np.zeros(3), place), *(Aim(body, None, turn, weight=0.5) for body, turn in turns)]
-
-
-def fist_aim(side: str, place: Sequence[float]) -> Aim:
-    """A fist at a place from the middle between the feet [m]."""
-    return Aim(f"forearm_{side}", np.array(fighter.GRIP), np.array(place), weight=0.3)
 
 
 def prepared(part: Part, seed: int) -> tuple[Performance, Path]:
@@ -127,22 +80,6 @@ def force_rows(home: Path, shown: Performance) -> Iterator[Row]:
         yield row | (rest if k == 0 else {})
 
 
-def taichi_part() -> Part:
-    """Weight slowly from one foot to the other, arms that circle, the trunk that turns."""
-
-    def aims(time: float) -> list[Aim]:
-        turn = 2.0 * np.pi * time / 4.0
-        sway, grow = np.sin(turn), float(smooth(time, 0.0, 1.5))
-        high = 1.05 + 0.15 * np.cos(turn)
-        fists = [fist_aim("r", (0.42, high, 0.25 + 0.06 * sway * grow))]
-        fists += [fist_aim("l", (0.42, 2.1 - high, -0.25 + 0.06 * sway * grow))]
-        trunk = trunk_aims(0.12 * grow * sway, 0.09, 0.2 * grow * sway)
-        return [*foot_aims("r", WIDE), *foot_aims("l", WIDE), *trunk, *fists]
-
-    feet = [Contact(f"foot_{side}", f"foot_{side}", sole(side)) for side in "rl"]
-    return Part(aims, feet, 8.0, seed=51)
-
-
 @cache
 def taichi() -> tuple[Performance, Path]:
     """Two feet on one plate that share its force."""
@@ -156,41 +93,6 @@ def measure_taichi() -> Iterator[Row]:
     """Each foot's force where one plate measured both together."""
     shown, home = taichi()
     yield from force_rows(home, shown)
-
-
-TAPS = (("toe_r", 1.2), ("heel_r", 1.9), ("toe_l", 3.9), ("heel_l", 4.6), ("toe_r", 6.6))
-"""Ends of feet that are up, and when [s]."""
-UP = 0.25  # Half of the time that an end is up [s].
-
-
-def tap_part() -> Part:
-    """Toes and heels that lift and come down one after the other while the weight goes from foot to foot."""
-
-    def lifted(end: str, time: float | Array) -> Array:
-        result = np.zeros_like(np.asarray(time, dtype=float))
-        for name, middle in TAPS:
-            if name == end:
-                inside = np.clip((np.asarray(time) - middle) / UP, -1.0, 1.0)
-                result = np.maximum(result, (1.0 - inside**2) ** 3)
-        return result
-
-    def aims(time: float) -> list[Aim]:
-        sway = float(smooth(time, 0.0, 1.0) - 2.0 * smooth(time, 2.1, 3.7) + 2.0 * smooth(time, 4.8, 6.4))
-        result = trunk_aims(-0.07 * sway, 0.06)
-        for side in "rl":
-            toe, heel = float(lifted(f"toe_{side}", time)), float(lifted(f"heel_{side}", time))
-            result += foot_aims(side, NARROW, 0.25 * toe - 0.25 * heel, 0.18 if heel > 0.0 else -0.06)
-        return [*result, fist_aim("r", (0.36, 1.02, 0.24)), fist_aim("l", (0.36, 1.02, -0.24))]
-
-    def down(end: str) -> Callable[[Array], Array]:
-        return lambda time: np.clip(1.0 - 8.0 * lifted(end, time), 0.0, 1.0)
-
-    ends = [
-        Contact(f"{end}_{side}", f"foot_{side}", sole(side, end), down(f"{end}_{side}"))
-        for side in "rl"
-        for end in ("heel", "toe")
-    ]
-    return Part(aims, ends, 7.2, squeeze=0.03, seed=54)
 
 
 CAMERA_RATE, CAMERA_START = 120.0, -0.3  # Of the camera that saw the taps [Hz], and its zero on the motion's clock [s].
@@ -237,27 +139,7 @@ def measure_tap() -> Iterator[Row]:
 
 SCENE = Scene("two drums", drums=2, interval=0.9, duration=9.0)
 DRUM_SEED, SOUND_EARLY = 57, 0.35  # The sound begins earlier than the motion [s].
-TIP = np.array(fighter.GRIP) + (0.0, -0.3, 0.0)  # Of the stick, in the forearm [m].
-DRUM_PLACES = {"snare": (0.72, 1.0, 0.18), "high tom": (0.72, 1.0, -0.18)}
-STICK_OF = {"snare": "r", "high tom": "l"}
 KNOWN_EVERY = 3  # Every so many strokes of a drum have a known impulse.
-
-
-def drum_part(strokes: Sequence[tuple[str, float, float]]) -> Part:
-    """Both arms strike: the tip comes down to the drum, which pushes it up again. `strokes`: drum, time, impulse."""
-
-    def aims(time: float) -> list[Aim]:
-        result = [*foot_aims("r", WIDE), *foot_aims("l", WIDE), *trunk_aims(0.0, 0.06)]
-        for drum, place in DRUM_PLACES.items():
-            away = min((abs(time - at) for name, at, _ in strokes if name == drum), default=9.0)
-            up = 0.12 * float(smooth(away, 0.0, 0.25))
-            side = STICK_OF[drum]
-            result.append(Aim(f"forearm_{side}", TIP, np.array(place) + (0.0, up, 0.0), weight=3.0))
-        return result
-
-    feet = [Contact(f"foot_{side}", f"foot_{side}", sole(side)) for side in "rl"]
-    blows = [Blow(f"forearm_{STICK_OF[drum]}", TIP, at, impulse) for drum, at, impulse in strokes]
-    return Part(aims, feet, SCENE.duration - SOUND_EARLY - 0.4, rate=200.0, blows=blows, squeeze=0.03, seed=58)
 
 
 @cache
@@ -266,7 +148,7 @@ def drum() -> tuple[Performance, Path, list[tuple[str, float, float]], list[tupl
     sound, heard = record(SCENE, DRUM_SEED)
     strokes = [(one.drum, one.time - SOUND_EARLY, one.impulse) for one in heard if one.time > SOUND_EARLY + 0.4]
     known = [stroke for name in DRUM_PLACES for stroke in [s for s in strokes if s[0] == name][::KNOWN_EVERY]]
-    shown, folder = prepared(drum_part(strokes), 59)
+    shown, folder = prepared(drum_part(strokes, SCENE.duration - SOUND_EARLY - 0.4), 59)
     write_markers(shown.body, shown.motion, folder / "drum.trc", 60)
     write_wav(folder / "drum.wav", int(RATE), (32767 * sound.samples).astype(np.int16))
     lines = ['[sound]\nfile = "drum.wav"\nstart = "auto"\nimpulse = "known"\n']
