@@ -7,8 +7,8 @@ from benchmarks.house import CHECKOUT, checkout_texts, count
 
 LIMITS = {
     ("lines", "src"): 126_120,
-    ("lines", "benchmarks"): 26_202,
-    ("words", "documentation"): 100_121,
+    ("lines", "benchmarks"): 26_568,
+    ("words", "documentation"): 100_124,
     ("vague", "src"): 6.5,
 }
 
