@@ -135,8 +135,10 @@ def _places(table: str) -> dict[str, tuple[str, Array]]:
 def _generic(arms: bool) -> Model:
     model = with_arms(legs_and_trunk()) if arms else legs_and_trunk()
     model = with_architecture(with_cylinders(with_abductors(in_opensim_form(model))))
+    # A bound of what follows a knee at the end of the knee's range is one that OpenSim cannot keep to.
     held = [
         replace(coordinate, locked=True, default=0.0) if coordinate.name in LOCKED
+        else replace(coordinate, clamped=False) if coordinate.name in model.dependent_coordinates
         else replace(coordinate, range=(coordinate.range[0] - FURTHER, coordinate.range[1] + FURTHER), clamped=True)
         if coordinate.name in WIDENED
         else coordinate
