@@ -51,8 +51,15 @@ def test_no_joint_of_the_leg_turns_over() -> None:
     model, _ = generic_model(protocols().protocols["plug_in_gait"].labels)
     floating = floating_coordinates(model)
     for one in model.coordinates:
-        if one.motion == "rotational" and one.name not in floating:
+        if one.motion == "rotational" and one.name not in floating and one.name not in model.dependent_coordinates:
             assert one.locked or (one.clamped and one.range[1] - one.range[0] < np.pi + 0.1)
+
+
+def test_what_follows_a_knee_has_no_bounds_of_its_own() -> None:
+    """OpenSim assembled no model whose patella stood at its bound where the knee does."""
+    model, _ = generic_model(protocols().protocols["plug_in_gait"].labels)
+    assert model.dependent_coordinates
+    assert not any(model.coordinate(name).clamped for name in model.dependent_coordinates)
 
 
 def test_a_joint_that_turned_over_is_named() -> None:
