@@ -6,9 +6,9 @@ import pytest
 from benchmarks.house import CHECKOUT, checkout_texts, count
 
 LIMITS = {
-    ("lines", "src"): 126_120,
+    ("lines", "src"): 126_122,
     ("lines", "benchmarks"): 26_568,
-    ("words", "documentation"): 100_124,
+    ("words", "documentation"): 100_034,
     ("vague", "src"): 6.5,
 }
 
