@@ -190,3 +190,8 @@ def test_every_odd_file_is_good_or_refused_in_one_line(data):
     assert len(paths) > 50
     refused = {path.name for path in paths if outcome(path) != "good"}
     assert refused == {"Empty.c3d", "Empty.trc", "Truncated.trc"}
+
+
+def test_a_model_of_a_package_is_described_by_its_name():
+    pytest.importorskip("myo_sim")
+    assert any("muscles" in line for line in inspect("myo-sim:myoarm").lines())

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from myomorph.io.formats import model_format, read_model, trial_format
+from myomorph.io.formats import is_composed, model_format, read_model, trial_format
 from myomorph.io.sto import read_sto
 from myomorph.model.errors import BadFile
 from myomorph.model.model import Model
@@ -23,6 +23,8 @@ EXPECTED = "expected a model (.osim, .xml), markers (.trc, .c3d, .mat, .h5) or a
 def inspect(path: str | os.PathLike[str]) -> Inspection:
     """What a model, C3D, TRC, MAT, H5, MOT, STO or external loads file holds, and what looks wrong with it."""
     path = Path(path)
+    if is_composed(path):
+        return inspect_model(read_model(path))
     if not path.exists():
         raise BadFile(path, "does not exist")
     if path.is_dir():
