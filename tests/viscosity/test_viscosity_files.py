@@ -14,7 +14,7 @@ from myomorph.viscosity.cohort import MEAN, SPECIMENS, specimen_row
 from myomorph.viscosity.report.page import viscosity_page
 from myomorph.viscosity.report.specimen_report import SpecimenReport, ViscosityInput, specimen_report
 from myomorph.viscosity.study import results as files
-from myomorph.viscosity.study.results import STORE, read_store, write_store
+from myomorph.viscosity.study.results import DIGITS, STORE, read_store, write_value
 from swing_cohort import MUSCLES, specimens
 
 COLUMNS = [
@@ -99,7 +99,7 @@ def test_trials_are_tables_over_time(tmp_path):
 
 def test_the_page_is_made_again_from_the_store(reports, tmp_path):
     given = ViscosityInput("shoulder", reports, date="2026-11-21T16:00:00+00:00", version="1")
-    write_store(given, tmp_path)
+    write_value(given, tmp_path / STORE, DIGITS)
     again = read_store(tmp_path)
     assert again.specimens[0].row == reports[0].row
     assert viscosity_page(again) == viscosity_page(read_store(tmp_path))

@@ -1,4 +1,1 @@
-"""What a motion and a study show: strides, phases, cycles, periods, correlations, groups and conditions compared.
-
-Values in, values out. It draws nothing, writes no text for pages and opens no file.
-"""
+"""What a motion and a study show: strides, cycles, correlations, groups compared. It draws nothing, opens no file."""

@@ -1,4 +1,1 @@
-"""The steps of one frame at a time while frames arrive: sources, the chain, the session, outputs.
-
-It computes with the kernels of the rooms below and holds no science of its own.
-"""
+"""One frame at a time while frames arrive: sources, the chain, the session, outputs. It holds no science of its own."""

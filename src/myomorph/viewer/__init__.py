@@ -1,4 +1,1 @@
-"""Pages that play: stored results in three dimensions, and live ones.
-
-They show values and compute none that is kept.
-"""
+"""Pages that play stored results in three dimensions, and live ones; they compute no value that is kept."""

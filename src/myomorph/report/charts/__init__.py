@@ -1,4 +1,1 @@
-"""Charts as SVG: axes, marks and the kinds of chart that pages use.
-
-A chart takes numbers and names; it knows no trial and computes no result.
-"""
+"""Charts as SVG: axes, marks, kinds of chart. They take numbers and names, know no trial and compute no result."""

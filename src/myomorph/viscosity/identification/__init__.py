@@ -1,4 +1,1 @@
-"""The three steps of [S]: inertia of the limb, viscosity of the joint, viscosity of the muscles, with intervals.
-
-Nothing here reads markers or files: recordings come as linear equations (`viscosity.swings`).
-"""
+"""The three steps of [S] with intervals: inertia, viscosity of joint and of muscles. It reads no markers or files."""

@@ -1,4 +1,1 @@
-"""The specimen: base, joint and limb with their bodies and muscles, cut out of a larger model.
-
-Nothing here knows a recording.
-"""
+"""The specimen: base, joint and limb with bodies and muscles, cut out of a larger model; it knows no recording."""

@@ -52,12 +52,7 @@ class ScanFiles(Strict):
     diameter: float = 0.009
 
     def within(self, folder: Path) -> ScanFiles:
-        """The entry of a study file in a folder, with its paths made whole.
-
-        Raises
-        ------
-        BadData : fewer than three markers, or an unknown unit
-        """
+        """The entry of a study file in a folder, its paths made whole; `BadData` of an unknown unit or few markers."""
         if len(self.markers) < 3:
             raise BadData(f"ct of '{self.bone}': {len(self.markers)} markers, but a cluster needs three")
         if self.unit is not None and self.unit not in UNITS:
@@ -140,9 +135,7 @@ def _modelled(model: Model, scan: ScanFiles) -> Surface:
     if scan.mesh is not None:
         return read_mesh(scan.mesh)
     folder = Path(model.source).resolve().parent
-    folders = [
-        place for place in (folder, folder / "Geometry", folder / "geometry", folder / "meshes") if place.is_dir()
-    ]
+    folders = [place for name in ("", "Geometry", "geometry", "meshes") if (place := folder / name).is_dir()]
     meshes = {}
     for name in (mesh.file for mesh in body.meshes if mesh.shape == "mesh" and mesh.file):
         # Models from packages name their meshes by whole paths; only those beside the model are opened.
@@ -242,25 +235,14 @@ def placed(trial: Trial, files: PlateFiles, calibration: PlateCalibration) -> Tr
 
 def plate_residuals(plate_calibration: PlateCalibration) -> tuple[Residual, ...]:
     """The calibration as lines of the report."""
-    far, turned = (
-        float(np.sqrt(np.mean(residuals**2)))
-        for residuals in (plate_calibration.left_out_distances, plate_calibration.left_out_angles)
-    )
+    left_out = plate_calibration.left_out_distances, plate_calibration.left_out_angles
+    far, turned = (float(np.sqrt(np.mean(residuals**2))) for residuals in left_out)
     count = f"{len(plate_calibration.names)} placements"
     shift = 1e3 * float(np.max(plate_calibration.left_out_shifts, initial=0.0))
+    past, angle = 1e3 * plate_calibration.distance_rms, np.degrees(plate_calibration.angle_rms)
     rows = (
-        (
-            "force past the marked point",
-            1e3 * plate_calibration.distance_rms,
-            "mm",
-            f"{count}; {1e3 * far:.2f} mm left out",
-        ),
-        (
-            "direction of the force",
-            np.degrees(plate_calibration.angle_rms),
-            "°",
-            f"{count}; {np.degrees(turned):.2f}° left out",
-        ),
+        ("force past the marked point", past, "mm", f"{count}; {1e3 * far:.2f} mm left out"),
+        ("direction of the force", angle, "°", f"{count}; {np.degrees(turned):.2f}° left out"),
         ("shift of its center", shift, "mm", "the largest when one placement is left out"),
     )
     return tuple(Residual(f"plate: {what}", float(value), unit, detail) for what, value, unit, detail in rows)

@@ -19,7 +19,7 @@ from myomorph.study.step.step import Step
 from myomorph.viscosity.report.specimen_report import SpecimenReport, ViscosityInput
 from myomorph.viscosity.study import specimen_step
 from myomorph.viscosity.study.plan import StudyOptions, ViscosityPlan
-from myomorph.viscosity.study.results import REPORT, STORE, remake_report, write_store, write_tables
+from myomorph.viscosity.study.results import DIGITS, REPORT, STORE, remake_report, write_tables, write_value
 from myomorph.viscosity.study.specimen_step import SPECIMEN, read_specimen
 
 
@@ -38,11 +38,8 @@ class CohortInputs:
         """What is shown of each specimen; of one that failed, why."""
         reports = []
         for files, outcome in zip(self.plan.specimens, self.outcomes, strict=True):
-            if outcome.error:
-                failure = outcome.error.removeprefix(f"{specimen_step.STEP.name}: ")
-                report = SpecimenReport(files.name, failure=failure)
-            else:
-                report = read_specimen(outcome.folder)
+            failure = outcome.error.removeprefix(f"{specimen_step.STEP.name}: ")
+            report = SpecimenReport(files.name, failure=failure) if failure else read_specimen(outcome.folder)
             reports.append(replace(report, truth=files.truth, paper=files.paper))
         return tuple(reports)
 
@@ -72,20 +69,16 @@ def _run(cohort: CohortInputs, output: FolderOutput) -> None:
     reports = cohort.reports()
     with output.whole() as folder:
         write_tables(reports, folder)
-        write_store(viscosity_input(cohort, reports, output.made.date), folder)
+        write_value(viscosity_input(cohort, reports, output.made.date), folder / STORE, DIGITS)
         remake_report(folder)
 
 
 def viscosity_input(cohort: CohortInputs, reports: tuple[SpecimenReport, ...], date: str) -> ViscosityInput:
     """What the report shows of a study."""
     plan, options = cohort.plan, StudyOptions.of(cohort.plan.settings)
-    sources = dict.fromkeys(
-        SourceFile(source.role, Path(source.name).name, source.sha256) for source in cohort.sources()
-    )
-    steps = tuple(
-        PageStep(table, FrozenMap({name: _shown(value) for name, value in settings.items()}))
-        for table, settings in options.plain.items()
-    )
+    sources = {SourceFile(source.role, Path(source.name).name, source.sha256): None for source in cohort.sources()}
+    shown = {table: {name: _shown(value) for name, value in values.items()} for table, values in options.plain.items()}
+    steps = tuple(PageStep(table, FrozenMap(settings)) for table, settings in shown.items())
     return ViscosityInput(plan.name, reports, head_notes(plan), tuple(sources), steps, date, __version__)
 
 

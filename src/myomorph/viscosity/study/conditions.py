@@ -88,9 +88,9 @@ def identify_conditions(
     # A base that gives way resists by itself, which looks like friction.
     acting = compared["without"].acting if "without" in compared and not sway else None
     if acting is not None and options.identification.subtract == "one":
-        conditions = {name: replace(condition, recordings=tuple(
-            replace(each, resisting=acting.resisting(each)) for each in condition.recordings
-        )) for name, condition in conditions.items()}  # fmt: skip
+        for name, condition in conditions.items():
+            resisted = tuple(replace(each, resisting=acting.resisting(each)) for each in condition.recordings)
+            conditions[name] = replace(condition, recordings=resisted)
     by_swings = _identified(specimen, files, conditions, options.identification)
     shared, shares = with_shared_errors(by_swings, options.identification, options.errors, instruments)
     shared, shares = with_attachments(shared, shares, options.moment_arms, options.identification.level)
@@ -136,14 +136,12 @@ def _corrected(
     if not options.estimate:
         return dict(conditions), Instruments.assumed(options)
     free = [name for name, condition in conditions.items() if loaded or condition.hides_mass]
-    instruments = estimate_instruments(
-        {name: condition.recordings for name, condition in conditions.items()}, options, free
-    )
-    corrected = {
-        name: replace(condition, recordings=tuple(instruments.corrected(each) for each in condition.recordings))
+    recordings = {name: condition.recordings for name, condition in conditions.items()}
+    instruments = estimate_instruments(recordings, options, free)
+    return {
+        name: replace(condition, recordings=tuple(map(instruments.corrected, condition.recordings)))
         for name, condition in conditions.items()
-    }
-    return corrected, instruments
+    }, instruments
 
 
 def _with_base(conditions: Mapping[str, Prepared], instruments: Instruments, load: BaseLoad) -> dict[str, Prepared]:
@@ -234,11 +232,8 @@ def _with_law(options: StudyOptions, compared: Mapping[str, PassiveComparison]) 
     if options.identification.stiffness is not None:
         return options
     sprung = any("stiffness" in term for comparison in compared.values() for term in comparison.chosen.terms)
-    return replace(
-        options,
-        identification=replace(options.identification, stiffness=sprung),
-        moment_arms=replace(options.moment_arms, stiffness=sprung),
-    )
+    parts = {name: replace(getattr(options, name), stiffness=sprung) for name in ("identification", "moment_arms")}
+    return replace(options, **parts)
 
 
 def _identified(

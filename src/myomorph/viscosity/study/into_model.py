@@ -17,15 +17,9 @@ from myomorph.viscosity.study.swing_files import body_named
 def write_identified(
     model: Path, report: SpecimenReport, out: Path, base: str | None = None, first: str | None = None
 ) -> tuple[str, ...]:
-    """Write `model` (.osim or .xml) with the joint viscosity of a specimen's report, and its muscles'.
-
-    Joint between `base` and `first`, by default the bodies called scapula and humerus. `out` ends as the model does.
-    Returns what was written and what is not expressed, a line each.
-
-    Raises
-    ------
-    BadData : the specimen has no joint viscosity
-    BadFile : a file cannot be read, or `out` has another ending
+    """Write `model` (.osim or .xml) with the joint viscosity of a specimen's report, and its muscles'. The joint is
+    that between `base` and `first`, by default the bodies called scapula and humerus. Returns what was written and what
+    is not expressed, a line each; raises `BadData` where the specimen has no joint viscosity.
     """
     if out.suffix.lower() != model.suffix.lower():
         raise BadFile(out, f"ends otherwise than the model '{model.name}'", f"give a name with '{model.suffix}'")

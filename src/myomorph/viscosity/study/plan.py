@@ -46,9 +46,7 @@ class StudyOptions:
     def of(settings: Mapping[str, Mapping[str, Any]]) -> StudyOptions:
         """Options from the tables of a study file, or from a command line."""
         plain = StudyOptions()
-        return replace(
-            plain, **{name: with_settings(getattr(plain, name), setting) for name, setting in settings.items()}
-        )
+        return replace(plain, **{name: with_settings(getattr(plain, name), told) for name, told in settings.items()})
 
     @property
     def plain(self) -> dict[str, dict[str, object]]:
@@ -259,10 +257,9 @@ def read_viscosity_plan(path: str | Path) -> ViscosityPlan:
     study_file.refuse(path, problems)
     assert file is not None
     settings = {step: chosen for step, chosen in file.options.model_dump(exclude_unset=True).items() if chosen}
-    told, settings_map = file.study, FrozenMap(settings)
-    return ViscosityPlan(
-        told.name, path, tuple(specimens), settings_map, told.real, told.simulated, told.assumed, tuple(remarks)
-    )
+    told = file.study
+    origins = told.real, told.simulated, told.assumed
+    return ViscosityPlan(told.name, path, tuple(specimens), FrozenMap(settings), *origins, tuple(remarks))
 
 
 def _specimen(specimen: _Specimen, folder: Path, problems: list[str], remarks: list[str]) -> SpecimenFiles:
@@ -274,9 +271,9 @@ def _specimen(specimen: _Specimen, folder: Path, problems: list[str], remarks: l
         remarks.append(
             f"{where}: no recordings of {STATES[lacking]}: muscle viscosity cannot be separated from the joint's"
         )
+    names = [quantity.name for quantity in QUANTITIES]
     for table in ("truth", "paper"):
         for name in getattr(specimen, table):
-            names = [quantity.name for quantity in QUANTITIES]
             if name not in names:
                 problems.append(f"{where}: unknown quantity '{name}' in '{table}': there are {listing(name, names)}")
     without, intact = (
@@ -351,12 +348,10 @@ def _recordings(
         for markers in study_file.matching(folder, recording.markers, where, problems):
             if recording.loads is not None:
                 loads = study_file.existing(folder, recording.loads, f"{where}: loads", problems)
-            else:
-                loads = swing_loads(markers)
-                if loads is None:
-                    problems.append(f"{where}: no forces belong to {markers.name}: give 'loads', a table or C3D file")
-                elif loads != markers:
-                    remarks.append(f"{markers.name}: loads from {loads.name}")
+            elif (loads := swing_loads(markers)) is None:
+                problems.append(f"{where}: no forces belong to {markers.name}: give 'loads', a table or C3D file")
+            elif loads != markers:
+                remarks.append(f"{markers.name}: loads from {loads.name}")
             name = recording.name or plain_stem(markers)
             if name in seen:
                 problems.append(f"{where}: two recordings are named '{name}': give one a 'name'")
@@ -387,9 +382,7 @@ def fixed_plan(
         for name, entries in conditions.items()
         if not entries
     )
-    specimen = SpecimenFiles(
-        model.stem, model, conditions["without"], conditions["with"], muscle_mass, base=base, first=first
-    )
+    specimen = SpecimenFiles(model.stem, model, *conditions.values(), muscle_mass, base=base, first=first)
     tables = dict.fromkeys(("filter", "tracking", "identification"), settings) if settings else {}
     return ViscosityPlan(model.stem, None, (specimen,), FrozenMap(tables), remarks=remarks)
 

@@ -162,13 +162,8 @@ def swing_table(recording: SwingRecording, condition: Condition) -> Table:
     return Table(recording.time, names, np.hstack([values for _, _, values in blocks]))
 
 
-def write_store(viscosity_input: ViscosityInput, folder: Path) -> None:
-    """Write what a report shows, arrays to six digits."""
-    write_value(viscosity_input, folder / STORE, DIGITS)
-
-
 def read_store(folder: Path) -> ViscosityInput:
-    """What `write_store` wrote."""
+    """What the report of a folder of results shows."""
     return read_value(folder / STORE, ViscosityInput)
 
 
@@ -196,9 +191,8 @@ def remake_report(folder: Path) -> Path:
 
 def _plain(value: object, digits: int | None) -> Any:
     if is_dataclass(value) and not isinstance(value, type):
-        return {KIND: type(value).__name__} | {
-            field.name: _plain(getattr(value, field.name), digits) for field in fields(value)
-        }
+        parts = {field.name: _plain(getattr(value, field.name), digits) for field in fields(value)}
+        return {KIND: type(value).__name__} | parts
     if isinstance(value, np.ndarray):
         if value.dtype.kind != "f":
             return {KIND: ARRAY, "values": value.tolist(), "whole": True}

@@ -24,14 +24,11 @@ from myomorph.viscosity.study.plan import SpecimenFiles, StudyOptions, Viscosity
 from myomorph.viscosity.study.specimen_step import SpecimenInputs
 
 
-def open_specimen_steps(model: Model | None, read: str, fresh: bool, *, inputs: SpecimenInputs, home: Path) -> JobSteps:
-    """The step of a specimen."""
-    return FolderSteps("specimen", inputs, Outcome(inputs.files.name, "", home), fresh)
-
-
-def open_cohort_steps(model: Model | None, read: str, fresh: bool, *, inputs: CohortInputs, home: Path) -> JobSteps:
-    """The step of all specimens."""
-    return FolderSteps("cohort", inputs, Outcome(*GATHERED, home), fresh)
+def open_steps(
+    model: Model | None, read: str, fresh: bool, *, inputs: SpecimenInputs | CohortInputs, outcome: Outcome
+) -> JobSteps:
+    """The step of a specimen, or of all."""
+    return FolderSteps("cohort" if isinstance(inputs, CohortInputs) else "specimen", inputs, outcome, fresh)
 
 
 def graph_of(plan: ViscosityPlan, out: Path, fresh: bool = False, mark: RunMark | None = None) -> Graph:
@@ -40,14 +37,14 @@ def graph_of(plan: ViscosityPlan, out: Path, fresh: bool = False, mark: RunMark 
     settings = FrozenMap({specimen_step.STEP.name: plan.settings})
 
     def work(files: SpecimenFiles) -> Work:
-        home = out / file_name(files.name)
+        outcome = Outcome(files.name, "", out / file_name(files.name))
         recordings = (*files.without, *files.intact)
         names = dict.fromkeys(path.name for each in recordings for path in (each.markers, each.loads))
         return Work(
             "specimen",
-            Outcome(files.name, "", home),
+            outcome,
             tuple(STEPS["specimen"]),
-            partial(open_specimen_steps, inputs=SpecimenInputs(files, options), home=home),
+            partial(open_steps, inputs=SpecimenInputs(files, options), outcome=outcome),
             fresh=fresh,
             mark=mark,
             settings=settings,
@@ -56,8 +53,9 @@ def graph_of(plan: ViscosityPlan, out: Path, fresh: bool = False, mark: RunMark 
         )
 
     def last(outcomes: tuple[Outcome, ...]) -> tuple[Work, ...]:
-        opened = partial(open_cohort_steps, inputs=CohortInputs(plan, outcomes), home=out)
-        return (Work("cohort", Outcome(*GATHERED, out), tuple(STEPS["cohort"]), opened, fresh=fresh),)
+        outcome = Outcome(*GATHERED, out)
+        opened = partial(open_steps, inputs=CohortInputs(plan, outcomes), outcome=outcome)
+        return (Work("cohort", outcome, tuple(STEPS["cohort"]), opened, fresh=fresh),)
 
     return Graph(plan.name, tuple(map(work, plan.specimens)), last, open_model)
 

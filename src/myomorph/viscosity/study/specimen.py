@@ -165,9 +165,8 @@ def study_specimen(files: SpecimenFiles, options: StudyOptions, advance: Advance
     report = trusted(report, viscosity, identified.options.laws, identified.options.moment_arms, identified.compared)
     tracked = {name: condition.tracked for name, condition in identified.conditions.items()}
     hidden = [name for name, condition in identified.conditions.items() if condition.hides_mass]
-    report = with_cutoffs(
-        report, tracked, identified.cutoff, identified.reason, identified.options.identification, hidden
-    )
+    filtered = identified.cutoff, identified.reason
+    report = with_cutoffs(report, tracked, *filtered, identified.options.identification, hidden)
     report, model = _with_model(report, viscosity, tracked, identified.cutoff)
     residuals = (*opened.residuals, *_marker_residuals(identified.conditions))
     report = replace(report, truth=files.truth, paper=files.paper, calibration=residuals, scans=opened.scans)
@@ -232,11 +231,13 @@ def _opened(
     conditions: dict[str, Prepared] = {}
     lost = []
     recordings = {name: entries for name, entries in files.recordings.items() if entries}
+
+    def further(part: float) -> None:
+        advance(TRACKING / len(recordings) * part)
+
     for name, entries in recordings.items():
         try:
-            conditions[name] = _tracked(
-                opened.specimen, files, entries, place, options, lambda part: advance(TRACKING / len(recordings) * part)
-            )
+            conditions[name] = _tracked(opened.specimen, files, entries, place, options, further)
         except MyomorphError as error:
             lost.append(f"{identify.STATES[name]}: {error}")
     if not conditions:
@@ -283,20 +284,17 @@ def _judged(
             lacking |= {*identify.QUANTITIES_OF[name][:2], "estimated_muscle_mass"}
         if any(finding.kind == TOO_SMALL for finding in findings):
             lacking.add(identify.QUANTITIES_OF[name][-1])
-    muscles = viscosity.muscles
-    if muscles is not None and by_swings.muscles is not None:
-        common = by_swings.muscles.common
-        if not identify.is_narrow(common):
-            notes.append(f"the swings do not tell the muscles' viscosity: {common.low:.2g} to {common.high:.2g} N s/m")
-            lacking, muscles = lacking | {"muscle_viscosity"}, None
-    notes += [
-        note for condition in conditions.values() for note in condition.notes if not any(note in line for line in notes)
-    ]
-    viscosity = replace(viscosity, muscles=muscles, notes=tuple(dict.fromkeys((*notes, *viscosity.notes))))
+    common = None if by_swings.muscles is None else by_swings.muscles.common
+    if viscosity.muscles is not None and common is not None and not identify.is_narrow(common):
+        notes.append(f"the swings do not tell the muscles' viscosity: {common.low:.2g} to {common.high:.2g} N s/m")
+        lacking.add("muscle_viscosity")
+        viscosity = replace(viscosity, muscles=None)
+    further = (note for condition in conditions.values() for note in condition.notes)
+    notes += [note for note in further if not any(note in line for line in notes)]
+    viscosity = replace(viscosity, notes=tuple(dict.fromkeys((*notes, *viscosity.notes))))
     report = specimen_report(viscosity)
-    return replace(
-        report, row={name: estimate for name, estimate in report.row.items() if name not in lacking}
-    ), viscosity
+    known = {name: estimate for name, estimate in report.row.items() if name not in lacking}
+    return replace(report, row=known), viscosity
 
 
 def _with_model(

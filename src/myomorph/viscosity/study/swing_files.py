@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,7 +19,6 @@ from myomorph.model.errors import BadData, BadFile, BadModel, check_name, listin
 from myomorph.model.model import Model
 from myomorph.model.series import Z_UP_TO_Y_UP, Markers, Trial, Wrenches
 from myomorph.model.spatial import axis_rotation
-from myomorph.morph.registration.clusters import ScannedBone
 from myomorph.report.charts.axis import number
 from myomorph.report.charts.pictures import residual_map
 from myomorph.report.page.parts import Figure
@@ -113,11 +113,11 @@ def open_specimen(files: SpecimenFiles, recorded: Markers) -> OpenedSpecimen:
     lost = _unknown_markers(specimen, recorded.names)
     if scanned is None:
         return OpenedSpecimen(specimen, lost)
-    maps = [
-        residual_map(bone.body, f"mm, root mean square {number(1e3 * bone.fit.rms)}", surface, bone.fit.distances)
-        for bone, surface in zip(scanned.bones, (read_mesh(scan.surface) for scan in files.ct), strict=True)
-    ]
-    return OpenedSpecimen(specimen, (*lost, *scanned.notes), _fits(scanned), tuple(Figure(map_) for map_ in maps))
+    maps = []
+    for bone, scan in zip(scanned.bones, files.ct, strict=True):
+        unit = f"mm, root mean square {number(1e3 * bone.fit.rms)}"
+        maps.append(Figure(residual_map(bone.body, unit, read_mesh(scan.surface), bone.fit.distances)))
+    return OpenedSpecimen(specimen, (*lost, *scanned.notes), _fits(scanned), tuple(maps))
 
 
 def _unknown_markers(specimen: Specimen, recorded: Sequence[str]) -> tuple[str, ...]:
@@ -136,16 +136,14 @@ def _unknown_markers(specimen: Specimen, recorded: Sequence[str]) -> tuple[str, 
 
 
 def _fits(scanned: ScannedModel) -> tuple[Residual, ...]:
-    bones = tuple(
-        Residual(f"CT of {bone.body} on the model's bone", 1e3 * bone.fit.rms, "mm", _fit_told(bone))
-        for bone in scanned.bones
-    )
-    clusters = tuple(
-        Residual(f"CT cluster of {bone.body}, distances of markers", 1e3 * cluster.misfit, "mm")
-        for bone, cluster in zip(scanned.bones, scanned.clusters, strict=True)
-        if np.isfinite(cluster.misfit)
-    )
-    return (*bones, *clusters)
+    rows = []
+    for bone in scanned.bones:
+        within = f"95 % of its places within {1e3 * bone.fit.percentile(95.0):.2f} mm; scale {bone.scale:.3f}"
+        rows.append(Residual(f"CT of {bone.body} on the model's bone", 1e3 * bone.fit.rms, "mm", within))
+    for bone, cluster in zip(scanned.bones, scanned.clusters, strict=True):
+        if np.isfinite(cluster.misfit):
+            rows.append(Residual(f"CT cluster of {bone.body}, distances of markers", 1e3 * cluster.misfit, "mm"))
+    return tuple(rows)
 
 
 def _model(path: Path, markers: Sequence[str]) -> Model:
@@ -156,10 +154,6 @@ def _model(path: Path, markers: Sequence[str]) -> Model:
     from myomorph.io.mjcf.read import read_mjcf
 
     return read_mjcf(path, marker_sites="|".join(re.escape(name) for name in markers) or None)
-
-
-def _fit_told(scanned_bone: ScannedBone) -> str:
-    return f"95 % of its places within {1e3 * scanned_bone.fit.percentile(95.0):.2f} mm; scale {scanned_bone.scale:.3f}"
 
 
 def body_named(model: Model, wanted: str | None, role: str, other: str = "") -> str:
@@ -174,9 +168,7 @@ def body_named(model: Model, wanted: str | None, role: str, other: str = "") -> 
         if len(bodies) == 1:
             return bodies[0]
         if bodies:
-            raise BadModel(
-                f"which body is the '{role}'? The model has {listing('', bodies)}: name it in the study file"
-            )
+            raise BadModel(f"which body is the '{role}' of {listing('', bodies)}? Name it in the study file")
     raise BadModel(
         f"no body is called '{NAMED[role][0]}': give '{role}' in the study file; the model has "
         f"{listing(NAMED[role][0], model.body_names)}"
@@ -191,11 +183,7 @@ def _marked(model: Model, base: str, first: str, markers: Sequence[str]) -> tupl
             body = parents[body]
         return body == first
 
-    known = set(markers)
-    counts: dict[str, int] = {}
-    for marker in model.markers:
-        if marker.name in known:
-            counts[marker.body] = counts.get(marker.body, 0) + 1
+    counts = Counter(marker.body for marker in model.markers if marker.name in set(markers))
     return tuple(body for body, count in counts.items() if count >= 3 and body not in (base, first) and beyond(body))
 
 

@@ -12,63 +12,50 @@ from myomorph.viscosity.study.results import write_whole
 
 NAME = "study.toml"
 
-SPECIMEN = (
-    ("measured_muscle_mass", "0.74", "of the removed muscles on a scale [kg]"),
-    ("base", '"scapula"', "body that is fixed to the plate; by default the one so named"),
-    ("first_body", '"humerus"', "first body that swings; by default the one so named"),
-    ("bones", '["ulna", "radius"]', "other bodies with markers; by default those with three recorded ones"),
-    ("joint", '"ball"', '"ball" or "hinge"'),
-    ("up", '"z"', "axis of the laboratory that points up; by default the model's vertical"),
-    ("muscles", '{ deltoid = ["delt1", "delt2"] }', "lines of action of the model that are one muscle"),
-    ("pcsa", "{ deltoid = 12.0 }", "cross-section of each muscle, any one unit"),
-    ("tare", '"empty.mot"', "forces of the plate with the fixture alone"),
-    (
-        "base_mass",
-        "{ removed = 0.25, intact = [0.25, 0.6] }",
-        "what the base carries beyond that and does not swing [kg]: a number, or the least and the most",
-    ),
-    (
-        "plate",
-        '{ placements = ["rod.c3d"], markers = ["top", "low"], axis = ["top", "low"], tip = 0.1 }',
-        "calibrate the plate from a marked weight (mass, shares) or rod (axis, tip)",
-    ),
-    (
-        "ct",
-        '[{ bone = "humerus", surface = "humerus.stl", cluster = "cluster.stl", markers = ["h1", "h2", "h3"] }]',
-        "scanned bones and clusters, from which the markers come",
-    ),
-    ("time", "[0.0, 20.0]", "part of every recording that is used [s]"),
-    ("truth", "{ joint_viscosity = 0.055 }", "values known from elsewhere, shown beside"),
-    ("paper", "{ joint_viscosity = 0.0761 }", "printed values, shown beside"),
-)
-"""Optional keys of a specimen: an example and what it is."""
+TEXT = """\
+# A study of swinging limbs: fill in, then  myomorph viscosity study.toml --out results
+
+[study]
+name = "shoulder"
+# real = ["sentence"]       # what was measured; stands first in the report
+# simulated = ["sentence"]  # what was not
+# assumed = ["sentence"]    # what else is assumed
+
+[[specimen]]               # once for each specimen
+name = "01"
+model = "arm.osim"         # OpenSim or MuJoCo model, its markers named as the recorded ones
+removed = ["bare*.trc"]    # recordings with muscles removed; forces beside them by name, or in the C3D file
+intact = ["full*.trc"]     # recordings with muscles intact
+# measured_muscle_mass = 0.74  # of the removed muscles on a scale [kg]
+# base = "scapula"  # body that is fixed to the plate; by default the one so named
+# first_body = "humerus"  # first body that swings; by default the one so named
+# bones = ["ulna", "radius"]  # other bodies with markers; by default those with three recorded ones
+# joint = "ball"  # "ball" or "hinge"
+# up = "z"  # axis of the laboratory that points up; by default the model's vertical
+# muscles = { deltoid = ["delt1", "delt2"] }  # lines of action of the model that are one muscle
+# pcsa = { deltoid = 12.0 }  # cross-section of each muscle, any one unit
+# tare = "empty.mot"  # forces of the plate with the fixture alone
+# base_mass = { removed = 0.25, intact = [0.25, 0.6] }  \
+# what the base carries beyond that and does not swing [kg]: a number, or the least and the most
+# plate = { placements = ["rod.c3d"], markers = ["top", "low"], axis = ["top", "low"], tip = 0.1 }  \
+# calibrate the plate from a marked weight (mass, shares) or rod (axis, tip)
+# ct = [{ bone = "humerus", surface = "humerus.stl", cluster = "cluster.stl", markers = ["h1", "h2", "h3"] }]  \
+# scanned bones and clusters, from which the markers come
+# time = [0.0, 20.0]  # part of every recording that is used [s]
+# truth = { joint_viscosity = 0.055 }  # values known from elsewhere, shown beside
+# paper = { joint_viscosity = 0.0761 }  # printed values, shown beside
+"""
 
 
 def study_template() -> str:
     """The text of a study file: what must be given, and every other key commented out."""
-    lines = [
-        "# A study of swinging limbs: fill in, then  myomorph viscosity study.toml --out results",
-        "",
-        "[study]",
-        'name = "shoulder"',
-        '# real = ["sentence"]       # what was measured; stands first in the report',
-        '# simulated = ["sentence"]  # what was not',
-        '# assumed = ["sentence"]    # what else is assumed',
-        "",
-        "[[specimen]]               # once for each specimen",
-        'name = "01"',
-        'model = "arm.osim"         # OpenSim or MuJoCo model, its markers named as the recorded ones',
-        'removed = ["bare*.trc"]    # recordings with muscles removed; forces beside them by name, or in the C3D file',
-        'intact = ["full*.trc"]     # recordings with muscles intact',
-    ]
-    lines += [f"# {key} = {example}  # {words}" for key, example, words in SPECIMEN]
+    lines = [TEXT.removesuffix("\n")]
     for table, options in vars(StudyOptions()).items():
         lines += ["", f"[options.{table}]"]
         for setting in settings_of(type(options)):
             value = "" if setting.default is None else json.dumps(setting.default)
-            lines.append(
-                f"# {setting.name} = {value}  # {' '.join(setting.help.split())}{'' if value else ' (chosen)'}"
-            )
+            words = " ".join(setting.help.split()) + ("" if value else " (chosen)")
+            lines.append(f"# {setting.name} = {value}  # {words}")
     return "\n".join(lines) + "\n"
 
 

@@ -22,7 +22,7 @@ from myomorph.store.results import file_source
 from myomorph.study.inputs.reading import open_model
 from myomorph.study.trial.reporting import reduced_for_pictures, surfaces_of
 from myomorph.viscosity.identification.identify import STATES
-from myomorph.viscosity.specimen.model import Specimen, SpecimenNames, build_specimen
+from myomorph.viscosity.specimen.model import SpecimenNames, build_specimen
 from myomorph.viscosity.study.results import write_whole
 from myomorph.viscosity.tracking.tracked import TrackedSpecimen
 
@@ -86,29 +86,20 @@ def _specimen_model(model: Model, entries: Mapping[str, Any]) -> Model:
     """The specimen of the study as it stood, without markers."""
     names = entries["names"]
     muscles = {name: tuple(strands) for name, strands in names["muscles"].items()}
-    specimen: Specimen = build_specimen(
-        model, SpecimenNames(**{**names, "bones": tuple(names["bones"]), "muscles": muscles})
-    )
-    frames = {name: [_frame(frame) for frame in pair] for name, pair in entries["joints"].items()}
-    joints = tuple(
-        replace(joint, parent_frame=frames[joint.name][0], child_frame=frames[joint.name][1])
-        for joint in specimen.model.joints
-    )
-    coordinates = tuple(
-        replace(each, default=default, locked=locked)
-        for each in specimen.model.coordinates
-        for default, locked in (entries["coordinates"][each.name],)
-    )
-    made = replace(specimen.model, joints=joints, coordinates=coordinates, markers=())
+    names = SpecimenNames(**{**names, "bones": tuple(names["bones"]), "muscles": muscles})
+    made, joints, coordinates = build_specimen(model, names).model, [], []
+    for joint in made.joints:
+        above, below = (Transform(*map(np.array, frame)) for frame in entries["joints"][joint.name])
+        joints.append(replace(joint, parent_frame=above, child_frame=below))
+    for coordinate in made.coordinates:
+        default, locked = entries["coordinates"][coordinate.name]
+        coordinates.append(replace(coordinate, default=default, locked=locked))
+    made = replace(made, joints=tuple(joints), coordinates=tuple(coordinates), markers=())
     return replace(made, gravity=np.array(entries["gravity"]))
 
 
 def _plain(frame: Transform) -> list[Any]:
     return [frame.rotation.tolist(), frame.translation.tolist()]
-
-
-def _frame(plain: list[Any]) -> Transform:
-    return Transform(np.array(plain[0]), np.array(plain[1]))
 
 
 def _thinned(motion: Motion) -> dict[str, Any]:

@@ -102,9 +102,8 @@ def differentiate_joint(specimen: Specimen, motion: Motion, cutoff: float | None
     assert quaternion_rates.accelerations is not None
     known = np.isfinite(quaternion_rates.values).all(axis=1)
     values, velocities, accelerations = (np.full((len(motion), 3), np.nan) for _ in range(3))
-    turns, rates, gains = angular_motion(
-        quaternion_rates.values[known], quaternion_rates.velocities[known], quaternion_rates.accelerations[known]
-    )
+    parts = quaternion_rates.values, quaternion_rates.velocities, quaternion_rates.accelerations
+    turns, rates, gains = angular_motion(*(part[known] for part in parts))
     values[known] = turns.as_euler(order)
     velocities[known], accelerations[known] = _angle_rates(axes, values[known], rates, gains)
     return Motion(motion.time, tuple(joint.coordinates), values, velocities, accelerations)
@@ -145,10 +144,9 @@ def _angle_rates(axes: Array, angles: Array, rates: Array, gains: Array) -> tupl
     slopes = np.stack([first, second, third], axis=2)
     speeds = np.linalg.solve(slopes, rates[..., None])[..., 0]
     beyond = third * speeds[:, 2:]
-    changes = (
-        -np.cross(beyond + second * speeds[:, 1:2], first) * speeds[:, :1] - np.cross(beyond, second) * speeds[:, 1:2]
-    )
-    return speeds, np.linalg.solve(slopes, (gains - changes)[..., None])[..., 0]
+    slow = np.cross(beyond + second * speeds[:, 1:2], first) * speeds[:, :1]
+    changes = slow + np.cross(beyond, second) * speeds[:, 1:2]
+    return speeds, np.linalg.solve(slopes, (gains + changes)[..., None])[..., 0]
 
 
 def on_one_branch(specimen: Specimen, motion: Motion) -> Motion:

@@ -186,11 +186,8 @@ def force_mismatch(
         scale = max(float(np.median(far)), 1e-9 * float(np.abs(b).max(initial=1e-9)))
         trust = 1.0 / np.maximum(far, scale) if turn < ROUNDS else 1.0 / np.square(1.0 + np.square(far / (3.0 * scale)))
     wanted = [Y @ x[:4] + x[4 + 3 * index : 7 + 3 * index] for index, Y in enumerate(rows)]
-    moving = [
-        np.linalg.norm(misfit[use] - misfit[use].mean(axis=0), axis=1)
-        for misfit, use in zip(wanted, candidates, strict=True)
-        if use.any()
-    ]
+    seen = [force[use] for force, use in zip(wanted, candidates, strict=True) if use.any()]
+    moving = [np.linalg.norm(force - force.mean(axis=0), axis=1) for force in seen]
     largest = float(np.quantile(np.concatenate(moving), 0.98)) if moving else 0.0
     return [force - expected for force, expected in zip(forces, wanted, strict=True)], largest
 

@@ -99,9 +99,8 @@ def _state(swing_recording: SwingRecording) -> Array:
     down = np.einsum("fji,j->fi", swing_recording.rotations, swing_recording.gravity)
     first, second = np.triu_indices(swing_recording.rates.shape[1])
     products = swing_recording.rates[:, first] * swing_recording.rates[:, second]
-    return np.concatenate(
-        [down, swing_recording.rates, products, swing_recording.angles, np.ones((len(swing_recording), 1))], axis=1
-    )
+    constant = np.ones((len(swing_recording), 1))
+    return np.hstack([down, swing_recording.rates, products, swing_recording.angles, constant])
 
 
 def _rows_of(rotations: Array, accelerations: Array) -> Array:
@@ -109,11 +108,9 @@ def _rows_of(rotations: Array, accelerations: Array) -> Array:
     x, y, z = accelerations.T
     rows = np.zeros((len(rotations), 6, 10))
     moment, force = rows[:, :3], rows[:, 3:]
-    for column, entries in enumerate(
-        (((0, x),), ((1, y),), ((2, z),), ((1, z), (2, y)), ((0, z), (2, x)), ((0, y), (1, x)))
-    ):
-        for axis, value in entries:
-            moment[:, axis, 4 + column] = value
+    moment[:, 0, 4], moment[:, 1, 5], moment[:, 2, 6] = x, y, z
+    for axis, column, value in ((1, 7, z), (2, 7, y), (0, 8, z), (2, 8, x), (0, 9, y), (1, 9, x)):
+        moment[:, axis, column] = value
     force[:, 0, 2], force[:, 0, 3], force[:, 1, 1] = -z, y, z
     force[:, 1, 3], force[:, 2, 1], force[:, 2, 2] = -x, -y, x
     return np.concatenate([rotations @ moment, rotations @ force], axis=1)
@@ -199,19 +196,15 @@ def _check(first: SwingRecording, swing_recording: SwingRecording) -> None:
                 f"{getattr(swing_recording, name)}; one condition is one specimen"
             )
     for name in ("wrench_rows", "wrench", "torque_rows", "rates", "angles", "lengthening"):
-        lacking = ~np.isfinite(getattr(swing_recording, name)[swing_recording.used]).all()
-        if lacking:
-            raise BadData(
-                f"swing '{swing_recording.name}': {name} is not finite in a frame that is used; mark it with swing -1"
-            )
+        if not np.isfinite(getattr(swing_recording, name)[swing_recording.used]).all():
+            whose = f"swing '{swing_recording.name}': {name}"
+            raise BadData(f"{whose} is not finite in a frame that is used; mark it with swing -1")
 
 
 def _swings(swing_recording: SwingRecording) -> list[np.ndarray]:
     """Frames of each swing."""
-    return [
-        np.flatnonzero(swing_recording.swing == number)
-        for number in np.unique(swing_recording.swing[swing_recording.used])
-    ]
+    swing = swing_recording.swing
+    return [np.flatnonzero(swing == number) for number in np.unique(swing[swing_recording.used])]
 
 
 @read_only
@@ -267,9 +260,8 @@ def _torque_products(swing_recording: SwingRecording, along: Array, block: _Bloc
     use = block.frames
     rates, J = swing_recording.rates[use], swing_recording.lengthening[use]
     speeds = np.einsum("fma,fa->fm", J, rates)
-    plate = np.einsum(
-        "ai,fji,fj->fa", along, swing_recording.rotations[use], swing_recording.wrench[use, :3], optimize=True
-    )
+    sides = swing_recording.rotations[use], swing_recording.wrench[use, :3]
+    plate = np.einsum("ai,fji,fj->fa", along, *sides, optimize=True)
     columns = [
         swing_recording.torque_rows[use],
         rates[:, :, None],

@@ -1,4 +1,1 @@
-"""From the markers and the plate of a trial to the joint's motion and the equations of its swings.
-
-Nothing here identifies parameters.
-"""
+"""From markers and plate of a trial to the joint's motion and its equations; it identifies no parameters."""

@@ -89,11 +89,11 @@ def _slipped(
     specimen: Specimen, steps: dict[str, tuple[int, float]], poses: dict[str, Poses], threshold: float
 ) -> str | None:
     """The bone all of whose joints come apart, of several the one with most joints."""
-    joints = {
-        bone: [joint.child for joint in specimen.model.joints if bone in (joint.parent, joint.child)]
-        for bone in specimen.model.body_names
-    }
-    known = {bone: [steps[child][1] for child in children if child in steps] for bone, children in joints.items()}
+    known: dict[str, list[float]] = {bone: [] for bone in specimen.model.body_names}
+    for joint in specimen.model.joints:
+        if joint.child in steps:
+            for bone in {joint.parent, joint.child} & known.keys():
+                known[bone].append(steps[joint.child][1])
     apart = [bone for bone, amounts in known.items() if amounts and min(amounts) > threshold]
     if not apart:
         return None

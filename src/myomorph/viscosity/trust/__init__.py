@@ -1,4 +1,1 @@
-"""How far to trust an identified viscosity: other passive laws, other cutoffs, moment arms in error, faults.
-
-Nothing here changes the result itself.
-"""
+"""How far to trust a viscosity: other laws and cutoffs, moment arms in error, faults. It changes no result."""
