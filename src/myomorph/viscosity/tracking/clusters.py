@@ -246,9 +246,8 @@ def _lost(clusters: Clusters, values: Array, time: Array, name: str) -> list[str
             which = f"markers {_listed(gone)} are" if len(gone) > 1 else f"marker '{gone[0]}' is"
             notes.append(f"trial '{name}': {which} unseen {_when(time, frames)}; '{bone}' has {left} left there, {how}")
     if blinking:
-        notes.append(
-            f"trial '{name}': {blinking} markers are unseen now and then, each under {100 * MAX_UNSEEN:.0f} % of it"
-        )
+        under = f"each under {100 * MAX_UNSEEN:.0f} % of it"
+        notes.append(f"trial '{name}': {blinking} markers are unseen now and then, {under}")
     return notes
 
 

@@ -172,7 +172,7 @@ def base_slips(
     angles = np.full((len(time), 3), np.nan)
     angles[seen] = Rotation.from_matrix(middle.T @ rotations[seen]).as_rotvec()
     slip = _slip(name, "base", time, _filled(angles), turned, "rad")
-    return slip or _slip(name, "base", time, _course(time, rotations @ specimen.center + origins), moved, "m")
+    return slip or _slip(name, "base", time, center_course(specimen, time, rotations, origins), moved, "m")
 
 
 def slips_before(
@@ -188,16 +188,16 @@ def slips_before(
         off = off if unit == "m" else float(np.angle(np.exp(1j * off)))
         if abs(off) > (moved if unit == "m" else turned):
             result.append(Slip(name, coordinate_values, start, abs(off), True, unit, before=True))
-    distance = float(np.linalg.norm(np.median(center_course(specimen, motion), axis=0) - center))
+    there = center_course(specimen, motion.time, *base_poses(specimen, motion))
+    distance = float(np.linalg.norm(np.median(there, axis=0) - center))
     if distance > moved:
         result.append(Slip(name, "base", start, distance, True, "m", before=True))
     return result
 
 
-def center_course(specimen: Specimen, motion: Motion) -> Array:
-    """(frames, 3) where the base carries the joint's center in ground, as a running median over `WINDOW` [m]."""
-    rotations, origins = base_poses(specimen, motion)
-    return _course(motion.time, rotations @ specimen.center + origins)
+def center_course(specimen: Specimen, time: Array, rotations: Array, origins: Array) -> Array:
+    """(frames, 3) where a base carries the joint's center in ground, as a running median over `WINDOW` [m]."""
+    return median_filter(_filled(rotations @ specimen.center + origins), (_window(time), 1), mode="nearest")
 
 
 def base_sway(specimen: Specimen, motion: Motion, stand: Transform) -> Array:
@@ -210,10 +210,6 @@ def base_sway(specimen: Specimen, motion: Motion, stand: Transform) -> Array:
     angles[seen] = Rotation.from_matrix(rotations[seen] @ stand.rotation.T).as_rotvec()
     center = rotations @ specimen.center + origins - stand.apply(specimen.center)
     return lowpass(_filled(np.hstack([center, angles])), motion.rate, SWAY)
-
-
-def _course(time: Array, places: Array) -> Array:
-    return median_filter(_filled(places), (_window(time), 1), mode="nearest")
 
 
 def _unit(specimen: Specimen, name: str) -> str:

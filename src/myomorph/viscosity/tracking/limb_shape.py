@@ -49,15 +49,12 @@ def shaped(specimen: Specimen, trials: Sequence[Markers]) -> tuple[Specimen, flo
         step = _step(_rotations(places, seen - center, weight), places, seen - center, weight)
         center, places = center + step[0], places + step[1:]
         places = places @ _rotations(places, first[None], np.ones((1, len(names))))[0].T
-    moved = {
-        marker.name: poses[marker.body].inverse().apply(place) for marker, place in zip(carried, places, strict=True)
-    }
-    markers = tuple(
-        replace(marker, location=moved.get(marker.name, marker.location)) for marker in specimen.model.markers
-    )
+    markers = {marker.name: marker for marker in specimen.model.markers}
+    for marker, place in zip(carried, places, strict=True):
+        markers[marker.name] = replace(marker, location=poses[marker.body].inverse().apply(place))
     in_base = specimen.stand.inverse().apply(center)
-    specimen_shape = specimen.with_markers(markers).centered(in_base, specimen.center_in_limb)
-    return specimen_shape, float(np.sqrt(np.square(places - first).sum(axis=1).mean()))
+    moved = specimen.with_markers(tuple(markers.values())).centered(in_base, specimen.center_in_limb)
+    return moved, float(np.sqrt(np.square(places - first).sum(axis=1).mean()))
 
 
 def limb_poses(specimen: Specimen, held: Mapping[str, float] | None = None) -> dict[str, Transform]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 
@@ -56,13 +57,11 @@ def track(
     if not trials:
         raise BadData("no trial of the swinging limb is given")
     shown = [trial.markers if trial.time is None else cut(trial.markers, *trial.time) for trial in trials]
-    checked = [
-        checked_clusters(specimen, trial_markers, trial.name, options.cluster)
-        for trial_markers, trial in zip(shown, trials, strict=True)
-    ]
+    names = [trial.name for trial in trials]
+    checked = [checked_clusters(specimen, *pair, options.cluster) for pair in zip(shown, names, strict=True)]
     markers = [trial_markers for trial_markers, _ in checked]
     started, astray = _centered(_started(specimen, markers), markers, options)
-    markers, slid = without_slips(started, markers, [trial.name for trial in trials], options.shift)
+    markers, slid = without_slips(started, markers, names, options.shift)
     if any(slid):
         started, astray = _centered(_started(specimen, markers), markers, options)
     fits = [inverse_kinematics(started.model, marker, EXACT, progress) for marker in markers]
@@ -73,16 +72,19 @@ def track(
         replace(motion, values=np.where(weight[:, None] > 0.0, motion.values, np.nan))
         for motion, weight in zip(motions, weights, strict=True)
     ]
-    base, held, slips = _held_still(started, markers, [trial.name for trial in trials], sure, weights, options)
+    base, held, slips = _held_still(started, markers, names, sure, weights, options)
     if astray and options.center == "model":
-        slips = [
-            [replace(slip, center_off=not (slip.lasting or slip.before)) for slip in trial_slips]
-            for trial_slips in slips
-        ]
+        for those in slips:
+            those[:] = [replace(slip, center_off=not (slip.lasting or slip.before)) for slip in those]
     posed = _posed(started.standing(base), held)
     if options.center == "motion" and _turns_enough(posed, markers) and not any(slips):
         posed, moved = shaped(posed, markers)
-        astray = (*astray, *_moved_note(moved, options))
+        if moved > options.cluster:
+            text = (
+                f"the limb's markers lie {1000 * moved:.1f} mm (root mean square) from where the model has them "
+                "against each other and the joint; where the motion has them is used: check how clusters fit bones"
+            )
+            astray = (*astray, text)
     slips = [[*first, *then] for first, then in zip(slid, slips, strict=True)]
     tracked = []
     for trial, seen, (_, notes), motion, certain in zip(trials, markers, checked, sure, slips, strict=True):
@@ -92,21 +94,17 @@ def track(
             sway = holding.base_sway(started, motion, posed.stand)
             away = sway[:, :3]
         elif shifts:
-            away = holding.center_course(started, motion) - posed.center_in_ground
+            there = holding.center_course(started, motion.time, *holding.base_poses(started, motion))
+            away = there - posed.center_in_ground
         fit = _joint_alone(posed, seen, away, motion, certain, progress)
         wrench, clock, doubts = _wrench(posed, trial, away, sway, fit.motion, options)
         lines = (*notes, *(slip.line for slip in certain), *(f"trial '{trial.name}': {doubt}" for doubt in doubts))
         untouched = np.zeros(len(fit.motion), bool)
-        tracked.append(
-            TrackedTrial(
-                trial.name, fit.motion, wrench, untouched, fit.rms, clock, lines, _plate_origin(posed, trial), sway
-            )
-        )
+        place = _plate_origin(posed, trial)
+        tracked.append(TrackedTrial(trial.name, fit.motion, wrench, untouched, fit.rms, clock, lines, place, sway))
     if options.find_contact:
         tracked = _with_touches(posed, tracked, options.contact_threshold)
-    return TrackedSpecimen(
-        posed, tuple(tracked), held, tuple(slip for trial_slips in slips for slip in trial_slips), astray
-    )
+    return TrackedSpecimen(posed, tuple(tracked), held, tuple(chain.from_iterable(slips)), astray)
 
 
 def _held_still(
@@ -189,16 +187,6 @@ def _turns_enough(specimen: Specimen, trials: Sequence[Markers]) -> bool:
         return False
     mean = np.einsum("fji,fjk->ik", base, limb) / len(base)
     return bool(np.linalg.svd(mean, compute_uv=False)[0] <= TURNED)
-
-
-def _moved_note(moved: float, options: TrackingOptions) -> tuple[str, ...]:
-    """A line where the limb's markers do not lie on it as the model has them."""
-    if moved <= options.cluster:
-        return ()
-    return (
-        f"the limb's markers lie {1000 * moved:.1f} mm (root mean square) from where the model has them against each "
-        "other and the joint; where the motion has them is used: check how clusters fit bones",
-    )
 
 
 def _sureness(specimen: Specimen, fit: KinematicsFit) -> Array:
@@ -295,9 +283,7 @@ def _with_touches(specimen: Specimen, trials: Sequence[TrackedTrial], share: flo
     """The trials with the frames in which somebody touches the limb, found over all of them together."""
     _, rows, whole = zip(*(_rows(specimen, trial.motion, trial.sway) for trial in trials), strict=True)
     wrenches = [lowpass_runs(trial.wrench, trial.motion.rate, CUTOFF) for trial in trials]
-    frames = [
-        complete & np.asarray(np.isfinite(wrench).all(axis=1)) for complete, wrench in zip(whole, wrenches, strict=True)
-    ]
+    frames = [full & np.isfinite(wrench).all(axis=1) for full, wrench in zip(whole, wrenches, strict=True)]
     times = [trial.motion.time for trial in trials]
     touching = touched_frames(rows, wrenches, times, frames, share, 0.5 * REACH / CUTOFF)
     return [

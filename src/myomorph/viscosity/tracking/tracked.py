@@ -111,20 +111,16 @@ def swing_recordings(
     made = [_filtered(specimen, trial, cutoff) for trial in trials]
     # Hands were found at `CUTOFF`; a lower one smears them further.
     further = max(0.0, 0.5 * REACH * (1.0 / cutoff - 1.0 / CUTOFF)) if cutoff else 0.0
-    free = [
-        parts.whole & ~near(trial.touched, trial.motion.time, further)
-        for parts, trial in zip(made, trials, strict=True)
-    ]
+    touched = [near(trial.touched, trial.motion.time, further) for trial in trials]
+    free = [parts.whole & ~hands for parts, hands in zip(made, touched, strict=True)]
     if not any(frames.any() for frames in free):
         raise BadData(
             f"none of the trials {', '.join(trial.name for trial in trials)} has a frame of free swing with motion and "
             "wrench, beyond the reach of the filter: record longer, or raise the cutoff"
         )
     rest = _rest(specimen, made, free)
-    return tuple(
-        replace(_recording(specimen, trial, parts, use, rest, muscles), cutoff=cutoff)
-        for trial, parts, use in zip(trials, made, free, strict=True)
-    )
+    recordings = (_recording(specimen, *parts, rest, muscles) for parts in zip(trials, made, free, strict=True))
+    return tuple(replace(recording, cutoff=cutoff) for recording in recordings)
 
 
 def _filtered(specimen: Specimen, trial: TrackedTrial, cutoff: float | None) -> _Filtered:

@@ -66,10 +66,8 @@ def plate_zero(recordings: Sequence[SwingRecording], sums: SwingSums | None = No
     sums = swing_sums(recordings) if sums is None else sums
     parameters = limb_inertia(sums, None, InertiaOptions(tare="unknown")).parameters.copy()
     parameters[0] = 0.0
-    left = np.concatenate([
-        recordings[i].wrench[use] - recordings[i].wrench_rows[use] @ parameters
-        for i, use in zip(sums.trial, sums.uses, strict=True)
-    ]).mean(axis=0)  # fmt: skip
+    parts = [(recordings[i], use) for i, use in zip(sums.trial, sums.uses, strict=True)]
+    left = np.concatenate([each.wrench[use] - each.wrench_rows[use] @ parameters for each, use in parts]).mean(axis=0)
     gravity, h = recordings[0].gravity, float(np.linalg.norm(parameters[1:4]))
     g = float(np.linalg.norm(gravity))
     mass, least = -sense(recordings[0]) * float(left[3:] @ gravity) / g**2, least_mass(parameters)
@@ -81,14 +79,8 @@ def recording_findings(recordings: Sequence[SwingRecording]) -> tuple[Finding, .
     sums = swing_sums(recordings)
     findings = []
     if len(sums) < 3:
-        findings.append(
-            Finding(
-                "few swings",
-                "swings",
-                f"{len(sums)} whole swing{'s' if len(sums) > 1 else ''} in all, too few for intervals: record more "
-                "releases, or longer ones",
-            )
-        )
+        text = f"only {len(sums)} of the three whole swings that intervals need: record more releases, or longer ones"
+        findings.append(Finding("few swings", "swings", text))
     zero = plate_zero(recordings, sums)
     if zero.mass < SPARE * zero.least_mass:
         text = (
@@ -146,9 +138,9 @@ def condition_findings(condition: Condition) -> tuple[Finding, ...]:
         return (Finding("trials", "swings", text), *_misfit(condition))
     if wide:
         text = (
-            f"the swings are too small to identify the viscosity: {viscosity.low:.2g} to "
-            f"{viscosity.high:.2g} N m s/rad at rates "
-            f"of {np.linalg.norm(size):.2f} rad/s (root mean square); release the limb from farther out, or more often"
+            f"the swings are too small to identify the viscosity: {viscosity.low:.2g} to {viscosity.high:.2g} N m "
+            f"s/rad at rates of {np.linalg.norm(size):.2f} rad/s (root mean square); release the limb from farther out, or "
+            "more often"
         )
         return (Finding(TOO_SMALL, "swings", text),)
     findings = []
@@ -198,10 +190,8 @@ def tracking_findings(tracked: TrackedSpecimen) -> tuple[Finding, ...]:
     for trial in tracked.trials:
         lost = float(np.mean(~np.isfinite(trial.motion.values).all(axis=1)))
         if lost > LOST:
-            text = (
-                f"trial '{trial.name}': {100 * lost:.0f} % of its frames show too few markers: label them, or drop it"
-            )
-            findings.append(Finding("lost frames", trial.name, text))
+            text = f"{100 * lost:.0f} % of its frames show too few markers: label them, or drop it"
+            findings.append(Finding("lost frames", trial.name, f"trial '{trial.name}': {text}"))
         shift = abs(trial.clock.drift) * trial.clock.length
         if shift > max(DRIFT, 3.0 * trial.clock.drift_sd * trial.clock.length):
             text = (

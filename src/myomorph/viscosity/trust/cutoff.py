@@ -97,11 +97,11 @@ def choose_cutoff(conditions: Sequence[TrackedSpecimen]) -> CutoffChoice:
         raise BadData("no trial of the swinging limb is given")
     names = (*conditions[0].specimen.joint_coordinates, *WRENCH)
     columns = zip(*(np.hstack([trial.motion.values, trial.wrench]).T for trial in tracked), strict=True)
-    parts = (
-        [values[start:stop] for values in column for start, stop in runs(np.isfinite(values))] for column in columns
-    )
-    rate = tracked[0].motion.rate
-    return choice_of([residual_analysis(name, part, rate) for name, part in zip(names, parts, strict=True)])
+    signals = []
+    for name, column in zip(names, columns, strict=True):
+        parts = [values[start:stop] for values in column for start, stop in runs(np.isfinite(values))]
+        signals.append(residual_analysis(name, parts, tracked[0].motion.rate))
+    return choice_of(signals)
 
 
 def choice_of(signals: Sequence[Residuals]) -> CutoffChoice:
