@@ -138,9 +138,8 @@ def condition_findings(condition: Condition) -> tuple[Finding, ...]:
         return (Finding("trials", "swings", text), *_misfit(condition))
     if wide:
         text = (
-            f"the swings are too small to identify the viscosity: {viscosity.low:.2g} to {viscosity.high:.2g} N m "
-            f"s/rad at rates of {np.linalg.norm(size):.2f} rad/s (root mean square); release the limb from farther out, or "
-            "more often"
+            f"the swings are too small to tell the viscosity: {viscosity.low:.2g} to {viscosity.high:.2g} N m s/rad "
+            f"at rates of {np.linalg.norm(size):.2f} rad/s; release the limb from farther out, or more often"
         )
         return (Finding(TOO_SMALL, "swings", text),)
     findings = []

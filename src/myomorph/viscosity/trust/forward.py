@@ -63,9 +63,7 @@ def swing_forward(recording: SwingRecording, frames: slice, parameters: Array, l
     inertia, axis = inertia_matrices(parameters), hinge_axis(recording)
     least = float(axis @ inertia @ axis) if axis.any() else float(np.linalg.eigvalsh(inertia)[0])
     if not least > 0.0:
-        raise BadData(
-            f"swing '{recording.name}': the identified inertia of the limb, {least:.2g} kg m^2, is not positive"
-        )
+        raise BadData(f"swing '{recording.name}': the limb's identified inertia, {least:.2g} kg m^2, is not positive")
     turn = axis[:, None] if axis.any() else np.eye(3)
     hinges = recording.hinges if len(recording.hinges) else np.zeros((2, 3))
     fastest = law.fastest(float(np.abs(recording.rates[frames]).max()), recording.lengthening[frames]) / least

@@ -70,10 +70,8 @@ class PassiveLaw:
 
     def torque(self, recording: SwingRecording) -> Array:
         """Torque (frames, axes) in the motion of a recording [N m]."""
-        columns = resistances(
-            recording.angles, recording.rates, recording.lengthening, self.width, slopes_of(recording)
-        )
-        return -columns @ self.coefficients
+        motion = recording.angles, recording.rates, recording.lengthening
+        return -resistances(*motion, self.width, slopes_of(recording)) @ self.coefficients
 
     def values(self, axis: Array) -> Array:
         """(16,) numbers of the law in the limb's axes; `axis` (3,) of a hinge, zeros for a ball."""
@@ -243,7 +241,6 @@ def _products(swing_recording: SwingRecording, use: np.ndarray, width: float) ->
     names = ("angles", "rates", "lengthening")
     angles, rates, lengthening = (getattr(swing_recording, name)[use] for name in names)
     columns = resistances(angles, rates, lengthening, width, slopes_of(swing_recording)[use])
-    rows = np.concatenate([swing_recording.torque_rows[use], columns], axis=2).reshape(
-        -1, PARAMETERS + columns.shape[2]
-    )
+    rows = np.concatenate([swing_recording.torque_rows[use], columns], axis=2)
+    rows = rows.reshape(-1, rows.shape[2])
     return rows.T @ rows

@@ -193,29 +193,19 @@ def compare_passive_laws(
     fits = []
     for terms, (coefficients, rss) in zip(laws, solutions, strict=True):
         less = problem.fit(terms, lacking, others)[0]
-        draws = Influences(coefficients, coefficients - less, problem.sums.trial).draws(
-            options.draws, np.random.default_rng(options.seed)
-        )
+        influences = Influences(coefficients, coefficients - less, problem.sums.trial)
+        draws = influences.draws(options.draws, np.random.default_rng(options.seed))
+        estimates = _estimates(terms, coefficients, draws, problem.axes, slack)
         errors = [
             fold.errors(_predict(problem, terms, fold, p), options.tare != "known")
             for fold, p in zip(left_out, trained, strict=True)
         ]
-        angle, moment, force = np.sqrt(np.mean(errors, axis=0)) if errors else np.full(3, np.nan)
+        means = np.sqrt(np.mean(errors, axis=0)) if errors else np.full(3, np.nan)
         free = law_columns(terms, len(problem.axes))[0].shape[1]
         score = effective * np.log(max(float(rss), 1e-300) / samples)
-        fit = PassiveFit(
-            terms,
-            _estimates(terms, coefficients, draws, problem.axes, slack),
-            PassiveLaw.of(coefficients, options.width),
-            free,
-            float(np.sqrt(rss / samples)),
-            score + 2.0 * free,
-            score + np.log(effective) * free,
-            float(angle),
-            float(moment),
-            float(force),
-        )
-        fits.append(fit)
+        numbers = (np.sqrt(rss / samples), score + 2.0 * free, score + np.log(effective) * free, *means)
+        law = PassiveLaw.of(coefficients, options.width)
+        fits.append(PassiveFit(terms, estimates, law, free, *map(float, numbers)))
     least_aic, least_bic = min(fit.aic for fit in fits), min(fit.bic for fit in fits)
     fits = [replace(fit, aic=fit.aic - least_aic, bic=fit.bic - least_bic) for fit in fits]
     by_bic = min((fit for fit in fits if fit.bic <= MAX_CRITERION_DIFFERENCE), key=lambda fit: (fit.free, fit.bic))

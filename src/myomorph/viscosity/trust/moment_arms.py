@@ -173,10 +173,8 @@ def _by_offsets(
     damping = np.broadcast_to(np.asarray(joint, dtype=np.float64), (axes,))
 
     def common(delta: Array) -> float:
-        problem = np.stack([
-            turn.T @ product @ turn for product, turn in zip(products, _offset_maps(delta), strict=True)
-        ])  # fmt: skip
-        return muscle_problem(problem, damping).along(np.ones(count))
+        maps = _offset_maps(delta)
+        return muscle_problem(maps.transpose(0, 2, 1) @ products @ maps, damping).along(np.ones(count))
 
     # A strand's row holds its arm divided by the root of its muscle's strands, and so its error does.
     table = intact[0].strands_of
