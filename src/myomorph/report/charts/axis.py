@@ -10,6 +10,8 @@ from numpy.typing import ArrayLike
 
 from myomorph.model.arrays import Array
 
+RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
 
 @dataclass(frozen=True)
 class Tick:
@@ -76,10 +78,8 @@ def scaled_unit(unit: str, *values: Array) -> tuple[float, str]:
     """
     finite = [np.abs(value[np.isfinite(value)]) for value in values]
     peak = max((float(array.max()) for array in finite if array.size), default=0.0)
-    for floor, factor, prefix in ((2e-2, 1.0, ""), (2e-5, 1e3, "m"), (0.0, 1e6, "µ")):
-        if peak >= floor or peak == 0.0:
-            return factor, prefix + unit
-    return 1.0, unit
+    scales = ((2e-2, 1.0, ""), (2e-5, 1e3, "m"), (0.0, 1e6, "µ"))
+    return next((factor, prefix + unit) for floor, factor, prefix in scales if peak >= floor or peak == 0.0)
 
 
 def ticks(low: float, high: float, count: int = 4) -> Array:
@@ -101,14 +101,10 @@ def number(value: float, step: float | None = None) -> str:
         size = abs(value)
         if size != 0.0 and (size >= 1e6 or size < 1e-3):
             mantissa, power = f"{value:.1e}".split("e")
-            return f"{mantissa}·10{_raised(int(power))}".replace("-", "−")
+            return f"{mantissa}·10{str(int(power)).translate(RAISED)}".replace("-", "−")
         digits = 0 if size >= 100 or size == 0.0 else 1 if size >= 10 else 2 if size >= 1 else 3
     else:
         digits = max(0, -int(np.floor(np.log10(step) + 1e-9))) if step > 0 else 0
         if step > 0 and abs(step * 10**digits - round(step * 10**digits)) > 1e-6:
             digits += 1
     return f"{value:,.{digits}f}".replace(",", "\u202f").replace("-", "−")
-
-
-def _raised(power: int) -> str:
-    return str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))

@@ -52,9 +52,8 @@ def drawn_line(area: svg.Frame, curve: Line, span: tuple[float, float]) -> str:
     time, values = curve.within(span)
     if curve.low is not None and curve.high is not None:
         low, high = (end.within(span)[1] for end in curve.ends)
-        return svg.band(area, time, low, high, curve.style) + drawn_line(
-            area, replace(curve, low=None, high=None), span
-        )
+        alone = drawn_line(area, replace(curve, low=None, high=None), span)
+        return svg.band(area, time, low, high, curve.style) + alone
     bins = svg.envelope(time, values)
     if bins is not None:
         time, values, low, high = bins
@@ -166,11 +165,8 @@ def cycle_chart(
     behind, front = [], []
     for cycle_curve in curves:
         percent = np.linspace(0.0, 100.0, len(cycle_curve.mean))
-        behind += [
-            svg.line(area, percent, curve, f"thin {cycle_curve.style}")
-            for curve in cycle_curve.each
-            if np.isfinite(curve).any()
-        ]
+        known = (curve for curve in cycle_curve.each if np.isfinite(curve).any())
+        behind += [svg.line(area, percent, curve, f"thin {cycle_curve.style}") for curve in known]
         for ends, faint in ((cycle_curve.spread, "faint "), (cycle_curve.interval, "")):
             behind.append(svg.band(area, percent, *ends, f"{faint}{cycle_curve.style}") if ends is not None else "")
         front.append(svg.line(area, percent, cycle_curve.mean, cycle_curve.style, cycle_curve.label))

@@ -79,12 +79,9 @@ def titled(title: str, unit: str, x: float, y: float) -> str:
 
 def mark(tag: str, kind: str, under: str = "", **attributes: str | float) -> str:
     """An SVG element of a class of the style sheet; `under` is shown under the pointer."""
-    written = "".join(
-        f' {name.replace("_", "-")}="{attribute:.1f}"'
-        if isinstance(attribute, float)
-        else f' {name.replace("_", "-")}="{attribute}"'
-        for name, attribute in attributes.items()
-    )
+    written = ""
+    for name, value in attributes.items():
+        written += f' {name.replace("_", "-")}="{f"{value:.1f}" if isinstance(value, float) else value}"'
     opened = f'<{tag} class="{kind}"{written}'
     return f"{opened}><title>{escape(under)}</title></{tag}>" if under else f"{opened}/>"
 

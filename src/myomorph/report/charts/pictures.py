@@ -48,17 +48,14 @@ def picture_strip(scene: Scene, behind: Backdrop, view: str = "oblique") -> str:
     count = len(scene.time)
     room = OVERLAP * (WIDTH - RIGHT - LEFT) / count
     drawn = pictures(scene, PIXELS, max(40, int(room / TALL * PIXELS)), views=(view,))
-    tall, wide = (
-        max(sizes) * TALL / PIXELS
-        for sizes in zip(*((picture.height, picture.width) for picture in drawn), strict=True)
-    )
+    tall = max(picture.height for picture in drawn) * TALL / PIXELS
+    wide = max(picture.width for picture in drawn) * TALL / PIXELS
     height = tall + FOOT
     area = behind.frame(0.0, height)
     parts = [behind.behind(area)]
     at = area.x.at(scene.time)
-    for i, (picture, middle) in enumerate(
-        zip(drawn, pictures_beside(at, wide / OVERLAP, LEFT, WIDTH - RIGHT), strict=True)
-    ):
+    middles = pictures_beside(at, wide / OVERLAP, LEFT, WIDTH - RIGHT)
+    for i, (picture, middle) in enumerate(zip(drawn, middles, strict=True)):
         time = number(float(scene.time[i]), 0.01)
         parts.append(image(data_uri(picture.image), middle - wide / 2, 0.0, wide, tall, f"The body at {time} s"))
         parts.append(mark("path", "zero", d=f"M{middle:.1f} {height - 7:.1f}L{at[i]:.1f} {height:.1f}"))
@@ -83,8 +80,7 @@ def pictures_beside(wanted: Array, wide: float, left: float, right: float) -> Ar
 
 def nearest_frames(time: np.ndarray, good: np.ndarray, wanted: Sequence[float]) -> list[int]:
     """Of the good frames those nearest to the wanted times, each once, in order of time."""
-    frames = {int(good[int(np.argmin(np.abs(time[good] - at)))]) for at in wanted}
-    return sorted(frames)
+    return sorted({int(good[int(np.argmin(np.abs(time[good] - at)))]) for at in wanted})
 
 
 def picture_row(
@@ -119,11 +115,9 @@ def picture_row(
 
 def color_scale(bar: str, x: float, y: float, size: tuple[float, float], words: Sequence[str]) -> str:
     """A bar of colors with words in even steps below it."""
-    steps = np.linspace(0.0, size[0], len(words))
-    below = "".join(
-        text(x + at, y + 14 + size[1] * 2 / 3, word, "tick x") for at, word in zip(steps, words, strict=True)
-    )
-    return image(bar, x, y, *size, stretch=True) + below
+    steps = zip(np.linspace(0.0, size[0], len(words)), words, strict=True)
+    below = (text(x + at, y + 14 + size[1] * 2 / 3, word, "tick x") for at, word in steps)
+    return image(bar, x, y, *size, stretch=True) + "".join(below)
 
 
 def residual_map(title: str, unit: str, surface: Surface, distances: Array) -> str:

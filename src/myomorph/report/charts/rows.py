@@ -39,12 +39,10 @@ def named_rows(
 ) -> str:
     """A drawing of rows, each its name, what is shown under the pointer, and its marks."""
     tall = (area.y.start - area.y.stop) / max(len(rows), 1)
-    parts = [
-        svg.group(
-            f"{name}: {under}", svg.text(area.x.start - 6, area.y.stop + tall * (i + 0.5) + 3.5, name, "tick y"), marks
-        )
-        for i, (name, under, marks) in enumerate(rows)
-    ]
+    parts = []
+    for i, (name, under, marks) in enumerate(rows):
+        label = svg.text(area.x.start - 6, area.y.stop + tall * (i + 0.5) + 3.5, name, "tick y")
+        parts.append(svg.group(f"{name}: {under}", label, marks))
     size = width, int(area.y.start + 24)
     return svg.drawing(kind, title, size, svg.grid_along(area, count), svg.levels_up(area, levels), *parts, unit=unit)
 
@@ -74,13 +72,8 @@ def bar_plot(
     fit, for charts of one scale.
     """
     row = 15.0
-    peak = max(
-        [
-            peak,
-            *(float(np.nanmax(value)) for value in values if np.isfinite(value).any()),
-            *(level.value for level in levels),
-        ]
-    )
+    highest = (float(np.nanmax(value)) for value in values if np.isfinite(value).any())
+    peak = max([peak, *highest, *(level.value for level in levels)])
     area = row_frame(names, (0.0, 1.06 * (peak or 1.0)), row, width, 36.0 if levels else 26.0)
     rows = []
     for i, name in enumerate(names):
@@ -139,11 +132,7 @@ def interval_rows(
     """Dots with intervals in rows, further values as upright ticks; intervals far beyond all values are cut. `signed`:
     zero is in the middle, for values of both signs, and the chart at least 1 wide to both sides.
     """
-    known = [
-        *(interval.value for interval in values),
-        *(level.value for level in levels),
-        *(value for marks in beside for value in marks.values),
-    ]
+    known = [each.value for each in (*values, *levels)] + [value for marks in beside for value in marks.values]
     peak = max([abs(value) for value in known if np.isfinite(value)] or [0.0])
     peak, furthest = (max(peak, 1.0), 3.0) if signed else (peak, 1.5)
     ends = [abs(end) for interval in values for end in (interval.low, interval.high) if np.isfinite(end)]
@@ -155,10 +144,8 @@ def interval_rows(
         y, marks = area.y.stop + row * (i + 0.5), ""
         if np.isfinite(value.low) and np.isfinite(value.high):
             marks += _across(area, value.low, value.high, y, "whisker")
-            inside = [end for end in (value.low, value.high) if area.x.low <= end <= area.x.high]
-            marks += "".join(
-                svg.mark("path", "whisker", d=f"M{float(area.x.at(end)):.1f} {y - 3:.1f}v6") for end in inside
-            )
+            inside = [float(area.x.at(end)) for end in (value.low, value.high) if area.x.low <= end <= area.x.high]
+            marks += "".join(svg.mark("path", "whisker", d=f"M{x:.1f} {y - 3:.1f}v6") for x in inside)
         for other in beside:
             if np.isfinite(other.values[i]):
                 x = float(area.x.at(other.values[i]))
@@ -170,9 +157,8 @@ def interval_rows(
 
 
 def _with_interval(estimate: Estimate) -> str:
-    return number(estimate.value) + (
-        f" ({number(estimate.low)} to {number(estimate.high)})" if np.isfinite(estimate.low) else ""
-    )
+    interval = f" ({number(estimate.low)} to {number(estimate.high)})" if np.isfinite(estimate.low) else ""
+    return number(estimate.value) + interval
 
 
 def _printed(beside: Sequence[Beside], i: int) -> list[str]:

@@ -43,16 +43,16 @@ def body_figure(morph: Morph) -> str:
         ("source", morph.source.name, _scene(morph.source, ours, names)),
         ("target", morph.model.name, _scene(morph.model, _target_bones(morph), names)),
     )
-    scales = [fitting_scale(scene, HEIGHT, WIDEST, tuple(VIEWS)) for _, _, scene in both]
+    sides = HEIGHT, WIDEST, tuple(VIEWS)
+    scales = [fitting_scale(scene, *sides) for _, _, scene in both]
     alike = max(scales) < UNLIKE * min(scales)
     scales = [min(scales)] * 2 if alike else scales
     drawn = [
-        pictures(scene, HEIGHT, WIDEST, views=tuple(VIEWS), scale=scale)
-        for (_, _, scene), scale in zip(both, scales, strict=True)
+        (whose, picture)
+        for (whose, _, scene), scale in zip(both, scales, strict=True)
+        for picture in pictures(scene, *sides[:2], views=sides[2], scale=scale)
     ]
-    order = [
-        (both[i][0], next(picture for picture in drawn[i] if picture.view == view)) for view in VIEWS for i in (0, 1)
-    ]
+    order = sorted(drawn, key=lambda pair: sides[2].index(pair[1].view))
     labels = [f"{whose}, {VIEWS[picture.view]}" for whose, picture in order]
     sizes = " and ".join(f"{whose} ({name}) {_length(scene.high - scene.low)}" for whose, name, scene in both)
     unit = f"{sizes} high; {'one scale' if alike else 'each at a scale of its own'}"
@@ -72,7 +72,8 @@ def _target_bones(morph: Morph) -> dict[str, Surface]:
 def _scene(model: Model, bones: Mapping[str, Surface | None], muscles: Collection[str]) -> Scene:
     """The model in its default pose with these bones and muscles alone; bodies without a known bone are sticks."""
     known = {name: outward(bone) for name, bone in bones.items() if bone is not None and name in model.body_names}
-    lean = dict(zip(known, reduced(list(known.values()), _size(known.values()), MAX_FACES), strict=True))
+    size = max((float(np.ptp(surface.vertices, axis=0).max()) for surface in known.values()), default=1.0)
+    lean = dict(zip(known, reduced(list(known.values()), size, MAX_FACES), strict=True))
     still = Transform.identity()
     meshes = {name: (Mesh(name, still, np.ones(3)),) for name in lean}
     shown = replace(
@@ -84,10 +85,6 @@ def _scene(model: Model, bones: Mapping[str, Surface | None], muscles: Collectio
     scene = make_scene(shown, DEFAULT_POSE, [0], lean)
     held = {point.body for muscle in shown.muscles for point in muscle.path.points} | set(lean)
     return _only(scene, [i + 1 for i, name in enumerate(model.body_names) if name in held])
-
-
-def _size(surfaces: Collection[Surface]) -> float:
-    return max((float(np.ptp(surface.vertices, axis=0).max()) for surface in surfaces), default=1.0)
 
 
 def _only(scene: Scene, bodies: Sequence[int]) -> Scene:
@@ -153,18 +150,14 @@ def arm_figure(moment_arms: MomentArms, sizes: Mapping[str, float], flagged: Col
     unit = "mm" if turning else "mm/mm"
     words = f"{unit}, from {number(low, 1.0)} to {number(high, 1.0)}{'°' if turning else ' mm'}"
     if len(shown) < len(moment_arms.muscles):
-        words += (
-            f", {len(shown)} of {len(moment_arms.muscles)} muscles: those with a warning and those with the largest"
-        )
+        words += f", {len(shown)} of {len(moment_arms.muscles)} muscles: those with a warning and the largest"
     factor = 1e3 if turning else 1.0
     parts = []
     for place, muscle_index in enumerate(shown):
         muscle = moment_arms.muscles[muscle_index]
         x, y = (place % COLUMNS) * CELL, MARGIN + (place // COLUMNS) * ROW
-        lines = (
-            factor * sizes.get(muscle, 1.0) * moment_arms.source[:, muscle_index],
-            factor * moment_arms.target[:, muscle_index],
-        )
+        ours = factor * sizes.get(muscle, 1.0) * moment_arms.source[:, muscle_index]
+        lines = (ours, factor * moment_arms.target[:, muscle_index])
         within = None if moment_arms.within is None else factor * moment_arms.within[:, muscle_index]
         parts.append(_panel(x, y, muscle, moment_arms.target_values, lines, within, muscle in flagged))
     return drawing("arms", f"Moment arms about {name_of(moment_arms.pair)}", (width, height), *parts, unit=words)

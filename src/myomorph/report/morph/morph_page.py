@@ -19,7 +19,7 @@ from myomorph.report.charts.rows import dot_plot
 from myomorph.report.morph import tables
 from myomorph.report.morph.figures import arm_figure, body_figure, bone_figures, name_of
 from myomorph.report.page.page import Tile, rendered
-from myomorph.report.page.parts import Figure, Grid, Note, PageHead, Section, Step, cited
+from myomorph.report.page.parts import Figure, Grid, Note, PageHead, Section, Step, cited, option_text
 
 __all__ = ["morph_page"]
 
@@ -44,17 +44,12 @@ def morph_page(
     first; `further`: sections that come after the warnings, as of errors against a known truth.
     """
     title = title or f"{morph.model.name}: muscles of {morph.source.name}"
-    step = Step("morph", FrozenMap({name: _printed(value) for name, value in made.options.items()}))
+    step = Step("morph", FrozenMap({name: option_text(value) for name, value in made.options.items()}))
     told = dict.fromkeys([*warnings, *morph.notes, *checks.notes])
     page = replace(PageHead.of(title, made, (*notes, *_assumed(morph)), told), steps=(step,))
-    sections = morphing_sections(morph, checks)
-    return rendered(
-        page,
-        [*sections[:1], *further, *sections[1:]],
-        cited(*SOURCES),
-        facts=_facts(morph),
-        tiles=_tiles(morph, checks),
-    )
+    first, *others = morphing_sections(morph, checks)
+    sections = [first, *further, *others]
+    return rendered(page, sections, cited(*SOURCES), facts=_facts(morph), tiles=_tiles(morph, checks))
 
 
 def _assumed(morph: Morph) -> list[Note]:
@@ -70,14 +65,11 @@ def _assumed(morph: Morph) -> list[Note]:
         bodies = [bone.body for bone in morph.bones.values() if bone.basis == basis and bone.body in touched]
         if bodies:
             result.append(Note("assumed", f"{', '.join(bodies)}: {words}."))
-    result.append(
-        Note(
-            "assumed",
-            "The same muscles run the same way around the same bones in source and target; how a muscle differs from "
-            "the source's by more than its bones do is not seen.",
-        )
+    text = (
+        "The same muscles run the same way around the same bones in source and target; how a muscle differs from the "
+        "source's by more than its bones do is not seen."
     )
-    return result
+    return [*result, Note("assumed", text)]
 
 
 def _facts(morph: Morph) -> list[tuple[str, str]]:
@@ -100,10 +92,8 @@ def _tiles(morph: Morph, checks: MorphChecks) -> list[Tile]:
     through = [penetration for penetration in checks.penetrations if penetration.increase > 0.0]
     worst = max((path.increase for path in through), default=0.0)
     deep = len(checks.of("bone"))
-    tiles.append(
-        Tile(f"{number(1e3 * worst)} mm", f"deeper through bone than source, worst; {deep} warnings",
-             "note" if deep else "ok")
-    )  # fmt: skip
+    words = f"deeper through bone than source, worst; {deep} warnings"
+    tiles.append(Tile(f"{number(1e3 * worst)} mm", words, "note" if deep else "ok"))
     tiles.append(_count(len(checks.of("sign")), "moment arms of opposite sign"))
     tiles.append(_count(len(checks.of("jump")), "moment arms with new jumps"))
     residuals = [bone.measures["residual [m]"] for bone in morph.bones.values() if "residual [m]" in bone.measures]
@@ -118,14 +108,6 @@ def _tiles(morph: Morph, checks: MorphChecks) -> list[Tile]:
 
 def _count(count: int, name: str) -> Tile:
     return Tile(str(count), name, "note" if count else "ok")
-
-
-def _printed(value: object) -> str:
-    if value is None:
-        return "none"
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 FIRST_ARMS = 6  # Coordinates whose curves are open at first.
@@ -153,9 +135,8 @@ def morphing_sections(morph: Morph, checks: MorphChecks) -> list[Section]:
 def warning_section(checks: MorphChecks) -> Section:
     """What looks wrong, the worst of each kind first."""
     rows = tuple((KINDS[warning.kind][0], warning.text) for warning in checks.warnings)
-    first = tuple(
-        (title, warning.text) for kind, (title, *_) in KINDS.items() for warning in checks.of(kind)[:FIRST_WARNINGS]
-    )
+    worst = (warning for kind in KINDS for warning in checks.of(kind)[:FIRST_WARNINGS])
+    first = tuple((KINDS[warning.kind][0], warning.text) for warning in worst)
     limits = checks.options
     lead = f"{f'{len(rows)} warnings' if rows else 'No warning'} compared with the source scaled to the target. "
     lead += (
@@ -191,7 +172,8 @@ def bone_section(morph: Morph) -> Section:
         count = "" if bone.features is None else str(len(bone.features))
         name = bone.body if bone.body == bone.target_body else f"{bone.body} → {bone.target_body}"
         rows.append((name, bone.basis, number(bone.whole.scale), count, *known))
-    head = ("Bone", "Basis", "Size", "Features", *(_metric(name) for name in measures))
+    printed = [name.replace("[m]", "[mm]").replace("_", " ") for name in measures]
+    head = ("Bone", "Basis", "Size", "Features", *(name[:1].upper() + name[1:] for name in printed))
     noted = tuple((bone.body, text) for bone in bones for text in bone.notes)
     grids = [Grid(head, tuple(rows), "Maps of the bones", len(rows) > MAX_OPEN_ROWS)]
     if noted:
@@ -202,11 +184,6 @@ def bone_section(morph: Morph) -> Section:
     )
     drawn = tuple(Figure(svg) for svg in figures)
     return Section("bones", "Bones and their maps", lead, (), drawn, tuple(grids))
-
-
-def _metric(name: str) -> str:
-    printed = name.replace("[m]", "[mm]").replace("_", " ")
-    return printed[:1].upper() + printed[1:]
 
 
 def _measured(name: str, value: float | None) -> str:
@@ -268,14 +245,12 @@ def muscle_section(morph: Morph) -> Section | None:
     if not morph.muscles:
         return None
     names = [muscle.name for muscle in morph.muscles]
+    styles = ("first", "second", "third")
+    words = ("optimal fiber length", "tendon slack length", "maximum isometric force")
     figures: tuple[Figure, ...] = ()
     if len(names) <= 3 * MAX_OPEN_ROWS:
-        values = [
-            np.array([getattr(muscle, field) for muscle in morph.muscles]) for field in ("fiber", "tendon", "force")
-        ]
-        plot = dot_plot("Target over source", "", names, values, ("first", "second", "third"),
-                        ("optimal fiber length", "tendon slack length", "maximum isometric force"), 880)  # fmt: skip
-        figures = (Figure(plot, "full"),)
+        values = np.array([(muscle.fiber, muscle.tendon, muscle.force) for muscle in morph.muscles]).T
+        figures = (Figure(dot_plot("Target over source", "", names, list(values), styles, words, 880), "full"),)
     rows = tuple(
         (
             muscle.name,
@@ -295,8 +270,7 @@ def muscle_section(morph: Morph) -> Section | None:
         f"pennation: “{options.pennation}”. Fiber ranges are normalized fiber lengths over the joints' ranges of "
         "motion."
     )
-    words = ("optimal fiber length", "tendon slack length", "maximum isometric force")
-    legend = tuple(zip(("first", "second", "third"), words, strict=True))
+    legend = tuple(zip(styles, words, strict=True))
     grids = (Grid(head, rows, f"Parameters of {len(rows)} muscles, target over source", len(rows) > MAX_OPEN_ROWS),)
     return Section("muscles", "Fibers, tendons and forces", lead, legend, figures, grids)
 

@@ -51,9 +51,8 @@ def _architecture(morph: Morph) -> str:
 
 def _bones(morph: Morph) -> str:
     """How far apart the bones' surfaces lie after matching."""
-    apart = {
-        body: bone.measures["residual [m]"] for body, bone in morph.bones.items() if "residual [m]" in bone.measures
-    }
+    measures = {body: bone.measures for body, bone in morph.bones.items()}
+    apart = {body: known["residual [m]"] for body, known in measures.items() if "residual [m]" in known}
     if not apart:
         return f"{len(morph.bones)} bones without surfaces of their own to compare"
     worst = max(apart, key=lambda body: apart[body])
@@ -97,10 +96,8 @@ def _fibers(morph: Morph) -> str:
     known = [muscle for muscle in morph.muscles if np.isfinite([*muscle.range_target]).all()]
     if not known:
         return ""
-    shortest, longest = (
-        min(known, key=lambda muscle: muscle.range_target[0]),
-        max(known, key=lambda muscle: muscle.range_target[1]),
-    )
+    shortest = min(known, key=lambda muscle: muscle.range_target[0])
+    longest = max(known, key=lambda muscle: muscle.range_target[1])
     return (
         f"fibers work from {shortest.range_target[0]:.2f} ({shortest.name}; source {shortest.range_source[0]:.2f}) to "
         f"{longest.range_target[1]:.2f} optimal lengths ({longest.name}; source {longest.range_source[1]:.2f})"

@@ -16,6 +16,7 @@ from myomorph.report.page.parts import Cell, Sheet
 
 def morphing_tables(morph: Morph, checks: MorphChecks) -> Mapping[str, Sheet]:
     """Every table that has rows, by the name of its file: in SI and radians, NaN where nothing is known."""
+    warnings = [(warning.kind, warning.place, warning.text) for warning in checks.warnings]
     tables: dict[str, Sheet] = {
         "bones.csv": bone_rows(morph),
         "points.csv": point_rows(morph),
@@ -26,10 +27,7 @@ def morphing_tables(morph: Morph, checks: MorphChecks) -> Mapping[str, Sheet]:
         "moment_arm_summary.csv": arm_summary_rows(morph, checks),
         "wrap_objects.csv": wrap_rows(checks),
         "penetration.csv": penetration_rows(checks),
-        "warnings.csv": Sheet(
-            ("kind", "name", "warning"),
-            [(warning.kind, warning.place, warning.text) for warning in checks.warnings],
-        ),
+        "warnings.csv": Sheet(("kind", "name", "warning"), warnings),
         "not_transferred.csv": Sheet(("part", "reason"), tuple(morph.left_out.items())),
     }
     return {name: sheet for name, sheet in tables.items() if sheet.rows}

@@ -6,11 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib.resources import files
+from typing import get_args
 
 from jinja2 import Environment, StrictUndefined
 
 from myomorph.report.charts.axis import number
-from myomorph.report.page.parts import Link, PageHead, Reference, Section, Verdict
+from myomorph.report.page.parts import Link, PageHead, Reference, Section, State, Verdict
 
 _KINDS = {"real": "Measured", "assumed": "Assumed", "simulated": "Simulated", "warning": "Note"}
 
@@ -63,7 +64,8 @@ def rendered(
         facts=facts,
         tiles=tiles,
         kinds=_KINDS,
-        verdicts=[_printed(verdict) for verdict in _ordered(verdicts)],
+        # What is over its limit first.
+        verdicts=[_printed(verdict) for state in get_args(State) for verdict in verdicts if verdict.state == state],
         over=sum(1 for verdict in verdicts if verdict.state == "over"),
         judged=sum(1 for verdict in verdicts if verdict.limit is not None),
         sections=sections,
@@ -99,23 +101,11 @@ def _text(name: str) -> str:
     return (files("myomorph.report") / "templates" / name).read_text(encoding="utf-8")
 
 
-def _ordered(verdicts: Sequence[Verdict]) -> list[Verdict]:
-    """What is over its limit first."""
-    rank = {"over": 0, "note": 1, "ok": 2}
-    return sorted(verdicts, key=lambda verdict: rank[verdict.state])
-
-
 def _printed(verdict: Verdict) -> dict[str, str]:
     """A verdict as text, by the names that the template has."""
-    limit = (
-        "none agreed"
-        if verdict.limit is None
-        else "0"
-        if verdict.limit == 0.0
-        else f"{number(verdict.limit)} {verdict.unit}"
-    )
-    if "%" in verdict.unit and verdict.limit:
-        limit = f"{number(verdict.limit)} %"
+    limit = "none agreed" if verdict.limit is None else "0"
+    if verdict.limit:
+        limit = f"{number(verdict.limit)} {'%' if '%' in verdict.unit else verdict.unit}"
     whole = verdict.value == int(verdict.value) and "%" not in verdict.unit and "cm" not in verdict.unit
     value = number(verdict.value, 1.0) if whole else number(verdict.value)
     time = "" if verdict.time is None else f"{number(verdict.time, 0.001)} s"

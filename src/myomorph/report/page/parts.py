@@ -106,7 +106,7 @@ class Section:
 SIDES_LEGEND: tuple[tuple[str, str], ...] = (("right", "right"), ("left", "left"))
 
 
-State = Literal["ok", "over", "note"]
+State = Literal["over", "note", "ok"]
 
 
 class Quantity(StrEnum):
@@ -189,6 +189,13 @@ class Step:
     options: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))  # name to value as text
     seconds: float | None = None  # it took, None if unknown [s]
     frames: int | None = None  # it worked on
+
+
+def option_text(value: object, none: str = "none") -> str:
+    """The value of an option for print."""
+    if value is None or isinstance(value, bool):
+        return none if value is None else "yes" if value else "no"
+    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 @dataclass(frozen=True)

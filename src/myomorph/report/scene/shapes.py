@@ -23,10 +23,8 @@ def primitive(mesh: Mesh) -> Surface | None:
     along y, as in OpenSim.
     """
     size = np.asarray(mesh.scale, dtype=np.float64)
-    if mesh.shape == "sphere":
-        return _scaled(_ball(), np.full(3, size[0]))
-    if mesh.shape == "ellipsoid":
-        return _scaled(_ball(), size)
+    if mesh.shape in ("sphere", "ellipsoid"):
+        return _scaled(_ball(), size if mesh.shape == "ellipsoid" else np.full(3, size[0]))
     if mesh.shape == "box":
         return _scaled(_box(), size)
     if mesh.shape == "cylinder":

@@ -67,9 +67,8 @@ def _who(comparison: Comparison) -> Section:
         for group, animals in zip(comparison.names, comparison.animals, strict=True)
     ]
     lead = (
-        f"Differences are {comparison.names[0]} minus {comparison.names[1]}. The animal is the unit: the mean "
-        f"of its strides "
-        "represents it, so that more strides do not count as more animals."
+        f"Differences are {comparison.names[0]} minus {comparison.names[1]}. The animal is the unit: the mean of its "
+        "strides represents it, so that more strides do not count as more animals."
     )
     return Section("animals", "Groups", lead, grids=(Grid(("Group", "Animals (strides)"), tuple(rows)),))
 
@@ -104,29 +103,21 @@ def difference_chart(
     curve_difference: CurveDifference, unit: str, labels: tuple[str, str], styles: tuple[str, str] = STYLES
 ) -> str:
     """Both groups' means with their intervals, every animal's own curve, and bars below where they differ."""
+    groups, each = (curve_difference.first, curve_difference.second), curve_difference.each
     curves = [
-        CycleCurve(group.mean, style, label, (group.low, group.high), each=each)
-        for group, style, label, each in zip(
-            (curve_difference.first, curve_difference.second), styles, labels, curve_difference.each, strict=True
-        )
+        CycleCurve(group.mean, style, label, (group.low, group.high), each=animals)
+        for group, style, label, animals in zip(groups, styles, labels, each, strict=True)
     ]
-    shown = [
-        *curve_difference.each[0],
-        *curve_difference.each[1],
-        *(end for group in (curve_difference.first, curve_difference.second) for end in (group.low, group.high)),
-    ]
+    shown = [*each[0], *each[1], *(end for group in groups for end in (group.low, group.high))]
     return cycle_chart(curve_difference.name, unit, curves, shown, _regions(curve_difference))
 
 
 def effect_chart(curve_difference: CurveDifference) -> str:
     """Hedges' g along the cycle with its interval."""
-    curve = CycleCurve(curve_difference.g, "middle", "g", (curve_difference.g_low, curve_difference.g_high))
-    shown = [
-        np.clip(curve_difference.g_low, -MAX_EFFECT, MAX_EFFECT),
-        np.clip(curve_difference.g_high, -MAX_EFFECT, MAX_EFFECT),
-        np.zeros(1),
-    ]
-    return cycle_chart(curve_difference.name, "Hedges’ g", [curve], shown, _regions(curve_difference), 190)
+    ends = curve_difference.g_low, curve_difference.g_high
+    shown = [np.zeros(1), *np.clip(ends, -MAX_EFFECT, MAX_EFFECT)]
+    curves = [CycleCurve(curve_difference.g, "middle", "g", ends)]
+    return cycle_chart(curve_difference.name, "Hedges’ g", curves, shown, _regions(curve_difference), 190)
 
 
 def _regions(curve_difference: CurveDifference) -> list[tuple[float, float, str]]:
@@ -135,7 +126,7 @@ def _regions(curve_difference: CurveDifference) -> list[tuple[float, float, str]
     return [(start, stop, f"differs from {start:.0f} to {stop:.0f} %, {p}") for start, stop in curve_difference.regions]
 
 
-def scalar_grid(comparison: Comparison, title: str = "") -> Grid:
+def scalar_grid(comparison: Comparison) -> Grid:
     """Parameters of both groups, their differences and tests."""
     first, second = comparison.names
     size = "Effect size" if comparison.paired else "Hedges’ g"
@@ -151,15 +142,15 @@ def scalar_grid(comparison: Comparison, title: str = "") -> Grid:
         )
         for scalar in comparison.scalars
     ]
-    return Grid(head, tuple(rows), title)
+    return Grid(head, tuple(rows))
 
 
 def _family_section(comparison: Comparison, family: str) -> Section:
     curves, (name, unit) = comparison.family(family), name_and_unit(family)
     shown = different_first(curves) if comparison.tested else list(curves)
-    figures = [Figure(difference_chart(curve, unit, comparison.names)) for curve in shown[:MAX_OPEN]]
-    figures += [
-        Figure(difference_chart(curve, unit, comparison.names), folded=curve.name) for curve in shown[MAX_OPEN:]
+    figures = [
+        Figure(difference_chart(curve, unit, comparison.names), folded=curve.name if index >= MAX_OPEN else "")
+        for index, curve in enumerate(shown)
     ]
     figures += [Figure(effect_chart(curve), folded=f"{curve.name}: effect size") for curve in shown[:MAX_OPEN]]
     lead = (
@@ -168,9 +159,8 @@ def _family_section(comparison: Comparison, family: str) -> Section:
     )
     if comparison.tested:
         lead += (
-            f" Bars below mark where groups differ (p < {comparison.options.alpha:g}, corrected for the whole "
-            "stride and "
-            f"all {len(curves)} curves here by the maximum statistic); curves that differ come first."
+            f" Bars below mark where groups differ (p < {comparison.options.alpha:g}, corrected for the whole stride "
+            f"and all {len(curves)} curves here by the maximum statistic); curves that differ come first."
         )
     legend = tuple(zip(STYLES, comparison.names, strict=True))
     return curve_section(name, lead, legend, figures, (curve_grid(shown),))
@@ -230,10 +220,8 @@ def condition_chart(conditions: Sequence[Condition], family: str, name: str) -> 
         if curves is not None and name in curves.names:
             column = curves.names.index(name)
             mean, deviation = curves.mean[:, column], curves.deviation[:, column]
-            spread = mean - deviation, mean + deviation
-            drawn.append(
-                CycleCurve(mean, style, condition.name, (curves.low[:, column], curves.high[:, column]), spread)
-            )
+            interval, spread = (curves.low[:, column], curves.high[:, column]), (mean - deviation, mean + deviation)
+            drawn.append(CycleCurve(mean, style, condition.name, interval, spread))
     shown = [part for curve in drawn for part in (curve.mean, *(curve.spread or ()))]
     return cycle_chart(name, name_and_unit(family)[1], drawn, shown)
 

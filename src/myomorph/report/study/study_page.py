@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import islice
 
 import numpy as np
 
@@ -34,9 +35,8 @@ def study_page(study: StudyInput) -> str:
     """One self-contained HTML page, as text; it links to the report of every trial."""
     notes = tuple(Note("warning", note) for note in study.notes)
     page = PageHead(study.name, study.date, study.version, notes)
-    families = dict.fromkeys(
-        name for condition in study.conditions for name, curve in condition.curves.items() if curve.names
-    )
+    curves = (pair for condition in study.conditions for pair in condition.curves.items())
+    families = dict.fromkeys(name for name, curve in curves if curve.names)
     parts = [
         *_gone(study),
         *_changes(study),
@@ -57,9 +57,8 @@ def _facts(study: StudyInput) -> list[tuple[str, str]]:
     subjects = dict.fromkeys(trial.subject for trial in study.trials)
     rows = [("Subjects", str(len(subjects))), ("Trials", _counted(study))]
     if len(study.conditions) > 1 or any(condition.name for condition in study.conditions):
-        rows.append(
-            ("Conditions", ", ".join(f"{_title(condition)} ({condition.trials})" for condition in study.conditions))
-        )
+        titles = (f"{_title(condition)} ({condition.trials})" for condition in study.conditions)
+        rows.append(("Conditions", ", ".join(titles)))
     return rows
 
 
@@ -154,18 +153,13 @@ def _described(study: StudyInput) -> list[Section]:
         return []
     unit = study.conditions[0].unit if study.conditions else "subjects"
     names = tuple(_title(condition) for condition in study.conditions)
-    first = [
-        described
-        for described in study.described
-        if described.quantity.startswith(("stride ", "speed", "duty", "track"))
-    ]
+    of_strides = ("stride ", "speed", "duty", "track")
+    first = [described for described in study.described if described.quantity.startswith(of_strides)]
     rest = [described for described in study.described if described not in first]
+    parts = ((first, "Strides", False), (rest, f"All {len(rest)}{' others' if first else ''}", True))
     grids = [
-        Grid(("Quantity", *names), tuple(_described_row(described) for described in part), title, folded)
-        for part, title, folded in (
-            (first, "Strides", False),
-            (rest, f"All {len(rest)}{' others' if first else ''}", True),
-        )
+        Grid(("Quantity", *names), tuple(map(_described_row, part)), title, folded)
+        for part, title, folded in parts
         if part
     ]
     each = "subjects, each the mean of its trials" if unit == "subjects" else "trials: there is one subject"
@@ -175,25 +169,19 @@ def _described(study: StudyInput) -> list[Section]:
 
 def _described_row(described: Described) -> tuple[str, ...]:
     unit = "" if described.unit == "1" else f" [{described.unit}]"
-    return (
-        f"{described.quantity}{unit}",
-        *(group_page.mean_words(words) if words[2] else "–" for words in described.conditions),
-    )
+    words = (group_page.mean_words(words) if words[2] else "–" for words in described.conditions)
+    return f"{described.quantity}{unit}", *words
 
 
 def _differences(study: StudyInput) -> list[Section]:
     """Values that differ most beside what is open, with the draws' errors in their intervals."""
     grids = []
     for pair in dict.fromkeys((difference.first, difference.second) for difference in study.differences):
-        differences = [
-            difference
-            for difference in study.differences
-            if (difference.first, difference.second) == pair and difference.high_all > difference.low_all
+        known = [
+            each for each in study.differences if (each.first, each.second) == pair and each.high_all > each.low_all
         ]
-        differences.sort(
-            key=lambda difference: -abs(difference.difference) / (difference.high_all - difference.low_all)
-        )
-        rows = tuple(_difference_row(difference) for difference in differences[:MAX_VALUES])
+        known.sort(key=lambda each: -abs(each.difference) / (each.high_all - each.low_all))
+        rows = tuple(map(_difference_row, known[:MAX_VALUES]))
         head = ("Quantity", pair[0], pair[1], "Difference", "95 %, spread alone", "95 %, with errors", "SD of errors")
         if rows:
             grids.append(Grid(head, rows, " minus ".join(pair)))
@@ -212,15 +200,8 @@ def _difference_row(difference: ValueDifference) -> tuple[str, ...]:
     unit = "" if difference.unit == "1" else f" [{difference.unit}]"
     spread = f"{number(difference.low)} to {number(difference.high)}" if np.isfinite(difference.low) else "–"
     whole = f"{number(difference.low_all)} to {number(difference.high_all)}"
-    means = (number(difference.means[0]), number(difference.means[1]))
-    return (
-        f"{difference.quantity}{unit}",
-        *means,
-        number(difference.difference),
-        spread,
-        whole,
-        number(difference.measured_sd),
-    )
+    means = (number(value) for value in (*difference.means, difference.difference))
+    return f"{difference.quantity}{unit}", *means, spread, whole, number(difference.measured_sd)
 
 
 def _family(study: StudyInput, family: str) -> Section:
@@ -256,9 +237,8 @@ def _comparison(comparison: Comparison, index: int, study: StudyInput) -> Sectio
     lead = f"Differences are {first} minus {second}. "
     if comparison.paired:
         lead += (
-            f"{len(comparison.animals[0])} subjects have both and are compared within themselves; the effect "
-            f"size is the "
-            "mean difference over the standard deviation of differences. "
+            f"{len(comparison.animals[0])} subjects have both and are compared within themselves; the effect size is "
+            "the mean difference over the standard deviation of differences. "
         )
     else:
         counts = " and ".join(str(len(animal)) for animal in comparison.animals)
@@ -283,10 +263,8 @@ def _comparison(comparison: Comparison, index: int, study: StudyInput) -> Sectio
     for family in comparison.families:
         curves, (name, unit) = group_page.different_first(comparison.family(family)), group_page.name_and_unit(family)
         different = [curve for curve in curves if curve.regions]
-        figures += [
-            Figure(group_page.difference_chart(curve, unit, comparison.names, styles))
-            for curve in different[:MAX_DIFFERENT]
-        ]
+        drawn = (group_page.difference_chart(curve, unit, comparison.names, styles) for curve in different)
+        figures += [Figure(chart) for chart in islice(drawn, MAX_DIFFERENT)]
         grids.append(group_page.curve_grid(curves, f"{name}: {len(different)} of {len(curves)} differ"))
     legend = tuple(zip(styles, comparison.names, strict=True))
     return Section(f"pair-{index + 1}", f"{first} and {second}", lead, legend, tuple(figures), tuple(grids))
@@ -309,9 +287,8 @@ def _outliers(study: StudyInput) -> list[Section]:
         rows.append((lines[0].subject, lines[0].trial, lines[0].condition, str(len(lines)), words))
     lead = (
         "Values whose modified z-score, 0.6745 (x − median) / median absolute deviation, in the trials of a condition "
-        f"is beyond "
-        f"{OUTLIER_SCORE:g}; curves by their distance to the mean of the condition. Outliers are to be inspected: "
-        "nothing is excluded because of them. All are in outliers.csv."
+        f"is beyond {OUTLIER_SCORE:g}; curves by their distance to the mean of the condition. Outliers are to be "
+        "inspected: nothing is excluded because of them. All are in outliers.csv."
     )
     grid = Grid(("Subject", "Trial", "Condition", "Values", "Most extreme"), tuple(rows), "", len(rows) > LONG)
     return [Section("outliers", "Outliers", lead, grids=(grid,))]

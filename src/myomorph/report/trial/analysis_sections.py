@@ -44,14 +44,10 @@ def center_section(prepared: Prepared, analysis: MotionAnalysis, behind: Backdro
     for path in (_path(prepared, analysis), _upright_path(analysis)):
         if path:
             figures.append(Figure(path, "medium", _path_caption(analysis) if len(figures) == 1 else SECOND_CAPTION))
-    return Section(
-        "center-of-gravity",
-        "Center of gravity",
-        " ".join(_printed(analysis, person) for person in analysis.persons),
-        tuple(motion_analysis.person_legend(analysis)) if len(analysis.persons) > 1 else (),
-        tuple(figures),
-        (_center_grid(analysis),),
-    )
+    lead = " ".join(_printed(analysis, person) for person in analysis.persons)
+    legend = tuple(motion_analysis.person_legend(analysis)) if len(analysis.persons) > 1 else ()
+    grids = (_center_grid(analysis),)
+    return Section("center-of-gravity", "Center of gravity", lead, legend, tuple(figures), grids)
 
 
 def _path(prepared: Prepared, analysis: MotionAnalysis) -> str:
@@ -64,9 +60,8 @@ def _path(prepared: Prepared, analysis: MotionAnalysis) -> str:
     start = start[np.isfinite(start).all(axis=1)]
     if not len(start):
         return ""
-    paths = _by_stage(
-        analysis, [(person.center.values[:, 1:] - start[0]) * ground.signs for person in analysis.persons]
-    )
+    moved = [(person.center.values[:, 1:] - start[0]) * ground.signs for person in analysis.persons]
+    paths = _by_stage(analysis, moved)
     far = _extent(np.concatenate([path for _, _, path in paths])).max() > 0.5
     factor, unit = (1.0, "m") if far else (1e3, "mm")
     shown = [(label, style, factor * path) for label, style, path in paths]
@@ -122,10 +117,8 @@ def _path_caption(analysis: MotionAnalysis) -> str:
     if _thin([person.center.values[:, 1:] for person in analysis.persons]):
         printed += " Each axis has its own scale."
     if len(analysis.persons) == 1 and 2 <= len(stages) <= len(ORDINAL):
-        words = ("blue", "violet", "green", "ochre")
-        printed += (
-            " Phases: " + ", ".join(f"{stage.name} {word}" for stage, word in zip(stages, words, strict=False)) + "."
-        )
+        colors = zip(stages, ("blue", "violet", "green", "ochre"), strict=False)
+        printed += f" Phases: {', '.join(f'{stage.name} {color}' for stage, color in colors)}."
     return printed
 
 
@@ -141,9 +134,8 @@ def _printed(analysis: MotionAnalysis, person: Person) -> str:
         )
     if np.isfinite(person.still):
         less = 1000 * (float(np.nanmean(person.center.values[:, 0])) - person.still)
-        printed.append(
-            f"{number(abs(less), 1.0)} mm {'below' if less < 0 else 'above'} its height at rest at the start"
-        )
+        where = "below" if less < 0 else "above"
+        printed.append(f"{number(abs(less), 1.0)} mm {where} its height at rest at the start")
     repeats = [
         f"{axis} every {number(period.period)} s ({number(period.cycles)} periods, confidence {_sure(period)})"
         for axis, period in zip(analysis.axes, person.periods, strict=True)
@@ -168,12 +160,11 @@ def _center_grid(analysis: MotionAnalysis) -> Grid:
                 continue
             name = ", ".join(word for word in (person.who.name, axis) if word)
             size = f"{number(1000 * float(np.ptp(values)))} mm", f"{number(1e6 * float(values.var()))} mm²"
-            period = (
-                (f"{number(periodicity.period)} s", number(periodicity.cycles))
-                if periodicity.periodic
-                else ("no period", "–")
-            )
-            sure = (number(periodicity.likeness), _sure(periodicity)) if np.isfinite(periodicity.period) else ("–", "–")
+            period, sure = ("no period", "–"), ("–", "–")
+            if periodicity.periodic:
+                period = (f"{number(periodicity.period)} s", number(periodicity.cycles))
+            if np.isfinite(periodicity.period):
+                sure = (number(periodicity.likeness), _sure(periodicity))
             rows.append((name, f"{number(float(values.mean()))} m", *size, *period, *sure))
     head = ("Axis", "Mean", "Range", "Variance", "Period", "Periods", "Autocorrelation after one period", "Confidence")
     return Grid(head, tuple(rows), "Center of gravity: statistics")
@@ -201,13 +192,8 @@ def score_section(prepared: Prepared, analysis: MotionAnalysis, behind: Backdrop
         legend += motion_analysis.person_legend(analysis)
     if any(_measured(prepared, person) for person in analysis.persons):
         legend.append(("emg", "EMG"))
-    return Section(
-        "analysis",
-        f"{analysis.preset.title}: pictures, contacts and muscles",
-        _lead(analysis, bool(graph)),
-        tuple(legend),
-        (Figure("".join(rows), "full"),),
-    )
+    title, figure = f"{analysis.preset.title}: pictures, contacts and muscles", Figure("".join(rows), "full")
+    return Section("analysis", title, _lead(analysis, bool(graph)), tuple(legend), (figure,))
 
 
 def _lead(analysis: MotionAnalysis, graph: bool) -> str:

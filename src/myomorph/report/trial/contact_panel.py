@@ -42,22 +42,14 @@ def contact_force_section(prepared: Prepared, behind: Backdrop, who: Sequence[Su
     floor = _floor(prepared, groups)
     if floor:
         figures.append(Figure(floor, "full"))
-    lost = [
-        (f"{number(contact.time, 0.001)} s", contact.relaxation or "none") for contact in results.contacts.infeasible
-    ]
+    lost = tuple((f"{number(each.time, 0.001)} s", each.relaxation or "none") for each in results.contacts.infeasible)
     words = f"{len(lost)} infeasible contact frames"
-    infeasible = Grid(("Time", "Smallest relaxation that is feasible"), tuple(lost), words, True)
+    infeasible = Grid(("Time", "Smallest relaxation that is feasible"), lost, words, True)
     legend = [(group.style, group.label) for group in groups] if len(blocks) == 1 else []
     if any(group.measured is not None for group in groups):
         legend.append(("measured", "measured"))
-    return Section(
-        "contact-forces",
-        "Contact forces",
-        _lead(prepared, groups),
-        tuple(legend),
-        tuple(figures),
-        tuple(grid for grid in (_grid(prepared, groups, who), infeasible) if grid.rows),
-    )
+    grids = tuple(grid for grid in (_grid(prepared, groups, who), infeasible) if grid.rows)
+    return Section("contact-forces", "Contact forces", _lead(prepared, groups), tuple(legend), tuple(figures), grids)
 
 
 def between_tracks(prepared: Prepared, behind: Backdrop, who: Sequence[Subject]) -> list[str]:
@@ -65,11 +57,10 @@ def between_tracks(prepared: Prepared, behind: Backdrop, who: Sequence[Subject])
     forces = prepared.results.contacts.forces
     if forces is None or all(site.against == GROUND for site in forces.sites):
         return []
+    groups = (group for group in groups_of(forces, None, None, who) if group.against != GROUND)
     lines = [
         Line(forces.time, np.linalg.norm(group.forces, axis=1), ORDINAL[i % len(ORDINAL)], group.label)
-        for i, group in enumerate(
-            between for between in groups_of(forces, None, None, who) if between.against != GROUND
-        )
+        for i, group in enumerate(groups)
     ]
     title = lines[0].label if len(lines) == 1 else "Forces between bodies"
     return [draw_track(behind, title, "N", lines, 66, low=0.0)]
@@ -136,9 +127,8 @@ def _components(
         lines += [Line(forces.time, group.forces @ vector, group.style, group.label) for group in groups]
         levels = _weight(prepared, block, who) if i == 0 else []
         known = prepared.results.contacts.intervals
-        open_ = [
-            _interval(prepared, group, vector) for group in groups if known is not None and group.name in known.names
-        ]
+        names_known = () if known is None else known.names
+        open_ = [_interval(prepared, group, vector) for group in groups if group.name in names_known]
         wide, upright = ((), open_) if _at_instants(prepared) else (open_, ())
         drawn = draw_track(behind, name.capitalize(), "N", lines, heights[i], bands=wide, bars=upright, levels=levels)
         rows.append(drawn)
@@ -183,9 +173,8 @@ def _marks(prepared: Prepared, behind: Backdrop) -> str:
         for contact in prepared.results.contacts.infeasible
         if behind.span[0] <= contact.time <= behind.span[1]
     ]
-    return drawing(
-        "", "Infeasible contact frames", (WIDTH, 12), text(2, 10, "infeasible", "tick end"), *marks, unit=None
-    )
+    words = text(2, 10, "infeasible", "tick end")
+    return drawing("", "Infeasible contact frames", (WIDTH, 12), words, *marks, unit=None)
 
 
 def _grid(prepared: Prepared, groups: Sequence[Group], who: Sequence[Subject]) -> Grid:

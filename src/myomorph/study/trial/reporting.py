@@ -23,7 +23,7 @@ from myomorph.model.join import join_models
 from myomorph.model.model import Model
 from myomorph.model.provenance import Provenance, Source
 from myomorph.model.surface import Surface
-from myomorph.report.page.parts import Note, PageHead, SourceFile
+from myomorph.report.page.parts import Note, PageHead, SourceFile, option_text
 from myomorph.report.page.parts import Step as PageStep
 from myomorph.report.scene.shapes import reduced
 from myomorph.report.trial.gait_page import GAIT_PAGE, gait_page
@@ -311,21 +311,12 @@ def _sources(made: Mapping[str, Provenance]) -> tuple[SourceFile, ...]:
 def _shown_step(step: str, stored: Stored) -> PageStep:
     made = stored.provenance[step]
     prefix = f"{step}."
-    options = {
-        name.removeprefix(prefix): _shown(value) for name, value in made.options.items() if name.startswith(prefix)
-    }
+    told = {name.removeprefix(prefix): value for name, value in made.options.items() if name.startswith(prefix)}
+    options = {name: option_text(value) for name, value in told.items()}
     time = made.options.get("time")
     if isinstance(time, list):
         options["time"] = f"{time[0]:g} to {time[1]:g} s"
     return PageStep(step_of(step).title, options, None, len(stored.time))
-
-
-def _shown(value: object) -> str:
-    if value is None:
-        return "none"
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def _mass_warning(mass: str, model: Model) -> list[str]:

@@ -10,7 +10,7 @@ from typing import Any
 from myomorph import __version__
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.provenance import Provenance, Source
-from myomorph.report.page.parts import Note, SourceFile
+from myomorph.report.page.parts import Note, SourceFile, option_text
 from myomorph.report.page.parts import Step as PageStep
 from myomorph.store.outcome import Outcome
 from myomorph.store.results import file_source, provenance_of, value_source
@@ -77,8 +77,10 @@ def viscosity_input(cohort: CohortInputs, reports: tuple[SpecimenReport, ...], d
     """What the report shows of a study."""
     plan, options = cohort.plan, StudyOptions.of(cohort.plan.settings)
     sources = {SourceFile(source.role, Path(source.name).name, source.sha256): None for source in cohort.sources()}
-    shown = {table: {name: _shown(value) for name, value in values.items()} for table, values in options.plain.items()}
-    steps = tuple(PageStep(table, FrozenMap(settings)) for table, settings in shown.items())
+    steps = tuple(
+        PageStep(table, FrozenMap({name: option_text(value, "chosen") for name, value in settings.items()}))
+        for table, settings in options.plain.items()
+    )
     return ViscosityInput(plan.name, reports, head_notes(plan), tuple(sources), steps, date, __version__)
 
 
@@ -97,14 +99,6 @@ def head_notes(plan: ViscosityPlan) -> tuple[Note, ...]:
     )
     parts = (("real", real), ("simulated", plan.simulated), ("assumed", assumed))
     return tuple(Note(kind, text) for kind, texts in parts for text in texts)  # type: ignore[arg-type]
-
-
-def _shown(value: object) -> str:
-    if value is None:
-        return "chosen"
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 STEP = Step(
