@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from myomorph.analysis.center_of_mass import NAMES, centroid
+from myomorph.analysis.center_of_mass import centroid
 from myomorph.model.arrays import Array
 from myomorph.model.model import GROUND, Model
 from myomorph.model.series import DEFAULT_POSE, Motion, Series
@@ -246,22 +246,7 @@ def _prefix(names: tuple[str, ...]) -> str:
 
 def centroids(model: Model, motion: Motion, who: tuple[Subject, ...]) -> tuple[Series, ...]:
     """Center of mass of every subject in ground, each a series of (frames, 3) [m]; see `centroid`."""
-    if len(who) == 1:
-        return (centroid(model, motion),)
-    tree = compile_tree(model)
-    masses = np.zeros((len(who), len(tree.arrays.mass)))
-    for i, subject in enumerate(who):
-        for body in subject.bodies:
-            masses[i, tree.body_index[body]] = tree.arrays.mass[tree.body_index[body]]
-    masses /= masses.sum(axis=1, keepdims=True)
-    coordinates = tree.coordinates_of(motion)
-    values = np.empty((len(motion), len(who), 3))
-    for start in range(0, len(motion), _CHUNK):
-        part = slice(start, start + _CHUNK)
-        poses = forward_kinematics(tree, coordinates[part])
-        centers = poses.points(np.arange(len(tree.arrays.mass)), tree.arrays.mass_center)
-        values[part] = np.einsum("sb,fbi->fsi", masses, centers)
-    return tuple(Series(motion.time, NAMES, values[:, i]) for i in range(len(who)))
+    return tuple(centroid(model, motion, subject.bodies if len(who) > 1 else ()) for subject in who)
 
 
 def standing_height(model: Model, who: Subject, up: Array) -> float:

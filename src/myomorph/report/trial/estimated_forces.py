@@ -12,7 +12,6 @@ from myomorph.analysis.selection import Subject
 from myomorph.contact.shared import group_bodies
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.contacts import ContactForces
-from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import GROUND, Model
 from myomorph.model.series import Wrenches
 from myomorph.report.page.parts import Quantity, Verdict
@@ -20,16 +19,14 @@ from myomorph.report.trial.figures import ORDINAL
 from myomorph.report.trial.report_input import ReportInput, Situation
 from myomorph.report.trial.tables import judged_residual
 
-SITUATIONS: Mapping[Situation, str] = FrozenMap(
-    {
-        "measured": "Plates measured every contact force ([D] chapter 4, first situation).",
-        "shared": "There are fewer plates than contacts: what a plate measured is shared among the sites that touch "
-        "it ([D] chapter 4, second situation).",
-        "sound": "Forces of impacts come from their sound ([D] chapter 4, third situation).",
-        "unknown": "Forces that no plate measured are solved together with the muscle tensions ([D] chapter 4, fourth "
-        "situation).",
-    }
-)
+SITUATIONS: Mapping[Situation, str] = {
+    "measured": "Plates measured every contact force ([D] chapter 4, first situation).",
+    "shared": "There are fewer plates than contacts: what a plate measured is shared among the sites that touch it "
+    "([D] chapter 4, second situation).",
+    "sound": "Forces of impacts come from their sound ([D] chapter 4, third situation).",
+    "unknown": "Forces that no plate measured are solved together with the muscle tensions ([D] chapter 4, fourth "
+    "situation).",
+}
 LOADED = 0.03
 BETWEEN = "between"
 
@@ -40,11 +37,9 @@ def situation_of(results: ReportInput) -> Situation:
         return results.contacts.situation
     if results.contacts.forces is None:
         return "measured" if results.dynamics.wrenches is not None and len(results.dynamics.wrenches.names) else ""
-    if results.contacts.touches is not None and any(
-        interval.source == "sound" for interval in results.contacts.touches.intervals
-    ):
-        return "sound"
-    return "unknown"
+    touches = results.contacts.touches
+    heard = touches is not None and any(interval.source == "sound" for interval in touches.intervals)
+    return "sound" if heard else "unknown"
 
 
 def acting_forces(results: ReportInput) -> Wrenches | None:
@@ -82,19 +77,15 @@ def _bodies(forces: ContactForces, model: Model | None) -> Mapping[str, set[str]
     """Bodies of every group of sites; with a model those a joint away too, as forces on a foot are put on any of it."""
     if model is not None:
         return group_bodies(model, forces.sites)
-    return {
-        name: {site.body for site in forces.sites if site.group == name} for name in (s.group for s in forces.sites)
-    }
+    names = {site.group for site in forces.sites}
+    return {name: {site.body for site in forces.sites if site.group == name} for name in names}
 
 
 def group_forces(forces: ContactForces) -> Wrenches:
     """One force a group of sites, at its center of pressure, whatever bodies they are on; its opposite on the other."""
-    first: dict[str, str] = {}
-    for site in forces.sites:
-        first.setdefault(site.group, site.body)
-    return replace(forces, sites=tuple(replace(site, body=first[site.group]) for site in forces.sites)).wrenches(
-        "group"
-    )
+    first = {site.group: site.body for site in reversed(forces.sites)}
+    sites = tuple(replace(site, body=first[site.group]) for site in forces.sites)
+    return replace(forces, sites=sites).wrenches("group")
 
 
 def _at(time: Array, clock: Array, values: Array) -> Array:
@@ -129,12 +120,9 @@ def groups_of(
     first = {name: forces.sites[indices[0]] for name, indices in members.items()}
     limbs = {name: limb_of(name if limb_of(name, who).side else first[name].body, who) for name in names}
     blocks = {name: limbs[name].subject if first[name].against == GROUND else BETWEEN for name in names}
-    groups = []
+    groups, bodies = [], () if measured is None else measured.bodies
     for name, member in members.items():
-        known = None
-        columns = (
-            [] if measured is None else [index for index, body in enumerate(measured.bodies) if body in near[name]]
-        )
+        known, columns = None, [index for index, body in enumerate(bodies) if body in near[name]]
         if columns and measured is not None:
             known = _at(forces.time, measured.time, np.nan_to_num(measured.forces[:, columns])).sum(axis=1)
             size = np.linalg.norm(np.nan_to_num(known), axis=1)

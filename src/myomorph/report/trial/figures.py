@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -33,22 +32,13 @@ Span = tuple[float, float]
 def marker_figures(fit: KinematicsFit, span: Span, events: Sequence[Event], scale: float) -> list[str]:
     """Marker errors over time, and per marker, against their limits [cm]."""
     limit, rms_limit = 100 * MARKER_LARGEST * scale, 100 * MARKER_RMS * scale
-    over_time = time_plot(
-        "Marker errors over time",
-        "cm",
-        [
-            Line(fit.motion.time, 100 * fit.largest, "second", "largest"),
-            Line(fit.motion.time, 100 * fit.rms, "first", "RMS"),
-        ],
-        span,
-        events,
-        [Level(limit, f"largest: {limit:.3g} cm"), Level(rms_limit, f"RMS: {rms_limit:.3g} cm")],
-        low=0.0,
-        high=105 * MARKER_LARGEST * scale,
-        width=1040,
-        height=200,
-        name_events=True,
-    )
+    lines = [
+        Line(fit.motion.time, 100 * fit.largest, "second", "largest"),
+        Line(fit.motion.time, 100 * fit.rms, "first", "RMS"),
+    ]
+    levels = [Level(limit, f"largest: {limit:.3g} cm"), Level(rms_limit, f"RMS: {rms_limit:.3g} cm")]
+    shape: dict[str, Any] = {"low": 0.0, "high": 1.05 * limit, "width": 1040, "height": 200, "name_events": True}
+    over_time = time_plot("Marker errors over time", "cm", lines, span, events, levels, **shape)
     seen = np.isfinite(fit.errors)
     squares = np.where(seen, fit.errors, 0.0) ** 2
     with np.errstate(invalid="ignore"):
@@ -62,20 +52,11 @@ def marker_figures(fit: KinematicsFit, span: Span, events: Sequence[Event], scal
     limits = [Level(rms_limit, "RMS limit"), Level(limit, "limit of the maximum")]
     peak = float(np.nanmax(largest, initial=0.0))
     columns = np.array_split(order, 2) if len(order) > MAX_COLUMN_ROWS else [order]
-    bars = [
-        bar_plot(
-            title if place == 0 else "",
-            "cm" if place == 0 else "",
-            [fit.marker_names[i] for i in part],
-            [largest[part], rms[part]],
-            ["second", "first"],
-            ["largest", "RMS"],
-            limits,
-            width=505,
-            peak=peak,
-        )
-        for place, part in enumerate(columns)
-    ]
+    styles, labels, bars = ["second", "first"], ["largest", "RMS"], []
+    for place, part in enumerate(columns):
+        words = (title, "cm") if place == 0 else ("", "")
+        names, values = [fit.marker_names[i] for i in part], [largest[part], rms[part]]
+        bars.append(bar_plot(*words, names, values, styles, labels, limits, width=505, peak=peak))
     return [over_time, *bars]
 
 
@@ -121,7 +102,6 @@ def force_figures(
 
 
 @read_only
-@dataclass(frozen=True)
 class Ground:
     """The ground seen from above: its two axes, the second turned over where they and the vertical are left-handed."""
 

@@ -112,9 +112,8 @@ def _scores(scores: GaitScores | None, norm: GaitNorm | None) -> Grid | None:
         for variable in VARIABLES[:ANGLES]
         if any((side, variable.key) in scores.profile for side in SIDES)
     ]
-    rows.append(
-        (f"Gait profile score of {scores.variables} variables", *(_words(scores.score[side]) for side in SIDES))
-    )
+    title = f"Gait profile score of {scores.variables} variables"
+    rows.append((title, *(_words(scores.score[side]) for side in SIDES)))
     rows.append(("Gait profile score, both sides", _words(scores.score["both"]), ""))
     if scores.scaled:
         rows.append(("Scaled score (GDI*), 100 ± 10", *(_words(scores.scaled[side]) for side in SIDES)))
@@ -143,19 +142,15 @@ def _notes(
                 "The norm has the marker set and angles of another laboratory: offsets of pelvis and hip by ten or "
                 "twenty degrees are definitions. Scores are of shape, and not those of the literature."
             )
-        absent = [
-            v.title for v, column in zip(VARIABLES[:ANGLES], norm.mean.T, strict=False) if not np.isfinite(column).any()
-        ]
+        known = zip(VARIABLES[:ANGLES], np.isfinite(norm.mean).any(axis=0), strict=False)
+        absent = [variable.title for variable, seen in known if not seen]
         notes += [f"The norm lacks: {'; '.join(absent)}."] if absent else []
     for side in SIDES:
-        count, whole = (
-            int(np.isfinite(curves.of(side)[:, 0, KEYS.index("knee_moment")]).sum()),
-            len(curves.strides[side]),
-        )
+        whole = len(curves.strides[side])
+        count = int(np.isfinite(curves.of(side)[:, 0, KEYS.index("knee_moment")]).sum())
         if count < whole:
-            notes.append(
-                f"{side.capitalize()}: moments of {count} of {whole} strides, those whose foot stood on a plate."
-            )
+            part = f"moments of {count} of {whole} strides"
+            notes.append(f"{side.capitalize()}: {part}, those whose foot stood on a plate.")
     if scores is not None and not scores.scaled:
         notes.append("No scaled score (GDI*): it takes a control group of five or more (--norms FOLDER).")
     head = prepared.results.head

@@ -71,10 +71,8 @@ def body_section(model: Model, identification: Identification | None, surfaces: 
     lead += f" {len(wrong)} of {count} links are not physically possible: {words}." if wrong else ""
     lead += "" if wrong else f" All {count} links are physically possible."
     frames = sum(recording.frames for recording in identification.recordings)
-    lost = tuple(
-        (reason, number(left, 1.0), f"{number(100.0 * left / frames)} %")
-        for reason, left in identification.left_out.items()
-    )
+    left_out = identification.left_out.items()
+    lost = tuple((reason, number(left, 1.0), f"{number(100.0 * left / frames)} %") for reason, left in left_out)
     grids = (
         Grid(("Reason", "Frames", "Of all"), lost, "Frames excluded"),
         Grid(("Note",), tuple((text,) for text in identification.notes), "Notes of the identification"),
@@ -167,18 +165,15 @@ def base_section(identification: Identification) -> Section:
     head = ("Base parameter", "Estimate", "Relative standard deviation", "")
     from_shape = tuple((link, ", ".join(parameters)) for link, parameters in identification.from_shape.items())
     unseen = tuple(name for name, known in zip(names, identifiable, strict=True) if not known)
+    misfit = "Residual of the base wrench in the frames used, root mean square of its norm"
     grids = [
-        tables.misfit_sheet(identification).grid(
-            "Residual of the base wrench in the frames used, root mean square of its norm"
-        ),
+        tables.misfit_sheet(identification).grid(misfit),
         Grid(COMPONENTS, (residual,), "Residual of the base parameters, root mean square"),
         Grid(head, rows, f"All {len(rows)} base parameters", True),
         Grid(("Link", "Parameters"), from_shape, "Parameters that come from the shape of the body", True),
     ]
-    for title, parameters in (
-        ("Not identifiable from this motion", unseen),
-        ("Not identifiable from any motion", base.base.never),
-    ):
+    for motion, parameters in (("this", unseen), ("any", base.base.never)):
+        title = f"Not identifiable from {motion} motion"
         grids.append(Grid((title,), tuple((name,) for name in parameters), f"{title}: {len(parameters)}", True))
     legend = (("first", "identifiable"), ("middle", "not identifiable"))
     shown = tuple(grid for grid in grids if grid.rows)

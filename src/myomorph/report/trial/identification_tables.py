@@ -12,7 +12,6 @@ from myomorph.identify.subject import GENERIC, Identification
 from myomorph.identify.validation import COMPONENTS, CrossValidation
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
-from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.inertia import PARAMETERS
 from myomorph.model.model import Model
 from myomorph.model.segments import Segment, segments_of
@@ -22,31 +21,18 @@ TRUST = ("standard deviation [kg]", "90 % interval from [kg]", "90 % interval to
 """Columns that say how sure the mass of a link in the model is."""
 
 
-ATHLETES: Mapping[str, float] = FrozenMap(
-    {
-        "Head": 6.9, "Body": 45.9, "Upper arm": 2.7, "Lower arm": 1.6, "Hand": 0.6, "Thigh": 11.0, "Shank": 5.1,
-        "Foot": 1.1, "Upper body": 30.2, "Lower body": 18.7,
-    }
-)  # fmt: skip
+ATHLETES: Mapping[str, float] = {
+    "Head": 6.9, "Body": 45.9, "Upper arm": 2.7, "Lower arm": 1.6, "Hand": 0.6, "Thigh": 11.0, "Shank": 5.1,
+    "Foot": 1.1, "Upper body": 30.2, "Lower body": 18.7,
+}  # fmt: skip
 """Percent of body mass of Japanese male athletes (Ae, Tang, Yokoi 1992), as table 3.4 of [D] prints them.
 
 "Body" is a misprint there: its two parts sum to 48.9, and only with 48.9 do all segments sum to 100.
 """
 
-_PARTS: Mapping[str, tuple[str, ...]] = FrozenMap(
-    {
-        "Head": ("head",),
-        "Body": ("upper_trunk", "lower_trunk"),
-        "Upper arm": ("upper_arm",),
-        "Lower arm": ("lower_arm",),
-        "Hand": ("hand",),
-        "Thigh": ("thigh",),
-        "Shank": ("shank",),
-        "Foot": ("foot",),
-        "Upper body": ("upper_trunk",),
-        "Lower body": ("lower_trunk",),
-    }
-)
+_PARTS: Mapping[str, tuple[str, ...]] = {name: (name.lower().replace(" ", "_"),) for name in ATHLETES} | {
+    "Body": ("upper_trunk", "lower_trunk"), "Upper body": ("upper_trunk",), "Lower body": ("lower_trunk",),
+}  # fmt: skip
 
 _SPINE = (
     ("Lumbar vertebrae", r"^(lumbar|lumber|lumb|l)[_ ]?(vertebra)?[_ ]?[1-5]$"),
@@ -58,15 +44,13 @@ _SPINE = (
 SOFT_TISSUE_HEAD = ("coordinate", "group", "alpha [s^2]", "standard deviation [s^2]")
 """Of the table of soft tissue, which `id` reads."""
 
-ERRORS: Mapping[str, str] = FrozenMap(
-    {
-        "bias": "mean error [N m, N]",
-        "mean": "mean absolute error [N m, N]",
-        "rms": "RMS error [N m, N]",
-        "peak": "largest error [N m, N]",
-        "percent": "RMS error [% of body weight, or of body weight times 1 m]",
-    }
-)
+ERRORS: Mapping[str, str] = {
+    "bias": "mean error [N m, N]",
+    "mean": "mean absolute error [N m, N]",
+    "rms": "RMS error [N m, N]",
+    "peak": "largest error [N m, N]",
+    "percent": "RMS error [% of body weight, or of body weight times 1 m]",
+}
 """Columns of `CrossValidation.table`, as files name them."""
 
 
@@ -192,10 +176,8 @@ def validation_sheet(validation: Mapping[str, CrossValidation]) -> Sheet:
 def wrench_sheet(check: CrossValidation) -> Sheet:
     """The six components over time, measured and by every method: the curves of [D] figure 3.3."""
     columns = {"measured": check.measured, **check.predicted}
-    units = ("N m",) * 3 + ("N",) * 3
-    head = [
-        f"{component} {name} [{unit}]" for name in columns for component, unit in zip(COMPONENTS, units, strict=True)
-    ]
+    rows = list(zip(COMPONENTS, ("N m",) * 3 + ("N",) * 3, strict=True))
+    head = [f"{component} {name} [{unit}]" for name in columns for component, unit in rows]
     values = np.hstack([check.time[:, None], *columns.values()])
     return Sheet(("time [s]", *head), tuple(map(tuple, values.tolist())))
 
@@ -203,15 +185,13 @@ def wrench_sheet(check: CrossValidation) -> Sheet:
 def base_sheet(identification: Identification) -> Sheet:
     """Base parameters with their standard deviations."""
     base = identification.base
+    columns = base.base.names, base.estimate.tolist(), base.relative_sd.tolist(), base.identifiable
     rows = tuple(
         (name, value, abs(value) * relative, relative, "yes" if identifiable else "no")
-        for name, value, relative, identifiable in zip(
-            base.base.names, base.estimate.tolist(), base.relative_sd.tolist(), base.identifiable, strict=True
-        )
+        for name, value, relative, identifiable in zip(*columns, strict=True)
     )
-    return Sheet(
-        ("base parameter", "estimate", "standard deviation", "relative standard deviation", "identifiable"), rows
-    )
+    head = ("base parameter", "estimate", "standard deviation", "relative standard deviation", "identifiable")
+    return Sheet(head, rows)
 
 
 def tissue_sheet(identification: Identification) -> Sheet:

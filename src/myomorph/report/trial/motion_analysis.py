@@ -78,36 +78,20 @@ def analyse(prepared: Prepared) -> MotionAnalysis | None:
     clock = _clock(prepared)
     limbs, touching = limb_states(contacts, clock, who) if contacts is not None else ((), None)
     walks = prepared.movement.kind == "gait" and _steps(limbs, touching, clock)
-    preset = (
-        preset_of(results.analysis.preset)
-        if results.analysis.preset
-        else fitting_preset(walks, sources, people, len(who) > people > 0)
-    )
+    named = results.analysis.preset
+    preset = preset_of(named) if named else fitting_preset(walks, sources, people, len(who) > people > 0)
     persons = _persons(prepared, who, results.analysis.muscles or preset.muscles)
     period = _period(persons)
     nothing = "no plate loaded" if sources == ("plates",) else "no contact"
-    cutting = cut(
-        Cuttable(prepared.span, clock, prepared.events, tuple(limb.label for limb in limbs), touching, nothing, period),
-        preset.cuts,
-        results.analysis.phases,
-    )
+    labels = tuple(limb.label for limb in limbs)
+    cuttable = Cuttable(prepared.span, clock, prepared.events, labels, touching, nothing, period)
+    cutting = cut(cuttable, preset.cuts, results.analysis.phases)
     center, muscles = (persons[0].center, persons[0].activations) if persons else (None, None)
     measures = tuple(measure(stage, center, muscles, clock, touching) for stage in cutting.stages)
     rows = _rows(muscles, clock, limbs, touching)
-    return MotionAnalysis(
-        preset,
-        bool(results.analysis.preset),
-        prepared.span,
-        tuple(axis_names(prepared.up)[1]),
-        persons,
-        contacts,
-        limbs,
-        clock,
-        touching,
-        cutting,
-        measures,
-        correlate(rows, leveled(center)) if center is not None and rows is not None and len(rows) > 1 else None,
-    )
+    related = correlate(rows, leveled(center)) if center is not None and rows is not None and len(rows) > 1 else None
+    shown = (persons, contacts, limbs, clock, touching, cutting, measures, related)
+    return MotionAnalysis(preset, bool(named), prepared.span, tuple(axis_names(prepared.up)[1]), *shown)
 
 
 def _contacts(prepared: Prepared) -> Contacts | None:
@@ -153,11 +137,8 @@ def _persons(prepared: Prepared, who: tuple[Subject, ...], wanted: tuple[str, ..
         series = Series(center.time, tuple(axis_names(prepared.up)[1]), center.values @ vectors.T)
         lowest = lowest_joint(results.model, fewer, subject, prepared.up)
         height = float(np.nanmean(series.values[:, 0])) if np.isfinite(series.values[:, 0]).any() else float("nan")
-        muscles, lacking = named_muscles(
-            [name for name in names if name in set(subject.muscles)],
-            wanted if subject.muscles else (),
-            subject.prefix,
-        )
+        known = [name for name in names if name in set(subject.muscles)]
+        muscles, lacking = named_muscles(known, wanted if subject.muscles else (), subject.prefix)
         periods = tuple(find_period(series.time, column) if len(series) > 8 else NONE for column in series.values.T)
         standing = standing_height(results.model, subject, prepared.up), height - lowest
         active = _activations(prepared, muscles)

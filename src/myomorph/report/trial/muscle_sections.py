@@ -93,15 +93,12 @@ def tension_section(prepared: Prepared) -> Section | None:
         mean = f"{number(float(np.nanmean(forces[row.name])))} N"
         rows.append((row.name, f"{number(row.high)} N", f"{number(row.high_time, 0.001)} s", mean, share, active))
     head = ("Muscle", "Maximum tension", "Time", "Mean", "Share of maximum isometric force", "Maximum activation")
-    return Section(
-        "tensions",
-        "Muscle tensions",
+    lead = (
         "Force along the tendon of every muscle, from hip to ankle on each side. In long recordings every column "
-        "shows the maximum of its frames.",
-        (),
-        (Figure(drawing, "full"),),
-        (Grid(head, tuple(rows), f"All {len(rows)} muscles, largest tension first", True),),
+        "shows the maximum of its frames."
     )
+    grid = Grid(head, tuple(rows), f"All {len(rows)} muscles, largest tension first", True)
+    return Section("tensions", "Muscle tensions", lead, (), (Figure(drawing, "full"),), (grid,))
 
 
 def emg_section(prepared: Prepared) -> Section | None:
@@ -179,15 +176,11 @@ def _first_parts(pair: Pair) -> Pair:
 def length_cycle_section(prepared: Prepared) -> Section | None:
     """Muscle-tendon lengths over the stride, right and left together."""
     analysis = prepared.lengths
-    if analysis is None:
+    if analysis is None or not analysis.ranges:
         return None
-    ranges = analysis.ranges
-    if not ranges:
-        return None
-    shown = {span.muscle for span in ranges}
-    moving = {span.muscle: span.excursion for span in ranges}
+    moving = {span.muscle: span.excursion for span in analysis.ranges}
     most = np.array([moving.get(name, 0.0) for name in analysis.muscles])
-    chosen = [pair for pair in major_muscles(analysis.muscles, most) if shown & set(pair.names)]
+    chosen = [pair for pair in major_muscles(analysis.muscles, most) if moving.keys() & set(pair.names)]
     figures = tuple(Figure(stride_chart(analysis, pair)) for pair in chosen)
     counts = ", ".join(f"{len(stride)} of {limb}" for limb, stride in analysis.strides.items())
     lead = (
@@ -196,7 +189,7 @@ def length_cycle_section(prepared: Prepared) -> Section | None:
         "95 % interval of their mean. Velocities in the table are means of each stride's maximum, in optimal fiber "
         "lengths a second; 'standing' is the model's default pose."
     )
-    rows = tuple(range_row(span) for span in ranges)
+    rows = tuple(map(range_row, analysis.ranges))
     grid = Grid(RANGE_HEAD, rows, f"All {len(rows)} muscles over a stride", True)
     return Section("length_cycles", "Muscle lengths over the stride", lead, SIDES_LEGEND, figures, (grid,))
 
@@ -285,9 +278,8 @@ def _rigid_grids(tension: ShownTension, fibers: Fibers) -> tuple[Grid, ...]:
     rows = []
     for unreachable in fibers.unreachable:
         why = "path shorter than the slack tendon" if unreachable.worst <= 0.0 else "fibers too long"
-        rows.append(
-            (unreachable.muscle, f"{number(tension.time[unreachable.frame], 0.001)} s", number(unreachable.worst), why)
-        )
+        start = f"{number(tension.time[unreachable.frame], 0.001)} s"
+        rows.append((unreachable.muscle, start, number(unreachable.worst), why))
     cannot = {unreachable.muscle for unreachable in fibers.unreachable}
     rows += [(name, "", "", "rigid in the model, or without curves") for name in fibers.rigid if name not in cannot]
     return (Grid(RIGID_HEAD, tuple(rows), "Muscles on rigid tendons", len(rows) > 12),) if rows else ()
