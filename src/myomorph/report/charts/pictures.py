@@ -57,7 +57,7 @@ def picture_strip(scene: Scene, behind: Backdrop, view: str = "oblique") -> str:
     middles = pictures_beside(at, wide / OVERLAP, LEFT, WIDTH - RIGHT)
     for i, (picture, middle) in enumerate(zip(drawn, middles, strict=True)):
         time = number(float(scene.time[i]), 0.01)
-        parts.append(image(data_uri(picture.image), middle - wide / 2, 0.0, wide, tall, f"The body at {time} s"))
+        parts.append(image(picture.address, middle - wide / 2, 0.0, wide, tall, f"The body at {time} s"))
         parts.append(mark("path", "zero", d=f"M{middle:.1f} {height - 7:.1f}L{at[i]:.1f} {height:.1f}"))
         parts.append(text(middle, height - 10, f"{time} s", "tick x"))
     return drawing("strip-row", f"The body at {count} instants", (WIDTH, round(height, 1)), *parts, unit=None)
@@ -103,7 +103,7 @@ def picture_row(
     parts, x = [], 0.5 * gap
     for i, picture in enumerate(drawn):
         w, h = shrink * picture.width, shrink * picture.height
-        parts.append(image(data_uri(picture.image), x, top + 0.5 * (shrink * tall - h), w, h))
+        parts.append(image(picture.address, x, top + 0.5 * (shrink * tall - h), w, h))
         parts.append(text(x + w / 2, bottom + 14, labels[i], "tick x") if labels else "")
         x += w + gap
     if palette is not None:

@@ -21,8 +21,6 @@ from myomorph.report.morph.figures import arm_figure, body_figure, bone_figures,
 from myomorph.report.page.page import Tile, rendered
 from myomorph.report.page.parts import Figure, Grid, Note, PageHead, Section, Step, cited, option_text
 
-__all__ = ["morph_page"]
-
 SOURCES = (
     "morphing", "umeyama1991", "shepard1968", "lewis2000", "carr2001", "amberg2007", "modenese2016", "barill2018",
     "pellikaan2014",

@@ -12,20 +12,18 @@ from jinja2 import Environment, StrictUndefined
 
 from myomorph.report.charts.axis import number
 from myomorph.report.page.parts import Link, PageHead, Reference, Section, State, Verdict
+from myomorph.report.scene.pictures import Picture
 
 _KINDS = {"real": "Measured", "assumed": "Assumed", "simulated": "Simulated", "warning": "Note"}
 
 
 @dataclass(frozen=True)
 class Instant:
-    """A picture of the body at one time: label and PNG addresses from the side and the front."""
+    """The body at one time: label and pictures from the side and the front."""
 
     label: str
-    side: str
-    front: str
-    width: int
-    front_width: int
-    height: int
+    side: Picture
+    front: Picture
 
 
 @dataclass(frozen=True)

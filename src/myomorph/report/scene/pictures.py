@@ -13,7 +13,7 @@ import numpy as np
 
 from myomorph.model.arrays import Array
 from myomorph.model.frozen_map import FrozenMap
-from myomorph.report.scene.image import ACTIVATION, activation_color, base64_text, png
+from myomorph.report.scene.image import ACTIVATION, activation_color, base64_text, data_uri, png
 from myomorph.report.scene.raster import Canvas, View
 from myomorph.report.scene.scene import Scene
 from myomorph.report.scene.shapes import box_corners, normals, reduced
@@ -37,6 +37,11 @@ class Picture:
     # width, height: of it [pixels]
     width: int
     height: int
+
+    @property
+    def address(self) -> str:
+        """The image as an address that needs no file."""
+        return data_uri(self.image)
 
 
 def pictures(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
@@ -24,20 +25,15 @@ def personalized_page(head: PageHead, person: Personalized) -> str:
     """The page as HTML text."""
     sections = []
     if person.before.any():
-        figure = Figure(
-            fiber_ranges(person.model.muscle_names, person.before, person.after),
-            "full",
+        caption = (
             "Normalized fiber lengths over the recordings, tendons at slack length: above of the generic muscle, "
-            "below of the person's. The shaded range is that expected of a recording.",
+            "below of the person's. The shaded range is that expected of a recording."
         )
-        sections.append(
-            Section("fibers", "Fiber lengths", "", (("second", "generic"), ("first", "person")), figures=(figure,))
-        )
-    sections.append(
-        Section(
-            "parameters", "Parameters", ". ".join(personal_lines(person)) + ".", grids=tuple(_grids(person.estimates))
-        )
-    )
+        figure = Figure(fiber_ranges(person.model.muscle_names, person.before, person.after), "full", caption)
+        legend = (("second", "generic"), ("first", "person"))
+        sections.append(Section("fibers", "Fiber lengths", "", legend, (figure,)))
+    lead, grids = ". ".join(personal_lines(person)) + ".", tuple(_grids(person.estimates))
+    sections.append(Section("parameters", "Parameters", lead, grids=grids))
     return rendered(head, sections, ())
 
 
@@ -78,10 +74,8 @@ def _grids(estimates: Sequence[Estimate]) -> list[Grid]:
             remark = "generic kept" if row.kept else f"at its {row.bound} bound" if row.bound else ""
             values = (f"{row.generic:.{places}f}", f"{row.person:.{places}f}")
             shown.append((row.of, *values, span, row.identifiable, remark))
-        unit = " [m]" if parameter in PLACES else ""
-        grids.append(
-            Grid(head, tuple(shown), f"{parameter.replace('_', ' ').capitalize()}{unit}", folded=len(shown) > 12)
-        )
+        title = parameter.replace("_", " ").capitalize() + (" [m]" if parameter in PLACES else "")
+        grids.append(Grid(head, tuple(shown), title, folded=len(shown) > 12))
     return grids
 
 
@@ -91,9 +85,8 @@ def personal_lines(personalized: Personalized) -> list[str]:
     if personalized.mapped is not None:
         before, after = (float(np.nanmax(values)) for values in (personalized.mapped.before, personalized.mapped.after))
         lines.append(
-            f"{len(personalized.mapped.muscles)} muscles mapped from the generic model: normalized fiber "
-            f"lengths differ by at "
-            f"most {after:.3f} (root mean square over poses; {before:.3f} before)"
+            f"{len(personalized.mapped.muscles)} muscles mapped from the generic model: normalized fiber lengths "
+            f"differ by at most {after:.3f} (root mean square over poses; {before:.3f} before)"
         )
     if personalized.recordings:
         lines.append(
@@ -112,10 +105,8 @@ def personal_lines(personalized: Personalized) -> list[str]:
         )
     elif personalized.recordings:
         lines.append("nothing was held out: whether these muscles are better than generic ones is not known")
-    lines += [
-        line for line in (_torque_line(personalized), _parameter_line(personalized), _fiber_line(personalized)) if line
-    ]
-    return lines
+    further = (_torque_line(personalized), _parameter_line(personalized), _fiber_line(personalized))
+    return [*lines, *(line for line in further if line)]
 
 
 def _torque_line(personalized: Personalized) -> str:
@@ -134,13 +125,8 @@ def _parameter_line(personalized: Personalized) -> str:
     """How many parameters the recordings show, and which end at what is physiological."""
     if not personalized.recordings:
         return ""
-    counts = {
-        kind: sum(estimate.identifiable == kind for estimate in personalized.estimates)
-        for kind in ("yes", "partly", "no")
-    }
-    bound = [
-        f"{estimate.of} {estimate.parameter.replace('_', ' ')}" for estimate in personalized.estimates if estimate.bound
-    ]
+    counts = Counter(estimate.identifiable for estimate in personalized.estimates)
+    bound = [f"{each.of} {each.parameter.replace('_', ' ')}" for each in personalized.estimates if each.bound]
     ends = "none at a physiological limit"
     if bound:
         ends = f"{len(bound)} at a physiological limit ({few(bound, 2)})"

@@ -75,16 +75,11 @@ class Prepared:
     @cached_property
     def strides(self) -> Strides | None:
         """Of the motion, None where it is no walk."""
-        model, motion = self.results.model, self.results.kinematics.motion
-        if model is None or motion is None:
+        model, kinematics, events = self.results.model, self.results.kinematics, self.results.recorded.events or ()
+        if model is None or kinematics.motion is None:
             return None
-        return walking_strides(
-            model,
-            motion,
-            self.results.kinematics.fit,
-            wrenches=self.results.dynamics.wrenches,
-            events=self.results.recorded.events or (),
-        )
+        wrenches = self.results.dynamics.wrenches
+        return walking_strides(model, kinematics.motion, kinematics.fit, wrenches=wrenches, events=events)
 
     @cached_property
     def gait(self) -> GaitCurves | None:
@@ -98,13 +93,8 @@ class Prepared:
     @cached_property
     def lengths(self) -> LengthAnalysis | None:
         """Muscle lengths over the strides of a walk; None where lengths, feet or strides are not there."""
-        model, muscles = self.results.model, self.results.muscles
-        if (
-            model is None
-            or muscles.lengths is None
-            or self.results.analysis.preset not in GAITS
-            or self.strides is None
-        ):
+        model, muscles, preset = self.results.model, self.results.muscles, self.results.analysis.preset
+        if model is None or muscles.lengths is None or preset not in GAITS or self.strides is None:
             return None
         return length_analysis(model, muscles.lengths, self.strides, muscles.velocities)
 
@@ -139,9 +129,8 @@ def prepare(results: ReportInput) -> Prepared:
         movement = find_movement(pressing, up, whole, com)
     if results.recorded.events is not None:
         kind = movement.kind if not results.recorded.events else movement.kind or "movement"
-        movement = Movement(
-            kind, tuple(sorted(results.recorded.events, key=lambda event: event.time)), movement.measures
-        )
+        events = tuple(sorted(results.recorded.events, key=lambda event: event.time))
+        movement = Movement(kind, events, movement.measures)
     scale = tables.body_scale(results.kinematics.markers)
     prepared = Prepared(results, up, span, movement, com, _floor(results, up), whole, scale, ())
     return replace(prepared, verdicts=tuple(_verdicts(prepared)))

@@ -131,11 +131,12 @@ def correlation_section(analysis: MotionAnalysis) -> Section | None:
     table = []
     for label, sides in rows.items():
         order = ("right", "left") if set(sides) & {"right", "left"} else ("",)
+        rows_of = [sides.get(side) for side in order]
         cells = [
-            tuple(_cell(correlations, sides[side], column) if side in sides else None for side in order)
+            tuple(None if row is None else _cell(correlations, row, column) for row in rows_of)
             for column in range(len(correlations.columns))
         ]
-        table.append((label, tuple(cells)))
+        table.append((label, cells))
     count, total = int(correlations.significant.sum()), int(np.isfinite(correlations.values).sum())
     lead = "Correlation of contacts and activations with the detrended center of gravity. " + (
         f"{count} of {total} pairs are significant and colored: autocorrelated samples are not counted as "

@@ -74,13 +74,10 @@ def marker_section(prepared: Prepared) -> Section | None:
         text += f"; recorded, but not in the model: {few(fit.unused_markers, 8)}"
     if fit.missing_markers:
         text += f"; in the model, but not recorded: {few(fit.missing_markers, 8)}"
-    return Section(
-        "markers",
-        "Marker errors",
-        text + ". The error is the distance between a recorded marker and the same marker on the model.",
-        (("first", "RMS"), ("second", "largest"), ("limit", "limit")),
-        (Figure(over_time, "full"), *(Figure(bar, "medium") for bar in bars)),
-    )
+    text += ". The error is the distance between a recorded marker and the same marker on the model."
+    legend = (("first", "RMS"), ("second", "largest"), ("limit", "limit"))
+    figures = (Figure(over_time, "full"), *(Figure(bar, "medium") for bar in bars))
+    return Section("markers", "Marker errors", text, legend, figures)
 
 
 def force_section(prepared: Prepared) -> Section | None:
@@ -108,10 +105,8 @@ def force_section(prepared: Prepared) -> Section | None:
         return None
     grids: tuple[Grid, ...] = ()
     if prepared.movement.measures:
-        rows = tuple(
-            (measure.name, f"{number(measure.value)} {measure.unit}", measure.source)
-            for measure in prepared.movement.measures
-        )
+        measures = prepared.movement.measures
+        rows = tuple((each.name, f"{number(each.value)} {each.unit}", each.source) for each in measures)
         grids = (Grid(("Measure", "Value", "From"), rows, "The movement in numbers"),)
     title = "Ground forces and center of mass" if wrenches is not None else "Center of mass"
     legend: tuple[tuple[str, str], ...] = ()
@@ -125,11 +120,7 @@ def joint_section(prepared: Prepared) -> Section | None:
     results, motion = prepared.results, prepared.results.kinematics.motion
     if motion is None or not len(motion) or results.model is None:
         return None
-    ranges = {
-        name: float(np.nanmax(column) - np.nanmin(column))
-        for name, column in zip(motion.names, motion.values.T, strict=True)
-        if np.isfinite(column).any()
-    }
+    ranges = {extreme.name: extreme.high - extreme.low for extreme in extremes(motion)}
     chosen = coordinate_pairs(results.model, ranges)
     if not chosen:
         return None

@@ -269,11 +269,8 @@ def _fastest(model: Model, time: Array, velocities: Array) -> str:
     share = float(shares[frame, column])
     with np.errstate(invalid="ignore"):
         over = np.any(shares >= 1.0, axis=0)
-    verdict = (
-        "below it"
-        if not over.any()
-        else f"{few(itertools.compress(model.muscle_names, over), MAX_NAMED)} too fast to pull"
-    )
+    fast = few(itertools.compress(model.muscle_names, over), MAX_NAMED)
+    verdict = f"{fast} too fast to pull" if over.any() else "below it"
     return (
         f"fastest shortening {plain(100 * share)} % of the greatest velocity ({model.muscle_names[column]} at "
         f"{time[frame]:.2f} s): {verdict}"

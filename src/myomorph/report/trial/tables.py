@@ -54,13 +54,12 @@ def marker_verdicts(fit: KinematicsFit, scale: float = 1.0) -> list[Verdict]:
     when, who = np.unravel_index(int(np.nanargmax(fit.errors)), fit.errors.shape)
     detail = f"{100 * float(np.sqrt(np.nanmean(fit.errors**2))):.2f} cm over all frames"
     detail += "" if scale == 1.0 else f"; the limit of human size times {scale:.3f}, the size of this body"
-    value, largest = float(rms[frame]), 100 * float(fit.errors[when, who])
-    limit, at = 100 * MARKER_LARGEST * scale, float(time[when])
+    values = float(rms[frame]), 100 * float(fit.errors[when, who])
+    limits = 100 * MARKER_RMS * scale, 100 * MARKER_LARGEST * scale
+    first, at = float(time[frame]), float(time[when])
     rows = [
-        Verdict(
-            Quantity.MARKER_RMS, value, "cm", 100 * MARKER_RMS * scale, "all markers", float(time[frame]), HICKS, detail
-        ),
-        Verdict(Quantity.MARKER_LARGEST, largest, "cm", limit, fit.marker_names[who], at, HICKS),
+        Verdict(Quantity.MARKER_RMS, values[0], "cm", limits[0], "all markers", first, HICKS, detail),
+        Verdict(Quantity.MARKER_LARGEST, values[1], "cm", limits[1], fit.marker_names[who], at, HICKS),
         _counted(Quantity.NOT_CONVERGED, fit.seen & ~np.asarray(fit.converged, dtype=bool), time),
     ]
     if fit.closure is not None:
@@ -217,10 +216,8 @@ def reserve_verdicts(
         if not worst.own:
             unit = f"% of {worst.scale:.3g} {size}"
             detail += f", which is negligible: held against {100 * NEGLIGIBLE:g} % of the largest joint torque"
-        at = float(time[worst.frame])
-        rows.append(
-            Verdict(Quantity.RESERVES, 100 * worst.share, unit, 100 * RESERVE, worst.coordinate, at, CHECKLIST, detail)
-        )
+        sizes, at = (100 * worst.share, unit, 100 * RESERVE), float(time[worst.frame])
+        rows.append(Verdict(Quantity.RESERVES, *sizes, worst.coordinate, at, CHECKLIST, detail))
     root = {name for group in root_coordinates(model) for name in group}
     unmoved = [name for name in names if driven and name in torques.names and name not in (*root, *driven)]
     undriven = list(dict.fromkeys(unmoved))

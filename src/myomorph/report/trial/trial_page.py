@@ -8,17 +8,14 @@ from myomorph.model.series import Motion
 from myomorph.report.charts.axis import number
 from myomorph.report.charts.pictures import nearest_frames
 from myomorph.report.page.page import Instant, Tile, rendered
-from myomorph.report.page.parts import Link, Note, Quantity, SourceFile, Step, references
-from myomorph.report.scene.image import data_uri
+from myomorph.report.page.parts import Link, Quantity, references
 from myomorph.report.scene.pictures import frames_to_play, pictures, player, proportion
 from myomorph.report.scene.scene import make_scene
 from myomorph.report.trial.estimated_forces import acting_forces
 from myomorph.report.trial.gait_page import GAIT_PAGE
 from myomorph.report.trial.prepared import Prepared, prepare
-from myomorph.report.trial.report_input import ReportInput, Truth
+from myomorph.report.trial.report_input import ReportInput
 from myomorph.report.trial.sections import sections
-
-__all__ = ["Note", "ReportInput", "SourceFile", "Step", "Truth", "report_page"]
 
 KEY_INSTANTS, FEW_INSTANTS = 6, 3
 WIDE = 1.2
@@ -38,17 +35,18 @@ def prepared_page(prepared: Prepared) -> str:
     parts, missing = sections(prepared)
     instants, motion = _body(prepared)
     forces = "ground" if results.contacts.forces is None else "estimated contact"
+    sources = references(
+        results.kinematics.fit is not None,
+        results.dynamics.torques is not None,
+        results.tension is not None,
+        prepared.movement.kind == "jump",
+        results.identification is not None,
+        any(part.key == "analysis" for part in parts),
+    )
     return rendered(
         results.head,
         parts,
-        references(
-            results.kinematics.fit is not None,
-            results.dynamics.torques is not None,
-            results.tension is not None,
-            prepared.movement.kind == "jump",
-            results.identification is not None,
-            any(part.key == "analysis" for part in parts),
-        ),
+        sources,
         facts=_facts(prepared),
         tiles=_tiles(prepared),
         verdicts=prepared.verdicts,
@@ -136,16 +134,11 @@ def _body(prepared: Prepared) -> tuple[list[Instant], str]:
         chosen = chosen[:: -(-len(chosen) // FEW_INSTANTS)]
         still = make_scene(results.model, motion, [frame for frame, _ in chosen], results.surfaces, activations, forces)
     drawn = pictures(still)
+    sides, fronts = drawn[: len(chosen)], drawn[len(chosen) :]
     instants = []
-    for i, (frame, label) in enumerate(chosen):
-        side, front = (
-            next(picture for picture in drawn if picture.frame == i and picture.view == view)
-            for view in ("side", "front")
-        )
+    for (frame, label), side, front in zip(chosen, sides, fronts, strict=True):
         text = ", ".join(word for word in (label, f"{number(float(motion.time[frame]), 0.001)} s") if word)
-        instants.append(
-            Instant(text, data_uri(side.image), data_uri(front.image), side.width, front.width, side.height)
-        )
+        instants.append(Instant(text, side, front))
     points = sum(len(muscle.path.points) for muscle in results.model.muscles)
     count = frames_to_play(len(good), points, len(results.model.bodies))
     first, last = np.searchsorted(motion.time[good], prepared.played)
