@@ -59,8 +59,7 @@ def extremes(series: Series, factors: Mapping[str, float] | None = None) -> list
     for i, name in enumerate(series.names):
         values = series.values[:, i] * (factors or {}).get(name, 1.0)
         if np.isfinite(values).any():
-            a, b = int(np.nanargmin(values)), int(np.nanargmax(values))
-            rows.append(
-                ExtremesRow(name, float(values[a]), float(series.time[a]), float(values[b]), float(series.time[b]))
-            )
+            ends = int(np.nanargmin(values)), int(np.nanargmax(values))
+            low, high = ((float(values[at]), float(series.time[at])) for at in ends)
+            rows.append(ExtremesRow(name, *low, *high))
     return rows

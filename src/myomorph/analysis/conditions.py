@@ -41,14 +41,12 @@ class Condition:
     curves: Mapping[str, MeanCurves]  # by family
 
 
-def mean_curves(
-    names: Sequence[str], count: Array, mean: Array, squares: Array, confidence: float = 0.95
-) -> MeanCurves:
+def mean_curves(names: Sequence[str], count: Array, mean: Array, squares: Array) -> MeanCurves:
     """Curves from their number, mean and sum of squared deviations, each (samples, names)."""
     some = count > 0
     freedom = np.maximum(count - 1.0, 1.0)
     deviation = np.where(count > 1, np.sqrt(squares / freedom), np.nan)
-    half = student_quantile(freedom, 0.5 + 0.5 * confidence) * deviation / np.sqrt(np.maximum(count, 1.0))
+    half = student_quantile(freedom, 0.975) * deviation / np.sqrt(np.maximum(count, 1.0))
     mean = np.where(some, mean, np.nan)
     return MeanCurves(tuple(names), mean, deviation, mean - half, mean + half, count)
 
@@ -76,12 +74,10 @@ def _compared(first: Group, second: Group, options: GroupOptions) -> Comparison:
     shared = {animal.name for animal in first.animals} & {animal.name for animal in second.animals}
     if not shared:
         return compare_groups(first, second, options)
-    alone = [
-        Group(group.name, tuple(each for each in group.animals if each.name not in shared)) for group in (first, second)
-    ]
-    if len(shared) >= MIN_SUBJECTS or min(len(group.animals) for group in alone) < MIN_SUBJECTS:
+    alone = [tuple(each for each in group.animals if each.name not in shared) for group in (first, second)]
+    if len(shared) >= MIN_SUBJECTS or min(map(len, alone)) < MIN_SUBJECTS:
         return compare_paired(first, second, options)
-    comparison = compare_groups(alone[0], alone[1], options)
+    comparison = compare_groups(Group(first.name, alone[0]), Group(second.name, alone[1]), options)
     note = f"in both conditions, too few to be compared within subjects, and left out: {', '.join(sorted(shared))}"
     return replace(comparison, notes=(*comparison.notes, note))
 

@@ -75,9 +75,8 @@ def measured_contacts(wrenches: Wrenches, up: Array, weight: float | None) -> Co
     if scale > 0.0 and len(wrenches) > 2:
         for column, site in enumerate(names):
             intervals = contacts(wrenches.time, vertical[:, column], THRESHOLD * scale, SHORTEST_CONTACT)
-            touches += [
-                Touch(site, float(wrenches.time[i]), float(wrenches.time[j]), source="plates") for i, j in intervals
-            ]
+            ends = wrenches.time[np.array(intervals, int).reshape(-1, 2)].tolist()
+            touches += [Touch(site, start, stop, source="plates") for start, stop in ends]
     return Contacts(tuple(dict.fromkeys(names)), tuple(touches))
 
 
@@ -86,10 +85,9 @@ def solved_contacts(forces: ContactForces) -> Contacts:
     touches = []
     for index, site in enumerate(forces.sites):
         for start, stop in runs(forces.activations[:, index] > 0.0):
-            sure = float(forces.activations[start:stop, index].max())
-            touches.append(
-                Touch(site.name, float(forces.time[start]), float(forces.time[stop - 1]), site.against, min(sure, 1.0))
-            )
+            sure = min(float(forces.activations[start:stop, index].max()), 1.0)
+            ends = float(forces.time[start]), float(forces.time[stop - 1])
+            touches.append(Touch(site.name, *ends, site.against, sure))
     return Contacts(forces.names, tuple(touches))
 
 
@@ -100,11 +98,8 @@ def graph_rows(contacts: Contacts, who: Sequence[Subject] = ()) -> tuple[Row, ..
         struck = touch.surface != GROUND and is_stroke(touch)
         key = ("", touch.surface) if struck else (touch.site, touch.surface)
         rows.setdefault(key, []).append(touch)
-    for site in contacts.sites:
-        if not any(key[0] == site for key in rows) and not any(
-            interval.site == site for interval in contacts.intervals
-        ):
-            rows[(site, GROUND)] = []
+    touched = {touch.site for touch in contacts.intervals}
+    rows |= {(site, GROUND): [] for site in contacts.sites if site not in touched}
     limb_rows: list[tuple[Limb, int, Row]] = []
     for (site, surface), touches in rows.items():
         limb = limb_of(site, who) if site else Limb("", "", "")

@@ -62,31 +62,25 @@ VARIABLES: tuple[GaitVariable, ...] = (
 KEYS: tuple[str, ...] = tuple(variable.key for variable in VARIABLES)
 ANGLES = 9  # The first ones, which scores are of
 
-SPELLINGS: Mapping[str, tuple[str, ...]] = FrozenMap(
-    {
-        "hip_flexion": ("hip_flexion",),
-        "hip_adduction": ("hip_adduction",),
-        "hip_rotation": ("hip_rotation",),
-        "knee_flexion": ("knee_angle", "knee_flexion"),
-        "ankle_dorsiflexion": ("ankle_angle", "ankle_flexion"),
-    }
-)
+SPELLINGS: Mapping[str, tuple[str, ...]] = {
+    "hip_flexion": ("hip_flexion",),
+    "hip_adduction": ("hip_adduction",),
+    "hip_rotation": ("hip_rotation",),
+    "knee_flexion": ("knee_angle", "knee_flexion"),
+    "ankle_dorsiflexion": ("ankle_angle", "ankle_flexion"),
+}
 """Coordinates of each joint angle, as models of the OpenSim family spell them."""
-POWERS: Mapping[str, tuple[str, ...]] = FrozenMap(
-    {
-        "hip_power": ("hip_flexion", "hip_adduction", "hip_rotation"),
-        "knee_power": ("knee_flexion",),
-        "ankle_power": ("ankle_dorsiflexion",),
-    }
-)
-MOMENTS: Mapping[str, str] = FrozenMap(
-    {
-        "hip_moment": "hip_flexion",
-        "knee_moment": "knee_flexion",
-        "ankle_moment": "ankle_dorsiflexion",
-        "hip_abduction_moment": "hip_adduction",
-    }
-)
+POWERS: Mapping[str, tuple[str, ...]] = {
+    "hip_power": ("hip_flexion", "hip_adduction", "hip_rotation"),
+    "knee_power": ("knee_flexion",),
+    "ankle_power": ("ankle_dorsiflexion",),
+}
+MOMENTS: Mapping[str, str] = {
+    "hip_moment": "hip_flexion",
+    "knee_moment": "knee_flexion",
+    "ankle_moment": "ankle_dorsiflexion",
+    "hip_abduction_moment": "hip_adduction",
+}
 """Moments against the angle of each, and angles whose moments do the work of a joint."""
 
 
@@ -128,9 +122,8 @@ def gait_curves(
     `wrenches`: on the feet; a stride whose foot did not stand on plates has angles alone.
     """
     limbs = {split_side(limb)[1]: limb for limb in strides.strikes}
-    if set(limbs) != set(SIDES) or not all(
-        _coordinate(model, key, side) for side in SIDES for key in ("hip_flexion", "knee_flexion")
-    ):
+    wanted = [_coordinate(model, key, side) for side in SIDES for key in ("hip_flexion", "knee_flexion")]
+    if set(limbs) != set(SIDES) or not all(wanted):
         return None
     body = _Body.of(model, motion, limbs)
     cycles = {}
@@ -148,9 +141,8 @@ def gait_curves(
 
 def _coordinate(model: Model, key: str, side: str) -> str:
     """Name of a joint angle's coordinate, "" where the model has none."""
-    return next(
-        (name for name in model.coordinate_names if split_side(name) in ((base, side) for base in SPELLINGS[key])), ""
-    )
+    spellings = [(base, side) for base in SPELLINGS[key]]
+    return next((name for name in model.coordinate_names if split_side(name) in spellings), "")
 
 
 def _sign(model: Model, key: str, name: str) -> float:

@@ -8,23 +8,20 @@ import numpy as np
 
 from myomorph.analysis.cycles import band
 from myomorph.analysis.strides import Stride, Strides
-from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.provenance import Estimate
 from myomorph.model.sides import split_side
 
-UNITS: Mapping[str, str] = FrozenMap(
-    {
-        "Walking speed": "m/s",
-        "Cadence": "steps/min",
-        "Stride time": "s",
-        "Step time": "s",
-        "Stride length": "m",
-        "Step length": "m",
-        "Step width": "m",
-        "Stance": "% of the stride",
-        "Double support": "% of the stride",
-    }
-)
+UNITS: Mapping[str, str] = {
+    "Walking speed": "m/s",
+    "Cadence": "steps/min",
+    "Stride time": "s",
+    "Step time": "s",
+    "Stride length": "m",
+    "Step length": "m",
+    "Step width": "m",
+    "Stance": "% of the stride",
+    "Double support": "% of the stride",
+}
 LEVEL = 0.9
 
 

@@ -145,8 +145,5 @@ def _estimate(strides: Array, drawn: Array | None) -> Estimate:
 
 def _scaled(score: Estimate, log_scores: tuple[float, float]) -> Estimate:
     """100 less ten standard deviations of the logarithm; a low score is a high index."""
-    mean, deviation = log_scores
-    value, high, low = (
-        100.0 - 10.0 * (np.log(each) - mean) / deviation for each in (score.value, score.low, score.high)
-    )
-    return Estimate(float(value), float(low), float(high))
+    logs = (np.log((score.value, score.high, score.low)) - log_scores[0]) / log_scores[1]
+    return Estimate(*(100.0 - 10.0 * logs).tolist())

@@ -12,17 +12,8 @@ from math import comb
 import numpy as np
 from scipy.special import stdtrit as student_quantile
 
+from myomorph.analysis import permutations
 from myomorph.analysis.cycles import Band, Cycles, band
-from myomorph.analysis.permutations import (
-    MIN_SUBJECTS,
-    benjamini_hochberg,
-    g_curve_interval,
-    g_interval,
-    hedges_g,
-    holm,
-    p_floor,
-    permutation_test,
-)
 from myomorph.model.arrays import Array, read_only, runs
 from myomorph.model.errors import BadData
 from myomorph.model.frozen_map import FrozenMap
@@ -171,10 +162,8 @@ def compare_groups(first: Group, second: Group, options: GroupOptions | None = N
     if both:
         raise BadData(f"'{min(both)}' is in both groups")
     n, m = len(first.animals), len(second.animals)
-    few = f"groups of {n} and {m} are described, not tested: a test needs {MIN_SUBJECTS} or more in each"
-    blunt = (
-        f"groups of {n} and {m} cannot reach a p below {{:.3g}}: no difference can be called so at {options.alpha:g}"
-    )
+    few = f"groups of {n} and {m} are described, not tested: a test needs {permutations.MIN_SUBJECTS} or more in each"
+    blunt = f"groups of {n} and {m} cannot reach a p below {{:.3g}}: no difference can be called so at {{:.3g}}"
     return _compared(first, second, options, (n, m), (few, blunt))
 
 
@@ -194,11 +183,9 @@ def compare_paired(first: Group, second: Group, options: GroupOptions | None = N
     alone = [animal.name for animal in (*first.animals, *second.animals) if animal.name not in both]
     notes = [f"without '{first.name}' or without '{second.name}', and left out: {', '.join(alone)}"] if alone else []
     n = len(pairs)
-    few = f"{n} subjects with both are described, not tested: a test needs {MIN_SUBJECTS} or more"
-    blunt = f"{n} subjects cannot reach a p below {{:.3g}}: no difference can be called so at {options.alpha:.3g}"
-    former, other = (
-        Group(group.name, animals) for group, animals in zip((first, second), zip(*pairs, strict=True), strict=True)
-    )
+    few = f"{n} subjects with both are described, not tested: a test needs {permutations.MIN_SUBJECTS} or more"
+    blunt = f"{n} subjects cannot reach a p below {{:.3g}}: no difference can be called so at {{:.3g}}"
+    former, other = (Group(*part) for part in zip((first.name, second.name), zip(*pairs, strict=True), strict=True))
     return _compared(former, other, options, (n,), (few, blunt), notes)
 
 
@@ -207,26 +194,16 @@ def _compared(
     notes: Sequence[str] = (),
 ) -> Comparison:  # fmt: skip
     """Two groups, or pairs in one order, of `sizes`; `words` where they are too few to be tested, or to be called."""
-    tested, paired = min(sizes) >= MIN_SUBJECTS, len(sizes) == 1
-    floor = p_floor(*sizes, most=options.permutations) if tested else float("nan")
-    notes_of_test = [
-        *notes,
-        *([] if tested else words[:1]),
-        *([words[1].format(floor)] if floor > options.alpha else []),
-    ]
+    tested, paired = min(sizes) >= permutations.MIN_SUBJECTS, len(sizes) == 1
+    floor = permutations.p_floor(*sizes, most=options.permutations) if tested else float("nan")
+    told = [*notes, *([] if tested else words[:1])]
+    told += [words[1].format(floor, options.alpha)] if floor > options.alpha else []
     members = [tuple((animal.name, animal.strides) for animal in group.animals) for group in (first, second)]
-    return Comparison(
-        (first.name, second.name),
-        (members[0], members[1]),
-        _scalars(first, second, options, tested, paired, notes_of_test),
-        _curves(first, second, options, tested, paired, notes_of_test),
-        options,
-        tested,
-        (2 ** sizes[0] if paired else comb(sum(sizes), sizes[0])) <= options.permutations,
-        floor,
-        tuple(notes_of_test),
-        paired,
-    )
+    exact = (2 ** sizes[0] if paired else comb(sum(sizes), sizes[0])) <= options.permutations
+    scalars = _scalars(first, second, options, tested, paired, told)
+    curves = _curves(first, second, options, tested, paired, told)
+    names, animals = (first.name, second.name), (members[0], members[1])
+    return Comparison(names, animals, scalars, curves, options, tested, exact, floor, tuple(told), paired)
 
 
 def _common_names(names: Sequence[Sequence[str]], what: str, notes: list[str]) -> tuple[str, ...]:
@@ -252,17 +229,15 @@ def _scalars(
         former, other = former[known], other[others]
         samples = (former - other,) if paired else (former, other)
         sizes = [len(part) for part in samples]
-        g = float(hedges_g(*samples))
+        g = float(permutations.hedges_g(*samples))
         p = float("nan")
-        if tested and min(sizes) >= MIN_SUBJECTS:
-            p = float(permutation_test(*samples, most=options.permutations, seed=options.seed).p)
-        mean, low, high = (float(end) for end in _mean_interval(samples, options.confidence))
-        g_low, g_high = g_interval(g, *sizes, confidence=options.confidence)
-        scalars.append(
-            ScalarDifference(name, _described(former), _described(other), mean, low, high, g, g_low, g_high, p)
-        )
+        if tested and min(sizes) >= permutations.MIN_SUBJECTS:
+            p = float(permutations.permutation_test(*samples, most=options.permutations, seed=options.seed).p)
+        means = map(float, _mean_interval(samples, options.confidence))
+        ends = permutations.g_interval(g, *sizes, confidence=options.confidence)
+        scalars.append(ScalarDifference(name, _described(former), _described(other), *means, g, *ends, p))
     alone = np.array([scalar.p for scalar in scalars])
-    corrected, q = holm(alone), benjamini_hochberg(alone)
+    corrected, q = permutations.holm(alone), permutations.benjamini_hochberg(alone)
     return tuple(replace(scalar, holm=float(corrected[i]), q=float(q[i])) for i, scalar in enumerate(scalars))
 
 
@@ -305,10 +280,10 @@ def _curves(
         samples = (former - other,) if paired else (former, other)
         p = np.full(former.shape[1:], np.nan)
         if tested:
-            p = permutation_test(*samples, most=options.permutations, seed=options.seed).p
-        g, sizes = hedges_g(*samples), [len(part) for part in samples]
+            p = permutations.permutation_test(*samples, most=options.permutations, seed=options.seed).p
+        g, sizes = permutations.hedges_g(*samples), [len(part) for part in samples]
         difference, low, high = _mean_interval(samples, options.confidence)
-        g_low, g_high = g_curve_interval(g, *sizes, confidence=options.confidence)
+        g_low, g_high = permutations.g_curve_interval(g, *sizes, confidence=options.confidence)
         for index, name in enumerate(names):
             first_band, second_band = (band(part[:, index], options.confidence) for part in (former, other))
             curve_differences.append(

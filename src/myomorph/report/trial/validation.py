@@ -40,14 +40,12 @@ def validation_section(trial: str, check: CrossValidation, styles: Mapping[str, 
     )
     if span[1] - span[0] < float(check.time[-1] - check.time[0]) - 1e-9:
         lead += f" Charts show the {number(span[1] - span[0])} s with the largest changes; the tables cover all of it."
-    return Section(
-        f"cross-validation-{order + 1}" if order else "cross-validation",
-        f"Cross-validation: {trial or order + 1}" if order else "Cross-validation",
-        lead,
-        (("measured", "measured"), *((style, name) for name, style in styles.items())),
-        tuple(Figure(_chart(check, component, styles, span)) for component in FORCE_FIRST),
-        _grids(check),
-    )
+    key, title = "cross-validation", "Cross-validation"
+    if order:
+        key, title = f"{key}-{order + 1}", f"{title}: {trial or order + 1}"
+    legend = (("measured", "measured"), *((style, name) for name, style in styles.items()))
+    figures = tuple(Figure(_chart(check, component, styles, span)) for component in FORCE_FIRST)
+    return Section(key, title, lead, legend, figures, _grids(check))
 
 
 def _chart(check: CrossValidation, component: int, styles: Mapping[str, str], span: tuple[float, float]) -> str:
@@ -124,34 +122,19 @@ def calibration_section(calibration: Calibration, recordings: Sequence[str]) -> 
         for name, *pair in zip(recordings, calibration.before, calibration.after, strict=True)
     )
     length_rows = tuple((name, *map(_millimetres, values)) for name, *values in lengths)
-    zeros = tuple(
-        (
-            zero.coordinate,
-            f"{number(np.degrees(zero.offset))}°",
-            " to ".join(f"{number(np.degrees(limit))}°" for limit in zero.interval),
-            zero.source,
-        )
-        for zero in calibration.zero_angles
-    )
+    zeros = []
+    for zero in calibration.zero_angles:
+        limits = " to ".join(f"{number(np.degrees(limit))}°" for limit in zero.interval)
+        zeros.append((zero.coordinate, f"{number(np.degrees(zero.offset))}°", limits, zero.source))
+    head = ("Coordinate", "Zero against the generic model's", "90 % interval", "Fixed by")
     grids = (
         Grid(("Trial", "RMS before", "RMS after"), errors, "Marker errors before and after"),
         Grid(("Length", "Before", "After", "Standard deviation"), length_rows, "Lengths", len(lengths) > MAX_OPEN_ROWS),
-        Grid(
-            ("Coordinate", "Zero against the generic model's", "90 % interval", "Fixed by"),
-            zeros,
-            "Zero angles",
-            len(zeros) > MAX_OPEN_ROWS,
-        ),
+        Grid(head, tuple(zeros), "Zero angles", len(zeros) > MAX_OPEN_ROWS),
         Grid(("Note",), tuple((text,) for text in calibration.notes), "Notes of the calibration"),
     )
-    return Section(
-        "calibration",
-        "Lengths and markers",
-        lead,
-        (),
-        tuple(Figure(figure, "medium") for figure in figures),
-        tuple(grid for grid in grids if grid.rows),
-    )
+    drawn, shown = tuple(Figure(figure, "medium") for figure in figures), tuple(grid for grid in grids if grid.rows)
+    return Section("calibration", "Lengths and markers", lead, (), drawn, shown)
 
 
 def _millimetres(value: float) -> str:
@@ -180,15 +163,8 @@ def truth_section(prepared: Prepared) -> Section | None:
     if not shown:
         return None
     summary = "; ".join(f"{grid.title.lower()}: {grid.rows[0][1]} RMS in all" for grid in shown)
-    return Section(
-        "truth",
-        "Estimate and truth",
-        "The capture was simulated, so the true values are known and drawn dashed above. "
-        f"{summary[:1].upper()}{summary[1:]}.",
-        (),
-        (),
-        shown,
-    )
+    lead = "The capture was simulated, so the true values are known and drawn dashed above. "
+    return Section("truth", "Estimate and truth", f"{lead}{summary[:1].upper()}{summary[1:]}.", grids=shown)
 
 
 def _compared_grid(title: str, rows: Sequence[Comparison], turning: set[str], unit: str, other: str) -> Grid:
@@ -244,9 +220,8 @@ def uncertainty_section(prepared: Prepared) -> Section | None:
         grids.append(_size_grid(uncertainty.sizes))
     lead = (
         f"{uncertainty.draws - uncertainty.failed} of {uncertainty.draws} inputs, drawn with errors of sizes that were "
-        f"stated or that are usual, have a solution; {uncertainty.summary}. "
-        "They are as right as these sizes are. Of each "
-        "table the columns with the widest limits are shown; uncertainty.csv has all."
+        f"stated or that are usual, have a solution; {uncertainty.summary}. They are as right as these sizes are. Of "
+        "each table the columns with the widest limits are shown; uncertainty.csv has all."
     )
     return Section("uncertainty", "Uncertainty", lead, (), (), tuple(grids))
 
@@ -270,11 +245,9 @@ def _spread_grid(title: str, units: list[str], spread: Spread, shares: Shares | 
     order = np.argsort(-np.nan_to_num(widths))[:SHOWN_COLUMNS]
     rows = []
     for column in order:
-        row = (
-            spread.names[column],
-            *(f"{number(values[column])} {units[column]}".strip() for values in (widths, deviations)),
-        )
-        rows.append(row if shares is None else (*row, _main_sources(shares, int(column))))
+        printed = (f"{number(values[column])} {units[column]}".strip() for values in (widths, deviations))
+        further = () if shares is None else (_main_sources(shares, int(column)),)
+        rows.append((spread.names[column], *printed, *further))
     head = ("Column", "Mean width of the limits", "Standard deviation")
     return Grid(head if shares is None else (*head, "Main sources"), tuple(rows), title)
 
