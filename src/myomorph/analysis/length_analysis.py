@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.analysis.cycles import Band, Cycles, band, over_cycles
+from myomorph.analysis.cycles import Cycles, over_cycles
 from myomorph.analysis.strides import Stride, Strides
 from myomorph.analysis.walking import chains, walking_limbs
 from myomorph.model.arrays import Array, read_only
@@ -66,10 +66,6 @@ class LengthAnalysis:
         cycles = self.lengths[limb]
         return cycles.values[:, :, cycles.names.index(muscle)]
 
-    def mean(self, muscle: str, confidence: float = 0.95) -> Band:
-        """Mean curve of a muscle and its interval [m]."""
-        return band(self.curves(muscle), confidence)
-
     @property
     def ranges(self) -> tuple[MuscleRange, ...]:
         """What each muscle does in a stride; those without a whole stride are left out."""
@@ -114,15 +110,8 @@ def length_analysis(model: Model, lengths: Series, strides: Strides, rates: Seri
             speeds[limb] = over_cycles(_columns(rates, names), spans)
     standing = dict(zip(model.muscle_names, default_path_lengths(model), strict=True))
     fibers = {muscle.name: muscle.optimal_fiber_length for muscle in model.muscles}
-    return LengthAnalysis(
-        tuple(lengths.names),
-        owners,
-        by_limb,
-        every,
-        speeds,
-        np.array([standing[name] for name in lengths.names]),
-        np.array([fibers[name] for name in lengths.names]),
-    )
+    sizes = (np.array([table[name] for name in lengths.names]) for table in (standing, fibers))
+    return LengthAnalysis(tuple(lengths.names), owners, by_limb, every, speeds, *sizes)
 
 
 def _owners(model: Model, muscles: tuple[str, ...]) -> tuple[str, ...]:

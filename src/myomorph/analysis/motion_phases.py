@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -68,15 +68,9 @@ class Cuttable:
 def cut(what: Cuttable, cuts: Sequence[Cut], phases: Sequence[Phase] = ()) -> Cutting:
     """Phases as given; else by the first of the cuts that makes at least two and not too many of them."""
     if phases:
-        return Cutting(
-            tuple(Stage(phase.name, (phase,)) for phase in sorted(phases, key=lambda phase: phase.start)), "given"
-        )
-    makers: dict[Cut, Callable[[Cuttable], tuple[Stage, ...]]] = {
-        "events": _between_events,
-        "contacts": _by_contacts,
-        "cycles": _cycles,
-        "parts": _parts,
-    }
+        in_order = sorted(phases, key=lambda phase: phase.start)
+        return Cutting(tuple(Stage(phase.name, (phase,)) for phase in in_order), "given")
+    makers = {"events": _between_events, "contacts": _by_contacts, "cycles": _cycles, "parts": _parts}
     for way in cuts:
         stages = makers[way](what)
         if 2 <= len(stages) <= MAX_STAGES:
@@ -136,9 +130,8 @@ def together(names: Sequence[str], nothing: str = "no contact") -> str:
         side = next((word for word in ("right", "left") if word in name.split()), "")
         mate = name.replace(side, "left" if side == "right" else "right", 1) if side else name
         if mate != name and mate in left:
-            texts.append(
-                name.replace(side, "both", 1).removesuffix("foot") + ("feet" if name.endswith("foot") else "s")
-            )
+            ending = "feet" if name.endswith("foot") else "s"
+            texts.append(name.replace(side, "both", 1).removesuffix("foot") + ending)
             left.remove(mate)
         else:
             texts.append(name)
@@ -211,10 +204,8 @@ def measure(
         if parts:
             share = np.array([len(part) for part in parts]) / sum(len(part) for part in parts)
             mean = share @ [part.mean(axis=0) for part in parts]
-            reach, variance = (
-                share @ [np.ptp(part, axis=0) for part in parts],
-                share @ [part.var(axis=0) for part in parts],
-            )
+            reach = share @ [np.ptp(part, axis=0) for part in parts]
+            variance = share @ [part.var(axis=0) for part in parts]
     activity, peak, strongest = float("nan"), float("nan"), -1
     if activations is not None and activations.names:
         rows = activations.values[stage.inside(activations.time)]

@@ -15,6 +15,7 @@ the largest t there, and hide what is different elsewhere. The test is exact wit
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable
 from math import comb
 from typing import Any
 
@@ -202,21 +203,19 @@ def g_curve_interval(g: Array, *sizes: int, confidence: float = 0.95) -> tuple[A
 
 def holm(p: ArrayLike) -> Array:
     """Several p corrected for their number by Holm (1979), in the given order; NaN stays out."""
-    raw = np.asarray(p, dtype=np.float64)
-    result = np.full(raw.shape, np.nan)
-    known = np.flatnonzero(np.isfinite(raw))
-    order = known[np.argsort(raw[known])]
-    steps = raw[order] * (len(order) - np.arange(len(order)))
-    result[order] = np.minimum(np.maximum.accumulate(steps), 1.0) if len(order) else steps
-    return result
+    return _corrected(p, lambda raw: np.maximum.accumulate(raw * (len(raw) - np.arange(len(raw)))))
 
 
 def benjamini_hochberg(p: ArrayLike) -> Array:
     """Several q: share of false calls among all with a q as small (Benjamini and Hochberg 1995)."""
+    return _corrected(p, lambda raw: np.minimum.accumulate((raw / np.arange(1, len(raw) + 1))[::-1])[::-1] * len(raw))
+
+
+def _corrected(p: ArrayLike, correct: Callable[[Array], Array]) -> Array:
+    """Several p, those that are known corrected in ascending order."""
     raw = np.asarray(p, dtype=np.float64)
     result = np.full(raw.shape, np.nan)
     known = np.flatnonzero(np.isfinite(raw))
     order = known[np.argsort(raw[known])]
-    steps = raw[order] * len(order) / np.arange(1, len(order) + 1)
-    result[order] = np.minimum(np.minimum.accumulate(steps[::-1])[::-1], 1.0) if len(order) else steps
+    result[order] = np.minimum(correct(raw[order]), 1.0)
     return result

@@ -21,10 +21,7 @@ SHORTEST_CONTACT = 0.03  # Contacts and gaps shorter than this are noise [s]
 SHORTEST_FLIGHT = 0.12  # A jump flies at least so long [s]
 QUIET_TIME = 0.3  # A jump starts from standing still so long [s]
 QUIET_SPREAD = 0.03  # Standard deviation of the force that is still standing, as a share of body weight
-ONSET_SPREAD = 5.0
-"""A jump begins where the force leaves body weight by so many standard deviations of quiet standing (Owen et al.
-2014)."""
-
+ONSET_SPREAD = 5.0  # A jump begins where the force leaves body weight by so many SDs of quiet standing (Owen 2014)
 ONSET_LEAD = 0.03  # The movement has begun so long before that [s] (the same)
 
 

@@ -95,20 +95,16 @@ _LIFT = (
     "External oblique", "Gluteus maximus", "Rectus femoris", "Vastus lateralis", "Biceps femoris, long head",
 )  # fmt: skip
 _GENERAL = (*_ARM, "Trapezius", "Erector spinae", "Gluteus maximus", *_LEG[:1], "Vastus lateralis", *_LEG[1:])
-PRESETS: Mapping[str, Preset] = FrozenMap(
-    {
-        preset.name: preset
-        for preset in (
-            Preset("taichi", "Tai Chi", (*_ARM, *_LEG), ("cycles", "contacts", "parts"), 10),
-            Preset("tap", "Tap dance", _TAP, ("events", "cycles", "parts"), 10),
-            Preset("drum", "Drum playing", _DRUM, ("events", "cycles", "parts")),
-            Preset("judo", "Judo", _JUDO, ("events", "contacts", "cycles", "parts")),
-            Preset("gait", "Gait", _WALK, ("contacts", "events", "cycles")),
-            Preset("lift", "Lifting", _LIFT, ("contacts", "events", "cycles", "parts")),
-            Preset("motion", "The motion", _GENERAL, ("events", "contacts", "cycles", "parts")),
-        )
-    }
+_ALL = (
+    Preset("taichi", "Tai Chi", (*_ARM, *_LEG), ("cycles", "contacts", "parts"), 10),
+    Preset("tap", "Tap dance", _TAP, ("events", "cycles", "parts"), 10),
+    Preset("drum", "Drum playing", _DRUM, ("events", "cycles", "parts")),
+    Preset("judo", "Judo", _JUDO, ("events", "contacts", "cycles", "parts")),
+    Preset("gait", "Gait", _WALK, ("contacts", "events", "cycles")),
+    Preset("lift", "Lifting", _LIFT, ("contacts", "events", "cycles", "parts")),
+    Preset("motion", "The motion", _GENERAL, ("events", "contacts", "cycles", "parts")),
 )
+PRESETS: Mapping[str, Preset] = FrozenMap({preset.name: preset for preset in _ALL})
 """By name; "motion" is for what no other fits."""
 
 

@@ -134,17 +134,9 @@ def coordinate_pairs(model: Model, ranges: Mapping[str, float], most: int = 12) 
     usual ones come first, then the others by how far they move.
     `ranges`: how far each coordinate moved [rad or m]; `most`: figures at most.
     """
-    root = {name for group in root_coordinates(model) for name in group}
-    following = set(model.dependent_coordinates)
-    moving = [
-        coordinate.name
-        for coordinate in model.coordinates
-        if coordinate.name not in root
-        and coordinate.name not in following
-        and not coordinate.locked
-        and coordinate.motion == "rotational"
-        and ranges.get(coordinate.name, 0.0) > np.deg2rad(1.0)
-    ]
+    left_out = {*(name for group in root_coordinates(model) for name in group), *model.dependent_coordinates}
+    free = [each.name for each in model.coordinates if each.motion == "rotational" and not each.locked]
+    moving = [name for name in free if name not in left_out and ranges.get(name, 0.0) > np.deg2rad(1.0)]
 
     def rank(pair: Pair) -> tuple[int, float]:
         base = split_side(pair.names[0])[0].lower()

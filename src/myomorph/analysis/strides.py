@@ -164,14 +164,9 @@ def find_strides(
     if events and not alone:
         notes.append("events of the recording are not used: they name a side, on which there are several feet")
     for limb in limbs:
-        track = foot_events.foot_track(
-            points.time,
-            feet[limb.name],
-            _mean(points, limb.lifting) if limb.lifting else feet[limb.name],
-            trunk,
-            along,
-            options,
-        )
+        foot = feet[limb.name]
+        lifting = _mean(points, limb.lifting) if limb.lifting else foot
+        track = foot_events.foot_track(points.time, foot, lifting, trunk, along, options)
         if alone:
             track = foot_events.on_events(foot_events.on_events(track, limb, running, "running"), limb, events)
         if wrenches is not None and weight is not None:
@@ -185,28 +180,18 @@ def find_strides(
     if ground_speed is None and not travels:
         ground = foot_events.ground_speed_of(points.time, tracks, trunk, along, options)
         if ground:
-            notes.append(
-                f"the ground moves at {ground:.3g} m/s as standing feet do; give the belt's speed if it is known"
-            )
-    strides = [
-        stride
-        for name, track in tracks.items()
-        for stride in _strides(points.time, name, tracks, along, np.cross(up, along), ground, options)
-    ]
+            told = "as standing feet do; give the belt's speed if it is known"
+            notes.append(f"the ground moves at {ground:.3g} m/s {told}")
+    ways = along, np.cross(up, along)
+    strides = [stride for name in tracks for stride in _strides(points.time, name, tracks, *ways, ground, options)]
     strikes, lifts = (
         {limb.name: getattr(tracks[limb.name], what) if limb.name in tracks else np.zeros(0) for limb in limbs}
         for what in ("strikes", "lifts")
     )
-    first = strikes[limbs[0].name]
-    return Strides(
-        tuple(sorted(strides, key=lambda stride: stride.start)),
-        FrozenMap(strikes),
-        FrozenMap(lifts),
-        FrozenMap({name: _phases(first, track.strikes) for name, track in tracks.items()}),
-        frozen_array(along),
-        ground,
-        tuple(notes),
-    )
+    phases = {name: _phases(strikes[limbs[0].name], track.strikes) for name, track in tracks.items()}
+    by_limb = (FrozenMap(table) for table in (strikes, lifts, phases))
+    strides.sort(key=lambda stride: stride.start)
+    return Strides(tuple(strides), *by_limb, frozen_array(along), ground, tuple(notes))
 
 
 def _trunk(points: Series, limbs: Sequence[foot_events.Limb], body: Sequence[str]) -> Array:

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from myomorph.analysis.center_of_mass import centroid
-from myomorph.analysis.foot_events import Limb, StrideOptions
+from myomorph.analysis.foot_events import Limb
 from myomorph.analysis.strides import Strides, find_strides
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
@@ -109,11 +109,9 @@ def chains(model: Model, limbs: tuple[Limb, ...]) -> dict[str, frozenset[str]]:
         ways[body] = way
     bodies_of = {limb.name: set(ways[limb.points[0]]) for limb in limbs}
     shared = set.intersection(*bodies_of.values()) if len(bodies_of) > 1 else {model.body_names[0]}
-    bodies_of = {name: bodies - shared for name, bodies in bodies_of.items()}
-    return {
-        name: frozenset(body for body in model.body_names if bodies & set(ways[body]))
-        for name, bodies in bodies_of.items()
-    }
+    parts = {name: bodies - shared for name, bodies in bodies_of.items()}
+    names = model.body_names
+    return {name: frozenset(body for body in names if bodies & set(ways[body])) for name, bodies in parts.items()}
 
 
 def walking_points(model: Model, motion: Motion, fit: KinematicsFit | None = None) -> Series:
@@ -138,9 +136,8 @@ def walking_points(model: Model, motion: Motion, fit: KinematicsFit | None = Non
     if fit is not None and len(fit.motion) == len(motion):
         parents = {joint.child: joint.parent for joint in model.joints}
         for column, name in enumerate(names):
-            near = [
-                i for i, marker in enumerate(fit.marker_names) if model.marker(marker).body in (name, parents[name])
-            ]
+            bodies = (name, parents[name])
+            near = [i for i, marker in enumerate(fit.marker_names) if model.marker(marker).body in bodies]
             if near:
                 places[~np.isfinite(fit.errors[:, near]).any(axis=1), column] = np.nan
     return Series(motion.time, (*names, root), places)
@@ -150,7 +147,6 @@ def walking_strides(
     model: Model,
     motion: Motion,
     fit: KinematicsFit | None = None,
-    options: StrideOptions | None = None,
     *,
     wrenches: Wrenches | None = None,
     events: Sequence[Event] = (),
@@ -179,7 +175,6 @@ def walking_strides(
             events=events,
             running=running_events(model, motion, limbs),
             facing=facing_of(model, motion, limbs),
-            options=options,
         )
     except BadData:
         return None
