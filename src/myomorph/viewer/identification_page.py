@@ -47,10 +47,8 @@ def segment_levels(
         if name in segments and np.isfinite(level):
             segment = segments[name]
             by_segment.setdefault(segment.name, {}).setdefault(segment.side, []).append(float(level))
-    order = [*(name for name in SEGMENTS if name in by_segment), *(name for name in by_segment if name not in SEGMENTS)]
-    return {
-        plain_words(name): {side: float(np.mean(values)) for side, values in by_segment[name].items()} for name in order
-    }
+    order = {name: by_segment[name] for name in (*SEGMENTS, *by_segment) if name in by_segment}
+    return {plain_words(name): {side: float(np.mean(each)) for side, each in by.items()} for name, by in order.items()}
 
 
 def move_next(state: OnlineState, segments: Mapping[str, Segment]) -> str:

@@ -19,7 +19,6 @@ from myomorph.viewer.web_page import DEEPER, BodyView, Page
 
 STRONGEST, TURNED = 8, 8  # Muscles and torques that the table holds.
 STAY, FADE = 2.0, 0.98  # How long rows of the table stay in place [s], and what is left of a peak a frame later.
-LIMITED = " 90 % limits |", "--:|"  # Head of the column of limits, and the line below it.
 THIN = 0.4  # Thickness of limbs without meshes, so that muscles are seen beside them.
 
 
@@ -127,31 +126,26 @@ def live_text(model: Model, shown: Shown, rows: tuple[Sequence[int], Sequence[in
     if shown.state:
         lines += ["", f"**Torques unknown: {shown.state}**"]
     muscles, coordinates = rows
-    pulls, turns = shown.force_limits, shown.torque_limits
-    lines += ["", f"| Muscle | activation | tension |{LIMITED[0] if pulls is not None else ''}"]
-    lines.append(f"|---|--:|--:|{LIMITED[1] if pulls is not None else ''}")
-    names = model.muscle_names
-    lines += [
-        f"| {names[m]} | {_number(shown.activations[m], '.2f')} | {_number(shown.forces[m], '.0f', ' N')} |"
-        f"{_between(pulls, m)}"
-        for m in muscles
-    ]
-    lines += ["", f"| Coordinate | angle | torque |{LIMITED[0] if turns is not None else ''}"]
-    lines.append(f"|---|--:|--:|{LIMITED[1] if turns is not None else ''}")
+    names, pulls, turns = model.muscle_names, {}, {}
+    for m in muscles:
+        active, force = _number(shown.activations[m], ".2f"), _number(shown.forces[m], ".0f", " N")
+        pulls[m] = f"{names[m]} | {active} | {force}"
     names = model.coordinate_names
-    lines += [
-        f"| {names[j]} | {_number(np.rad2deg(shown.coordinates[j]), '.0f', '°')} | "
-        f"{_number(shown.torques[j], '.0f', ' N·m')} |{_between(turns, j)}"
-        for j in coordinates
-    ]
+    for j in coordinates:
+        angle, torque = _number(np.rad2deg(shown.coordinates[j]), ".0f", "°"), _number(shown.torques[j], ".0f", " N·m")
+        turns[j] = f"{names[j]} | {angle} | {torque}"
+    lines += _table("Muscle | activation | tension", pulls, shown.force_limits)
+    lines += _table("Coordinate | angle | torque", turns, shown.torque_limits)
     return "\n".join(lines)
 
 
-def _between(limits: Array | None, column: int) -> str:
-    """A cell with the limits of a column; none where nothing is known of any."""
+def _table(head: str, rows: Mapping[int, str], limits: Array | None) -> list[str]:
+    """Rows by the columns of their limits, which stand behind them where they are known."""
     if limits is None:
-        return ""
-    return f" {_number(limits[0, column], '.0f')} to {_number(limits[1, column], '.0f')} |"
+        return ["", f"| {head} |", "|---|--:|--:|", *(f"| {cells} |" for cells in rows.values())]
+    known = {at: " to ".join(_number(limits[end, at], ".0f") for end in (0, 1)) for at in rows}
+    lines = (f"| {cells} | {known[at]} |" for at, cells in rows.items())
+    return ["", f"| {head} | 90 % limits |", "|---|--:|--:|--:|", *lines]
 
 
 def _number(value: float, form: str, unit: str = "") -> str:

@@ -206,13 +206,12 @@ class Panel:
         gui, player = self._gui, self._player
         with gui.add_folder("View"):
             views = gui.add_button_group("From", tuple(VIEWS))
-            views.on_click(self._look)
+            views.on_click(lambda event: player.look_from(*VIEWS[event.target.value]))
             follow = gui.add_checkbox("Follow the body", player.follows)
             self._on(follow, player.follow)
             if len(player.bodies) > 1:
-                spacing = gui.add_slider(
-                    "Separation [m]", 0.0, 3.0, 0.1, min(player.spacing, 3.0), hint="Bodies side by side"
-                )
+                words, hint = "Separation [m]", "Bodies side by side"
+                spacing = gui.add_slider(words, 0.0, 3.0, 0.1, min(player.spacing, 3.0), hint=hint)
                 self._on(spacing, player.part)
             picture = gui.add_button("Save a picture", icon="camera")
             picture.on_click(self._save_picture)
@@ -224,9 +223,6 @@ class Panel:
                 lines += [f"*{note.kind}*: {_plain(note.text)}" for note in body.results.head.notes]
                 lines += [f"*warning*: {_plain(text)}" for text in body.results.head.warnings]
                 self._gui.add_markdown("\n\n".join(lines))
-
-    def _look(self, event: Any) -> None:
-        self._player.look_from(*VIEWS[event.target.value])
 
     def _choose_recording(self, number: int, event: Any) -> None:
         if event.client is None or event.target.value == self._chosen[number]:
@@ -287,15 +283,9 @@ class Panel:
             rows = ["| | activation | tension | fiber, optimal lengths | tendon strain |", "|---|---|---|---|---|"]
         for m in chosen[:MAX_ROWS]:
             tension = f"{body.tensions[frame, m]:.0f} N" if np.isfinite(body.tensions[frame, m]) else "–"
-            active = f"{body.activations[frame, m]:.2f}" if np.isfinite(body.activations[frame, m]) else "–"
-            more = (
-                ""
-                if body.fibers is None
-                else "".join(
-                    f" {_shown(values[frame, m], form)} |"
-                    for values, form in zip(body.fibers, (".2f", ".1%"), strict=True)
-                )
-            )
+            active = _shown(body.activations[frame, m], ".2f")
+            fibers = zip(body.fibers or (), (".2f", ".1%"), strict=False)
+            more = "".join(f" {_shown(values[frame, m], form)} |" for values, form in fibers)
             rows.append(f"| {_plain(body.muscles[m])} | {active} | {tension} |{more}")
         return "\n".join(rows) + (f"\n\nand {len(chosen) - MAX_ROWS} more" if len(chosen) > MAX_ROWS else "")
 
@@ -308,10 +298,8 @@ def _shown(value: float, form: str) -> str:
 def _scale() -> str:
     """What the colors of muscles mean, as HTML."""
     colors = ",".join(f"rgb({r},{g},{b})" for r, g, b in ACTIVATION[:: len(ACTIVATION) // 8].tolist())
-    bar = f"flex:1;height:0.6em;border-radius:2px;background:linear-gradient(to right,{colors})"
-    return (
-        f'<div style="{SMALL}"><span>activation 0</span><span style="{bar}"></span><span>1; thick: tight</span></div>'
-    )
+    bar = f'<span style="flex:1;height:0.6em;border-radius:2px;background:linear-gradient(to right,{colors})"></span>'
+    return f'<div style="{SMALL}"><span>activation 0</span>{bar}<span>1; thick: tight</span></div>'
 
 
 def _key(layers: Sequence[str]) -> str:
@@ -348,10 +336,8 @@ class MuscleIndex:
         exact = tuple(name for name in self.names if name.lower() == asked)
         if exact or not asked:
             return exact
-        wanted = asked.split()
-        return tuple(
-            name for name, words in zip(self.names, self._words, strict=True) if all(word in words for word in wanted)
-        )
+        known = zip(self.names, self._words, strict=True)
+        return tuple(name for name, words in known if all(word in words for word in asked.split()))
 
 
 def _words(name: str, side: str, prefixes: Sequence[str]) -> str:

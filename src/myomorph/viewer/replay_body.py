@@ -92,13 +92,8 @@ class PlayedBody:
             raise BadData(f"{results.head.title}: no frame of the motion has a value for every coordinate")
         shown = np.flatnonzero(self.known)
         self._some = np.unique(shown[np.linspace(0, len(shown) - 1, FRAMES_LOOKED_AT).astype(int)])
-        self.scene: Scene = make_scene(
-            replace(model, muscles=()),
-            motion,
-            self._some.tolist(),
-            results.surfaces,
-            wrenches=results.dynamics.wrenches,
-        )
+        bare, wrenches = replace(model, muscles=()), results.dynamics.wrenches
+        self.scene: Scene = make_scene(bare, motion, self._some.tolist(), results.surfaces, wrenches=wrenches)
         # Two people far apart, or one who leaps, do not make a body larger.
         self.size = min(self.scene.size, TALL * (self.scene.high - self.scene.low))
         self._paths = compile_paths(model)
@@ -107,13 +102,11 @@ class PlayedBody:
         self.fibers = self._muscles.fibers
         self._markers = _Markers(model, results, motion.time, self._tree.body_index)
         self.subjects = subjects(model) or (Subject("", "", model.body_names, model.muscle_names),)
-        self.centers: Array = np.stack(
-            [centroid.values for centroid in centroids(model, motion, self.subjects)], axis=1
-        )
+        self.centers: Array = np.stack([each.values for each in centroids(model, motion, self.subjects)], axis=1)
         masses = [sum(model.body(name).mass for name in subject.bodies) for subject in self.subjects]
         # Arrows are drawn by the weight of the heaviest subject.
         weight = self.scene.weight * (max(masses) / model.mass if model.mass > 0.0 else 1.0)
-        self._measured = _Arrows(results.dynamics.wrenches, motion.time, weight, self.size)
+        self._measured = _Arrows(wrenches, motion.time, weight, self.size)
         estimated = None if results.contacts.forces is None else results.contacts.forces.wrenches("group")
         self._estimated = _Arrows(estimated, motion.time, weight, self.size)
 

@@ -52,9 +52,7 @@ class Chart:
     @property
     def banded(self) -> tuple[int, ...]:
         """Numbers of the curves whose limits are drawn."""
-        known = tuple(
-            index for index, curve in enumerate(self.curves) if curve.low is not None and curve.high is not None
-        )
+        known = tuple(i for i, curve in enumerate(self.curves) if curve.low is not None and curve.high is not None)
         return known if len(known) <= MAX_BANDS else ()
 
 
@@ -83,13 +81,11 @@ def torque_chart(body: PlayedBody, label: str, names: Sequence[str]) -> Chart | 
     if torques is None or not set(names) & set(torques.names):
         return None
     unit = "N m" if _are_angles(body, names) else "N"
-    known = [name for name in names if name in torques.names]
-    drawn = (
-        Curve(name, at_times(body.time, torques.time, torques[name]), _ink(name, index))
-        for index, name in enumerate(known)
-    )
-    curves = tuple(_with_limits(body, "torques", name, curve) for name, curve in zip(known, drawn, strict=True))
-    return Chart(f"{label}, {'moment' if unit == 'N m' else 'force'} [{unit}]", curves)
+    curves = []
+    for index, name in enumerate(name for name in names if name in torques.names):
+        curve = Curve(name, at_times(body.time, torques.time, torques[name]), _ink(name, index))
+        curves.append(_with_limits(body, "torques", name, curve))
+    return Chart(f"{label}, {'moment' if unit == 'N m' else 'force'} [{unit}]", tuple(curves))
 
 
 def _are_angles(body: PlayedBody, names: Sequence[str]) -> bool:
