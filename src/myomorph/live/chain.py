@@ -189,11 +189,8 @@ class LiveChain:
         floating = floating_joints(self.model)
         if self._force_rate or not floating:
             return missed
-        return (
-            f"no external forces: what carries '{floating[0].child}' is a residual, and torques are those of a body "
-            "that nothing supports",
-            *missed,
-        )
+        text = "is a residual, and torques are those of a body that nothing supports"
+        return (f"no external forces: what carries '{floating[0].child}' {text}", *missed)
 
     def warm_up(self) -> None:
         """Compute everything once on the default pose, so that nothing is compiled when the first frame comes."""
@@ -233,14 +230,12 @@ class LiveChain:
         """(bodies, 6) filtered wrenches at a time, None where they are not known."""
         if not self._force_rate:
             return np.zeros((len(self.bodies), 6))
-        times, rows = [], []
+        arrived = []
         while self._waiting and self._waiting[0][0] <= time:
-            moment, row = self._waiting.popleft()
-            times.append(moment)
-            rows.append(row)
-        if times:
-            wrenches = self.feet.given(np.array(rows), self._pose)
-            self._forces.push(np.array(times), wrenches.reshape(len(times), -1))
+            arrived.append(self._waiting.popleft())
+        if arrived:
+            times, rows = (np.array(parts) for parts in zip(*arrived, strict=True))
+            self._forces.push(times, self.feet.given(rows, self._pose).reshape(len(times), -1))
         if not time - self._forces.last <= GAP:
             self._forces.forget()
             return None

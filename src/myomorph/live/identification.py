@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time as clock
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -146,30 +146,19 @@ class LiveIdentification:
 
     def result(self, seconds: float, busy: float) -> LiveResult:
         """What the session ends with; raises `BadData` where no frame could be used."""
-        state = self.estimate.state()
+        state, frames = self.estimate.state(), self._frames
         if not state.fit.frames:
             left = ", ".join(f"{count} {reason}" for reason, count in state.left_out.items())
-            raise BadData(
-                f"none of the {len(self._frames)} frames that came can be used: {left or 'too few for the filter'}"
-            )
-        errors = np.array([frame.pose.error for frame in self._frames])
+            raise BadData(f"none of the {len(frames)} frames that came can be used: {left or 'too few for the filter'}")
+        errors = np.array([frame.pose.error for frame in frames])
         errors = errors[np.isfinite(errors)]
+        rms = float(np.sqrt(np.mean(errors**2))) if len(errors) else float("nan")
+        times, poses = (np.array(parts) for parts in zip(*((f.time, f.pose.coordinates) for f in frames), strict=True))
+        motion = Motion(times, self.model.coordinate_names, poses)
         time, totals = (np.concatenate(parts) for parts in zip(*self._forces, strict=True))
         base, zero = self.model.body_names[0], np.zeros((len(time), 1, 3))
-        return LiveResult(
-            identification=self.estimate,
-            state=state,
-            motion=Motion(
-                np.array([frame.time for frame in self._frames]),
-                self.model.coordinate_names,
-                np.array([frame.pose.coordinates for frame in self._frames]),
-            ),
-            wrenches=Wrenches(time, ("all",), (base,), totals[:, None, 3:], zero, totals[:, None, :3]),
-            frames=len(self._frames),
-            seconds=seconds,
-            busy=busy,
-            marker_rms=float(np.sqrt(np.mean(errors**2))) if len(errors) else float("nan"),
-        )
+        wrenches = Wrenches(time, ("all",), (base,), totals[:, None, 3:], zero, totals[:, None, :3])
+        return LiveResult(self.estimate, state, motion, wrenches, len(frames), seconds, busy, rms)
 
 
 def identify_frames(
@@ -179,14 +168,13 @@ def identify_frames(
     mass: float | None = None,
     online: OnlineOptions | None = None,
     displays: Sequence[Display] = (),
-    now: Callable[[], float] = clock.monotonic,
 ) -> LiveResult:
-    """Take frames from a source until it is done; `now`: a clock [s]."""
+    """Take frames from a source until it is done."""
     # As in the loop: the matrices are small, before it and after it too.
     with threadpool_limits(limits=1, user_api="blas"):
         steps, delays = LiveIdentification(model, source, mass, online), Delays()
-        looks = Looks(steps.estimate, source, displays, now)
-        session = follow(steps, source, late=[looks] if displays else [], delays=delays, now=now)
+        looks = Looks(steps.estimate, source, displays)
+        session = follow(steps, source, late=[looks] if displays else [], delays=delays)
         if session.interrupted and source.duration is not None:
             raise KeyboardInterrupt
         steps.finish()
@@ -195,18 +183,11 @@ def identify_frames(
 
 
 class Looks:
-    """Lets displays look at the estimate every now and then. `now`: a clock [s]."""
+    """Lets displays look at the estimate every now and then."""
 
-    def __init__(
-        self,
-        estimate: OnlineIdentification,
-        source: Source,
-        displays: Sequence[Display],
-        now: Callable[[], float],
-    ):
-        self._estimate, self._source, self._displays, self._now = estimate, source, displays, now
-        self._first = float("nan")
-        self._looked, self._pause = now(), INTERVAL
+    def __init__(self, estimate: OnlineIdentification, source: Source, displays: Sequence[Display]):
+        self._estimate, self._source, self._displays = estimate, source, displays
+        self._first, self._looked, self._pause = float("nan"), clock.monotonic(), INTERVAL
 
     def put(self, frame: IdentificationFrame, markers: Array) -> None:
         """Show a frame's pose, and the estimate where the last look is some time ago."""
@@ -215,10 +196,10 @@ class Looks:
         if np.isfinite(frame.pose.coordinates).all():
             for display in self._displays:
                 display.pose(frame.pose.coordinates, markers if self._source.markers else None)
-        start = self._now()
+        start = clock.monotonic()
         if start - self._looked >= self._pause:
             self.show(frame.time, max(self._source.age(frame.time), 0.0) if self._source.speed else 0.0)
-            self._looked = self._now()
+            self._looked = clock.monotonic()
             # A look that takes long is taken less often, so that frames are never held up by it.
             self._pause = max(INTERVAL, (self._looked - start) / SHARE)
 

@@ -32,13 +32,11 @@ class LivePage:
     ):
         self._delays, self._filter_delay = delays, chain.filter.delay
         self._markers = len(chain.poses.marker_names)
-        connection: Connection
+        self._pipe: Connection
         context = multiprocessing.get_context("spawn")
-        connection, other = context.Pipe()
-        self._pipe = connection
-        self._process = context.Process(
-            target=_serve, args=(other, model, dict(surfaces or {}), port, len(chain.bodies)), daemon=True
-        )
+        self._pipe, other = context.Pipe()
+        arguments = other, model, dict(surfaces or {}), port, len(chain.bodies)
+        self._process = context.Process(target=_serve, args=arguments, daemon=True)
         self._process.start()
         other.close()
         answer = self._answer(START)
@@ -82,18 +80,11 @@ class LivePage:
         }
         if self._markers:
             facts["Markers"] = f"{frame.seen} of {self._markers}, {1e3 * frame.error:.0f} mm"
-        return Shown(
-            coordinates=frame.pose,
-            activations=frame.tension.activations,
-            forces=frame.tension.forces,
-            torques=frame.torques,
-            wrenches=frame.wrenches,
-            markers=np.array(markers) if self._markers else np.zeros((0, 3)),
-            state="" if frame.state == SOLVED else STATES[frame.state],
-            facts=facts,
-            torque_limits=None if frame.limits is None else frame.limits.torques[:2],
-            force_limits=None if frame.limits is None else frame.limits.forces[:2],
-        )
+        places = np.array(markers) if self._markers else np.zeros((0, 3))
+        state, shared = "" if frame.state == SOLVED else STATES[frame.state], frame.tension
+        limits = () if frame.limits is None else (frame.limits.torques[:2], frame.limits.forces[:2])
+        arrays = frame.pose, shared.activations, shared.forces, frame.torques, frame.wrenches, places
+        return Shown(*arrays, state, facts, *limits)
 
     def close(self) -> None:
         """Take the page down."""

@@ -133,15 +133,11 @@ def run_live_chain(
 def sensor_mounting(model: Model, settings: ImuFiles) -> SensorMounting:
     """How sensors are mounted, by the recording of their calibration."""
     if not settings.imu_pose:
-        raise BadData(
-            "live sensors need their calibration: a recording that begins with the default pose of the model, and "
-            "walking behind it or --imu-heading (--imu-pose FILE)"
-        )
-    bodies = {name: "" if body.lower() in NONE else body for name, body in settings.imu_bodies.items()}
-    recording = SensorRecording(
-        read_inertial(settings.imu_pose), FrozenMap(bodies), None, settings.imu_pose_time, settings.imu_heading
-    )
-    return sensor_kinematics(model, recording).mounting
+        needed = "a recording that begins with the model's default pose, then walking or --imu-heading"
+        raise BadData(f"live sensors need their calibration, --imu-pose FILE: {needed}")
+    bodies = FrozenMap({name: "" if body.lower() in NONE else body for name, body in settings.imu_bodies.items()})
+    pose, heading = read_inertial(settings.imu_pose), settings.imu_heading
+    return sensor_kinematics(model, SensorRecording(pose, bodies, None, settings.imu_pose_time, heading)).mounting
 
 
 def _played_sensors(model: Model, live: LiveSensors) -> tuple[Source, tuple[Input, ...]]:
@@ -149,15 +145,13 @@ def _played_sensors(model: Model, live: LiveSensors) -> tuple[Source, tuple[Inpu
     files = live.settings.imu
     recorded = read_inertial(files)
     if recorded.orientations is None and recorded.magnetic_fields is None:
-        raise BadData(
-            f"{recorded.source}: holds neither orientations nor magnetic fields: headings would not be those of the "
-            "calibration"
-        )
+        missing = "neither orientations nor magnetic fields: headings would not be those of the calibration"
+        raise BadData(f"{recorded.source}: holds {missing}")
     still = Motion(recorded.time[:1], (), np.zeros((1, 0)))
     wrenches = None if live.loads is None else read_forces_of(model, live.loads, still)
     named = [file_source("imu", path) for path in (*files, *live.settings.imu_pose)]
-    loads = [file_source("loads", live.loads)] if live.loads else []
-    return Replay(with_orientations(recorded, causal=True), wrenches, live.speed), (*named, *loads)
+    named += [file_source("loads", live.loads)] if live.loads else []
+    return Replay(with_orientations(recorded, causal=True), wrenches, live.speed), tuple(named)
 
 
 def open_source(model: Model, live_files: LiveFiles | LiveStreams | LiveSensors) -> tuple[Source, tuple[Input, ...]]:
@@ -175,12 +169,13 @@ def open_source(model: Model, live_files: LiveFiles | LiveStreams | LiveSensors)
         streams = LabStreams(live_files.markers, live_files.forces, turn=turn)
         names = [name for name in (live_files.markers, live_files.forces) if name]
         return streams, tuple(value_source("stream", name, name) for name in names)
-    files = [("markers", live_files.markers)] + ([("loads", live_files.loads)] if live_files.loads else [])
     series, wrenches = open_recording(model, live_files.markers, live_files.loads, labels=live_files.labels)
-    mapped = (
-        [value_source("markers", "labels of markers", sorted(live_files.labels.items()))] if live_files.labels else []
-    )
-    return Replay(series, wrenches, live_files.speed), (*(file_source(role, path) for role, path in files), *mapped)
+    inputs = [file_source("markers", live_files.markers)]
+    if live_files.loads:
+        inputs.append(file_source("loads", live_files.loads))
+    if live_files.labels:
+        inputs.append(value_source("markers", "labels of markers", sorted(live_files.labels.items())))
+    return Replay(series, wrenches, live_files.speed), tuple(inputs)
 
 
 STEP = "live"
@@ -229,9 +224,8 @@ class LiveRecord:
             row[part] = value
         if self._chain.limits is not None:
             for name in TABLES:
-                row[self._part[f"{name}_limits"]] = (
-                    np.nan if frame.limits is None else getattr(frame.limits, name).ravel()
-                )
+                limits = np.nan if frame.limits is None else getattr(frame.limits, name).ravel()
+                row[self._part[f"{name}_limits"]] = limits
         self._filled += 1
         if self._filled == BLOCK:
             self._flush()
@@ -249,8 +243,7 @@ class LiveRecord:
     def write(self, session: LiveSession, sources: Iterable[Input], tension: TensionOptions | None) -> None:
         """Write tables, `live.nc`, `delays.csv` and `session.json`."""
         self.close()
-        width = self._rows.shape[1]
-        rows = np.fromfile(self._path, dtype=np.float64).reshape(-1, width)
+        rows = np.fromfile(self._path, dtype=np.float64).reshape(-1, self._rows.shape[1])
         self._write_delays(session, rows)
         # What has a value is of an instant before the newest frame by the filter's delay.
         known = np.isfinite(rows[:, self._part["coordinates"]]).all(axis=1)
@@ -258,23 +251,19 @@ class LiveRecord:
             self._write_results(session, rows[known], sources, tension or TensionOptions())
 
     def _write_delays(self, session: LiveSession, rows: Array) -> None:
-        table = session.delays.table
-        with (self._folder / "delays.csv").open("w", encoding="utf-8", newline="\n") as stream:
-            stream.write(
-                "time_s,waiting_ms,latency_ms,computation_ms,state,markers_seen,marker_error_mm,remaining_jump\n"
-            )
-            markers = rows[:, [self._part[part].start for part in ("seen", "error", "remaining")]]
-            for (time, waiting, age, busy, state), (seen, error, remaining) in zip(table, markers, strict=True):
-                stream.write(
-                    f"{time:.6f},{1e3 * waiting:.4f},{1e3 * age:.4f},{1e3 * busy:.4f},{STATES[int(state)]},{seen:.0f},"
-                    f"{1e3 * error:.3f},{remaining:.3g}\n"
-                )
-        delays, spread = session.delays, {}
+        delays, markers = session.delays, rows[:, [self._part[part].start for part in ("seen", "error", "remaining")]]
+        head = "time_s,waiting_ms,latency_ms,computation_ms,state,markers_seen,marker_error_mm,remaining_jump"
+        lines = (
+            f"{time:.6f},{1e3 * waiting:.4f},{1e3 * age:.4f},{1e3 * busy:.4f},{STATES[int(state)]},{seen:.0f},"
+            f"{1e3 * error:.3f},{remaining:.3g}"
+            for (time, waiting, age, busy, state), (seen, error, remaining) in zip(delays.table, markers, strict=True)
+        )
+        (self._folder / "delays.csv").write_text("\n".join([head, *lines, ""]), encoding="utf-8", newline="\n")
+        spread = {}
         for name, delay in (("from_frame_to_result", delays.end_to_end), ("computation", delays.busy)):
-            milliseconds = {"median": delay.median, "percentile_99": delay.late, "worst": delay.worst}
-            spread[f"{name}_ms"] = {
-                key: round(1e3 * value, 4) if np.isfinite(value) else None for key, value in milliseconds.items()
-            }
+            times = {"median": delay.median, "percentile_99": delay.late, "worst": delay.worst}
+            rounded = {key: round(1e3 * time, 4) if np.isfinite(time) else None for key, time in times.items()}
+            spread[f"{name}_ms"] = rounded
         facts = {
             "frames": len(delays),
             "dropped": delays.dropped,
@@ -305,8 +294,7 @@ class LiveRecord:
             store.put_derivatives(writer, motion, model)
             store.put_torques(writer, torques, self._wrenches(time, rows))
             acts = {actuator.name: actuator.coordinate for actuator in model.actuators}
-            driven = tuple(acts.get(name, "") for name in tension.reserve_names)
-            store.put_tension(writer, tension, driven)
+            store.put_tension(writer, tension, tuple(acts.get(name, "") for name in tension.reserve_names))
             writer.fact("trial", STEP)
             if chain.limits is not None:
                 put_uncertainty(writer, self._limits(time, rows), UNITS)
@@ -320,39 +308,25 @@ class LiveRecord:
             parts = rows[:, self._part[f"{name}_limits"]].reshape(len(rows), 3, len(names))
             spreads[name] = Spread(time, names, *(np.array(parts[:, index]) for index in range(3)))
             for end, values in (("low", parts[:, 0]), ("high", parts[:, 1])):
-                self._write_limit(name, end, Series(time, names, np.array(values)))
+                self._write_limit(name, end, Motion(time, names, np.array(values)))
         return Uncertainty(FrozenMap(spreads), draws=drawn.draws, factors=FrozenMap(drawn.factors))
 
-    def _write_limit(self, name: str, end: str, values: Series) -> None:
-        model = self._chain.model
+    def _write_limit(self, name: str, end: str, values: Motion) -> None:
+        table = Table(values.time, values.names, values.values, facts=FrozenMap({"name": name}))
         if name == "coordinates":
-            table = table_from_motion(Motion(values.time, values.names, values.values), model)
+            table = table_from_motion(values, self._chain.model)
         elif name == "torques":
-            table = torque_table(values, model)
-        else:
-            table = Table(values.time, values.names, values.values, facts=FrozenMap({"name": name}))
-        stem, ending = MUSCLES.get(name, name), ".mot" if name == "coordinates" else ".sto"
-        write_sto(table, self._folder / f"{stem}_{end}{ending}")
+            table = torque_table(values, self._chain.model)
+        ending = ".mot" if name == "coordinates" else ".sto"
+        write_sto(table, self._folder / f"{MUSCLES.get(name, name)}_{end}{ending}")
 
     def _tension(self, time: Array, rows: Array, options: TensionOptions) -> Tension:
-        solver, part = self._chain.tension, self._part
+        solver, kept = self._chain.tension, {name: np.array(rows[:, part]) for name, part in self._part.items()}
         return Tension(
-            time=np.array(time),
-            muscles=solver.muscles,
-            activations=np.array(rows[:, part["activations"]]),
-            forces=np.array(rows[:, part["forces"]]),
-            reserve_names=solver.actuators,
-            reserves=np.array(rows[:, part["reserves"]]),
-            coordinates=solver.rows,
-            torques=np.array(rows[:, part["balanced"]]),
-            equilibrium_residual=np.array(rows[:, part["residual"]][:, 0]),
-            status=rows[:, part["status"]][:, 0].astype(np.int8),
-            iterations=np.zeros(len(rows), np.int64),
-            lower=np.array(solver.lower),
-            upper=np.array(solver.upper),
-            overstretched=(),
-            options=options,
-        )
+            np.array(time), solver.muscles, kept["activations"], kept["forces"], solver.actuators, kept["reserves"],
+            solver.rows, kept["balanced"], kept["residual"][:, 0], kept["status"][:, 0].astype(np.int8),
+            np.zeros(len(rows), np.int64), np.array(solver.lower), np.array(solver.upper), (), options,
+        )  # fmt: skip
 
     def _wrenches(self, time: Array, rows: Array) -> Wrenches | None:
         """External forces where they meet the floor."""
@@ -360,8 +334,7 @@ class LiveRecord:
         if not bodies:
             return None
         each = rows[:, self._part["wrenches"]].reshape(len(rows), len(bodies), 6)
-        moments, forces = each[..., :3], each[..., 3:]
-        up = self._chain.feet.up
+        moments, forces, up = each[..., :3], each[..., 3:], self._chain.feet.up
         lift = forces @ up
         acts = np.abs(lift) > 1.0
         points = np.where(acts[..., None], np.cross(up, moments) / np.where(acts, lift, 1.0)[..., None], 0.0)

@@ -82,14 +82,10 @@ class Replay:
         if len(motion) < 2 or (wrenches is not None and len(wrenches) < 2):
             samples = "" if wrenches is None else f" and {len(wrenches)} samples of force"
             raise BadData(f"{len(motion)} frames{samples} cannot be played: two are needed")
-        self.names, self.markers = motion.names, isinstance(motion, Markers)
-        self.rate = motion.rate
-        if isinstance(motion, InertialSensors):
-            assert motion.orientations is not None
-            self._motion = motion.orientations
-        else:
-            self._motion = motion.values
-        self.played, self._time = motion, motion.time
+        self.names, self.markers, self.rate = motion.names, isinstance(motion, Markers), motion.rate
+        values = motion.orientations if isinstance(motion, InertialSensors) else motion.values
+        assert values is not None
+        self.played, self._time, self._motion = motion, motion.time, values
         first, last = float(motion.time[0]), float(motion.time[-1])
         self._take_forces(wrenches, first, last)
         self.duration: float | None = last - first
@@ -106,10 +102,8 @@ class Replay:
         if wrenches is None:
             return
         if wrenches.time[0] > last or wrenches.time[-1] < first:
-            raise BadData(
-                f"motion ({first:g} to {last:g} s) and forces ({wrenches.time[0]:g} to {wrenches.time[-1]:g} s) have "
-                "no time in common"
-            )
+            forces = f"forces ({wrenches.time[0]:g} to {wrenches.time[-1]:g} s)"
+            raise BadData(f"motion ({first:g} to {last:g} s) and {forces} have no time in common")
         outside = [i for i, body in enumerate(wrenches.bodies) if body != GROUND]
         self.plates = tuple(wrenches.names[i] for i in outside)
         self.bodies = tuple(wrenches.bodies[i] for i in outside)

@@ -37,16 +37,13 @@ def marker_channels(
         if match and match[1]:
             channels.setdefault(match[1], {})[match[2].lower()] = i
     if not channels:
-        expected = ", ".join(f"NAME_{axis}" for axis in axes)
-        raise BadData(
-            f"the {kind}' stream has channels {', '.join(labels[:6]) or 'without labels'}: expected {expected} for each"
-        )
-    for name, own in channels.items():
-        if set(own) != set(axes):
-            raise BadData(
-                f"'{name}' of the {kind}' stream has only {', '.join(sorted(own))}: expected {', '.join(axes)}"
-            )
-    columns = np.array([[own[axis] for axis in axes] for own in channels.values()])
+        expected, has = ", ".join(f"NAME_{axis}" for axis in axes), ", ".join(labels[:6]) or "without labels"
+        raise BadData(f"the {kind}' stream has channels {has}: expected {expected} for each")
+    for name, axis_channels in channels.items():
+        if set(axis_channels) != set(axes):
+            has = ", ".join(sorted(axis_channels))
+            raise BadData(f"'{name}' of the {kind}' stream has only {has}: expected {', '.join(axes)}")
+    columns = np.array([[of_axis[axis] for axis in axes] for of_axis in channels.values()])
     if kind == "sensors":
         return tuple(channels), columns, 1.0
     used = {units[i].strip().lower() for i in columns.ravel()}
@@ -69,18 +66,15 @@ def force_channels(labels: Sequence[str], units: Sequence[str]) -> tuple[tuple[s
     for name, channels in plate_channels.items():
         kind = next((kind for kind, needed in wanted.items() if needed <= set(channels)), "")
         if not kind:
-            raise BadData(
-                f"plate '{name}' of the forces' stream has {', '.join(sorted(channels))}: expected Fx..Fz, Px..Pz, "
-                "Tx..Tz, or Fx..Fz, Mx..Mz"
-            )
+            has, expected = ", ".join(sorted(channels)), "Fx..Fz, Px..Pz, Tx..Tz, or Fx..Fz, Mx..Mz"
+            raise BadData(f"plate '{name}' of the forces' stream has {has}: expected {expected}")
         unit = units[channels["px"]].strip().lower() if kind == "fpt" else ""
         if unit not in _UNITS:
             raise BadData(f"the points of plate '{name}' are in '{unit}': expected m, mm or cm")
         plates.append((kind, np.array([[channels[a + b] for b in "xyz"] for a in kind]), _UNITS[unit]))
     if not plates:
-        raise BadData(
-            f"the forces' stream has channels {', '.join(labels[:6]) or 'without labels'}: expected NAME_Fx ... NAME_Tz"
-        )
+        has = ", ".join(labels[:6]) or "without labels"
+        raise BadData(f"the forces' stream has channels {has}: expected NAME_Fx ... NAME_Tz")
 
     def each(samples: Array) -> Array:
         result = np.empty((len(samples), len(plates), 6))
@@ -177,9 +171,8 @@ def streaming_library() -> Any:
         # Brings pylsl: loaded only where it is needed.
         import pylsl
     except (ImportError, RuntimeError) as error:
-        raise MyomorphError(
-            f"streams of the Lab Streaming Layer need the package 'pylsl' ({error}): pip install 'myomorph[live]'"
-        ) from None
+        text = f"need the package 'pylsl' ({error}): pip install 'myomorph[live]'"
+        raise MyomorphError(f"streams of the Lab Streaming Layer {text}") from None
     return pylsl
 
 
@@ -226,10 +219,8 @@ class _Stream:
         self._count += len(times)
         span = times[-1] - self._first if times else 0.0
         if span > 1.0 and abs((self._count - 1) / span / self.rate - 1.0) > RATE_ERROR:
-            raise BadData(
-                f"stream '{self.name}' says {self.rate:g} samples a second, but sends {(self._count - 1) / span:.4g}: "
-                "correct the rate that its sender names"
-            )
+            rates = f"{self.rate:g} samples a second, but sends {(self._count - 1) / span:.4g}"
+            raise BadData(f"stream '{self.name}' says {rates}: correct the rate that its sender names")
         return frozen_array(np.array(times, dtype=np.float64)), np.array(samples, dtype=np.float64)
 
 
@@ -258,18 +249,9 @@ class LabOutlet:
         self._delay = chain.filter.delay
         model = chain.model
         turns = {coordinate.name: coordinate.motion == "rotational" for coordinate in model.coordinates}
-        channels = [
-            (coordinate_name, "rad" if turns[coordinate_name] else "m", "Angle")
-            for coordinate_name in model.coordinate_names
-        ]
-        channels += [
-            (
-                f"{coordinate_name}_{'moment' if turns[coordinate_name] else 'force'}",
-                "N m" if turns[coordinate_name] else "N",
-                "Torque",
-            )
-            for coordinate_name in model.coordinate_names
-        ]
+        channels = [(label, "rad" if turn else "m", "Angle") for label, turn in turns.items()]
+        torques = {True: ("moment", "N m"), False: ("force", "N")}
+        channels += [(f"{label}_{torques[turn][0]}", torques[turn][1], "Torque") for label, turn in turns.items()]
         channels += [(muscle, "1", "Activation") for muscle in chain.tension.muscles]
         self._results, self._limited = len(channels), chain.limits is not None
         if self._limited:
@@ -290,18 +272,13 @@ class LabOutlet:
 
     def put(self, frame: ChainFrame, markers: Array) -> None:
         """Send one frame."""
-        n = len(frame.coordinates)
-        self._row[:n], self._row[n : 2 * n], self._row[2 * n : self._results] = (
-            frame.coordinates, frame.torques, frame.tension.activations
-        )  # fmt: skip
+        results = frame.coordinates, frame.torques, frame.tension.activations
+        self._row[: self._results] = np.concatenate(results)
         if self._limited:
-            limits = frame.limits
-            ends = (
-                np.nan
-                if limits is None
-                else np.hstack([limits.coordinates[:2], limits.torques[:2], limits.activations[:2]]).ravel()
-            )
-            self._row[self._results :] = ends
+            self._row[self._results :] = np.nan
+        if (limits := frame.limits) is not None:
+            ends = np.hstack([limits.coordinates[:2], limits.torques[:2], limits.activations[:2]])
+            self._row[self._results :] = ends.ravel()
         # A stream's frames have its clock already; those of a recording were due some time ago.
         stamp = frame.time
         if self._source.duration is not None:
