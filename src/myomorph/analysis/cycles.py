@@ -124,9 +124,7 @@ def find_period(time: Array, values: Array, options: PeriodOptions | None = None
 
 
 def _evenly(time: Array, values: Array) -> tuple[float, Array, Array] | None:
-    """Step, values less their straight line and which are known, at even times; None where too few are or none differs.
-    Values that are not known are 0.
-    """
+    """Step, detrended values (0 where unknown) and which are known, at even times; None where too few are."""
     known = np.isfinite(values)
     if known.sum() < 8 or known.mean() < MIN_KNOWN:
         return None

@@ -233,9 +233,9 @@ def _scalars(
         p = float("nan")
         if tested and min(sizes) >= permutations.MIN_SUBJECTS:
             p = float(permutations.permutation_test(*samples, most=options.permutations, seed=options.seed).p)
-        means = map(float, _mean_interval(samples, options.confidence))
+        mean, low, high = map(float, _mean_interval(samples, options.confidence))
         ends = permutations.g_interval(g, *sizes, confidence=options.confidence)
-        scalars.append(ScalarDifference(name, _described(former), _described(other), *means, g, *ends, p))
+        scalars.append(ScalarDifference(name, _described(former), _described(other), mean, low, high, g, *ends, p))
     alone = np.array([scalar.p for scalar in scalars])
     corrected, q = permutations.holm(alone), permutations.benjamini_hochberg(alone)
     return tuple(replace(scalar, holm=float(corrected[i]), q=float(q[i])) for i, scalar in enumerate(scalars))

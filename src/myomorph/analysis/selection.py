@@ -72,9 +72,7 @@ class Pair:
 
 
 def pairs(names: Iterable[str]) -> tuple[Pair, ...]:
-    """Names paired over the sides, in order of first appearance.
-    A name without a side is the right one where only a left one answers it (`DELT1`, `DELT1_l`).
-    """
+    """Names paired over sides, in order; one without a side is the right of a left that answers (`DELT1_l`)."""
     by_base: dict[str, dict[str, tuple[str, ...]]] = {}
     for name in names:
         base, side = split_side(name)

@@ -189,7 +189,7 @@ def find_strides(
         for what in ("strikes", "lifts")
     )
     phases = {name: _phases(strikes[limbs[0].name], track.strikes) for name, track in tracks.items()}
-    by_limb = (FrozenMap(table) for table in (strikes, lifts, phases))
+    by_limb = FrozenMap(strikes), FrozenMap(lifts), FrozenMap(phases)
     strides.sort(key=lambda stride: stride.start)
     return Strides(tuple(strides), *by_limb, frozen_array(along), ground, tuple(notes))
 

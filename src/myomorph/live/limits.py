@@ -208,9 +208,7 @@ class LiveLimits:
         return (third - before) / gap if 0.0 < gap < NEAR else np.zeros_like(third)
 
     def _limits(self, apart: Array) -> Array:
-        """(3, columns) how far both limits lie from the result, and its standard deviation. `apart`: (draws, columns)
-        errors of the result.
-        """
+        """(3, columns) how far limits lie from the result, its standard deviation, of its errors (draws, columns)."""
         low, high = np.quantile(apart, (0.5 - 0.5 * LEVEL, 0.5 + 0.5 * LEVEL), axis=0)
         for factor, a, b in zip(self.factors.values(), self._ends, self._ends[1:], strict=False):
             middle, half = 0.5 * (low[a:b] + high[a:b]), 0.5 * factor * (high[a:b] - low[a:b])

@@ -66,9 +66,7 @@ class Source(Protocol):
 
 
 class Replay:
-    """A recording of markers, coordinates or sensors with orientations, and external forces in ground, at `speed` times
-    real time, 0 as fast as it goes.
-    """
+    """A recording and external forces in ground that are played, at `speed` times real time, 0 as fast as it goes."""
 
     def __init__(
         self,

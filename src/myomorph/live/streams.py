@@ -27,9 +27,7 @@ _UNITS: Mapping[str, float] = {
 def marker_channels(
     labels: Sequence[str], units: Sequence[str], axes: str = "xyz"
 ) -> tuple[tuple[str, ...], np.ndarray, float]:
-    """Names of markers, (markers, 3) their channels, and the factor to metres; of sensors, with the axes wxyz, the same
-    of quaternions, whose factor is 1.
-    """
+    """Names of markers, (markers, 3) channels, the factor to metres; of sensors, with axes wxyz, the same."""
     kind = "markers" if axes == "xyz" else "sensors"
     channels: dict[str, dict[str, int]] = {}
     for i, label in enumerate(labels):

@@ -88,9 +88,7 @@ class ChainViewer(Page):
 
 
 def force_ends(wrenches: Array, up: Array, weight: float, length: float) -> Array:
-    """(bodies, 2, 3) start and end of the arrows of forces, from where they meet the floor; NaN for small ones.
-    `length`: of an arrow of the force `weight` [m].
-    """
+    """(bodies, 2, 3) arrows of forces [m], from the floor, NaN for small ones; `length` for the force `weight`."""
     moments, forces = wrenches[:, :3], wrenches[:, 3:]
     lift = forces @ up
     acts = np.isfinite(lift) & (np.abs(lift) > MIN_FORCE * weight)

@@ -35,9 +35,7 @@ THICK, MIN_RADIUS, MAX_RADIUS = 0.16, 0.014, 0.055
 
 
 class BodyView:
-    """Pictures of one model, its surfaces prepared once: limbs as rounds. `meshed`: whether bodies have surfaces of
-    their own.
-    """
+    """Pictures of one model, surfaces prepared once. `meshed`: bodies have surfaces of their own, not rounds."""
 
     def __init__(self, model: Model, surfaces: Mapping[str, Surface] | None = None):
         self.model = model
@@ -137,9 +135,7 @@ class Page:
             self._server.stop()
 
     def _lay_floor(self, scene: Scene, root: Array) -> None:
-        """Empty the page, and give it lights, the floor of a scene, and the frame of the bodies, which begin at `root`
-        (3,) [m].
-        """
+        """Empty the page, and give it lights, the floor of a scene, and the frame of bodies, from `root` (3,) [m]."""
         page = self._page
         page.reset()
         self._server.gui.reset()

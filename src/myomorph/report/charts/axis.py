@@ -73,9 +73,7 @@ def limits(
 
 
 def scaled_unit(unit: str, *values: Array) -> tuple[float, str]:
-    """Factor and unit that print small values without a row of zeros: 0.0003 N·m is 300 µN·m. Values of ordinary size
-    keep their unit.
-    """
+    """Factor and unit that print small values without a row of zeros: 0.0003 N·m is 300 µN·m; else the same."""
     finite = [np.abs(value[np.isfinite(value)]) for value in values]
     peak = max((float(array.max()) for array in finite if array.size), default=0.0)
     scales = ((2e-2, 1.0, ""), (2e-5, 1e3, "m"), (0.0, 1e6, "µ"))

@@ -92,9 +92,7 @@ def picture_row(
     unit: str | None = None,
     width: float = 560.0,
 ) -> str:
-    """Pictures of bodies side by side, with labels or a scale of their colors below, whose `ends` are named; a `unit`
-    of None prints no title.
-    """
+    """Pictures side by side, labels or a scale of their colors with `ends` below; no title for a `unit` of None."""
     wide, tall = sum(picture.width for picture in drawn), max(picture.height for picture in drawn)
     width = min(float(WIDTH), max(width, wide + GAP * len(drawn)))
     shrink = min(1.0, (width - GAP * len(drawn)) / wide)

@@ -68,9 +68,7 @@ def bar_plot(
     width: int = 680,
     peak: float = 0.0,
 ) -> str:
-    """Horizontal bars, one row a name; several `values` (names,) lie over each other, the widest first; `peak` must
-    fit, for charts of one scale.
-    """
+    """Bars of names; several `values` (names,) lie over each other, the widest first; `peak` to share a scale."""
     row = 15.0
     highest = (float(np.nanmax(value)) for value in values if np.isfinite(value).any())
     peak = max([peak, *highest, *(level.value for level in levels)])
@@ -132,7 +130,8 @@ def interval_rows(
     """Dots with intervals in rows, further values as upright ticks; intervals far beyond all values are cut. `signed`:
     zero is in the middle, for values of both signs, and the chart at least 1 wide to both sides.
     """
-    known = [each.value for each in (*values, *levels)] + [value for marks in beside for value in marks.values]
+    known = [dot.value for dot in values] + [level.value for level in levels]
+    known += [value for marks in beside for value in marks.values]
     peak = max([abs(value) for value in known if np.isfinite(value)] or [0.0])
     peak, furthest = (max(peak, 1.0), 3.0) if signed else (peak, 1.5)
     ends = [abs(end) for interval in values for end in (interval.low, interval.high) if np.isfinite(end)]

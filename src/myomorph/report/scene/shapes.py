@@ -150,9 +150,7 @@ def bones(model: Model) -> dict[str, tuple[Array, list[Array]]]:
 
 
 def sticks(model: Model) -> dict[str, list[Surface]]:
-    """For every body, spindles between the centers of its joints, in the body's frame. A last body reaches to twice its
-    mass center's distance.
-    """
+    """Spindles between the centers of each body's joints, in its frame; a last body's to twice its mass center."""
     result: dict[str, list[Surface]] = {body.name: [] for body in model.bodies}
     for body, (start, ends) in zip(model.bodies, bones(model).values(), strict=True):
         if not ends and body.mass > 0.0:

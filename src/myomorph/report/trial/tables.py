@@ -44,9 +44,7 @@ def loaded_height(wrenches: Wrenches, up: Array) -> float:
 
 
 def marker_verdicts(fit: KinematicsFit, scale: float = 1.0) -> list[Verdict]:
-    """Marker errors: RMS of the worst frame under 2 cm, the largest under 4 cm (Hicks et al. 2015). `scale`: factor on
-    the limits, see `body_scale`.
-    """
+    """Marker errors: RMS of the worst frame under 2 cm, largest under 4 cm (Hicks et al. 2015), times `scale`."""
     if not np.isfinite(fit.errors).any():
         return []
     time, rms = fit.motion.time, 100 * fit.rms

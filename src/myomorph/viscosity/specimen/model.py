@@ -144,9 +144,7 @@ class Specimen:
         return replace(self, model=self._with_joint(replace(joint, parent_frame=frame)))
 
     def resting(self, rotation: Array) -> Specimen:
-        """The same whose joint coordinates are zero at a rotation (3, 3) of the limb in the base; a hinge keeps its
-        zero.
-        """
+        """The same with joint coordinates zero at a rotation (3, 3) of the limb in the base; a hinge keeps its zero."""
         if len(self.joint_coordinates) == 1:
             return self
         joint = self._joint(self.first)

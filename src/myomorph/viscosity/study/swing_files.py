@@ -98,9 +98,7 @@ class OpenedSpecimen:
 
 
 def open_specimen(files: SpecimenFiles, recorded: Markers) -> OpenedSpecimen:
-    """The specimen that a model holds, its bones those that carry at least three of the recorded markers. With a CT,
-    markers come from the scanned clusters.
-    """
+    """The specimen of a model, its bones those that carry three recorded markers; with a CT, from its clusters."""
     with about(files.model):
         model = _model(files.model, recorded.names)
         scanned = model_from_scans(model, files.ct, recorded) if files.ct else None

@@ -58,9 +58,7 @@ def shaped(specimen: Specimen, trials: Sequence[Markers]) -> tuple[Specimen, flo
 
 
 def limb_poses(specimen: Specimen, held: Mapping[str, float] | None = None) -> dict[str, Transform]:
-    """Of every bone of the limb in the limb's first body, about the joint's center, with held joints at these values,
-    by default as they are.
-    """
+    """Of every bone in the limb's first body, about the joint's center, held joints at these values or as they are."""
     ground = standing_poses(specimen.model, held)
     first = ground[specimen.first]
     back = Transform(first.rotation, first.apply(specimen.center_in_limb)).inverse()

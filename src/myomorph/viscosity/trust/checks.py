@@ -99,9 +99,7 @@ def recording_findings(recordings: Sequence[SwingRecording]) -> tuple[Finding, .
 
 
 def base_findings(recordings: Sequence[SwingRecording], instruments: Instruments) -> tuple[Finding, ...]:
-    """A load of the base whose constant level moment is larger than errors of instruments leave: recordings rid of the
-    estimated ones.
-    """
+    """A load of the base whose constant level moment is larger than instruments' errors leave."""
     thin = [thinned(recording) for recording in recordings]
     zero = plate_zero(thin)
     errors = zip(instruments.sources, instruments.prior, strict=True)

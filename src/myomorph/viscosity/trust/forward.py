@@ -250,9 +250,7 @@ class Window:
         return measured_motion(self.recording, self.frames)
 
     def errors(self, predicted: SwingMotion, free_offset: bool) -> Array:
-        """(3,) mean square of angle, moment and force [rad^2, (N m)^2, N^2] less predicted; changes alone if
-        `free_offset`.
-        """
+        """(3,) mean square of angle, moment, force [rad^2, (N m)^2, N^2] less predicted; changes if `free_offset`."""
         measured = self.measured
         wrench = measured.wrench - predicted.wrench
         if free_offset:

@@ -106,9 +106,7 @@ def slopes_of(recording: SwingRecording) -> Array:
 
 
 def resistances(angles: Array, rates: Array, lengthening: Array, width: float, slopes: Array | None = None) -> Array:
-    """(frames, axes, 3 axes + 6) what each coefficient of a law adds to the torque against the motion; `slopes` as of
-    `slopes_of`.
-    """
+    """(frames, axes, 3 axes + 6) torque that each coefficient of a law adds; `slopes` as of `slopes_of`."""
     frames, axes = rates.shape
     columns = np.zeros((frames, axes, 3 * axes + 6))
     speed = np.linalg.norm(rates, axis=1)[:, None]
