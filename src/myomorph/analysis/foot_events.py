@@ -189,12 +189,9 @@ def on_plates(
     lifts = [at for _, stop in touches if stop < inner and span[0] <= (at := wrenches.time[stop]) <= span[1]]
     near = NEAREST * usual
     return FootTrack(
-        track.place,
-        _replaced(track.strikes, strikes, near),
-        _replaced(track.lifts, lifts, near),
-        track.seen,
+        track.place, _replaced(track.strikes, strikes, near), _replaced(track.lifts, lifts, near), track.seen,
         "plates" if len(strikes) > 1 else "markers",
-    )
+    )  # fmt: skip
 
 
 STRIKES, LIFTS = ("foot strike", "foot contact", "heel strike", "initial contact"), ("foot off", "toe off", "foot lift")
@@ -216,12 +213,9 @@ def on_events(track: FootTrack, limb: Limb, events: Sequence[Event], source: str
         usual = float(np.median(np.diff(sorted(strikes)))) if len(strikes) > 1 else float(np.ptp([*strikes, *lifts]))
     near = NEAREST * usual
     return FootTrack(
-        track.place,
-        _replaced(track.strikes, strikes, near),
-        _replaced(track.lifts, lifts, near),
-        track.seen,
+        track.place, _replaced(track.strikes, strikes, near), _replaced(track.lifts, lifts, near), track.seen,
         source if strikes else track.source,
-    )
+    )  # fmt: skip
 
 
 def _replaced(events: Array, better: Sequence[float], near: float) -> Array:

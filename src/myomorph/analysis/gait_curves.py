@@ -63,12 +63,9 @@ KEYS: tuple[str, ...] = tuple(variable.key for variable in VARIABLES)
 ANGLES = 9  # The first ones, which scores are of
 
 SPELLINGS: Mapping[str, tuple[str, ...]] = {
-    "hip_flexion": ("hip_flexion",),
-    "hip_adduction": ("hip_adduction",),
-    "hip_rotation": ("hip_rotation",),
-    "knee_flexion": ("knee_angle", "knee_flexion"),
-    "ankle_dorsiflexion": ("ankle_angle", "ankle_flexion"),
-}
+    "hip_flexion": ("hip_flexion",), "hip_adduction": ("hip_adduction",), "hip_rotation": ("hip_rotation",),
+    "knee_flexion": ("knee_angle", "knee_flexion"), "ankle_dorsiflexion": ("ankle_angle", "ankle_flexion"),
+}  # fmt: skip
 """Coordinates of each joint angle, as models of the OpenSim family spell them."""
 POWERS: Mapping[str, tuple[str, ...]] = {
     "hip_power": ("hip_flexion", "hip_adduction", "hip_rotation"),

@@ -12,16 +12,9 @@ from myomorph.model.provenance import Estimate
 from myomorph.model.sides import split_side
 
 UNITS: Mapping[str, str] = {
-    "Walking speed": "m/s",
-    "Cadence": "steps/min",
-    "Stride time": "s",
-    "Step time": "s",
-    "Stride length": "m",
-    "Step length": "m",
-    "Step width": "m",
-    "Stance": "% of the stride",
-    "Double support": "% of the stride",
-}
+    "Walking speed": "m/s", "Cadence": "steps/min", "Stride time": "s", "Step time": "s", "Stride length": "m",
+    "Step length": "m", "Step width": "m", "Stance": "% of the stride", "Double support": "% of the stride",
+}  # fmt: skip
 LEVEL = 0.9
 
 

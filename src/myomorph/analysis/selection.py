@@ -39,17 +39,10 @@ MAJOR_MUSCLES: tuple[tuple[str, str], ...] = (
 )
 """Muscles shown first, with the spellings of the Rajagopal, gait2392 and MyoSim families, hip to ankle."""
 OTHER_LEG_MUSCLES: tuple[str, ...] = (
-    r"gl(ut)?_?min\w*",
-    r"tfl",
-    r"sar(t)?",
-    r"piri|peri|gem|quad_?fem",
-    r"add_?(brev|long)|pect|grac",
-    r"bi?f(em)?_?sh\d*",
-    r"vas_?int",
-    r"tib_?post",
-    r"per_?(brev|tert)",
+    r"gl(ut)?_?min\w*", r"tfl", r"sar(t)?", r"piri|peri|gem|quad_?fem", r"add_?(brev|long)|pect|grac",
+    r"bi?f(em)?_?sh\d*", r"vas_?int", r"tib_?post", r"per_?(brev|tert)",
     r"(edl|ehl|fdl|fhl|ext_?(dig|hal)|flex_?(dig|hal))",
-)
+)  # fmt: skip
 COORDINATE_ORDER: tuple[str, ...] = (
     "hip_flexion", "hip_adduction", "hip_rotation", "knee_angle", "knee_flexion", "ankle_angle", "ankle_flexion",
     "subtalar_angle", "lumbar_extension", "lumbar_bending", "lumbar_rotation", "arm_flex", "arm_add", "arm_rot",

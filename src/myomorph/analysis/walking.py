@@ -165,17 +165,10 @@ def walking_strides(
     plates = wrenches if wrenches is not None and len(wrenches) > 1 and feet & set(wrenches.bodies) else None
     try:
         strides = find_strides(
-            points,
-            limbs,
-            model.body_names[:1],
-            model.up,
-            ground_speed=ground_speed(points),
-            wrenches=plates,
-            weight=None if plates is None else model.weight,
-            events=events,
-            running=running_events(model, motion, limbs),
-            facing=facing_of(model, motion, limbs),
-        )
+            points, limbs, model.body_names[:1], model.up, ground_speed=ground_speed(points), wrenches=plates,
+            weight=None if plates is None else model.weight, events=events,
+            running=running_events(model, motion, limbs), facing=facing_of(model, motion, limbs),
+        )  # fmt: skip
     except BadData:
         return None
     lasting: Array = np.array([stride.duration for stride in strides.strides])

@@ -265,14 +265,10 @@ class LiveRecord:
             rounded = {key: round(1e3 * time, 4) if np.isfinite(time) else None for key, time in times.items()}
             spread[f"{name}_ms"] = rounded
         facts = {
-            "frames": len(delays),
-            "dropped": delays.dropped,
-            "seconds": round(session.seconds, 3),
+            "frames": len(delays), "dropped": delays.dropped, "seconds": round(session.seconds, 3),
             "states": {STATES[state]: count for state, count in delays.states().items()},
-            "filter_delay_s": round(session.filter_delay, 6),
-            **spread,
-            "notes": list(session.notes),
-        }
+            "filter_delay_s": round(session.filter_delay, 6), **spread, "notes": list(session.notes),
+        }  # fmt: skip
         (self._folder / "session.json").write_text(json.dumps(facts, indent=1) + "\n", encoding="utf-8")
 
     def _write_results(

@@ -137,16 +137,11 @@ class PlayedBody:
         rotations, origins = poses.rotations[0], poses.origins[0]
         points = drawn_paths(self._paths, coordinates)
         return Instant(
-            known=known,
-            rotations=rotations,
-            origins=origins,
+            known=known, rotations=rotations, origins=origins,
             tubes=tubes(points.places[0], points.muscle, *self._muscles.look(frame, self.size, chosen)),
-            recorded=self._markers.recorded[frame],
-            modelled=self._markers.modelled(rotations, origins),
-            measured=self._measured.at(frame),
-            estimated=self._estimated.at(frame),
-            centers=self.centers[posed],
-        )
+            recorded=self._markers.recorded[frame], modelled=self._markers.modelled(rotations, origins),
+            measured=self._measured.at(frame), estimated=self._estimated.at(frame), centers=self.centers[posed],
+        )  # fmt: skip
 
     def middle_of(self, frame: int, muscle: int) -> Array:
         """A place (3,) in the middle of a muscle, for its label [m]."""

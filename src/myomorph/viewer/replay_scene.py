@@ -17,25 +17,16 @@ from myomorph.viewer.replay_body import Instant, PlayedBody, Tubes, arrows
 from myomorph.viewer.web_page import BONE, Links, quaternions
 
 LAYERS: Mapping[str, str] = {
-    "bones": "Bones",
-    "muscles": "Muscles",
-    "axes": "Joint axes",
-    "measured": "Plate forces",
-    "estimated": "Contact forces",
-    "recorded": "Markers",
-    "modelled": "Model markers",
-    "center": "Center of mass",
+    "bones": "Bones", "muscles": "Muscles", "axes": "Joint axes", "measured": "Plate forces",
+    "estimated": "Contact forces", "recorded": "Markers", "modelled": "Model markers", "center": "Center of mass",
     "floor": "Floor",
-}
+}  # fmt: skip
 """What can be shown or hidden, and how it is called."""
 
 COLORS: Mapping[str, tuple[int, int, int]] = {
-    "measured": (26, 148, 117),
-    "estimated": (233, 138, 21),
-    "recorded": (38, 92, 214),
-    "modelled": (230, 72, 150),
+    "measured": (26, 148, 117), "estimated": (233, 138, 21), "recorded": (38, 92, 214), "modelled": (230, 72, 150),
     "center": (30, 30, 34),
-}
+}  # fmt: skip
 """Of layers that have one; markers as in OpenSim, blue as measured and pink as modelled."""
 
 BONES = (BONE, (176, 196, 212), (196, 206, 176), (208, 186, 202))  # Of the first body, the second, ...
@@ -177,24 +168,17 @@ class ShownBody:
         self._layers["floor"].append(self._lines("plates", edges, (70, 78, 84), 2.5))
         faces = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint32)
         sheet = self._page.add_mesh_simple(
-            f"{self._root}/sheets",
-            (np.concatenate(corners) + lift).astype(np.float32),
-            np.concatenate([faces + 4 * index for index in range(len(corners))]),
-            color=(150, 164, 172),
-            opacity=0.45,
-            side="double",
-            cast_shadow=False,
-        )
+            f"{self._root}/sheets", (np.concatenate(corners) + lift).astype(np.float32),
+            np.concatenate([faces + 4 * index for index in range(len(corners))]), color=(150, 164, 172), opacity=0.45,
+            side="double", cast_shadow=False,
+        )  # fmt: skip
         self._layers["floor"].append(sheet)
 
     def _lines(self, name: str, points: Array, color: tuple[int, int, int], width: float) -> Any:
         return self._page.add_line_segments(
-            f"{self._root}/{name}",
-            points.astype(np.float32),
-            np.array(color, dtype=np.uint8),
-            thickness=width,
+            f"{self._root}/{name}", points.astype(np.float32), np.array(color, dtype=np.uint8), thickness=width,
             thickness_units="screen",
-        )
+        )  # fmt: skip
 
 
 def bone_solids(scene: Scene, size: float) -> tuple[Solid, ...]:

@@ -212,15 +212,9 @@ def add_floor(page: Any, name: str, up: Array, height: float) -> Any:
     """A grid of half metres on the floor at a height along `up` [m]."""
     axis = int(np.argmax(np.abs(up)))
     return page.add_grid(
-        name,
-        width=30.0,
-        height=30.0,
-        plane=("yz", "xz", "xy")[axis],
-        cell_size=0.5,
-        cell_color=(225, 225, 222),
-        section_color=(190, 192, 190),
-        position=tuple(float(component) for component in height * up),
-    )
+        name, width=30.0, height=30.0, plane=("yz", "xz", "xy")[axis], cell_size=0.5, cell_color=(225, 225, 222),
+        section_color=(190, 192, 190), position=tuple(float(component) for component in height * up),
+    )  # fmt: skip
 
 
 def add_lights(page: Any, scene: Scene) -> None:
@@ -228,12 +222,9 @@ def add_lights(page: Any, scene: Scene) -> None:
     page.configure_default_lights(False)
     page.configure_environment_map(None)
     page.add_light_hemisphere(
-        "/lights/sky",
-        sky_color=(255, 255, 255),
-        ground_color=(176, 170, 160),
-        intensity=1.7,
+        "/lights/sky", sky_color=(255, 255, 255), ground_color=(176, 170, 160), intensity=1.7,
         position=tuple(float(component) for component in scene.up),
-    )
+    )  # fmt: skip
     for name, place, intensity in (
         ("key", 0.7 * scene.forward + 0.8 * scene.right + 1.2 * scene.up, 1.7),
         ("fill", -0.8 * scene.forward - 0.6 * scene.right + 0.6 * scene.up, 0.7),
@@ -253,14 +244,10 @@ class Links:
         for body in sorted({solid.body for solid in solids}):
             surface = joined_surfaces([outward(solid.surface) for solid in solids if solid.body == body])
             self.handles[body] = page.add_mesh_simple(
-                f"{root}/link{body}",
-                np.asarray(surface.vertices, dtype=np.float32),
-                np.asarray(surface.faces, dtype=np.uint32),
-                color=colors.get(body, BONE),
-                side="front",
-                cast_shadow=False,
-                receive_shadow=False,
-            )
+                f"{root}/link{body}", np.asarray(surface.vertices, dtype=np.float32),
+                np.asarray(surface.faces, dtype=np.uint32), color=colors.get(body, BONE), side="front",
+                cast_shadow=False, receive_shadow=False,
+            )  # fmt: skip
 
     def pose(self, rotations: Array, origins: Array) -> None:
         """Put the links where their bodies are: (bodies + 1, 3, 3) and (bodies + 1, 3), the ground first."""

@@ -102,16 +102,10 @@ def _only(scene: Scene, bodies: Sequence[int]) -> Scene:
     grown = float(np.linalg.norm(np.ptp(everything, axis=0))) / scene.size
     low, high = float(heights.min()), float(heights.max())
     return replace(
-        scene,
-        rotations=scene.rotations[:, kept],
-        origins=scene.origins[:, kept],
-        solids=solids,
+        scene, rotations=scene.rotations[:, kept], origins=scene.origins[:, kept], solids=solids,
         muscles=tuple(replace(muscle, radius=muscle.radius * grown) for muscle in scene.muscles),
-        size=scene.size * grown,
-        low=low,
-        high=high,
-        floor=low,
-    )
+        size=scene.size * grown, low=low, high=high, floor=low,
+    )  # fmt: skip
 
 
 def _length(meters: float) -> str:

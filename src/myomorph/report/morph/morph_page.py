@@ -117,16 +117,10 @@ MAX_ROWS = 1000  # Of a folded table.
 def morphing_sections(morph: Morph, checks: MorphChecks) -> list[Section]:
     """All parts, warnings first."""
     made = (
-        warning_section(checks),
-        body_section(morph),
-        bone_section(morph),
-        arm_section(morph, checks),
-        muscle_section(morph),
-        path_section(morph, checks),
-        joint_section(morph),
-        mass_section(morph),
+        warning_section(checks), body_section(morph), bone_section(morph), arm_section(morph, checks),
+        muscle_section(morph), path_section(morph, checks), joint_section(morph), mass_section(morph),
         method_section(morph),
-    )
+    )  # fmt: skip
     return [section for section in made if section is not None]
 
 

@@ -18,18 +18,12 @@ def morphing_tables(morph: Morph, checks: MorphChecks) -> Mapping[str, Sheet]:
     """Every table that has rows, by the name of its file: in SI and radians, NaN where nothing is known."""
     warnings = [(warning.kind, warning.place, warning.text) for warning in checks.warnings]
     tables: dict[str, Sheet] = {
-        "bones.csv": bone_rows(morph),
-        "points.csv": point_rows(morph),
-        "muscles.csv": muscle_rows(morph),
-        "joints.csv": joint_rows(morph),
-        "masses.csv": mass_rows(morph),
-        "moment_arms.csv": arm_rows(checks),
-        "moment_arm_summary.csv": arm_summary_rows(morph, checks),
-        "wrap_objects.csv": wrap_rows(checks),
-        "penetration.csv": penetration_rows(checks),
-        "warnings.csv": Sheet(("kind", "name", "warning"), warnings),
+        "bones.csv": bone_rows(morph), "points.csv": point_rows(morph), "muscles.csv": muscle_rows(morph),
+        "joints.csv": joint_rows(morph), "masses.csv": mass_rows(morph), "moment_arms.csv": arm_rows(checks),
+        "moment_arm_summary.csv": arm_summary_rows(morph, checks), "wrap_objects.csv": wrap_rows(checks),
+        "penetration.csv": penetration_rows(checks), "warnings.csv": Sheet(("kind", "name", "warning"), warnings),
         "not_transferred.csv": Sheet(("part", "reason"), tuple(morph.left_out.items())),
-    }
+    }  # fmt: skip
     return {name: sheet for name, sheet in tables.items() if sheet.rows}
 
 

@@ -192,29 +192,19 @@ def player(scene: Scene) -> str:
     words = np.where(np.isnan(activation), 255, np.clip(np.nan_to_num(activation) * 254.0, 0, 254)).astype(np.uint8)
     forces = np.concatenate([scene.force_starts, scene.force_vectors / scene.weight], axis=2)
     value: dict[str, Any] = {
-        "time": [round(float(instant), 5) for instant in scene.time],
-        "up": _short(scene.up),
-        "forward": _short(scene.forward),
-        "right": _short(scene.right),
-        "size": float(scene.size),
-        "floor": float(scene.floor),
-        "low": float(min(scene.low, scene.floor)),
-        "high": float(scene.high),
-        "bodies": [int(np.searchsorted(used, body)) for body in bodies],
-        "poseCount": len(used),
-        "poses": base64_text(poses),
-        "solids": surfaces,
+        "time": [round(float(instant), 5) for instant in scene.time], "up": _short(scene.up),
+        "forward": _short(scene.forward), "right": _short(scene.right), "size": float(scene.size),
+        "floor": float(scene.floor), "low": float(min(scene.low, scene.floor)), "high": float(scene.high),
+        "bodies": [int(np.searchsorted(used, body)) for body in bodies], "poseCount": len(used),
+        "poses": base64_text(poses), "solids": surfaces,
         "plain": "rgb(" + ",".join(str(round(255 * channel)) for channel in plain_color(scene)) + ")",
         "names": [muscle.name for muscle in scene.muscles],
         "counts": [int(muscle.points.shape[1]) for muscle in scene.muscles],
-        "radii": [round(float(muscle.radius), 6) for muscle in scene.muscles],
-        "middle": _short(middle),
-        "step": step,
-        "points": base64_text(_packed(points, middle, step)),
-        "activation": base64_text(words),
+        "radii": [round(float(muscle.radius), 6) for muscle in scene.muscles], "middle": _short(middle), "step": step,
+        "points": base64_text(_packed(points, middle, step)), "activation": base64_text(words),
         "colors": base64_text(ACTIVATION),
         "forces": np.where(np.isfinite(forces), np.round(forces, 4), 0.0).reshape(len(scene.time), -1).tolist(),
-    }
+    }  # fmt: skip
     # A name must not be able to end the script element that carries this.
     return json.dumps(value, separators=(",", ":")).replace("<", "\\u003c")
 

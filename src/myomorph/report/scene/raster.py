@@ -51,13 +51,10 @@ class Canvas:
         """Draw round tubes between points (n, 3) in ground, of radii (n, 2) at both ends [m]."""
         if len(starts):
             fill_tubes(
-                np.ascontiguousarray(self.view.project(starts)),
-                np.ascontiguousarray(self.view.project(ends)),
-                np.ascontiguousarray(radii * self.view.scale),
-                np.ascontiguousarray(colors, dtype=np.float64),
-                self.color,
-                self.near,
-            )
+                np.ascontiguousarray(self.view.project(starts)), np.ascontiguousarray(self.view.project(ends)),
+                np.ascontiguousarray(radii * self.view.scale), np.ascontiguousarray(colors, dtype=np.float64),
+                self.color, self.near,
+            )  # fmt: skip
 
     def picture(self, shrink: int) -> Bytes:
         """(height, width, 4) pixels, `shrink` x `shrink` of them averaged, silhouettes drawn darker."""

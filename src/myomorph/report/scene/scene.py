@@ -94,22 +94,11 @@ def make_scene(
         # Forces far from the feet (a bar, a wheel) say nothing of the ground.
         floor = lowest
     return Scene(
-        time=time,
-        rotations=poses.rotations,
-        origins=poses.origins,
-        solids=solids,
-        muscles=muscles,
-        force_starts=starts,
-        force_vectors=vectors,
-        weight=weight if weight > 0 else float(np.nanmax(np.abs(vectors), initial=1.0)),
-        up=up,
-        forward=forward,
-        right=right,
-        size=size,
-        low=low,
-        high=high,
-        floor=floor,
-    )
+        time=time, rotations=poses.rotations, origins=poses.origins, solids=solids, muscles=muscles,
+        force_starts=starts, force_vectors=vectors,
+        weight=weight if weight > 0 else float(np.nanmax(np.abs(vectors), initial=1.0)), up=up, forward=forward,
+        right=right, size=size, low=low, high=high, floor=floor,
+    )  # fmt: skip
 
 
 def _solids(model: Model, numbers: Mapping[str, int], surfaces: Mapping[str, Surface]) -> tuple[Solid, ...]:

@@ -313,16 +313,11 @@ def _trial_row(trial: TrialLine) -> tuple[str | Link, ...]:
         cells.append("" if judged is None else f"{number(judged.value)} {judged.unit.partition(' ')[0]}")
     unsolved = [trial.judged[name].value for name in UNSOLVED if name in trial.judged]
     return (
-        trial.subject,
-        Link(trial.trial or "(model)", trial.report) if trial.report else trial.trial or "(model)",
-        trial.condition,
-        " ".join(trial.steps),
-        str(trial.frames) if trial.frames else "",
-        *cells,
-        f"{sum(unsolved):.0f}" if unsolved else "",
-        str(trial.over) if trial.judged else "",
+        trial.subject, Link(trial.trial or "(model)", trial.report) if trial.report else trial.trial or "(model)",
+        trial.condition, " ".join(trial.steps), str(trial.frames) if trial.frames else "", *cells,
+        f"{sum(unsolved):.0f}" if unsolved else "", str(trial.over) if trial.judged else "",
         str(trial.warnings) if trial.warnings else "",
-    )
+    )  # fmt: skip
 
 
 def _files(study: StudyInput) -> list[Section]:

@@ -45,12 +45,9 @@ SOFT_TISSUE_HEAD = ("coordinate", "group", "alpha [s^2]", "standard deviation [s
 """Of the table of soft tissue, which `id` reads."""
 
 ERRORS: Mapping[str, str] = {
-    "bias": "mean error [N m, N]",
-    "mean": "mean absolute error [N m, N]",
-    "rms": "RMS error [N m, N]",
-    "peak": "largest error [N m, N]",
-    "percent": "RMS error [% of body weight, or of body weight times 1 m]",
-}
+    "bias": "mean error [N m, N]", "mean": "mean absolute error [N m, N]", "rms": "RMS error [N m, N]",
+    "peak": "largest error [N m, N]", "percent": "RMS error [% of body weight, or of body weight times 1 m]",
+}  # fmt: skip
 """Columns of `CrossValidation.table`, as files name them."""
 
 

@@ -36,27 +36,16 @@ def prepared_page(prepared: Prepared) -> str:
     instants, motion = _body(prepared)
     forces = "ground" if results.contacts.forces is None else "estimated contact"
     sources = references(
-        results.kinematics.fit is not None,
-        results.dynamics.torques is not None,
-        results.tension is not None,
-        prepared.movement.kind == "jump",
-        results.identification is not None,
+        results.kinematics.fit is not None, results.dynamics.torques is not None, results.tension is not None,
+        prepared.movement.kind == "jump", results.identification is not None,
         any(part.key == "analysis" for part in parts),
-    )
+    )  # fmt: skip
     return rendered(
-        results.head,
-        parts,
-        sources,
-        facts=_facts(prepared),
-        tiles=_tiles(prepared),
-        verdicts=prepared.verdicts,
-        missing=missing,
-        instants=instants,
-        motion=motion,
-        muscles_colored=results.tension is not None,
+        results.head, parts, sources, facts=_facts(prepared), tiles=_tiles(prepared), verdicts=prepared.verdicts,
+        missing=missing, instants=instants, motion=motion, muscles_colored=results.tension is not None,
         arrows="" if acting_forces(results) is None else forces,
         pages=() if prepared.gait is None else (Link("Gait on one page", GAIT_PAGE),),
-    )
+    )  # fmt: skip
 
 
 def _facts(prepared: Prepared) -> list[tuple[str, str]]:

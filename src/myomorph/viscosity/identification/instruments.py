@@ -19,14 +19,9 @@ from myomorph.viscosity.swings.sums import effective_samples, free_directions, p
 
 ROUNDS = 3  # How often the errors are found again from recordings that are rid of the last ones.
 SHOWN_IN = {
-    "plate_position": (1e3, "mm"),
-    "plate_rotation": (1e3, "mrad"),
-    "force_gain": (1e2, "%"),
-    "moment_gain": (1e2, "%"),
-    "plate_clock": (1e3, "ms"),
-    "joint_center": (1e3, "mm"),
-    "soft_tissue": (1e6, "ms^2"),
-}
+    "plate_position": (1e3, "mm"), "plate_rotation": (1e3, "mrad"), "force_gain": (1e2, "%"), "moment_gain": (1e2, "%"),
+    "plate_clock": (1e3, "ms"), "joint_center": (1e3, "mm"), "soft_tissue": (1e6, "ms^2"),
+}  # fmt: skip
 """Of each source, in tables."""
 UNTOLD = "soft_tissue"  # Not estimated: it changes the force by as little as filters and rounding do.
 MASS_AND_MOMENT = 4  # Columns of the force's rows: mass and first moment.

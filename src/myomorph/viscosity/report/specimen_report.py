@@ -198,13 +198,9 @@ def specimen_report(specimen_viscosity: SpecimenViscosity) -> SpecimenReport:
     """What is shown of an identified specimen, without what trust in it adds."""
     shown = {name: shown_condition(condition) for name, condition in specimen_viscosity.conditions.items()}
     return SpecimenReport(
-        specimen_viscosity.name,
-        specimen_row(specimen_viscosity),
-        shown.get("without"),
-        shown.get("with"),
-        specimen_viscosity.muscles,
-        notes=specimen_viscosity.notes,
-    )
+        specimen_viscosity.name, specimen_row(specimen_viscosity), shown.get("without"), shown.get("with"),
+        specimen_viscosity.muscles, notes=specimen_viscosity.notes,
+    )  # fmt: skip
 
 
 def shown_condition(condition: Condition) -> ShownCondition:

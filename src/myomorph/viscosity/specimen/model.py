@@ -221,19 +221,14 @@ def build_specimen(model: Model, names: SpecimenNames) -> Specimen:
         source=model.source,
     )
     return Specimen(
-        model=made,
-        names=names,
-        center=frozen_array(source.pose(names.base).inverse().apply(center)),
+        model=made, names=names, center=frozen_array(source.pose(names.base).inverse().apply(center)),
         center_in_limb=frozen_array(source.pose(names.first).inverse().apply(center)),
         base_coordinates=tuple(coordinate.name for coordinate in base_coordinates),
         joint_coordinates=tuple(coordinate.name for coordinate in joint_coordinates),
         held_coordinates=tuple(coordinate.name for coordinate in held),
-        axes=AXES if names.joint == "ball" else joint.coordinates,
-        axis_vectors=frozen_array(vectors),
-        muscles=FrozenMap(muscles),
-        notes=(*notes, *changed),
-        turning_axes=frozen_array(turning),
-    )
+        axes=AXES if names.joint == "ball" else joint.coordinates, axis_vectors=frozen_array(vectors),
+        muscles=FrozenMap(muscles), notes=(*notes, *changed), turning_axes=frozen_array(turning),
+    )  # fmt: skip
 
 
 def _base_joint(source: bodies.Anatomy, base: str) -> tuple[Joint, tuple[Coordinate, ...]]:

@@ -102,10 +102,6 @@ def head_notes(plan: ViscosityPlan) -> tuple[Note, ...]:
 
 
 STEP = Step(
-    name="cohort",
-    title="tables and report of a cohort",
-    scope="cohort",
-    leaves=FrozenMap({"page": REPORT, "store": STORE}),
-    run=_run,
-    made_from=cohort_provenance,
-)
+    name="cohort", title="tables and report of a cohort", scope="cohort",
+    leaves=FrozenMap({"page": REPORT, "store": STORE}), run=_run, made_from=cohort_provenance,
+)  # fmt: skip

@@ -284,19 +284,14 @@ def _specimen(specimen: _Specimen, folder: Path, problems: list[str], remarks: l
     same = ("name", "measured_muscle_mass", "base", "joint", "up")
     maps: dict[str, Any] = {name: FrozenMap(dict(getattr(specimen, name))) for name in ("pcsa", "truth", "paper")}
     return SpecimenFiles(
-        model=model or folder,
-        without=without,
-        intact=intact,
-        first=specimen.first_body,
-        bones=tuple(specimen.bones),
+        model=model or folder, without=without, intact=intact, first=specimen.first_body, bones=tuple(specimen.bones),
         muscles=FrozenMap({name: tuple(strands) for name, strands in specimen.muscles.items()}),
         tare=study_file.existing(folder, specimen.tare, f"{where}: tare", problems),
         plate=None if specimen.plate is None else _plate(specimen.plate, folder, f"{where}: plate", problems),
         ct=tuple(_scans(specimen.ct, folder, f"{where}: ct", problems)),
-        base_load=_base_load(specimen.base_mass, where, problems),
-        **{name: getattr(specimen, name) for name in same},
+        base_load=_base_load(specimen.base_mass, where, problems), **{name: getattr(specimen, name) for name in same},
         **maps,
-    )
+    )  # fmt: skip
 
 
 def _base_load(base_mass: float | _BaseMass | None, where: str, problems: list[str]) -> BaseLoad:

@@ -41,16 +41,11 @@ def graph_of(plan: ViscosityPlan, out: Path, fresh: bool = False, mark: RunMark 
         recordings = (*files.without, *files.intact)
         names = dict.fromkeys(path.name for each in recordings for path in (each.markers, each.loads))
         return Work(
-            "specimen",
-            outcome,
-            tuple(STEPS["specimen"]),
-            partial(open_steps, inputs=SpecimenInputs(files, options), outcome=outcome),
-            fresh=fresh,
-            mark=mark,
-            settings=settings,
-            files=(files.model.name, *names),
+            "specimen", outcome, tuple(STEPS["specimen"]),
+            partial(open_steps, inputs=SpecimenInputs(files, options), outcome=outcome), fresh=fresh, mark=mark,
+            settings=settings, files=(files.model.name, *names),
             recordings=tuple(Recording(each.markers, each.time) for each in recordings),
-        )
+        )  # fmt: skip
 
     def last(outcomes: tuple[Outcome, ...]) -> tuple[Work, ...]:
         outcome = Outcome(*GATHERED, out)

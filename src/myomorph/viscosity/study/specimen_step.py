@@ -113,11 +113,7 @@ def _run(specimen: SpecimenInputs, output: FolderOutput) -> SpecimenReport:
 
 
 STEP = Step(
-    name="viscosity",
-    title="viscosities of a swinging limb",
-    scope="specimen",
-    options=tuple(type(options) for options in vars(StudyOptions()).values()),
-    leaves=FrozenMap({"report": SPECIMEN}),
-    run=_run,
-    made_from=specimen_provenance,
-)
+    name="viscosity", title="viscosities of a swinging limb", scope="specimen",
+    options=tuple(type(options) for options in vars(StudyOptions()).values()), leaves=FrozenMap({"report": SPECIMEN}),
+    run=_run, made_from=specimen_provenance,
+)  # fmt: skip

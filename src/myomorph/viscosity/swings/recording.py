@@ -84,18 +84,12 @@ class SwingRecording:
     def __post_init__(self) -> None:
         frames, axes = len(self.time), len(self.axes)
         shapes = {
-            "wrench_rows": (frames, 6, PARAMETERS),
-            "wrench": (frames, 6),
-            "torque_rows": (frames, axes, PARAMETERS),
-            "rates": (frames, axes),
-            "angles": (frames, axes),
-            "lengthening": (frames, len(self.strands or self.muscles), axes),
-            "rotations": (frames, 3, 3),
-            "swing": (frames,),
-            "origin": (3,),
-            "hinges": (len(self.hinges), 3),
+            "wrench_rows": (frames, 6, PARAMETERS), "wrench": (frames, 6), "torque_rows": (frames, axes, PARAMETERS),
+            "rates": (frames, axes), "angles": (frames, axes),
+            "lengthening": (frames, len(self.strands or self.muscles), axes), "rotations": (frames, 3, 3),
+            "swing": (frames,), "origin": (3,), "hinges": (len(self.hinges), 3),
             "resisting": (len(self.resisting), axes if len(self.resisting) else 0),
-        }
+        }  # fmt: skip
         for name, shape in shapes.items():
             checked_array(getattr(self, name), shape, f"{name} of swing '{self.name}'")
 

@@ -175,17 +175,14 @@ def swing_sums(recordings: Sequence[SwingRecording], swings: int = 1, least: flo
     predicted = predicted_rows(recordings, [_of(live, number) for number in range(len(recordings))])
     along = free_directions(recordings)
     return SwingSums(
-        tuple(recording.name for recording in recordings),
-        recordings[0].axes,
-        recordings[0].muscles,
-        np.array([block.trial for block in blocks]),
-        np.array([block.weight.sum() for block in blocks]),
+        tuple(recording.name for recording in recordings), recordings[0].axes, recordings[0].muscles,
+        np.array([block.trial for block in blocks]), np.array([block.weight.sum() for block in blocks]),
         tuple(block.own for block in blocks),
         np.stack([_wrench_products(recordings[block.trial], predicted[block.trial], block) for block in blocks]),
         np.stack([_torque_products(recordings[block.trial], along, block) for block in blocks]),
         sum(len(use) for _, use in parts) - sum(len(use) for _, use in live),
         float(np.concatenate([block.weight**2 for block in blocks]).sum() / sum(len(use) for _, use in live)),
-    )
+    )  # fmt: skip
 
 
 def _check(first: SwingRecording, swing_recording: SwingRecording) -> None:
@@ -263,14 +260,10 @@ def _torque_products(swing_recording: SwingRecording, along: Array, block: _Bloc
     sides = swing_recording.rotations[use], swing_recording.wrench[use, :3]
     plate = np.einsum("ai,fji,fj->fa", along, *sides, optimize=True)
     columns = [
-        swing_recording.torque_rows[use],
-        rates[:, :, None],
-        swing_recording.angles[use, :, None],
-        np.ones((*rates.shape, 1)),
-        plate[:, :, None],
-        swing_recording.resisted[use, :, None],
+        swing_recording.torque_rows[use], rates[:, :, None], swing_recording.angles[use, :, None],
+        np.ones((*rates.shape, 1)), plate[:, :, None], swing_recording.resisted[use, :, None],
         (J * speeds[:, :, None]).transpose(0, 2, 1) @ swing_recording.strands_of,
-    ]
+    ]  # fmt: skip
     return _products(np.concatenate(columns, axis=2), block.weight)
 
 

@@ -182,20 +182,11 @@ def _recording(
     none = np.zeros((len(filtered.motion), 0, len(specimen.axes)))
     arms = lengthening(specimen, filtered.motion, filtered.limb.slopes) if muscles else none
     return SwingRecording(
-        name=trial.name,
-        time=np.array(filtered.motion.time),
-        wrench_rows=filtered.limb.wrench_rows,
-        wrench=np.array(filtered.wrench),
-        torque_rows=filtered.limb.torque_rows,
-        rates=filtered.limb.rates,
-        angles=angles,
-        axes=specimen.axes,
-        muscles=names,
-        lengthening=arms,
-        rotations=filtered.limb.rotations,
+        name=trial.name, time=np.array(filtered.motion.time), wrench_rows=filtered.limb.wrench_rows,
+        wrench=np.array(filtered.wrench), torque_rows=filtered.limb.torque_rows, rates=filtered.limb.rates,
+        angles=angles, axes=specimen.axes, muscles=names, lengthening=arms, rotations=filtered.limb.rotations,
         gravity=np.array(specimen.model.gravity),
         swing=swing_numbers(*_swung(specimen, filtered, angles, free), free, MIN_ROTATION),
         strands=tuple(i for i, muscle in enumerate(specimen.muscles.values()) for _ in muscle) if muscles else (),
-        origin=trial.origin,
-        hinges=specimen.hinges,
-    )
+        origin=trial.origin, hinges=specimen.hinges,
+    )  # fmt: skip

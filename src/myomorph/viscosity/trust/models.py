@@ -21,33 +21,18 @@ from myomorph.viscosity.trust.freed import ActingLaw, acting_law
 from myomorph.viscosity.trust.law import WIDTH, PassiveLaw, PassiveProblem, law_columns, term_places
 
 UNITS: Mapping[str, str] = {
-    "viscosity": "N m s/rad",
-    "stiffness": "N m/rad",
-    "rest angle": "rad",
-    "coulomb": "N m",
-    "quadratic": "N m s^2/rad^2",
-    "muscles": "N s/m",
-    "hinge": "N m s/rad",
-}
+    "viscosity": "N m s/rad", "stiffness": "N m/rad", "rest angle": "rad", "coulomb": "N m",
+    "quadratic": "N m s^2/rad^2", "muscles": "N s/m", "hinge": "N m s/rad",
+}  # fmt: skip
 """Of the coefficients; those that differ by axis have the axis' name after theirs."""
 
 LAWS: tuple[tuple[str, ...], ...] = (
-    ("viscosity",),
-    ("viscosity by axis",),
-    ("coulomb",),
-    ("quadratic",),
-    ("viscosity", "stiffness"),
-    ("viscosity", "coulomb"),
-    ("viscosity", "quadratic"),
-    ("viscosity", "stiffness", "coulomb"),
-    ("viscosity", "stiffness", "quadratic"),
-    ("viscosity", "stiffness", "coulomb", "quadratic"),
-    ("viscosity", "muscles"),
-    ("viscosity", "stiffness", "muscles"),
-    ("hinges",),
-    ("hinges", "stiffness"),
+    ("viscosity",), ("viscosity by axis",), ("coulomb",), ("quadratic",), ("viscosity", "stiffness"),
+    ("viscosity", "coulomb"), ("viscosity", "quadratic"), ("viscosity", "stiffness", "coulomb"),
+    ("viscosity", "stiffness", "quadratic"), ("viscosity", "stiffness", "coulomb", "quadratic"),
+    ("viscosity", "muscles"), ("viscosity", "stiffness", "muscles"), ("hinges",), ("hinges", "stiffness"),
     ("hinges", "muscles"),
-)
+)  # fmt: skip
 """What is compared. "muscles": one viscosity of every muscle, left out where the recordings have no moment arms;
 "hinges": of three angles one after another."""
 

@@ -190,16 +190,12 @@ def _offset_columns(swing_recording: SwingRecording, use: np.ndarray, parameters
     frames, axes = rates.shape
     speeds = np.einsum("fma,fa->fm", J, rates)
     columns = [
-        (swing_recording.torque_rows[use] @ parameters)[:, :, None],
-        rates[:, :, None],
-        swing_recording.resisted[use][:, :, None],
-        swing_recording.angles[use][:, :, None],
-        np.ones((frames, axes, 1)),
-        (J * speeds[:, :, None]).transpose(0, 2, 1),
-        np.broadcast_to(speeds[:, None], (frames, axes, speeds.shape[1])),
+        (swing_recording.torque_rows[use] @ parameters)[:, :, None], rates[:, :, None],
+        swing_recording.resisted[use][:, :, None], swing_recording.angles[use][:, :, None], np.ones((frames, axes, 1)),
+        (J * speeds[:, :, None]).transpose(0, 2, 1), np.broadcast_to(speeds[:, None], (frames, axes, speeds.shape[1])),
         np.einsum("fma,fb->famb", J, rates).reshape(frames, axes, -1),
         np.broadcast_to(rates[:, None], (frames, axes, axes)),
-    ]
+    ]  # fmt: skip
     return np.concatenate(columns, axis=2)
 
 
