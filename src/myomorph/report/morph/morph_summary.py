@@ -28,10 +28,9 @@ def _sure(morph: Morph) -> str:
     if not known:
         return ""
     worst = max(known, key=lambda point: point.within)
-    return (
-        f", known with 90 % to {1e3 * float(np.median([point.within for point in known])):.2g} mm (median; worst "
-        f"{1e3 * worst.within:.2g} mm, {worst.owner} on {worst.body})"
-    )
+    middle = 1e3 * float(np.median([point.within for point in known]))
+    farthest = f"{1e3 * worst.within:.2g} mm, {worst.owner} on {worst.body}"
+    return f", known with 90 % to {middle:.2g} mm (median; worst {farthest})"
 
 
 def _architecture(morph: Morph) -> str:
@@ -39,14 +38,13 @@ def _architecture(morph: Morph) -> str:
     counts = Counter(muscle.basis or "the bones' maps" for muscle in morph.muscles)
     told = ", ".join(f"{count} by {basis}" for basis, count in counts.most_common())
     open_ = [muscle for muscle in morph.muscles if np.isfinite(muscle.force_interval[1])]
+    line = f"fibers and forces of muscles: {told}"
     if not open_:
-        return f"fibers and forces of muscles: {told}"
+        return line
     worst = max(open_, key=lambda muscle: muscle.force_interval[1])
     middle = float(np.median([muscle.force_interval[1] for muscle in open_]))
-    return (
-        f"fibers and forces of muscles: {told}; 90 % intervals of force up to {middle:.2g} times as much (median), "
-        f"{worst.force_interval[1]:.2g} ({worst.name})"
-    )
+    line += f"; 90 % intervals of force up to {middle:.2g} times as much (median)"
+    return f"{line}, {worst.force_interval[1]:.2g} ({worst.name})"
 
 
 def _bones(morph: Morph) -> str:
@@ -57,10 +55,8 @@ def _bones(morph: Morph) -> str:
         return f"{len(morph.bones)} bones without surfaces of their own to compare"
     worst = max(apart, key=lambda body: apart[body])
     values = 1e3 * np.array(list(apart.values()))
-    return (
-        f"surfaces of {len(apart)} bones {float(np.median(values)):.2g} mm apart (median), worst {worst} "
-        f"{1e3 * apart[worst]:.2g} mm"
-    )
+    middle = f"surfaces of {len(apart)} bones {float(np.median(values)):.2g} mm apart (median)"
+    return f"{middle}, worst {worst} {1e3 * apart[worst]:.2g} mm"
 
 
 def _order(checks: MorphChecks) -> str:
@@ -70,11 +66,9 @@ def _order(checks: MorphChecks) -> str:
         return ""
     worst, limit = min(known, key=lambda name: known[name]), checks.options.order
     verdict = "at least" if known[worst] >= limit else "below"
-    middle = float(np.median(list(known.values())))
-    return (
-        f"moment arms about {len(known)} coordinates ranked as in the source: correlation {middle:.2f} (median), "
-        f"lowest {known[worst]:.2f} ({worst}): {verdict} {limit:g}"
-    )
+    told = f"{float(np.median(list(known.values()))):.2f} (median), lowest {known[worst]:.2f} ({worst})"
+    ranked = f"moment arms about {len(known)} coordinates ranked as in the source"
+    return f"{ranked}: correlation {told}: {verdict} {limit:g}"
 
 
 def _deepest(checks: MorphChecks) -> str:
@@ -85,10 +79,8 @@ def _deepest(checks: MorphChecks) -> str:
     if worst.increase <= 0.0:
         return "no path runs deeper through a bone than in the source"
     where = f" at {worst.coordinate} = {np.degrees(worst.value):.0f}°" if worst.coordinate else ""
-    return (
-        f"deepest new path through a bone {1e3 * worst.target:.1f} mm ({worst.muscle} in {worst.body}{where}; source "
-        f"{1e3 * worst.source:.1f} mm)"
-    )
+    where = f"{worst.muscle} in {worst.body}{where}; source {1e3 * worst.source:.1f} mm"
+    return f"deepest new path through a bone {1e3 * worst.target:.1f} mm ({where})"
 
 
 def _fibers(morph: Morph) -> str:

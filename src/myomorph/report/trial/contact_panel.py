@@ -100,10 +100,8 @@ def _lead(prepared: Prepared, groups: Sequence[Group]) -> str:
         lines.append("Plate measurements are grey, shown and compared while the plate is loaded.")
     if results.contacts.intervals is not None:
         shape = "Bars" if _at_instants(prepared) else "Bands"
-        lines.append(
-            f"{shape} are the forces that the data allow: equations of motion, friction cones and muscles permit "
-            "every force within."
-        )
+        allow = "equations of motion, friction cones and muscles permit every force within"
+        lines.append(f"{shape} are the forces that the data allow: {allow}.")
     if results.contacts.infeasible:
         lines.append(f"Red marks: {len(results.contacts.infeasible)} infeasible contact frames.")
     return " ".join(lines)
@@ -217,9 +215,8 @@ def joint_contact_section(prepared: Prepared) -> Section | None:
     strides = prepared.strides
     figures = tuple(Figure(_joint_chart(prepared, forces, joint, strides), "medium") for joint in forces.joints)
     lead = (
-        "The force that the joint transmits as a whole, and the pushes of its contact points along their normals, "
-        "which balance the force along them and the moment across them. Forces across the normals (ligaments, "
-        "friction) are part of the whole only."
+        "The force of the whole joint, and the pushes of its contact points along their normals, which balance force "
+        "along and moment across them. Forces across (ligaments, friction) are part of the whole only."
     )
     if any(own_strides(joint, strides) for joint in forces.joints):
         lead += " Over the stride: thin lines are strides, the thick one their mean."

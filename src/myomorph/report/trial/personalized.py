@@ -130,10 +130,8 @@ def _parameter_line(personalized: Personalized) -> str:
     ends = "none at a physiological limit"
     if bound:
         ends = f"{len(bound)} at a physiological limit ({few(bound, 2)})"
-    return (
-        f"of {len(personalized.estimates)} parameters {counts['yes']} identifiable, {counts['partly']} partly, "
-        f"{counts['no']} as assumed before; {ends}"
-    )
+    told = f"{counts['yes']} identifiable, {counts['partly']} partly, {counts['no']} as assumed before"
+    return f"of {len(personalized.estimates)} parameters {told}; {ends}"
 
 
 def _fiber_line(personalized: Personalized) -> str:
@@ -146,7 +144,5 @@ def _fiber_line(personalized: Personalized) -> str:
     with np.errstate(invalid="ignore"):
         outside = int(((after[:, 0] < low) | (after[:, 1] > high)).sum())
     verdict = f"within {low:g} to {high:g}" if not outside else f"{outside} muscles outside {low:g} to {high:g}"
-    return (
-        f"fibers work from {after[shortest, 0]:.2f} ({names[shortest]}) to {after[longest, 1]:.2f} optimal lengths "
-        f"({names[longest]}): {verdict} (Zajac 1989)"
-    )
+    ends = f"{after[shortest, 0]:.2f} ({names[shortest]}) to {after[longest, 1]:.2f} optimal lengths ({names[longest]})"
+    return f"fibers work from {ends}: {verdict} (Zajac 1989)"

@@ -67,10 +67,8 @@ class Prepared:
         if self.detail == self.span:
             return ""
         first, last = self.detail
-        return (
-            f" Charts show {first:.1f} to {last:.1f} s, the part that plays above, of a recording of "
-            f"{self.span[1] - self.span[0]:.0f} s; tables cover all of it."
-        )
+        whole = f"a recording of {self.span[1] - self.span[0]:.0f} s; tables cover all of it."
+        return f" Charts show {first:.1f} to {last:.1f} s, the part that plays above, of {whole}"
 
     @cached_property
     def strides(self) -> Strides | None:

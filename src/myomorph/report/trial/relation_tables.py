@@ -161,9 +161,7 @@ def _split(name: str, limbs: Set[str]) -> tuple[str, str]:
 
 def _cell(correlations: Correlations, row: int, column: int) -> Cell:
     value = float(correlations.values[row, column])
-    under = (
-        f"{correlations.rows[row]} and {correlations.columns[column]}: r = {number(value)}, "
-        f"{number(float(correlations.freedom[row, column]))} independent samples, "
-        f"p = {number(float(correlations.chance[row, column]))}"
-    )
+    freedom, chance = (number(float(table[row, column])) for table in (correlations.freedom, correlations.chance))
+    who = f"{correlations.rows[row]} and {correlations.columns[column]}"
+    under = f"{who}: r = {number(value)}, {freedom} independent samples, p = {chance}"
     return Cell(value if correlations.significant[row, column] else float("nan"), number(value, 0.01), under)

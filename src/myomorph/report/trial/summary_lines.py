@@ -61,10 +61,8 @@ def _sensors_text(fit: KinematicsFit) -> str:
         return ""
     rms = np.sqrt(np.nanmean(errors**2, axis=0))
     worst = int(np.nanargmax(rms))
-    return (
-        f"{len(rms)} sensors explained to {float(np.sqrt(np.nanmean(errors**2))):.1f}° RMS ({fit.sensor_names[worst]} "
-        f"worst, {rms[worst]:.1f}°)"
-    )
+    mean, worst_name = float(np.sqrt(np.nanmean(errors**2))), fit.sensor_names[worst]
+    return f"{len(rms)} sensors explained to {mean:.1f}° RMS ({worst_name} worst, {rms[worst]:.1f}°)"
 
 
 def dynamics_line(model: Model, motion: Motion, torques: Series, wrenches: Wrenches | None) -> str:
@@ -93,10 +91,8 @@ def dynamics_line(model: Model, motion: Motion, torques: Series, wrenches: Wrenc
     shares = f"{plain(100 * force / peak)} and {plain(100 * moment / (peak * height))} %"
     within = force <= tables.RESIDUAL_FORCE * peak and moment <= tables.RESIDUAL_MOMENT * peak * height
     limits = f"{100 * tables.RESIDUAL_FORCE:g} and {100 * tables.RESIDUAL_MOMENT:g} %"
-    return (
-        f"{text}: {shares} of the peak external force (times height), {'within' if within else 'over'} the limits of "
-        f"{limits} (Hicks et al. 2015)"
-    )
+    judged = f"{'within' if within else 'over'} the limits of {limits} (Hicks et al. 2015)"
+    return f"{text}: {shares} of the peak external force (times height), {judged}"
 
 
 def tension_line(model: Model, tension: Tension) -> str:
@@ -136,10 +132,8 @@ def _reserves(model: Model, tension: Tension) -> str:
         whose = "its peak torque"
         if not worst.own:
             whose = f"{plain(worst.scale)} {unit} (its own torque is negligible)"
-        text = (
-            f"; largest reserve {plain(value)} {unit} ({worst.coordinate} at {at:.2f} s), "
-            f"{plain(100 * worst.share)} % of {whose}: {verdict} {100 * tables.RESERVE:g} %"
-        )
+        text = f"; largest reserve {plain(value)} {unit} ({worst.coordinate} at {at:.2f} s), "
+        text += f"{plain(100 * worst.share)} % of {whose}: {verdict} {100 * tables.RESERVE:g} %"
     for unit in ("N", "N m"):
         columns = [i for i, name in enumerate(tension.reserve_names) if _residual_unit(model, name, names[i]) == unit]
         values = np.abs(tension.reserves[:, columns])
@@ -271,10 +265,8 @@ def _fastest(model: Model, time: Array, velocities: Array) -> str:
         over = np.any(shares >= 1.0, axis=0)
     fast = few(itertools.compress(model.muscle_names, over), MAX_NAMED)
     verdict = f"{fast} too fast to pull" if over.any() else "below it"
-    return (
-        f"fastest shortening {plain(100 * share)} % of the greatest velocity ({model.muscle_names[column]} at "
-        f"{time[frame]:.2f} s): {verdict}"
-    )
+    where = f"{model.muscle_names[column]} at {time[frame]:.2f} s"
+    return f"fastest shortening {plain(100 * share)} % of the greatest velocity ({where}): {verdict}"
 
 
 def _jumps(model: Model, time: Array, lengths: Array, velocities: Array) -> str:

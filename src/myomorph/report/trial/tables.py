@@ -144,10 +144,8 @@ def _support(wrenches: Wrenches, time: float, weight: float, residual: float) ->
     carried = float(np.linalg.norm(np.nan_to_num(wrenches.forces[near]).sum(axis=0)))
     if weight <= 0.0 or carried > 0.5 * weight or residual < 0.3 * weight:
         return ""
-    return (
-        f"; the measured forces carry {100 * carried / weight:.0f} % of the body then: a step beside the plates? "
-        "Choose a time range that the plates cover"
-    )
+    advice = "a step beside the plates? Choose a time range that the plates cover"
+    return f"; the measured forces carry {100 * carried / weight:.0f} % of the body then: {advice}"
 
 
 @dataclass(frozen=True)

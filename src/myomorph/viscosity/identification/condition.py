@@ -130,10 +130,8 @@ class ConditionSolution:
 def solve_condition(sums: SwingSums, inertial: InertiaOptions, stiffness: bool) -> ConditionSolution:
     """Inertia and joint viscosity of the sums, with all blocks and with a part of each left out."""
     if len(sums) < 3:
-        raise BadData(
-            f"{len(sums)} blocks of swings in all: intervals need at least three; record longer, release more often, "
-            "or make the blocks smaller"
-        )
+        advice = "record longer, release more often, or make the blocks smaller"
+        raise BadData(f"{len(sums)} blocks of swings in all: intervals need at least three; {advice}")
     every = np.ones(len(sums))
     whole = solve_blocks(sums, every, inertial, stiffness)
     parts = [every - LACKING * block for block in np.eye(len(sums))]

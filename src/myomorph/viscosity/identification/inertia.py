@@ -163,10 +163,8 @@ def _cylinder(estimate: Array, hidden: bool) -> Array:
     inertia = float(np.linalg.eigvalsh(inertia_matrices(estimate))[-1])
     mass = 4.0 / 3.0 * size**2 / inertia if hidden and inertia > 0.0 else float(estimate[0])
     if not mass > 0.0:
-        raise BadData(
-            f"the forces on the base say that the limb's mass is {mass:.3g} kg: is the sign that of the force on the "
-            "base, and was the plate's zero set without the limb (else set tare to 'unknown')?"
-        )
+        asked = "is the sign that of the force on the base, and was the plate's zero set without the limb"
+        raise BadData(f"the limb's mass is {mass:.3g} kg: {asked} (else set tare to 'unknown')?")
     c = moment / mass
     distance = size / mass
     along = np.outer(c, c) / distance**2

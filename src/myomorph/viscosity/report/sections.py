@@ -200,10 +200,8 @@ def _trust(specimen: SpecimenReport, order: int) -> Section | None:
     if specimen.cutoff is not None and specimen.cutoff.reason:
         lead.append(specimen.cutoff.reason)
     if specimen.arms is not None:
-        lead.append(
-            f"Moment arms were perturbed {specimen.arms.draws} times at each level of error; the outer lines "
-            "hold 95 % of the values."
-        )
+        draws = f"{specimen.arms.draws} times at each level of error"
+        lead.append(f"Moment arms were perturbed {draws}; the outer lines hold 95 % of the values.")
     names = list(dict.fromkeys(name for held in specimen.held_out for name in held.predicted))
     legend = [("measured", "measured"), *zip(MODELS, names, strict=False)] if names else []
     if specimen.cutoff is not None:

@@ -44,10 +44,8 @@ def anatomy(model: Model, base: str, first: str, bones: Sequence[str]) -> Anatom
         index_of("body", name, model.body_names)
     parents = {joint.child: joint.parent for joint in model.joints}
     if base not in ancestors(parents, first):
-        raise BadModel(
-            f"model '{model.name}': '{first}' does not hang on '{base}', but on {_chain(parents, first)}: "
-            "name the base that carries the joint"
-        )
+        hangs = f"'{first}' does not hang on '{base}', but on {_chain(parents, first)}"
+        raise BadModel(f"model '{model.name}': {hangs}: name the base that carries the joint")
     for name in bones:
         if name not in (base, first) and first not in ancestors(parents, name):
             raise BadModel(f"model '{model.name}': bone '{name}' does not hang on '{first}': {_chain(parents, name)}")

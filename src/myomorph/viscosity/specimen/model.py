@@ -187,10 +187,8 @@ def build_specimen(model: Model, names: SpecimenNames) -> Specimen:
     center, directions, distance = bodies.joint_center(source, names.base, names.first)
     notes: list[str] = []
     if distance > bodies.ASTRAY:
-        notes.append(
-            f"the axes between '{names.base}' and '{names.first}' miss each other: the joint's center is "
-            f"{1000 * distance:.1f} mm from one of them"
-        )
+        missed = f"the joint's center is {1000 * distance:.1f} mm from one of them"
+        notes.append(f"the axes between '{names.base}' and '{names.first}' miss each other: {missed}")
     base_joint, base_coordinates = _base_joint(source, names.base)
     joint, joint_coordinates, vectors = _joint(source, names, center, directions)
     joints, held = [base_joint, joint], list[Coordinate]()
@@ -257,10 +255,8 @@ def _joint(
         return replace(joint, axes=bodies.turns(angles, order), coordinates=tuple(angles)), coordinates, np.eye(3)
     aligned = directions @ directions[0]
     if np.abs(aligned).min() < np.cos(0.02):
-        raise BadModel(
-            f"model '{source.model.name}': '{names.first}' turns on '{names.base}' about several axes, which is no "
-            "hinge: ask for a ball joint"
-        )
+        turns = f"'{names.first}' turns on '{names.base}' about several axes, which is no hinge"
+        raise BadModel(f"model '{source.model.name}': {turns}: ask for a ball joint")
     vector = first.rotation.T @ directions[0]
     angle = f"{names.first}_angle"
     axis = Axis("rotation", vector, linear(1.0), (angle,))

@@ -39,10 +39,9 @@ def fig1_muscles(model: Model) -> Mapping[str, tuple[str, ...]]:
         if not lacking[-1]:
             return FrozenMap(strands)
     fewest = min(lacking, key=len)
-    raise BadModel(
-        f"model '{model.name}' does not name the 11 muscles of the shoulder as the thoracoscapular model or MyoSuite's "
-        f"arm do: it has no '{fewest[0]}'; give the strands of each muscle by name"
-    )
+    known = "does not name the 11 muscles of the shoulder as the thoracoscapular model or MyoSuite's arm do"
+    lacking = f"it has no '{fewest[0]}'; give the strands of each muscle by name"
+    raise BadModel(f"model '{model.name}' {known}: {lacking}")
 
 
 def kept_muscles(
@@ -61,29 +60,23 @@ def kept_muscles(
             muscle = model.muscle(strand)
             outside = sorted({point.body for point in muscle.path.points if point.body not in source.homes})
             if outside and names:
-                raise BadModel(
-                    f"muscle '{strand}' runs over '{outside[0]}', which is no part of the specimen: leave it out, or "
-                    "name another strand"
-                )
+                beyond = f"'{outside[0]}', which is no part of the specimen"
+                raise BadModel(f"muscle '{strand}' runs over {beyond}: leave it out, or name another strand")
             if not outside:
                 muscles.append(_moved(source, muscle, coordinates, notes))
                 kept[name] = (*kept.get(name, ()), strand)
             else:
                 notes.append(f"muscle '{strand}' is left out: it runs over '{outside[0]}'")
     used = {wrap.wrap_object for muscle in muscles for wrap in muscle.path.wraps}
-    surfaces = [_at_home(source, item) for item in model.wrap_objects if item.name in used]
-    return kept, tuple(muscles), tuple(surfaces), notes
+    homes = [(surface, *source.homes[surface.body]) for surface in model.wrap_objects if surface.name in used]
+    surfaces = tuple(replace(surface, body=home, pose=pose @ surface.pose) for surface, home, pose in homes)
+    return kept, tuple(muscles), surfaces, notes
 
 
 def _crosses(source: Anatomy, muscle: Muscle, base: str) -> bool:
     """Whether a muscle touches both base and limb."""
     homes = {source.homes[point.body][0] for point in muscle.path.points if point.body in source.homes}
     return base in homes and len(homes) > 1
-
-
-def _at_home(source: Anatomy, surface: WrapObject) -> WrapObject:
-    home, pose = source.homes[surface.body]
-    return replace(surface, body=home, pose=pose @ surface.pose)
 
 
 def _moved(source: Anatomy, muscle: Muscle, coordinates: frozenset[str], notes: list[str]) -> Muscle:
@@ -117,10 +110,8 @@ def _point(
     if point.coordinate and point.coordinate not in coordinates:
         default = source.model.coordinate(point.coordinate).default
         if not point.range[0] <= default <= point.range[1]:
-            raise BadModel(
-                f"muscle '{muscle}' goes through '{point.name}' only for some '{point.coordinate}', which the "
-                "specimen does not have: leave the muscle out"
-            )
+            where = f"'{point.name}' only for some '{point.coordinate}', which the specimen does not have"
+            raise BadModel(f"muscle '{muscle}' goes through {where}: leave the muscle out")
         notes.append(f"muscle '{muscle}' always goes through '{point.name}': '{point.coordinate}' is gone")
         point = PathPoint(point.name, point.body, point.location)
     return replace(point, body=home, location=pose.apply(point.location))

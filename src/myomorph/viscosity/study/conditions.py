@@ -84,7 +84,9 @@ def identify_conditions(
     conditions = _with_base(conditions, instruments, files.base_load)
     compared, conflicts = _compared(conditions, options.laws)
     options = _with_law(options, compared)
-    sway = _sway(conditions)
+    slips = [slip for condition in conditions.values() for slip in condition.tracked.slips if slip.what == "base"]
+    turns = (slip.amount for slip in slips if slip.unit == "rad" and not (slip.lasting or slip.before))
+    sway = max(turns, default=0.0)  # How far the base turns to and fro at most [rad].
     # A base that gives way resists by itself, which looks like friction.
     acting = compared["without"].acting if "without" in compared and not sway else None
     if acting is not None and options.identification.subtract == "one":
@@ -198,18 +200,11 @@ def _with_acting(
     if law.friction:
         beside, dry = known["viscosity"], known[DRY]
         condition = replace(condition, viscosity=beside)
-        notes.append(
-            f"dry friction of {dry.value:.2g} N m ({dry.low:.2g} to {dry.high:.2g}) {law.friction} of the joint: the "
-            f"viscosity beside it, {beside.value:.3g}, is used; alone it is {plain.value:.3g} N m s/rad"
-        )
+        friction = f"dry friction of {dry.value:.2g} N m ({dry.low:.2g} to {dry.high:.2g}) {law.friction} of the joint"
+        used = f"{beside.value:.3g}, is used; alone it is {plain.value:.3g} N m s/rad"
+        notes.append(f"{friction}: the viscosity beside it, {used}")
     notes = [f"{identify.STATES['without']}: {note}" for note in notes]
     return replace(specimen_viscosity, without=condition, notes=(*specimen_viscosity.notes, *notes)), known
-
-
-def _sway(conditions: Mapping[str, Prepared]) -> float:
-    """How far the base turns to and fro at most [rad]."""
-    slips = [slip for condition in conditions.values() for slip in condition.tracked.slips if slip.what == "base"]
-    return max((slip.amount for slip in slips if slip.unit == "rad" and not (slip.lasting or slip.before)), default=0.0)
 
 
 def _with_sway(specimen_viscosity: identify.SpecimenViscosity, sway: float, level: float) -> identify.SpecimenViscosity:

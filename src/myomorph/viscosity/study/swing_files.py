@@ -167,10 +167,9 @@ def body_named(model: Model, wanted: str | None, role: str, other: str = "") -> 
             return bodies[0]
         if bodies:
             raise BadModel(f"which body is the '{role}' of {listing('', bodies)}? Name it in the study file")
-    raise BadModel(
-        f"no body is called '{NAMED[role][0]}': give '{role}' in the study file; the model has "
-        f"{listing(NAMED[role][0], model.body_names)}"
-    )
+    called = NAMED[role][0]
+    has = listing(called, model.body_names)
+    raise BadModel(f"no body is called '{called}': give '{role}' in the study file; the model has {has}")
 
 
 def _marked(model: Model, base: str, first: str, markers: Sequence[str]) -> tuple[str, ...]:

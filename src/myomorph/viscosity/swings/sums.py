@@ -165,10 +165,9 @@ def swing_sums(recordings: Sequence[SwingRecording], swings: int = 1, least: flo
         _check(recordings[0], recording)
     parts = [(number, use) for number, recording in enumerate(recordings) for use in _swings(recording)]
     if not parts:
-        raise BadData(
-            f"none of the trials {', '.join(recording.name for recording in recordings)} holds a frame of free swing: "
-            "release the limb without touching it, and check that its markers are seen"
-        )
+        names = ", ".join(recording.name for recording in recordings)
+        advice = "release the limb without touching it, and check that its markers are seen"
+        raise BadData(f"none of the trials {names} holds a frame of free swing: {advice}")
     speed = np.array([np.sqrt(np.square(recordings[number].rates[use]).sum(axis=1).mean()) for number, use in parts])
     live = [part for part, fast in zip(parts, speed >= least * speed.max(), strict=True) if fast]
     blocks = [block for number in range(len(recordings)) for block in _blocks(live, number, swings)]
@@ -188,10 +187,8 @@ def swing_sums(recordings: Sequence[SwingRecording], swings: int = 1, least: flo
 def _check(first: SwingRecording, swing_recording: SwingRecording) -> None:
     for name in ("axes", "muscles", "strands"):
         if getattr(swing_recording, name) != getattr(first, name):
-            raise BadData(
-                f"swings '{first.name}' and '{swing_recording.name}' have other {name}: {getattr(first, name)} and "
-                f"{getattr(swing_recording, name)}; one condition is one specimen"
-            )
+            both = f"{getattr(first, name)} and {getattr(swing_recording, name)}; one condition is one specimen"
+            raise BadData(f"swings '{first.name}' and '{swing_recording.name}' have other {name}: {both}")
     for name in ("wrench_rows", "wrench", "torque_rows", "rates", "angles", "lengthening"):
         if not np.isfinite(getattr(swing_recording, name)[swing_recording.used]).all():
             whose = f"swing '{swing_recording.name}': {name}"

@@ -96,17 +96,13 @@ def _unmarked(specimen: Specimen, clusters: Clusters, name: str) -> list[str]:
     model = specimen.model
     if len(base) < 3:
         wanted = [marker.name for marker in model.markers if marker.body == specimen.base]
-        raise BadData(
-            f"trial '{name}': {len(base)} markers of the base '{specimen.base}' are recorded, of which three are "
-            f"needed; the model names {wanted}"
-        )
+        recorded = f"{len(base)} markers of the base '{specimen.base}' are recorded, of which three are needed"
+        raise BadData(f"trial '{name}': {recorded}; the model names {wanted}")
     marked = [bone for bone in specimen.limb if len(clusters.columns[bone]) >= 2]
     if not marked:
         wanted = [marker.name for marker in model.markers if marker.body != specimen.base]
-        raise BadData(
-            f"trial '{name}': no bone of the limb shows two of its markers {wanted} in the recording: name the model's "
-            "markers as the recording does"
-        )
+        seen = f"no bone of the limb shows two of its markers {wanted} in the recording"
+        raise BadData(f"trial '{name}': {seen}: name the model's markers as the recording does")
     return [
         f"trial '{name}': bone '{bone}' has {len(clusters.columns[bone])} markers, so what holds it is not measured"
         for bone in specimen.limb

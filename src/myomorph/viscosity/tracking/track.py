@@ -80,10 +80,8 @@ def track(
     if options.center == "motion" and _turns_enough(posed, markers) and not any(slips):
         posed, moved = shaped(posed, markers)
         if moved > options.cluster:
-            text = (
-                f"the limb's markers lie {1000 * moved:.1f} mm (root mean square) from where the model has them "
-                "against each other and the joint; where the motion has them is used: check how clusters fit bones"
-            )
+            text = f"the limb's markers lie {1000 * moved:.1f} mm (root mean square) from where the model has them"
+            text += "; where the motion has them is used: check how clusters fit bones"
             astray = (*astray, text)
     slips = [[*first, *then] for first, then in zip(slid, slips, strict=True)]
     tracked = []
@@ -163,10 +161,8 @@ def _centered(
     notes: tuple[str, ...] = ()
     if distance > options.max_center_distance:
         used = "that is used" if options.center == "motion" else "set center to 'motion' to use it"
-        notes = (
-            f"the limb turns about a point {1000 * distance:.1f} mm from the joint's center of the model ({used}): "
-            "check how clusters fit bones",
-        )
+        text = f"the limb turns about a point {1000 * distance:.1f} mm from the joint's center of the model ({used})"
+        notes = (f"{text}: check how clusters fit bones",)
     return (specimen.centered(in_base, in_limb) if options.center == "motion" else specimen), notes
 
 
@@ -260,10 +256,8 @@ def _wrench(
         clock, doubts = plate_clock(motion.time, rows, slow, whole, time, raw, options.contact_threshold)
     wrench = on_clock(clock.times(time), raw, motion.time)
     if not np.isfinite(wrench).any():
-        raise BadData(
-            f"trial '{trial.name}': markers ({motion.time[0]:g} to {motion.time[-1]:g} s) and plate "
-            f"({time[0]:g} to {time[-1]:g} s) have no time in common"
-        )
+        spans = (f"{each[0]:g} to {each[-1]:g} s" for each in (motion.time, time))
+        raise BadData("trial '{}': markers ({}) and plate ({}) have no time in common".format(trial.name, *spans))
     return wrench, clock, doubts
 
 

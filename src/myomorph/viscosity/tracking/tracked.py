@@ -114,10 +114,9 @@ def swing_recordings(
     touched = [near(trial.touched, trial.motion.time, further) for trial in trials]
     free = [parts.whole & ~hands for parts, hands in zip(made, touched, strict=True)]
     if not any(frames.any() for frames in free):
-        raise BadData(
-            f"none of the trials {', '.join(trial.name for trial in trials)} has a frame of free swing with motion and "
-            "wrench, beyond the reach of the filter: record longer, or raise the cutoff"
-        )
+        names = ", ".join(trial.name for trial in trials)
+        lacking = "has a frame of free swing with motion and wrench, beyond the reach of the filter"
+        raise BadData(f"none of the trials {names} {lacking}: record longer, or raise the cutoff")
     rest = _rest(specimen, made, free)
     recordings = (_recording(specimen, *parts, rest, muscles) for parts in zip(trials, made, free, strict=True))
     return tuple(replace(recording, cutoff=cutoff) for recording in recordings)

@@ -90,10 +90,8 @@ def recording_findings(recordings: Sequence[SwingRecording]) -> tuple[Finding, .
         )
         findings.append(Finding(TARED, "plate", text))
     elif float(np.linalg.norm(zero.moment)) > OFF * zero.own_moment:
-        text = (
-            f"a constant moment of {np.linalg.norm(zero.moment):.2f} N m is not the limb's ({zero.own_moment:.2f} N m "
-            f"at most): {RESTS}"
-        )
+        most = f"{zero.own_moment:.2f} N m at most"
+        text = f"a constant moment of {np.linalg.norm(zero.moment):.2f} N m is not the limb's ({most}): {RESTS}"
         findings.append(Finding("zero", "plate", text))
     return tuple(findings)
 
@@ -112,10 +110,8 @@ def base_findings(recordings: Sequence[SwingRecording], instruments: Instruments
     moment = level @ zero.moment
     if moment @ np.linalg.solve(level @ covariance @ level.T, moment) < UNLIKELY:
         return ()
-    text = (
-        f"a constant moment of {np.linalg.norm(moment):.2f} N m about the joint is not the limb's, and more than "
-        f"errors of the instruments explain: {RESTS}"
-    )
+    more = "is not the limb's, and more than errors of the instruments explain"
+    text = f"a constant moment of {np.linalg.norm(moment):.2f} N m about the joint {more}: {RESTS}"
     return (Finding(LOADED, "base", text),)
 
 
@@ -129,16 +125,12 @@ def condition_findings(condition: Condition) -> tuple[Finding, ...]:
     size = np.sqrt(np.square(rates).mean(axis=0))
     wide = not is_narrow(viscosity)
     if wide and "viscosity" in condition.by_trial:
-        text = (
-            f"one viscosity does not describe the trials: {viscosity.low:.2g} to {viscosity.high:.2g} N m s/rad; that "
-            "of single axes and of the muscles stand beside"
-        )
+        ends = f"{viscosity.low:.2g} to {viscosity.high:.2g} N m s/rad"
+        text = f"one viscosity does not describe the trials: {ends}; those of single axes and muscles stand beside"
         return (Finding("trials", "swings", text), *_misfit(condition))
     if wide:
-        text = (
-            f"the swings are too small to tell the viscosity: {viscosity.low:.2g} to {viscosity.high:.2g} N m s/rad "
-            f"at rates of {np.linalg.norm(size):.2f} rad/s; release the limb from farther out, or more often"
-        )
+        ends = f"{viscosity.low:.2g} to {viscosity.high:.2g} N m s/rad at rates of {np.linalg.norm(size):.2f} rad/s"
+        text = f"the swings are too small to tell the viscosity: {ends}; release it from farther out, or more often"
         return (Finding(TOO_SMALL, "swings", text),)
     findings = []
     axes = condition.recordings[0].axes
@@ -171,10 +163,8 @@ def _misfit(condition: Condition) -> tuple[Finding, ...]:
     ratio = float(np.linalg.norm(left / scale) / max(np.linalg.norm(free), 1e-9 * np.linalg.norm(b)))
     if ratio < MISFIT:
         return ()
-    text = (
-        f"the identified limb leaves {ratio:.1f} times as much of the wrench as free numbers would: its inertia cannot "
-        "be trusted, nor the viscosity; swing it about every axis, and check the joint's center"
-    )
+    text = f"the identified limb leaves {ratio:.1f} times as much of the wrench as free numbers would: its inertia "
+    text += "cannot be trusted, nor the viscosity; swing it about every axis, and check the joint's center"
     return (Finding("misfit", "limb", text),)
 
 
@@ -191,9 +181,7 @@ def tracking_findings(tracked: TrackedSpecimen) -> tuple[Finding, ...]:
             findings.append(Finding("lost frames", trial.name, f"trial '{trial.name}': {text}"))
         shift = abs(trial.clock.drift) * trial.clock.length
         if shift > max(DRIFT, 3.0 * trial.clock.drift_sd * trial.clock.length):
-            text = (
-                f"trial '{trial.name}': the plate's clock drifts by {1e6 * trial.clock.drift:.0f} parts per million, "
-                f"{1e3 * shift:.1f} ms over the trial, against the markers': corrected; a common clock is better"
-            )
+            drift = f"{1e6 * trial.clock.drift:.0f} parts per million, {1e3 * shift:.1f} ms over the trial"
+            text = f"trial '{trial.name}': the plate's clock drifts by {drift}: corrected; a common clock is better"
             findings.append(Finding("clock", trial.name, text))
     return tuple(findings)

@@ -109,10 +109,9 @@ def choice_of(signals: Sequence[Residuals]) -> CutoffChoice:
     most = max(signals, key=lambda signal: signal.cutoff)
     cutoff = float(np.clip(most.cutoff, MIN_CUTOFF, MAX_CUTOFF))
     limit = "" if cutoff == most.cutoff else f", kept within {MIN_CUTOFF:g} and {MAX_CUTOFF:g} Hz"
-    reason = (
-        f"cut-off {cutoff:g} Hz: residual analysis asks for {most.cutoff:g} Hz in '{most.name}'{limit}, for less in "
-        f"all others; the spectrum of '{most.name}' stands above its noise up to {most.band:.2g} Hz"
-    )
+    asked = f"residual analysis asks for {most.cutoff:g} Hz in '{most.name}'{limit}, for less in all others"
+    spectrum = f"the spectrum of '{most.name}' stands above its noise up to {most.band:.2g} Hz"
+    reason = f"cut-off {cutoff:g} Hz: {asked}; {spectrum}"
     return CutoffChoice(cutoff, reason)
 
 

@@ -136,10 +136,8 @@ class PassiveComparison:
         if not np.isfinite(plain.angle_error):
             return f"BIC asks for {law.name}, but no window could be held out to judge it: {plain.name} is used"
         other, plain_error = np.rad2deg([law.angle_error, plain.angle_error])
-        return (
-            f"BIC asks for {law.name}, but it predicts held-out swings to {other:.1f} degrees, {plain.name} to "
-            f"{plain_error:.1f}: {plain.name} is used"
-        )
+        predicts = f"it predicts held-out swings to {other:.1f} degrees, {plain.name} to {plain_error:.1f}"
+        return f"BIC asks for {law.name}, but {predicts}: {plain.name} is used"
 
 
 def compare_passive_laws(
