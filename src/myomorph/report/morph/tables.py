@@ -42,26 +42,23 @@ def bone_rows(morph: Morph) -> Sheet:
 
 def point_rows(morph: Morph) -> Sheet:
     """Every path point before and after."""
-    axes = "xyz"
     header = (
-        "owner", "point", "body", "target body", *(f"source {a} [m]" for a in axes), *(f"target {a} [m]" for a in axes),
-        "lifted [m]", "source height over surface [m]", "target height over surface [m]",
-        "within, 90 % [m]", "brought out of bone [m]",
+        "owner", "point", "body", "target body", *_axes("source {} [m]"), *_axes("target {} [m]"), "lifted [m]",
+        "source height over surface [m]", "target height over surface [m]", "within, 90 % [m]",
+        "brought out of bone [m]",
     )  # fmt: skip
-    rows: list[tuple[Cell, ...]] = [
+    return Sheet(header, [
         (point.owner, point.name, point.body, point.target_body, *_xyz(point.source), *_xyz(point.target), point.lifted,
          point.depth_source, point.depth_target, point.within, point.cleared)
         for point in morph.points
-    ]  # fmt: skip
-    return Sheet(header, rows)
+    ])  # fmt: skip
 
 
 def mass_rows(morph: Morph) -> Sheet:
     """Masses, and mass centers in the bodies' frames."""
-    axes = "xyz"
     header = (
-        "body", "source mass [kg]", "target mass [kg]", *(f"source center {a} [m]" for a in axes),
-        *(f"target center {a} [m]" for a in axes), *(f"target moment {axis} [kg m^2]" for axis in (1, 2, 3)),
+        "body", "source mass [kg]", "target mass [kg]", *_axes("source center {} [m]"), *_axes("target center {} [m]"),
+        *_axes("target moment {} [kg m^2]", "123"),
     )  # fmt: skip
     before = {body.name: body for body in morph.source.bodies}
     rows: list[tuple[Cell, ...]] = []
@@ -72,6 +69,10 @@ def mass_rows(morph: Morph) -> Sheet:
         mass = float("nan") if source is None else source.mass
         rows.append((body.name, mass, body.mass, *center, *_xyz(body.mass_center), *moments))
     return Sheet(header, rows)
+
+
+def _axes(title: str, axes: str = "xyz") -> tuple[str, ...]:
+    return tuple(map(title.format, axes))
 
 
 def _xyz(point: Iterable[float]) -> tuple[float, ...]:
@@ -86,27 +87,20 @@ def muscle_rows(morph: Morph) -> Sheet:
         "target greatest fiber length", "fiber and force from", "least fiber [share]", "greatest fiber [share]",
         "least force [share]", "greatest force [share]",
     )  # fmt: skip
-    rows: list[tuple[Cell, ...]] = [
-        (muscle.name, muscle.path, muscle.fiber, muscle.tendon, muscle.force, muscle.pennation,
-         *muscle.range_source, *muscle.range_target,
-         muscle.basis or "bones", *muscle.fiber_interval, *muscle.force_interval)
+    return Sheet(header, [
+        (muscle.name, muscle.path, muscle.fiber, muscle.tendon, muscle.force, muscle.pennation, *muscle.range_source,
+         *muscle.range_target, muscle.basis or "bones", *muscle.fiber_interval, *muscle.force_interval)
         for muscle in morph.muscles
-    ]  # fmt: skip
-    return Sheet(header, rows)
+    ])  # fmt: skip
 
 
 def joint_rows(morph: Morph) -> Sheet:
     """Where each joint's center is in the target's bones, and how it was found."""
-    axes = "xyz"
-    header = (
-        "joint", "method", *(f"in parent {a} [m]" for a in axes), *(f"in child {a} [m]" for a in axes),
-        "moved from mapped [m]", "gap between parent's and child's [m]",
-    )  # fmt: skip
-    rows: list[tuple[Cell, ...]] = [
+    places = *_axes("in parent {} [m]"), *_axes("in child {} [m]")
+    return Sheet(("joint", "method", *places, "moved from mapped [m]", "gap between parent's and child's [m]"), [
         (joint.name, joint.method, *_xyz(joint.in_parent), *_xyz(joint.in_child), joint.moved, joint.gap)
         for joint in morph.joints
-    ]
-    return Sheet(header, rows)
+    ])  # fmt: skip
 
 
 def arm_rows(checks: MorphChecks) -> Sheet:
@@ -153,16 +147,12 @@ def _within(moment_arms: MomentArms) -> Array:
 
 def wrap_rows(checks: MorphChecks) -> Sheet:
     """Where wrap objects lie in the target's bones, their sizes, and how surely."""
-    header = (
-        "wrap object", "body", "kind", *(f"middle {a} [m]" for a in "xyz"), "first size [m]",
-        "middle within, 90 % [m]", "first size within, 90 % [m]",
-    )  # fmt: skip
-    rows: list[tuple[Cell, ...]] = [
+    sizes = "first size [m]", "middle within, 90 % [m]", "first size within, 90 % [m]"
+    return Sheet(("wrap object", "body", "kind", *_axes("middle {} [m]"), *sizes), [
         (wrap.wrap.name, wrap.wrap.body, wrap.wrap.kind, *_xyz(wrap.wrap.pose.translation), wrap.wrap.size[0],
          wrap.within, wrap.size)
         for wrap in checks.wraps
-    ]  # fmt: skip
-    return Sheet(header, rows)
+    ])  # fmt: skip
 
 
 def _spread(values: np.ndarray) -> tuple[float, float, float]:
@@ -175,8 +165,7 @@ def penetration_rows(checks: MorphChecks) -> Sheet:
         "muscle", "bone", "source depth [m]", "target depth [m]", "increase over grown source [m]",
         "coordinate", "value [rad or m]",
     )  # fmt: skip
-    rows: list[tuple[Cell, ...]] = [
+    return Sheet(header, [
         (fault.muscle, fault.body, fault.source, fault.target, fault.increase, fault.coordinate, fault.value)
         for fault in checks.penetrations
-    ]
-    return Sheet(header, rows)
+    ])  # fmt: skip
