@@ -62,11 +62,8 @@ def joint_jacobian(tree: Tree, base: str, first: str, coordinates: Array) -> tup
     for frame, c in enumerate(np.array(coordinates)):
         gather_dependents(tree.arrays, c, turned[frame])
     stays = set(model.dependent_coordinates)
-    able = [
-        j
-        for j, name in enumerate(model.coordinate_names)
-        if name not in stays and np.abs(turned[:, :, j]).max(initial=0.0) > 1e-9
-    ]
+    moves = np.abs(turned).max(axis=(0, 1), initial=0.0) > 1e-9
+    able = [j for j, name in enumerate(model.coordinate_names) if name not in stays and moves[j]]
     if not able:
         raise BadModel(f"model '{model.name}': no coordinate turns '{first}' against '{base}'")
     R = np.swapaxes(poses.rotations[:, a], 1, 2) @ poses.rotations[:, b]
@@ -150,11 +147,8 @@ def identified_model(
     if specimen_viscosity.without is None:
         return None
     specimen, condition = tracked.specimen, specimen_viscosity.without
-    muscles = (
-        {}
-        if specimen_viscosity.muscles is None
-        else dict.fromkeys(specimen_viscosity.muscles.muscles, specimen_viscosity.muscles.common.value)
-    )
+    values = specimen_viscosity.muscles
+    muscles = {} if values is None else dict.fromkeys(values.muscles, values.common.value)
     viscosity = line_viscosity(muscles, specimen.muscles)
     if len(specimen.joint_coordinates) == 1:
         damping = {specimen.joint_coordinates[0]: condition.viscosity.value}

@@ -124,11 +124,8 @@ def sided_table(
         parts.append(text(2.0, y + 13, label, "tick end"))
         for j, cells in enumerate(each):
             wide = (room - gap) / max(len(cells), 1)
-            parts += [
-                _cell(cell, LABEL + room * j + wide * place, y, wide - 1.5)
-                for place, cell in enumerate(cells)
-                if cell is not None
-            ]
+            known = ((LABEL + room * j + wide * place, cell) for place, cell in enumerate(cells) if cell is not None)
+            parts += [_cell(cell, x, y, wide - 1.5) for x, cell in known]
     return drawing("cells", title, (WIDTH, top + ROW * len(rows) + 4), *parts, unit=unit)
 
 

@@ -88,19 +88,12 @@ def time_plot(
     within = line_limits(lines, span, low, high)
     area = svg.frame(46.0, top, right, height - 22.0, (first, max(last, first + 1e-9)), within, "s")
     tall, wide = area.y.start - area.y.stop, area.x.stop - area.x.start
-    return svg.drawing(
-        "time",
-        title,
-        (width, height),
-        svg.grid_up(area, max(2, min(4, int(tall / 32)))),
-        svg.grid_along(area, max(3, int(wide / 46)), lines=False, drop=14.0),
-        _second_scale(area, *second) if second else "",
-        _events(area, events, name_events),
-        *(drawn_line(area, line, span) for line in lines),
-        svg.levels_across(area, levels),
-        unit=unit,
-        attributes=area.data,
-    )
+    parts = [svg.grid_up(area, max(2, min(4, int(tall / 32))))]
+    parts.append(svg.grid_along(area, max(3, int(wide / 46)), lines=False, drop=14.0))
+    parts += [_second_scale(area, *second)] if second else []
+    parts += [_events(area, events, name_events), *(drawn_line(area, line, span) for line in lines)]
+    parts.append(svg.levels_across(area, levels))
+    return svg.drawing("time", title, (width, height), *parts, unit=unit, attributes=area.data)
 
 
 def _second_scale(area: svg.Frame, factor: float, unit: str) -> str:
@@ -162,7 +155,7 @@ def cycle_chart(
     """
     width = 330.0
     area = svg.frame(46.0, 26.0, width - 8, height - 32.0, (0.0, 100.0), limits(shown), "%")
-    behind, front = [], []
+    behind, front = [svg.grid_up(area), svg.grid_along(area, 4, lines=False, drop=24.0)], []
     for cycle_curve in curves:
         percent = np.linspace(0.0, 100.0, len(cycle_curve.mean))
         known = (curve for curve in cycle_curve.each if np.isfinite(curve).any())
@@ -173,18 +166,8 @@ def cycle_chart(
     for start, stop, under in differs:
         a, b = (float(area.x.at(end)) for end in (start, stop))
         front.append(svg.rect("differs", a - 1.0, area.y.start + 5.0, b - a + 2.0, 5.0, under))
-    return svg.drawing(
-        "time",
-        title,
-        (width, height),
-        svg.grid_up(area),
-        svg.grid_along(area, 4, lines=False, drop=24.0),
-        *behind,
-        *(
-            svg.mark("path", f"event {style}", d=f"M{float(area.x.at(at)):.1f} {area.y.stop:.1f}V{area.y.start:.1f}")
-            for at, style in upright
-        ),
-        *front,
-        unit=unit,
-        attributes=f'{area.data} data-clock="%"',
-    )
+    for at, style in upright:
+        path = f"M{float(area.x.at(at)):.1f} {area.y.stop:.1f}V{area.y.start:.1f}"
+        behind.append(svg.mark("path", f"event {style}", d=path))
+    attributes = f'{area.data} data-clock="%"'
+    return svg.drawing("time", title, (width, height), *behind, *front, unit=unit, attributes=attributes)

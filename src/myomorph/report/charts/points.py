@@ -31,16 +31,9 @@ def xy_plot(
     """Clouds of points and lines over common axes, which begin at or pass zero where `zero` is set."""
     x, y = ([getattr(cloud, axis)[np.isfinite(cloud.y)] for cloud in clouds] for axis in ("x", "y"))
     area = svg.frame(48.0, 26.0, width - 10.0, height - 36.0, limits(x, zero=zero), limits(y, zero=zero))
-    return svg.drawing(
-        "scatter",
-        title,
-        (width, height),
-        svg.grid_up(area),
-        svg.grid_along(area, 5, drop=14.0),
-        svg.text((area.x.start + area.x.stop) / 2, height - 6.0, x_label, "tick x"),
-        *(_cloud(area, cloud) for cloud in clouds),
-        unit=unit,
-    )
+    below = svg.text((area.x.start + area.x.stop) / 2, height - 6.0, x_label, "tick x")
+    parts = [svg.grid_up(area), svg.grid_along(area, 5, drop=14.0), below, *(_cloud(area, cloud) for cloud in clouds)]
+    return svg.drawing("scatter", title, (width, height), *parts, unit=unit)
 
 
 def _cloud(area: svg.Frame, cloud: Cloud) -> str:

@@ -178,11 +178,9 @@ def _contact(area: svg.Frame, y: float, row: Row, touch: Touch, who: Sequence[Su
         marks = f'<path d="M{x0:.1f} {y:.1f}H{x1:.1f}"/>'
         marks += f'<circle cx="{x0:.1f}" cy="{y:.1f}" r="3"/>' if begins else ""
         marks += svg.mark("circle", "open", cx=x1, cy=y, r="2.6") if ends else ""
-    under = (
-        f"{row.label}: {number(touch.start, 0.001)} to {number(touch.stop, 0.001)} s"
-        + (f", {touch.source}" if touch.source else "")
-        + (f", {100 * touch.confidence:.0f} % confidence" if touch.confidence < 1.0 else "")
-    )
+    under = f"{row.label}: {number(touch.start, 0.001)} to {number(touch.stop, 0.001)} s"
+    under += f", {touch.source}" if touch.source else ""
+    under += f", {100 * touch.confidence:.0f} % confidence" if touch.confidence < 1.0 else ""
     attributes = f' class="touch {row.side or "middle"}" opacity="{0.35 + 0.65 * touch.confidence:.2f}"'
     return svg.group(under, marks, attributes=attributes)
 

@@ -243,16 +243,12 @@ def muscle_section(morph: Morph) -> Section | None:
     if len(names) <= 3 * MAX_OPEN_ROWS:
         values = np.array([(muscle.fiber, muscle.tendon, muscle.force) for muscle in morph.muscles]).T
         figures = (Figure(dot_plot("Target over source", "", names, list(values), styles, words, 880), "full"),)
-    rows = tuple(
-        (
-            muscle.name,
-            *(number(x) for x in (muscle.path, muscle.fiber, muscle.tendon, muscle.force)),
-            f"{np.degrees(muscle.pennation):+.1f}°".replace("-", "−"),
-            "{:.2f} to {:.2f}".format(*muscle.range_source),
-            "{:.2f} to {:.2f}".format(*muscle.range_target),
-        )
-        for muscle in morph.muscles
-    )
+    rows = []
+    for muscle in morph.muscles:
+        ratios = map(number, (muscle.path, muscle.fiber, muscle.tendon, muscle.force))
+        turned = f"{np.degrees(muscle.pennation):+.1f}°".replace("-", "−")
+        ranges = ("{:.2f} to {:.2f}".format(*ends) for ends in (muscle.range_source, muscle.range_target))
+        rows.append((muscle.name, *ratios, turned, *ranges))
     head = (
         "Muscle", "Path", "Fiber", "Tendon", "Force", "Pennation", "Fiber range, source", "Fiber range, target",
     )  # fmt: skip
@@ -263,7 +259,8 @@ def muscle_section(morph: Morph) -> Section | None:
         "motion."
     )
     legend = tuple(zip(styles, words, strict=True))
-    grids = (Grid(head, rows, f"Parameters of {len(rows)} muscles, target over source", len(rows) > MAX_OPEN_ROWS),)
+    title = f"Parameters of {len(rows)} muscles, target over source"
+    grids = (Grid(head, tuple(rows), title, len(rows) > MAX_OPEN_ROWS),)
     return Section("muscles", "Fibers, tendons and forces", lead, legend, figures, grids)
 
 
@@ -316,19 +313,12 @@ def mass_section(morph: Morph) -> Section:
 def method_section(morph: Morph) -> Section:
     """What was done, in the order it was done."""
     options = morph.options
+    near = f"Points within {100 * options.surface_within:g} % of bone length of the source's surface"
     rows = (
         ("Features", "Pairs of points of source and target bone: landmarks, and those of the non-rigid registration."),
         ("Maps", "One map a bone from its features alone; virtual links move with all the bones around them."),
-        (
-            "Points",
-            "Path points, wrap objects, markers and joint frames are transferred by the map of their body; wraps and "
-            "axes rotate and scale with it.",
-        ),
-        (
-            "Surfaces",
-            f"Points within {100 * options.surface_within:g} % of bone length of the source's surface are placed at "
-            "the same height over the target's, in its size.",
-        ),
+        ("Points", "Path points, wrap objects, markers and joint frames go by the map of their body, with its turns."),
+        ("Surfaces", f"{near} are placed at the same height over the target's, in its size."),
         ("Joints", f"Centers “{options.joints}”."),
         ("Muscles", f"Fibers “{options.fibers}”, force “{options.force}”, pennation “{options.pennation}”."),
     )

@@ -229,14 +229,8 @@ def _coarse(scene: Scene) -> tuple[list[dict[str, Any]], np.ndarray]:
         low = surface.vertices.min(axis=0)
         step = max(float(np.ptp(surface.vertices, axis=0).max()), 1e-9) / 60000.0
         packed = np.round((surface.vertices - low) / step - 30000.0).astype(np.int16)
-        words.append(
-            {
-                "low": _short(low + 30000.0 * step),
-                "step": step,
-                "vertices": base64_text(packed),
-                "faces": base64_text(surface.faces.astype(np.uint32 if wide else np.uint16)),
-                "wide": wide,
-            }
-        )
+        faces = base64_text(surface.faces.astype(np.uint32 if wide else np.uint16))
+        places = {"low": _short(low + 30000.0 * step), "step": step, "vertices": base64_text(packed)}
+        words.append(places | {"faces": faces, "wide": wide})
         bodies.append(solid.body)
     return words, np.array(bodies, dtype=np.int64)

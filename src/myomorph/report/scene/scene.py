@@ -116,11 +116,10 @@ def _solids(model: Model, numbers: Mapping[str, int], surfaces: Mapping[str, Sur
 
 def _extent(poses: Poses, solids: Sequence[Solid], up: Array) -> tuple[float, float, float]:
     """Lowest and highest height and size of the body over the frames [m], from a few points of every solid."""
-    clouds = [
-        np.einsum("fij,pj->fpi", poses.rotations[:, solid.body], box_corners(solid.surface))
-        + poses.origins[:, None, solid.body]
-        for solid in solids
-    ]
+    clouds = []
+    for solid in solids:
+        turned = np.einsum("fij,pj->fpi", poses.rotations[:, solid.body], box_corners(solid.surface))
+        clouds.append(turned + poses.origins[:, None, solid.body])
     stacked = np.concatenate(clouds or [poses.origins[:, 1:]], axis=1)
     heights = stacked @ up
     size = float(np.linalg.norm(np.ptp(stacked, axis=1), axis=1).max())

@@ -131,17 +131,12 @@ def scalar_grid(comparison: Comparison) -> Grid:
     first, second = comparison.names
     size = "Effect size" if comparison.paired else "Hedges’ g"
     head = ("Parameter", first, second, "Difference", size, "p", "p, Holm", "q")
-    rows = [
-        (
-            scalar.name,
-            mean_words(scalar.first),
-            mean_words(scalar.second),
-            _with_interval(scalar.difference, scalar.low, scalar.high),
-            _with_interval(scalar.g, scalar.g_low, scalar.g_high),
-            *(_probability(p) for p in (scalar.p, scalar.holm, scalar.q)),
-        )
-        for scalar in comparison.scalars
-    ]
+    rows = []
+    for scalar in comparison.scalars:
+        intervals = (scalar.difference, scalar.low, scalar.high), (scalar.g, scalar.g_low, scalar.g_high)
+        means = map(mean_words, (scalar.first, scalar.second))
+        chances = map(_probability, (scalar.p, scalar.holm, scalar.q))
+        rows.append((scalar.name, *means, *(_with_interval(*interval) for interval in intervals), *chances))
     return Grid(head, tuple(rows))
 
 

@@ -37,18 +37,10 @@ def study_page(study: StudyInput) -> str:
     page = PageHead(study.name, study.date, study.version, notes)
     curves = (pair for condition in study.conditions for pair in condition.curves.items())
     families = dict.fromkeys(name for name, curve in curves if curve.names)
-    parts = [
-        *_gone(study),
-        *_changes(study),
-        *_quality(study),
-        *_described(study),
-        *(_family(study, family) for family in families),
-        *(_comparison(comparison, index, study) for index, comparison in enumerate(study.comparisons)),
-        *_differences(study),
-        *_outliers(study),
-        *_trials(study),
-        *_files(study),
-    ]
+    parts = [part for sections in (_gone, _changes, _quality, _described) for part in sections(study)]
+    parts += [_family(study, family) for family in families]
+    parts += [_comparison(comparison, index, study) for index, comparison in enumerate(study.comparisons)]
+    parts += [part for sections in (_differences, _outliers, _trials, _files) for part in sections(study)]
     sources = cited(*REFERENCES) if study.conditions else ()
     return rendered(page, parts, sources, facts=_facts(study), tiles=_tiles(study))
 
@@ -157,11 +149,8 @@ def _described(study: StudyInput) -> list[Section]:
     first = [described for described in study.described if described.quantity.startswith(of_strides)]
     rest = [described for described in study.described if described not in first]
     parts = ((first, "Strides", False), (rest, f"All {len(rest)}{' others' if first else ''}", True))
-    grids = [
-        Grid(("Quantity", *names), tuple(map(_described_row, part)), title, folded)
-        for part, title, folded in parts
-        if part
-    ]
+    tables = [(tuple(map(_described_row, part)), title, folded) for part, title, folded in parts if part]
+    grids = [Grid(("Quantity", *names), *table) for table in tables]
     each = "subjects, each the mean of its trials" if unit == "subjects" else "trials: there is one subject"
     lead = f"Mean ± standard deviation of {each}."
     return [Section("values", "Values", lead, grids=tuple(grids))]

@@ -134,11 +134,11 @@ def _printed(analysis: MotionAnalysis, person: Person) -> str:
         less = 1000 * (float(np.nanmean(person.center.values[:, 0])) - person.still)
         where = "below" if less < 0 else "above"
         printed.append(f"{number(abs(less), 1.0)} mm {where} its height at rest at the start")
-    repeats = [
-        f"{axis} every {number(period.period)} s ({number(period.cycles)} periods, confidence {_sure(period)})"
-        for axis, period in zip(analysis.axes, person.periods, strict=True)
-        if period.periodic
-    ]
+    repeats = []
+    for axis, period in zip(analysis.axes, person.periods, strict=True):
+        if period.periodic:
+            sure = f"{number(period.cycles)} periods, confidence {_sure(period)}"
+            repeats.append(f"{axis} every {number(period.period)} s ({sure})")
     printed.append(f"periodic along {' and '.join(repeats)}" if repeats else "not periodic along any axis")
     sentence = (f"{person.who.name}: " if person.who.name else "") + "; ".join(printed) + "."
     return sentence[:1].upper() + sentence[1:]
@@ -297,11 +297,7 @@ def analysis_sections(prepared: Prepared) -> list[Section]:
     phases = tuple(phase for phase in analysis.cutting.phases if phase.stop > span[0] and phase.start < span[1])
     events = prepared.events if analysis.cutting.by in ("events", "given") else ()
     behind = Backdrop(span, phases if len(phases) <= MAX_STRIPES else (), events)
-    sections = (
-        score_section(prepared, analysis, behind),
-        center_section(prepared, analysis, behind),
-        phase_section(analysis),
-        contact_force_section(prepared, behind, analysis.who),
-        correlation_section(analysis),
-    )
+    score, center = (section(prepared, analysis, behind) for section in (score_section, center_section))
+    forces = contact_force_section(prepared, behind, analysis.who)
+    sections = score, center, phase_section(analysis), forces, correlation_section(analysis)
     return [section for section in sections if section is not None]

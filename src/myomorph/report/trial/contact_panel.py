@@ -117,11 +117,8 @@ def _components(
     heights = (118, 92, 92) if not block else (92, 74, 74)
     rows = [named_lines([(group.style, group.label) for group in groups])] if block else []
     for i, (vector, name) in enumerate(zip(vectors, names, strict=True)):
-        lines = [
-            Line(forces.time, group.measured @ vector, "measured", f"{group.label}, measured")
-            for group in groups
-            if group.measured is not None
-        ]
+        known = ((group.label, group.measured @ vector) for group in groups if group.measured is not None)
+        lines = [Line(forces.time, values, "measured", f"{label}, measured") for label, values in known]
         lines += [Line(forces.time, group.forces @ vector, group.style, group.label) for group in groups]
         levels = _weight(prepared, block, who) if i == 0 else []
         known = prepared.results.contacts.intervals
@@ -224,20 +221,13 @@ def joint_contact_section(prepared: Prepared) -> Section | None:
     legend = [("first", "whole joint")]
     names = dict.fromkeys(forces.points)
     legend += list(zip(ORDINAL[1:], list(names)[: len(ORDINAL) - 1], strict=False))
-    rows = tuple(
-        (
-            load.load,
-            str(load.stride) if load.stride else "recording",
-            f"{number(load.start, 0.001)} s",
-            f"{number(load.stop, 0.001)} s",
-            f"{number(load.peak)} N",
-            number(load.peak / forces.weight),
-            f"{load.peak_percent:.0f} %",
-            f"{number(load.impulse)} N·s",
-        )
-        for load in stride_loads(forces.loads(), strides)
-    )
-    grid = Grid(LOAD_HEAD, rows, "Peaks and impulses by stride", len(rows) > 12)
+    rows = []
+    for load in stride_loads(forces.loads(), strides):
+        span = (f"{number(instant, 0.001)} s" for instant in (load.start, load.stop))
+        peak = f"{number(load.peak)} N", number(load.peak / forces.weight), f"{load.peak_percent:.0f} %"
+        name = str(load.stride) if load.stride else "recording"
+        rows.append((load.load, name, *span, *peak, f"{number(load.impulse)} N·s"))
+    grid = Grid(LOAD_HEAD, tuple(rows), "Peaks and impulses by stride", len(rows) > 12)
     return Section("joint_contacts", "Forces in joints", lead + rest, tuple(legend), figures, (grid,))
 
 

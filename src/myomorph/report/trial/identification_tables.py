@@ -111,11 +111,8 @@ def spine_sheet(bodies: Sequence[str], masses: Mapping[str, Array]) -> Sheet:
 def segment_share(model: Model, masses: Array, row: str, side: str) -> float | None:
     """Percent of the body's mass in a row of [D] table 3.4; None where the model has no such link."""
     segments = named_segments(model)
-    members = [
-        i
-        for i, body in enumerate(model.body_names)
-        if body in segments and segments[body].name in _PARTS[row] and segments[body].side in ("", side)
-    ]
+    known = [(i, segments[body]) for i, body in enumerate(model.body_names) if body in segments]
+    members = [i for i, segment in known if segment.name in _PARTS[row] and segment.side in ("", side)]
     total = float(masses.sum())
     return 100.0 * float(masses[members].sum()) / total if members and total > 0.0 else None
 

@@ -59,11 +59,8 @@ def _center_grid(analysis: MotionAnalysis) -> Grid:
     for measure in analysis.measures:
         phases = measure.stage.phases
         when = f"{number(phases[0].start, 0.01)} – {number(phases[0].stop, 0.01)} s"
-        cells = [
-            measure.stage.name,
-            when if len(phases) == 1 else f"{len(phases)} times",
-            f"{number(measure.stage.duration)} s ({100 * measure.stage.duration / total:.0f} %)",
-        ]
+        lasting = f"{number(measure.stage.duration)} s ({100 * measure.stage.duration / total:.0f} %)"
+        cells = [measure.stage.name, when if len(phases) == 1 else f"{len(phases)} times", lasting]
         if analysis.persons:
             cells.append(f"{number(float(measure.mean[0]), 0.001)} m")
             cells.append(", ".join(number(1000 * float(value)) for value in measure.range) + " mm")
@@ -86,11 +83,8 @@ def _doing_grid(analysis: MotionAnalysis) -> Grid:
             strongest = muscles.names[measure.strongest] if measure.strongest >= 0 else "–"
             cells += [number(measure.activity), number(measure.peak), strongest]
         if touching:
-            shares = [
-                f"{limb.label} {100 * share:.0f} %"
-                for limb, share in zip(analysis.limbs, measure.contact, strict=True)
-                if np.isfinite(share) and share >= 0.005
-            ]
+            contacts = zip(analysis.limbs, measure.contact, strict=True)
+            shares = [f"{limb.label} {100 * share:.0f} %" for limb, share in contacts if share >= 0.005]
             cells.append(", ".join(shares) or "no contact")
         rows.append(tuple(cells))
     return Grid(tuple(head), tuple(rows), "Muscles and contacts by phase" if touching else "Muscles by phase")

@@ -173,11 +173,8 @@ def worst_reserve(
     that is negligible beside the largest of its unit is no measure: twice nothing is nothing.
     """
     root = {name for group in root_coordinates(model) for name in group}
-    peaks = {
-        name: float(np.nanmax(np.abs(torques[name])))
-        for name in torques.names
-        if name not in root and np.isfinite(torques[name]).any()
-    }
+    known = [name for name in torques.names if name not in root and np.isfinite(torques[name]).any()]
+    peaks = {name: float(np.nanmax(np.abs(torques[name]))) for name in known}
     slides = {name: model.coordinate(name).motion == "translational" for name in peaks}
     floors = {
         kind: NEGLIGIBLE * max((peaks[name] for name in peaks if slides[name] is kind), default=0.0)

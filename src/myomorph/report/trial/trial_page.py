@@ -144,11 +144,9 @@ def _key_frames(motion: Motion, good: np.ndarray, prepared: Prepared) -> list[tu
     first, last = np.searchsorted(motion.time[good], prepared.detail)
     good = good[first : max(last, first) + 1]
     time = motion.time[good]
-    marked = [
-        (int(good[int(np.argmin(np.abs(time - event.time)))]), f"{event.side} {event.label}".strip().capitalize())
-        for event in prepared.events
-        if time[0] <= event.time <= time[-1]
-    ]
+    inside = [event for event in prepared.events if time[0] <= event.time <= time[-1]]
+    frames = [int(good[int(np.argmin(np.abs(time - event.time)))]) for event in inside]
+    marked = list(zip(frames, (f"{event.side} {event.label}".strip().capitalize() for event in inside), strict=True))
     marked = [mark for i, mark in enumerate(marked) if i == 0 or mark[0] != marked[i - 1][0]]
     if len(marked) > KEY_INSTANTS:
         # Neighbouring events of one cycle tell more than single ones far apart.

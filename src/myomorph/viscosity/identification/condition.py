@@ -145,9 +145,5 @@ def solve_blocks(
     """Inertia and joint viscosity of blocks that count `counts` (blocks,) times, without what intervals need."""
     inertia = limb_inertia(sums, counts, inertial, noise)
     products, frames = sums.torque_total(counts), float(counts @ sums.frames)
-    return Solution(
-        counts,
-        inertia,
-        joint_viscosity(torque_problem(products, inertia.parameters, stiffness), frames),
-        joint_viscosity(torque_problem(products, None, stiffness), frames),
-    )
+    problems = (torque_problem(products, parameters, stiffness) for parameters in (inertia.parameters, None))
+    return Solution(counts, inertia, *(joint_viscosity(problem, frames) for problem in problems))

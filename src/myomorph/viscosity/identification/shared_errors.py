@@ -80,11 +80,8 @@ def with_shared_errors(
     for part, name in (("muscle_mass", "estimated_muscle_mass"), ("least_muscle_mass", "least_muscle_mass")):
         estimate = getattr(specimen_viscosity, part)
         parts[part] = None if estimate is None else widened(name, estimate)
-    swings = {
-        name: (estimate.high - estimate.low) / (2.0 * z)
-        for name, estimate in specimen_viscosity.estimates.items()
-        if np.isfinite(estimate.value)
-    }
+    known = ((name, each) for name, each in specimen_viscosity.estimates.items() if np.isfinite(each.value))
+    swings = {name: (each.high - each.low) / (2.0 * z) for name, each in known}
     return replace(specimen_viscosity, **parts), _shares(swings, slopes, instruments)
 
 

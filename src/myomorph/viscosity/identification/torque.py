@@ -62,12 +62,9 @@ def joint_viscosity(problem: Array, frames: float) -> JointViscosity:
     """Least squares of torque = -d rate, d at least 0, over all axes of `torque_problem`, and over each."""
     power, square = -problem[:, TORQUE, SPEED], problem[:, SPEED, SPEED]
     axes = np.maximum(np.divide(power, square, out=np.zeros_like(power), where=square > 0.0), 0.0)
-    common, law = (
-        max(-float(problem[:, TORQUE, column].sum() / size), 0.0)
-        if (size := problem[:, column, column].sum()) > 0.0
-        else 0.0
-        for column in (SPEED, JOINT)
-    )
+    sizes = ((column, problem[:, column, column].sum()) for column in (SPEED, JOINT))
+    slopes = (problem[:, TORQUE, column].sum() / size if size > 0.0 else 0.0 for column, size in sizes)
+    common, law = (max(-float(slope), 0.0) for slope in slopes)
     left = problem[:, TORQUE, TORQUE] - 2.0 * common * power + common**2 * square
     return JointViscosity(common, law, axes, np.sqrt(np.maximum(left, 0.0) / frames))
 

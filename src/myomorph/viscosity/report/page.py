@@ -43,11 +43,8 @@ def _tiles(lines: Mapping[str, CohortLine]) -> list[Tile]:
         "total_viscosity": "total viscosity, with muscles",
         "muscle_viscosity": "muscle viscosity",
     }
-    return [
-        Tile(f"{scientific(line.mean)} ± {scientific(line.sd)}", f"{wanted[name]} [{line.quantity.unit}]", "ok")
-        for name, line in lines.items()
-        if name in wanted
-    ]
+    shown = [(line, f"{wanted[name]} [{line.quantity.unit}]") for name, line in lines.items() if name in wanted]
+    return [Tile(f"{scientific(line.mean)} ± {scientific(line.sd)}", words, "ok") for line, words in shown]
 
 
 def _sections(viscosity_input: ViscosityInput, lines: Mapping[str, CohortLine]) -> list[Section]:

@@ -278,38 +278,27 @@ def _model_grids(specimen: SpecimenReport) -> list[Grid]:
             (model for model in specimen.models if model.condition == condition), key=lambda model: model.bic
         )
         near = [model for i, model in enumerate(models) if i < MAX_MODELS or model.chosen or model.terms == "viscosity"]
-        rows = tuple(
-            (
-                model.terms + (" (chosen)" if model.chosen else ""),
-                model.values,
-                _signed(model.aic),
-                _signed(model.bic),
-                f"{number(float(np.rad2deg(model.angle_error)))} °" if np.isfinite(model.angle_error) else LACKING,
-                f"{number(model.wrench_error)} N·m" if np.isfinite(model.wrench_error) else LACKING,
-            )
-            for model in near
-        )
+        rows = []
+        for model in near:
+            errors = (float(np.rad2deg(model.angle_error)), "°"), (model.wrench_error, "N·m")
+            told = (f"{number(error)} {unit}" if np.isfinite(error) else LACKING for error, unit in errors)
+            terms = model.terms + (" (chosen)" if model.chosen else "")
+            rows.append((terms, model.values, _signed(model.aic), _signed(model.bic), *told))
         if rows:
             left = f"; {len(models) - len(near)} more are in models.csv" if len(near) < len(models) else ""
-            grids.append(Grid(head, rows, f"Models of the passive torque {words}, best first{left}"))
+            grids.append(Grid(head, tuple(rows), f"Models of the passive torque {words}, best first{left}"))
     return grids
 
 
 def _arm_grid(arms: specimen_report.ArmSpread | None) -> list[Grid]:
     if arms is None or not arms.kinds:
         return []
-    rows = tuple(
-        (
-            kind.kind,
-            kind.size,
-            f"{100.0 * kind.sd:.1f} %",
-            f"{100.0 * kind.bias:+.1f} %".replace("-", "−"),
-            with_interval(Estimate(kind.median, kind.low, kind.high)),
-        )
-        for kind in arms.kinds
-    )
+    rows = []
+    for kind in arms.kinds:
+        percent = f"{100.0 * kind.sd:.1f} %", f"{100.0 * kind.bias:+.1f} %".replace("-", "−")
+        rows.append((kind.kind, kind.size, *percent, with_interval(Estimate(kind.median, kind.low, kind.high))))
     head = ("Error of the moment arms", "Its SD", "SD of the viscosity", "Bias", "Viscosity [Ns/m] (95 % of draws)")
-    return [Grid(head, rows, "Muscle viscosity with moment arms in error")]
+    return [Grid(head, tuple(rows), "Muscle viscosity with moment arms in error")]
 
 
 def _error_grid(specimen: SpecimenReport) -> list[Grid]:

@@ -124,11 +124,10 @@ class Specimen:
         joint = self._joint(self.first)
         if joint.kind != "ball":
             return np.zeros((0, 3))
-        first, last = (
-            self.turning_axes
-            if len(self.turning_axes)
-            else (joint.parent_frame.rotation @ joint.axes[0].vector, joint.child_frame.rotation @ joint.axes[2].vector)
-        )
+        parent, child = joint.parent_frame.rotation, joint.child_frame.rotation
+        first, last = parent @ joint.axes[0].vector, child @ joint.axes[2].vector
+        if len(self.turning_axes):
+            first, last = self.turning_axes
         return np.stack([self.stand.rotation @ first, last])
 
     @property
@@ -204,20 +203,12 @@ def build_specimen(model: Model, names: SpecimenNames) -> Specimen:
         turning = np.stack([source.pose(body).rotation.T @ direction for body, direction in ends])
     kept = frozenset(coordinate.name for coordinate in held)
     muscles, strands, surfaces, changed = kept_muscles(source, names.muscles, kept)
+    couplers = (coupler for coupler in model.couplers if kept.issuperset((coupler.dependent, *coupler.independents)))
     made = Model(
-        name=model.name,
-        bodies=bodies.lumped_bodies(source),
-        joints=tuple(joints),
-        coordinates=(*base_coordinates, *joint_coordinates, *held),
-        gravity=model.gravity,
-        markers=_markers(source),
-        muscles=strands,
-        wrap_objects=surfaces,
-        couplers=tuple(
-            coupler for coupler in model.couplers if coupler.dependent in kept and kept.issuperset(coupler.independents)
-        ),
-        source=model.source,
-    )
+        name=model.name, bodies=bodies.lumped_bodies(source), joints=tuple(joints),
+        coordinates=(*base_coordinates, *joint_coordinates, *held), gravity=model.gravity, markers=_markers(source),
+        muscles=strands, wrap_objects=surfaces, couplers=tuple(couplers), source=model.source,
+    )  # fmt: skip
     return Specimen(
         model=made, names=names, center=frozen_array(source.pose(names.base).inverse().apply(center)),
         center_in_limb=frozen_array(source.pose(names.first).inverse().apply(center)),

@@ -26,6 +26,7 @@ from myomorph.viscosity.trust.cutoff import FilterOptions
 from myomorph.viscosity.trust.models import PassiveOptions
 from myomorph.viscosity.trust.moment_arms import MomentArmOptions
 
+INSEPARABLE = "muscle viscosity cannot be separated from the joint's"
 CONDITIONS = ("without", "with")
 OPTIONS = dict(zip(CONDITIONS, ("removed", "intact"), strict=True))
 """What the two conditions are called in study files and on the command line."""
@@ -267,10 +268,8 @@ def _specimen(specimen: _Specimen, folder: Path, problems: list[str], remarks: l
     if not specimen.removed and not specimen.intact:
         problems.append(f"{where}: has no recordings: give 'removed', 'intact' or both")
     elif not specimen.removed or not specimen.intact:
-        lacking = "without" if not specimen.removed else "with"
-        remarks.append(
-            f"{where}: no recordings of {STATES[lacking]}: muscle viscosity cannot be separated from the joint's"
-        )
+        state = STATES["with" if specimen.removed else "without"]
+        remarks.append(f"{where}: no recordings of {state}: {INSEPARABLE}")
     names = [quantity.name for quantity in QUANTITIES]
     for table in ("truth", "paper"):
         for name in getattr(specimen, table):
@@ -372,11 +371,8 @@ def fixed_plan(
     conditions = {name: tuple(_given(name, *files.get(name, ((), ())), time)) for name in CONDITIONS}
     if not any(conditions.values()):
         raise BadData("no recordings: give --intact and --removed")
-    remarks = tuple(
-        f"no recordings of {STATES[name]}: muscle viscosity cannot be separated from the joint's"
-        for name, entries in conditions.items()
-        if not entries
-    )
+    lacking = (STATES[name] for name, entries in conditions.items() if not entries)
+    remarks = tuple(f"no recordings of {state}: {INSEPARABLE}" for state in lacking)
     specimen = SpecimenFiles(model.stem, model, *conditions.values(), muscle_mass, base=base, first=first)
     tables = dict.fromkeys(("filter", "tracking", "identification"), settings) if settings else {}
     return ViscosityPlan(model.stem, None, (specimen,), FrozenMap(tables), remarks=remarks)

@@ -34,11 +34,9 @@ def without_slips(
         poses = {bone: _joined(specimen, bone, markers) for bone in specimen.model.body_names}
         starts = np.cumsum([0, *(len(trial) for trial in markers)])
         least = max(1, round(SHORTEST * _rate(markers[0])))
-        steps = {
-            joint.child: _step(_gap(joint, poses), least)
-            for joint in specimen.model.joints
-            if {joint.parent, joint.child} <= {bone for bone, pose in poses.items() if np.isfinite(pose[1]).any()}
-        }
+        placed = {bone for bone, pose in poses.items() if np.isfinite(pose[1]).any()}
+        joints = [joint for joint in specimen.model.joints if {joint.parent, joint.child} <= placed]
+        steps = {joint.child: _step(_gap(joint, poses), least) for joint in joints}
         bone = _slipped(specimen, steps, poses, threshold)
         if bone is None:
             break

@@ -103,11 +103,9 @@ def _unmarked(specimen: Specimen, clusters: Clusters, name: str) -> list[str]:
         wanted = [marker.name for marker in model.markers if marker.body != specimen.base]
         seen = f"no bone of the limb shows two of its markers {wanted} in the recording"
         raise BadData(f"trial '{name}': {seen}: name the model's markers as the recording does")
-    return [
-        f"trial '{name}': bone '{bone}' has {len(clusters.columns[bone])} markers, so what holds it is not measured"
-        for bone in specimen.limb
-        if bone not in marked
-    ]
+    few = ((bone, len(clusters.columns[bone])) for bone in specimen.limb if bone not in marked)
+    text = "markers, so what holds it is not measured"
+    return [f"trial '{name}': bone '{bone}' has {count} {text}" for bone, count in few]
 
 
 def _put_right(
