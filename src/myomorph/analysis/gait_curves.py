@@ -73,11 +73,9 @@ POWERS: Mapping[str, tuple[str, ...]] = {
     "ankle_power": ("ankle_dorsiflexion",),
 }
 MOMENTS: Mapping[str, str] = {
-    "hip_moment": "hip_flexion",
-    "knee_moment": "knee_flexion",
-    "ankle_moment": "ankle_dorsiflexion",
+    "hip_moment": "hip_flexion", "knee_moment": "knee_flexion", "ankle_moment": "ankle_dorsiflexion",
     "hip_abduction_moment": "hip_adduction",
-}
+}  # fmt: skip
 """Moments against the angle of each, and angles whose moments do the work of a joint."""
 
 

@@ -263,23 +263,16 @@ class Plot:
         low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
         room = 0.06 * max(high - low, 1e-6)
         self._range = (low - room, high + room)
+        series = ({"label": "t [s]"}, *drawn, *limits, _line("now", "#8a939a", 1.0))
+        title = f"{chart.title}, 90 % limits" if banded else chart.title
+        span = {"time": False, "range": (float(self._time[0]), float(self._time[-1]))}
+        axes = {"size": 30, "gap": 2, "font": FONT}, {"size": 46, "font": FONT}
         with self._tab:
             self._handle = self._gui.add_uplot(
-                self._data(now),
-                ({"label": "t [s]"}, *drawn, *limits, _line("now", "#8a939a", 1.0)),
-                title=f"{chart.title}, 90 % limits" if banded else chart.title,
-                bands=tuple(bands) or None,
-                scales={
-                    "x": {"time": False, "range": (float(self._time[0]), float(self._time[-1]))},
-                    "y": {"range": self._range},
-                },
-                axes=({"size": 30, "gap": 2, "font": FONT}, {"size": 46, "font": FONT}),
-                legend={"show": True, "live": True},
-                cursor={"drag": {"x": True, "y": False}},
-                height=HEIGHT,
-                padding=(0, 10, 0, 0),
-                order=self._place,
-            )
+                self._data(now), series, title=title, bands=tuple(bands) or None, axes=axes,
+                scales={"x": span, "y": {"range": self._range}}, legend={"show": True, "live": True},
+                cursor={"drag": {"x": True, "y": False}}, height=HEIGHT, padding=(0, 10, 0, 0), order=self._place,
+            )  # fmt: skip
 
     def move(self, now: float) -> None:
         """Put the line at another time [s]."""

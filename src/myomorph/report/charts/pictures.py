@@ -123,7 +123,11 @@ def residual_map(title: str, unit: str, surface: Surface, distances: Array) -> s
     (vertices,) positive outside [m]; the scale of colors [mm] holds 95 % of them.
     """
     reach = max(float(np.percentile(np.abs(distances), 95.0)), 1e-9)
-    views = [_surface_pixels(surface, distances / reach, axes) for axes in _two_sides(surface.vertices)]
+    # Two views with the longest way upright, along the two shorter ways.
+    up, second = np.linalg.svd(surface.vertices - surface.vertices.mean(axis=0), full_matrices=False)[2][:2]
+    third = np.cross(second, up)
+    sides = np.stack([second, up, third]), np.stack([-third, up, second])
+    views = [_surface_pixels(surface, distances / reach, axes) for axes in sides]
     widths = [PICTURE * view.shape[1] / view.shape[0] for view in views]
     shrink = min(1.0, 0.46 * MAP_WIDTH / max(widths))
     parts = []
@@ -136,14 +140,6 @@ def residual_map(title: str, unit: str, surface: Surface, distances: Array) -> s
     words = [number(1e3 * value) for value in (-reach, 0.0, reach)]
     parts.append(color_scale(data_uri(png(bar)), MAP_WIDTH / 2 - 80, MAP_HEIGHT - 34.0, (160.0, 8.0), words))
     return drawing("map", title, (MAP_WIDTH, MAP_HEIGHT), *parts, unit=unit)
-
-
-def _two_sides(vertices: Array) -> list[Array]:
-    """Two views (3, 3) with the longest way upright, along the two shorter ways."""
-    _, _, ways = np.linalg.svd(vertices - vertices.mean(axis=0), full_matrices=False)
-    up, second = ways[0], ways[1]
-    third = np.cross(second, up)
-    return [np.stack([second, up, third]), np.stack([-third, up, second])]
 
 
 def _surface_pixels(surface: Surface, levels: Array, axes: Array) -> Bytes:

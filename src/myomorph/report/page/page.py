@@ -54,27 +54,16 @@ def rendered(
     `muscles_colored`: whether they show activations; `arrows`: the kind of forces that they show, "" where none;
     `pages`: further ones beside this one.
     """
+    # What is over its limit first.
+    ordered = [_printed(verdict) for state in get_args(State) for verdict in verdicts if verdict.state == state]
+    over = sum(1 for verdict in verdicts if verdict.state == "over")
+    judged = sum(1 for verdict in verdicts if verdict.limit is not None)
     return page_text(
-        "report.html.j2",
-        head=head,
-        date=_date(head.date),
-        script=_text("report.js"),
-        facts=facts,
-        tiles=tiles,
-        kinds=_KINDS,
-        # What is over its limit first.
-        verdicts=[_printed(verdict) for state in get_args(State) for verdict in verdicts if verdict.state == state],
-        over=sum(1 for verdict in verdicts if verdict.state == "over"),
-        judged=sum(1 for verdict in verdicts if verdict.limit is not None),
-        sections=sections,
-        missing=missing,
-        instants=instants,
-        motion=motion,
-        muscles_colored=muscles_colored,
-        arrows=arrows,
-        references=references,
+        "report.html.j2", head=head, date=_date(head.date), script=_text("report.js"), facts=facts, tiles=tiles,
+        kinds=_KINDS, verdicts=ordered, over=over, judged=judged, sections=sections, missing=missing,
+        instants=instants, motion=motion, muscles_colored=muscles_colored, arrows=arrows, references=references,
         pages=pages,
-    )
+    )  # fmt: skip
 
 
 def page_text(template: str, **values: object) -> str:

@@ -89,13 +89,10 @@ def _scalar_sections(comparison: Comparison) -> list[Section]:
 def effect_figure(comparison: Comparison) -> Figure:
     """Effect size of every parameter with its interval, filled where the corrected p is small."""
     drawn = interval_rows(
-        "Effect size",
-        "Hedges’ g",
-        [scalar.name for scalar in comparison.scalars],
+        "Effect size", "Hedges’ g", [scalar.name for scalar in comparison.scalars],
         [Estimate(scalar.g, scalar.g_low, scalar.g_high) for scalar in comparison.scalars],
-        solid=[scalar.holm < comparison.options.alpha for scalar in comparison.scalars],
-        signed=True,
-    )
+        solid=[scalar.holm < comparison.options.alpha for scalar in comparison.scalars], signed=True,
+    )  # fmt: skip
     return Figure(drawn, "wide", "Filled where Holm’s p is small.")
 
 

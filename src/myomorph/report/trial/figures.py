@@ -10,7 +10,6 @@ import numpy as np
 from myomorph.analysis.phases import side_of
 from myomorph.analysis.selection import Pair, muscle_rows
 from myomorph.model.arrays import Array, read_only
-from myomorph.model.model import Model
 from myomorph.model.series import Event, ForcePlate, Series, Wrenches
 from myomorph.motion.ik import KinematicsFit
 from myomorph.report.charts.axis import scaled_unit
@@ -250,8 +249,3 @@ def tension_map(time: Array, forces: Array, names: Sequence[str], events: Sequen
     """All muscle tensions as a heat map [N], one block a side, from hip to ankle."""
     factor, unit = scaled_unit("N", forces)
     return heat_map("Muscle tension", unit, time, factor * forces, names, muscle_rows(names), events)
-
-
-def moment_scale(model: Model | None) -> tuple[float, str] | None:
-    """Factor and unit of moments per kilogram of body mass."""
-    return (1.0 / model.mass, "N·m/kg") if model is not None and model.mass > 0.0 else None

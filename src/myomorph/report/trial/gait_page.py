@@ -33,14 +33,11 @@ def gait_page(prepared: Prepared, curves: GaitCurves, norm: GaitNorm | None, not
     facts = [("Strides", ", ".join(f"{len(curves.strides[side])} {side}" for side in SIDES))]
     facts += [*prepared.results.recorded.facts.items(), ("Date", head.date[:10]), ("Myomorph", head.version)]
     return page_text(
-        "gait.html.j2",
-        head=head,
-        facts=facts,
-        charts=[chart for chart in charts if chart],
+        "gait.html.j2", head=head, facts=facts, charts=[chart for chart in charts if chart],
         legend=_legend(norm, errors, curves),
         grids=[grid for grid in (_parameters(prepared, norm), _scores(scores, norm)) if grid is not None],
         notes=_notes(prepared, curves, norm, note, scores),
-    )
+    )  # fmt: skip
 
 
 def _chart(

@@ -202,15 +202,12 @@ def identification_tables(
 ) -> dict[str, Sheet]:
     """Every table that has a row, and soft tissue, which later steps read, by the name of the file to write it to."""
     sheets = {
-        "masses.csv": mass_sheet(identification),
-        "parameters.csv": parameter_sheet(identification),
+        "masses.csv": mass_sheet(identification), "parameters.csv": parameter_sheet(identification),
         "spine.csv": spine_sheet(identification.model.body_names, identification.masses),
         "segments.csv": segment_sheet(identification) if named_segments(identification.model) else None,
-        "links.csv": link_sheet(identification),
-        "misfit.csv": misfit_sheet(identification),
-        "base_parameters.csv": base_sheet(identification),
-        "cross_validation.csv": validation_sheet(validation),
-    }
+        "links.csv": link_sheet(identification), "misfit.csv": misfit_sheet(identification),
+        "base_parameters.csv": base_sheet(identification), "cross_validation.csv": validation_sheet(validation),
+    }  # fmt: skip
     for i, (trial, check) in enumerate(validation.items()):
         name = re.sub(r"[^A-Za-z0-9_.-]+", "_", trial)
         sheets[f"wrench_{name or i + 1}.csv"] = wrench_sheet(check)

@@ -125,7 +125,8 @@ def joint_section(prepared: Prepared) -> Section | None:
     if not chosen:
         return None
     figures = []
-    scale = drawings.moment_scale(results.model) if not results.dynamics.root_note else None
+    mass = 0.0 if results.model is None or results.dynamics.root_note else results.model.mass
+    scale = (1.0 / mass, "N·m/kg") if mass > 0.0 else None
     truth, torques = results.recorded.truth or Truth(), results.dynamics.torques
     shown, margin = (prepared.detail, prepared.events), 36 if scale and torques is not None else 8
     spreads = results.uncertainty.spreads

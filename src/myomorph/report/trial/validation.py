@@ -188,16 +188,11 @@ def _compared_grid(title: str, rows: Sequence[Comparison], turning: set[str], un
 
 
 TITLES = {
-    "coordinates": "Joint angles and translations",
-    "torques": "Joint torques",
-    "activations": "Muscle activations",
-    "forces": "Muscle tensions",
-    "joint_reactions": "Joint loads",
-    "contact_forces": "Contact forces of bodies",
-    "contact_groups": "Contact forces",
-    "torques_with_contacts": "Joint torques under estimated contact forces",
+    "coordinates": "Joint angles and translations", "torques": "Joint torques", "activations": "Muscle activations",
+    "forces": "Muscle tensions", "joint_reactions": "Joint loads", "contact_forces": "Contact forces of bodies",
+    "contact_groups": "Contact forces", "torques_with_contacts": "Joint torques under estimated contact forces",
     "joint_contact_forces": "Forces at contact points of joints",
-}
+}  # fmt: skip
 TABLE_UNITS = {"coordinates": ("°", "m"), "torques": ("N·m", "N"), "torques_with_contacts": ("N·m", "N")}
 """Of tables by coordinate: of rotations, and of translations."""
 PLACES, MOMENTS = re.compile(r"_p[xyz]$"), re.compile(r"_m[xyz]$|torque_?[xyz]$")

@@ -65,15 +65,13 @@ def with_shared_errors(
         axes = zip(condition.recordings[0].axes, condition.axis_viscosity, strict=True)
         plate = condition.plate_viscosity
         parts["without" if key == "without" else "intact"] = replace(
-            condition,
-            mass=widened(mass, condition.mass),
-            com=widened(com, condition.com),
+            condition, mass=widened(mass, condition.mass), com=widened(com, condition.com),
             first_moment=widened(moment, condition.first_moment),
             least_mass=widened(f"{mass} least", condition.least_mass),
             viscosity=widened(viscosity, condition.viscosity),
             plate_viscosity=None if plate is None else widened(f"plate {viscosity}", plate),
             axis_viscosity=tuple(widened(f"{axis} {viscosity}", estimate) for axis, estimate in axes),
-        )
+        )  # fmt: skip
     muscles = specimen_viscosity.muscles
     if muscles is not None:
         parts["muscles"] = replace(muscles, common=widened("muscle_viscosity", muscles.common))

@@ -212,13 +212,10 @@ def shown_condition(condition: Condition) -> ShownCondition:
     longest = condition.recordings[int(np.argmax(swings))]
     names = ("mass", "com", "viscosity", "axis_viscosity", "excited", "residual", "plate_viscosity", "by_trial")
     return ShownCondition(
-        axes=longest.axes,
-        trials=len(condition.recordings),
-        swings=sum(swings),
-        seconds=sum(seconds),
+        axes=longest.axes, trials=len(condition.recordings), swings=sum(swings), seconds=sum(seconds),
         curves=swing_curves(longest, condition.parameters, condition.viscosity.value),
         **{name: getattr(condition, name) for name in names},
-    )
+    )  # fmt: skip
 
 
 def swing_curves(recording: SwingRecording, parameters: Array, viscosity: float) -> SwingCurves:

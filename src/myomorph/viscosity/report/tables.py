@@ -18,15 +18,9 @@ TITLES = {
 }
 COLUMNS = {
     1: ("mass_muscles_removed", "com_muscles_removed", "joint_viscosity"),
-    2: (
-        "mass_intact",
-        "estimated_muscle_mass",
-        "measured_muscle_mass",
-        "com_intact",
-        "total_viscosity",
-        "muscle_viscosity",
-    ),
-}
+    2: ("mass_intact", "estimated_muscle_mass", "measured_muscle_mass", "com_intact", "total_viscosity",
+        "muscle_viscosity"),
+}  # fmt: skip
 """In the order of [S]."""
 
 BY_NAME = {one.name: one for one in QUANTITIES}

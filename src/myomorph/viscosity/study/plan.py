@@ -199,12 +199,9 @@ def viscosity_tables() -> type[BaseModel]:
     """All tables of a study file of swinging limbs."""
     options = study_file.options_table({name: settings_of(type(value)) for name, value in vars(StudyOptions()).items()})
     return create_model(
-        "ViscosityFile",
-        __base__=study_file.Strict,
-        study=(_Study, ...),
-        specimen=(list[_Specimen], Field(min_length=1)),
-        options=(options, Field(default_factory=options)),
-    )
+        "ViscosityFile", __base__=study_file.Strict, study=(_Study, ...),
+        specimen=(list[_Specimen], Field(min_length=1)), options=(options, Field(default_factory=options)),
+    )  # fmt: skip
 
 
 def read_viscosity_plan(path: str | Path) -> ViscosityPlan:

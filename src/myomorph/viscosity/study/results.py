@@ -94,28 +94,24 @@ def _muscle_rows(specimen: SpecimenReport) -> Rows:
 MODEL = attrgetter(*("condition", "terms", "viscosity", "values", "aic", "bic", "angle_error", "wrench_error"))
 ERROR = attrgetter("quantity", "source", "prior_sd", "sd", "share")
 
-BY_SPECIMEN: dict[str, tuple[tuple[str, ...], Callable[[SpecimenReport], Iterable[tuple[object, ...]]]]] = {
+BY_SPECIMEN: dict[str, tuple[str, Callable[[SpecimenReport], Iterable[tuple[object, ...]]]]] = {
     # Viscosity about every free axis.
-    AXES: (("condition", "axis", "viscosity", "viscosity_low", "viscosity_high", "excited"), _axis_rows),
+    AXES: ("condition axis viscosity viscosity_low viscosity_high excited", _axis_rows),
     # The regularised viscosity of every muscle, and that in proportion to its cross-section.
-    MUSCLES: (
-        ("muscle", "viscosity", "viscosity_low", "viscosity_high", "pcsa_share", "by_pcsa", "rank"),
-        _muscle_rows,
-    ),
+    MUSCLES: ("muscle viscosity viscosity_low viscosity_high pcsa_share by_pcsa rank", _muscle_rows),
     # Alternatives of the passive torque and how well each foretells a swing.
     MODELS: (
-        ("condition", "model", "viscosity", "values", "aic_over_best", "bic_over_best", "held_out_angle_rad")
-        + ("held_out_moment_nm",),
+        "condition model viscosity values aic_over_best bic_over_best held_out_angle_rad held_out_moment_nm",
         lambda specimen: map(MODEL, specimen.models),
     ),
     # What swings and each error that all swings share add to each result.
     ERRORS: (
-        ("quantity", "source", "prior_sd", "sd_of_result", "share_of_variance"),
+        "quantity source prior_sd sd_of_result share_of_variance",
         lambda specimen: map(ERROR, sorted(specimen.errors, key=lambda error: (error.quantity, -error.share))),
     ),
     # Errors of instruments as assumed and as the swings show them, in SI units.
     INSTRUMENTS: (
-        ("source", "axis", "prior_sd", "error", "sd_left"),
+        "source axis prior_sd error sd_left",
         lambda specimen: () if specimen.instruments is None else specimen.instruments.rows,
     ),
 }
@@ -130,7 +126,7 @@ def write_tables(specimens: Sequence[SpecimenReport], folder: Path) -> None:
     write_whole(notes_table(specimens), folder / NOTES)
     for name, (head, rows_of) in BY_SPECIMEN.items():
         rows = ((specimen.name, *row) for specimen in specimens for row in rows_of(specimen))
-        write_csv(folder / name, ("name", *head), rows, digits=8)
+        write_csv(folder / name, ("name", *head.split()), rows, digits=8)
 
 
 def write_whole(text: str, path: Path) -> None:

@@ -21,16 +21,7 @@ from myomorph.store.results import file_source
 from myomorph.viscosity.identification import identify
 from myomorph.viscosity.identification.identify import SpecimenViscosity
 from myomorph.viscosity.identified_model import identified_model
-from myomorph.viscosity.report.specimen_report import (
-    ArmError,
-    ArmSpread,
-    CutoffScan,
-    HeldOutSwing,
-    PassiveModel,
-    Residual,
-    SpecimenReport,
-    specimen_report,
-)
+from myomorph.viscosity.report import specimen_report as reports
 from myomorph.viscosity.specimen.model import Specimen, SwingTrial
 from myomorph.viscosity.study.calibration import calibrate, placed, plate_residuals
 from myomorph.viscosity.study.conditions import Prepared, identify_conditions
@@ -48,12 +39,12 @@ LEVELS = (0.05, 0.10, 0.15, 0.20)  # Relative errors of moment arms that the fig
 
 
 def trusted(
-    report: SpecimenReport,
+    report: reports.SpecimenReport,
     specimen_viscosity: SpecimenViscosity,
     laws: PassiveOptions,
     arms: MomentArmOptions,
     compared: Mapping[str, PassiveComparison] = FrozenMap({}),
-) -> SpecimenReport:
+) -> reports.SpecimenReport:
     """The report with what tells how far to trust its values; what cannot be told is named in its notes."""
     steps = [
         partial(with_laws, name=name, condition=condition, options=laws, compared=compared.get(name))
@@ -68,12 +59,12 @@ def trusted(
 
 
 def with_laws(
-    report: SpecimenReport,
+    report: reports.SpecimenReport,
     name: str,
     condition: identify.Condition,
     options: PassiveOptions,
     compared: PassiveComparison | None = None,
-) -> SpecimenReport:
+) -> reports.SpecimenReport:
     """The report with alternatives to plain viscosity for one condition."""
     if np.isnan(condition.mass.value):
         options = replace(options, tare="unknown")
@@ -84,12 +75,12 @@ def with_laws(
         values = ", ".join(f"{part} {number(value)} {_unit(part)}" for part, value in terms)
         viscosity = dict(terms).get("viscosity", float("nan"))
         numbers = (viscosity, fit.aic, fit.bic, fit.angle_error, fit.moment_error)
-        models.append(PassiveModel(name, fit.name, values, *numbers, fit is compared.chosen))
+        models.append(reports.PassiveModel(name, fit.name, values, *numbers, fit is compared.chosen))
     shown = compared.prediction
     if shown is None:
         return replace(report, models=(*report.models, *models))
     predicted = FrozenMap({"viscosity": shown.viscous, compared.chosen.name: shown.chosen})
-    held = HeldOutSwing(name, shown.time, shown.axes, shown.measured, predicted)
+    held = reports.HeldOutSwing(name, shown.time, shown.axes, shown.measured, predicted)
     return replace(report, models=(*report.models, *models), held_out=(*report.held_out, held))
 
 
@@ -99,13 +90,13 @@ def _unit(part: str) -> str:
 
 
 def with_cutoffs(
-    report: SpecimenReport,
+    report: reports.SpecimenReport,
     tracked: Mapping[str, TrackedSpecimen],
     cutoff: float,
     reason: str,
     options: identify.ViscosityOptions,
     hidden: Collection[str] = (),
-) -> SpecimenReport:
+) -> reports.SpecimenReport:
     """The report with what other cut-offs would have given; the mass of conditions in `hidden` is not shown."""
     values: dict[str, Array] = {}
     for name, condition_tracked in tracked.items():
@@ -114,13 +105,13 @@ def with_cutoffs(
         mass, com, _, viscosity = identify.QUANTITIES_OF[name]
         values |= dict(zip((mass, com, viscosity), scan.T, strict=True))
     shown = {name: value for name, value in values.items() if np.isfinite(value).any()}
-    scanned = CutoffScan(np.array(SCANNED), cutoff, FrozenMap(shown), reason)
+    scanned = reports.CutoffScan(np.array(SCANNED), cutoff, FrozenMap(shown), reason)
     return replace(report, cutoff=scanned) if shown else report
 
 
 def with_arms(
-    report: SpecimenReport, specimen_viscosity: SpecimenViscosity, options: MomentArmOptions
-) -> SpecimenReport:
+    report: reports.SpecimenReport, specimen_viscosity: SpecimenViscosity, options: MomentArmOptions
+) -> reports.SpecimenReport:
     """The report with the spread of the common muscle viscosity under errors of the moment arms."""
     intact, without = specimen_viscosity.intact, specimen_viscosity.without
     if specimen_viscosity.muscles is None or intact is None or without is None:
@@ -133,8 +124,8 @@ def with_arms(
     table = []
     for kind in kinds:
         size = f"{1000 * kind.error:.1f} mm" if kind.kind.startswith("offset") else f"{100 * kind.error:.0f} %"
-        table.append(ArmError(kind.kind, size, kind.sd, kind.bias, *kind.quantiles()))
-    spread = ArmSpread(np.array([0.0, *LEVELS]), low, median, high, len(by_level[0].draws), tuple(table))
+        table.append(reports.ArmError(kind.kind, size, kind.sd, kind.bias, *kind.quantiles()))
+    spread = reports.ArmSpread(np.array([0.0, *LEVELS]), low, median, high, len(by_level[0].draws), tuple(table))
     return replace(report, arms=spread)
 
 
@@ -146,7 +137,7 @@ class Studied:
     """A specimen that could be done: what was found, what the report shows of it, its model with it, and its swings."""
 
     found: SpecimenViscosity
-    report: SpecimenReport
+    report: reports.SpecimenReport
     model: Model | None = None
     tracked: Mapping[str, TrackedSpecimen] = field(default_factory=lambda: FrozenMap({}))
 
@@ -273,7 +264,7 @@ def _tracked(
 
 def _judged(
     viscosity: SpecimenViscosity, by_swings: SpecimenViscosity, conditions: Mapping[str, Prepared], notes: list[str]
-) -> tuple[SpecimenReport, SpecimenViscosity]:
+) -> tuple[reports.SpecimenReport, SpecimenViscosity]:
     """The specimen without what its recordings cannot tell, faults as notes; small swings judged by `by_swings`."""
     lacking: set[str] = set()
     for name in CONDITIONS:
@@ -292,14 +283,17 @@ def _judged(
     further = (note for condition in conditions.values() for note in condition.notes)
     notes += [note for note in further if not any(note in line for line in notes)]
     viscosity = replace(viscosity, notes=tuple(dict.fromkeys((*notes, *viscosity.notes))))
-    report = specimen_report(viscosity)
+    report = reports.specimen_report(viscosity)
     known = {name: estimate for name, estimate in report.row.items() if name not in lacking}
     return replace(report, row=known), viscosity
 
 
 def _with_model(
-    report: SpecimenReport, specimen_viscosity: SpecimenViscosity, tracked: Mapping[str, TrackedSpecimen], cutoff: float
-) -> tuple[SpecimenReport, Model | None]:
+    report: reports.SpecimenReport,
+    specimen_viscosity: SpecimenViscosity,
+    tracked: Mapping[str, TrackedSpecimen],
+    cutoff: float,
+) -> tuple[reports.SpecimenReport, Model | None]:
     """The specimen's model with what was found, for OpenSim; none of MJCF, whose tendons `.osim` cannot hold."""
     known = "joint_viscosity" in report.row
     condition_tracked = tracked.get("with", tracked.get("without"))
@@ -312,20 +306,20 @@ def _with_model(
     return (report, None) if made is None else (replace(report, notes=(*report.notes, *made[1])), made[0])
 
 
-def _marker_residuals(conditions: Mapping[str, Prepared]) -> tuple[Residual, ...]:
+def _marker_residuals(conditions: Mapping[str, Prepared]) -> tuple[reports.Residual, ...]:
     lines = []
     for name, condition in conditions.items():
         rms = np.concatenate([trial.rms for trial in condition.tracked.trials])
         if np.isfinite(rms).any():
             worst = f"largest {1000 * float(np.nanmax(rms)):.2f} mm in a frame"
             value = 1000 * float(np.sqrt(np.nanmean(rms**2)))
-            lines.append(Residual(f"markers to bones, {identify.STATES[name]}", value, "mm", worst))
+            lines.append(reports.Residual(f"markers to bones, {identify.STATES[name]}", value, "mm", worst))
         for trial in condition.tracked.trials:
             clock = trial.clock
             if clock.length > 0.0:
                 millionths = round(1e6 * clock.drift, 1)
                 drift = f"drift {millionths:g} parts per million" if millionths else "no drift"
-                lines.append(Residual(f"clock of the plate, {trial.name}", 1e3 * clock.offset, "ms", drift))
+                lines.append(reports.Residual(f"clock of the plate, {trial.name}", 1e3 * clock.offset, "ms", drift))
     return tuple(lines)
 
 

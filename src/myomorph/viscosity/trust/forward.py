@@ -71,13 +71,10 @@ def swing_forward(recording: SwingRecording, frames: slice, parameters: Array, l
     first = recording.rotations[frames][0]
     rest = first @ Rotation.from_rotvec(turn @ recording.angles[frames][0]).as_matrix().T
     rotations, rates, accelerations = _forward(
-        float(steps.mean()),
-        substeps,
-        np.stack([first, rest, inertia, np.linalg.inv(inertia)]),
+        float(steps.mean()), substeps, np.stack([first, rest, inertia, np.linalg.inv(inertia)]),
         np.stack([turn @ recording.rates[frames][0], parameters[1:4], recording.gravity, axis, *hinges]),
-        law.values(axis),
-        recording.lengthening[frames] @ turn.T,
-    )
+        law.values(axis), recording.lengthening[frames] @ turn.T,
+    )  # fmt: skip
     wrench = base_wrench(rotations, rates, accelerations, parameters, recording.gravity)
     return SwingMotion(time, rotations, rates, sense(recording) * wrench)
 
