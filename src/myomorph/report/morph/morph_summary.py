@@ -90,10 +90,9 @@ def _fibers(morph: Morph) -> str:
         return ""
     shortest = min(known, key=lambda muscle: muscle.range_target[0])
     longest = max(known, key=lambda muscle: muscle.range_target[1])
-    return (
-        f"fibers work from {shortest.range_target[0]:.2f} ({shortest.name}; source {shortest.range_source[0]:.2f}) to "
-        f"{longest.range_target[1]:.2f} optimal lengths ({longest.name}; source {longest.range_source[1]:.2f})"
-    )
+    least = f"{shortest.range_target[0]:.2f} ({shortest.name}; source {shortest.range_source[0]:.2f})"
+    most = f"{longest.range_target[1]:.2f} optimal lengths ({longest.name}; source {longest.range_source[1]:.2f})"
+    return f"fibers work from {least} to {most}"
 
 
 def _verdict(checks: MorphChecks) -> str:

@@ -104,11 +104,9 @@ def _scores(scores: GaitScores | None, norm: GaitNorm | None) -> Grid | None:
     """Movement analysis profile and gait profile score, of which Baker et al. give the names."""
     if scores is None or norm is None:
         return None
-    rows = [
-        (variable.title, *(_words(scores.profile.get((side, variable.key))) for side in SIDES))
-        for variable in VARIABLES[:ANGLES]
-        if any((side, variable.key) in scores.profile for side in SIDES)
-    ]
+    keys = {key for _, key in scores.profile}
+    known = [variable for variable in VARIABLES[:ANGLES] if variable.key in keys]
+    rows = [(each.title, *(_words(scores.profile.get((side, each.key))) for side in SIDES)) for each in known]
     title = f"Gait profile score of {scores.variables} variables"
     rows.append((title, *(_words(scores.score[side]) for side in SIDES)))
     rows.append(("Gait profile score, both sides", _words(scores.score["both"]), ""))
@@ -135,10 +133,10 @@ def _notes(
     notes += [note] if note else []
     if norm is not None:
         if not norm.same_definitions:
-            notes.append(
-                "The norm has the marker set and angles of another laboratory: offsets of pelvis and hip by ten or "
-                "twenty degrees are definitions. Scores are of shape, and not those of the literature."
+            text = (
+                "The norm has another laboratory's marker set and angles: offsets of pelvis and hip by ten or twenty "
             )
+            notes.append(f"{text}degrees are definitions. Scores are of shape, and not those of the literature.")
         known = zip(VARIABLES[:ANGLES], np.isfinite(norm.mean).any(axis=0), strict=False)
         absent = [variable.title for variable, seen in known if not seen]
         notes += [f"The norm lacks: {'; '.join(absent)}."] if absent else []

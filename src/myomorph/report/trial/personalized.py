@@ -84,25 +84,22 @@ def personal_lines(personalized: Personalized) -> list[str]:
     lines = []
     if personalized.mapped is not None:
         before, after = (float(np.nanmax(values)) for values in (personalized.mapped.before, personalized.mapped.after))
-        lines.append(
-            f"{len(personalized.mapped.muscles)} muscles mapped from the generic model: normalized fiber lengths "
-            f"differ by at most {after:.3f} (root mean square over poses; {before:.3f} before)"
-        )
+        mapped = f"{len(personalized.mapped.muscles)} muscles mapped from the generic model"
+        apart = f"{after:.3f} (root mean square over poses; {before:.3f} before)"
+        lines.append(f"{mapped}: normalized fiber lengths differ by at most {apart}")
     if personalized.recordings:
-        lines.append(
-            f"{', '.join(personalized.recordings)}: {personalized.frames[1]} frames that count "
-            f"as {personalized.frames[0]:.0f} independent ones, torques of {len(personalized.coordinates)} coordinates"
-        )
+        count = f"{personalized.frames[1]} frames that count as {personalized.frames[0]:.0f} independent ones"
+        torques = f"torques of {len(personalized.coordinates)} coordinates"
+        lines.append(f"{', '.join(personalized.recordings)}: {count}, {torques}")
     if personalized.held_out is not None:
         held_out = personalized.held_out
         generic, fitted = (float(np.sqrt(np.nanmean(left**2))) for left in (held_out.left_generic, held_out.left))
         better = "better" if held_out.score < held_out.score_generic else "NO better"
         if better == "better" and fitted > generic:
             better = "better by the score, which includes EMG and the prior, but with larger torque residuals"
-        lines.append(
-            f"{', '.join(held_out.recordings)}, held out: {better} than generic muscles (score {held_out.score:.2f}, "
-            f"generic {held_out.score_generic:.2f}; torque left {fitted:.2f}, generic {generic:.2f} N m)"
-        )
+        scores = f"score {held_out.score:.2f}, generic {held_out.score_generic:.2f}"
+        told = f"{scores}; torque left {fitted:.2f}, generic {generic:.2f} N m"
+        lines.append(f"{', '.join(held_out.recordings)}, held out: {better} than generic muscles ({told})")
     elif personalized.recordings:
         lines.append("nothing was held out: whether these muscles are better than generic ones is not known")
     further = (_torque_line(personalized), _parameter_line(personalized), _fiber_line(personalized))

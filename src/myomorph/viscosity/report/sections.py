@@ -343,11 +343,11 @@ def cohort_section(specimens: Sequence[SpecimenReport], levels: dict[str, list[L
         values = [specimen.row.get(name) for specimen in specimens]
         if not any(value is not None for value in values):
             continue
-        beside = [
-            Beside(kind, kind, np.array([getattr(specimen, kind).get(name, np.nan) for specimen in specimens]))
-            for kind in ("truth", "paper")
-            if any(getattr(specimen, kind) for specimen in specimens)
-        ]
+        beside = []
+        for kind in ("truth", "paper"):
+            known = [getattr(specimen, kind) for specimen in specimens]
+            if any(known):
+                beside.append(Beside(kind, kind, np.array([values.get(name, np.nan) for values in known])))
         bars = interval_bars(where(quantity), quantity.unit, names, values, beside, levels.get(name, []))
         figures.append(Figure(bars))
     legend = [("first", "estimate, with its 95 % interval"), ("mean", "mean and population SD")]

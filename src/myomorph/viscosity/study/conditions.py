@@ -140,10 +140,8 @@ def _corrected(
     free = [name for name, condition in conditions.items() if loaded or condition.hides_mass]
     recordings = {name: condition.recordings for name, condition in conditions.items()}
     instruments = estimate_instruments(recordings, options, free)
-    return {
-        name: replace(condition, recordings=tuple(map(instruments.corrected, condition.recordings)))
-        for name, condition in conditions.items()
-    }, instruments
+    corrected = {name: map(instruments.corrected, condition.recordings) for name, condition in conditions.items()}
+    return {name: replace(conditions[name], recordings=tuple(made)) for name, made in corrected.items()}, instruments
 
 
 def _with_base(conditions: Mapping[str, Prepared], instruments: Instruments, load: BaseLoad) -> dict[str, Prepared]:

@@ -73,14 +73,10 @@ def carrying(wrenches: Wrenches, gravity: Array, name: str, up: str | None = Non
         lab, axis = AXES[int(np.argmax(np.abs(mean)))], AXES[int(np.argmax(np.abs(vertical)))]
         if up is not None:
             was = AXES[int(np.argmax(np.abs(turn_to(up, gravity).T @ mean)))]
-            raise BadData(
-                f"recording '{name}': up = \"{up}\" is not the recording's vertical, its weight hangs "
-                f'along {was}: give up = "{was}", or leave it out'
-            )
-        raise BadData(
-            f"recording '{name}': the weight hangs along {lab}, but the model's vertical is {axis}: "
-            f'give up = "{lab}" in the study file'
-        )
+            wrong = f'up = "{up}" is not the recording\'s vertical, its weight hangs along {was}'
+            raise BadData(f"recording '{name}': {wrong}: give up = \"{was}\", or leave it out")
+        hangs = f"the weight hangs along {lab}, but the model's vertical is {axis}"
+        raise BadData(f"recording '{name}': {hangs}: give up = \"{lab}\" in the study file")
     if cosine > 0.0:
         return wrenches, ()
     reverse = replace(wrenches, forces=-wrenches.forces, torques=-wrenches.torques)
@@ -125,12 +121,9 @@ def _unknown_markers(specimen: Specimen, recorded: Sequence[str]) -> tuple[str, 
     if not unknown:
         return ()
     counts = {bone: sum(owner.get(name) == bone for name in recorded) for bone in dict.fromkeys(owner.values())}
-    return tuple(
-        f"bone '{bone}' has {count} of its markers in the recording, which has {listing('', unknown)} that the model "
-        "does not know: name them alike"
-        for bone, count in counts.items()
-        if 0 < count < 3
-    )
+    text = f"of its markers in the recording, which has {listing('', unknown)} that the model does not know"
+    few = ((bone, count) for bone, count in counts.items() if 0 < count < 3)
+    return tuple(f"bone '{bone}' has {count} {text}: name them alike" for bone, count in few)
 
 
 def _fits(scanned: ScannedModel) -> tuple[Residual, ...]:

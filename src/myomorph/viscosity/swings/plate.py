@@ -130,10 +130,8 @@ def plate_clock(
     if doubt < CHANCE or np.abs(best.times(time) - time).max() < MIN_CLOCK_ERROR:
         return Clock(), []
     drifts = f", and drifts {1e6 * best.drift:+.0f} ± {1e6 * best.drift_sd:.0f} ppm" if best.drift else ""
-    return best, [
-        f"the plate's clock is {1000 * best.offset:+.2f} ± {1000 * best.offset_sd:.2f} ms off the markers'{drifts}: "
-        "corrected"
-    ]
+    off = f"{1000 * best.offset:+.2f} ± {1000 * best.offset_sd:.2f} ms off the markers'{drifts}"
+    return best, [f"the plate's clock is {off}: corrected"]
 
 
 def _fitted(

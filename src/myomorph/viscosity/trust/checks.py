@@ -142,10 +142,8 @@ def condition_findings(condition: Condition) -> tuple[Finding, ...]:
             why = f"interval {each.low:.2g} to {each.high:.2g} N m s/rad, wider than {limit}"
         else:
             continue
-        text = (
-            f"axis '{axis}' is not excited, its viscosity not identifiable: rates of {rate:.3g} rad/s (root mean "
-            f"square), {why}; spin the limb about that axis as it is released (turned and let go it hardly rotates)"
-        )
+        text = f"axis '{axis}' is not excited, its viscosity not identifiable: rates of {rate:.3g} rad/s (root mean "
+        text += f"square), {why}; spin the limb about that axis as it is released (turned and let go it hardly rotates)"
         findings.append(Finding("axis", axis, text))
     return (*findings, *_misfit(condition))
 
