@@ -117,8 +117,8 @@ def _components(
     heights = (118, 92, 92) if not block else (92, 74, 74)
     rows = [named_lines([(group.style, group.label) for group in groups])] if block else []
     for i, (vector, name) in enumerate(zip(vectors, names, strict=True)):
-        known = ((group.label, group.measured @ vector) for group in groups if group.measured is not None)
-        lines = [Line(forces.time, values, "measured", f"{label}, measured") for label, values in known]
+        measured = ((group.label, group.measured @ vector) for group in groups if group.measured is not None)
+        lines = [Line(forces.time, values, "measured", f"{label}, measured") for label, values in measured]
         lines += [Line(forces.time, group.forces @ vector, group.style, group.label) for group in groups]
         levels = _weight(prepared, block, who) if i == 0 else []
         known = prepared.results.contacts.intervals

@@ -133,12 +133,10 @@ def _notes(
     notes += [note] if note else []
     if norm is not None:
         if not norm.same_definitions:
-            text = (
-                "The norm has another laboratory's marker set and angles: offsets of pelvis and hip by ten or twenty "
-            )
-            notes.append(f"{text}degrees are definitions. Scores are of shape, and not those of the literature.")
-        known = zip(VARIABLES[:ANGLES], np.isfinite(norm.mean).any(axis=0), strict=False)
-        absent = [variable.title for variable, seen in known if not seen]
+            text = "The norm has the marker set and angles of another laboratory: offsets of pelvis and hip by ten or"
+            notes.append(f"{text} twenty degrees are definitions. Scores are of shape, not those of the literature.")
+        means = zip(VARIABLES[:ANGLES], norm.mean.T, strict=False)
+        absent = [variable.title for variable, mean in means if not np.isfinite(mean).any()]
         notes += [f"The norm lacks: {'; '.join(absent)}."] if absent else []
     for side in SIDES:
         whole = len(curves.strides[side])

@@ -39,9 +39,9 @@ def fig1_muscles(model: Model) -> Mapping[str, tuple[str, ...]]:
         if not lacking[-1]:
             return FrozenMap(strands)
     fewest = min(lacking, key=len)
-    known = "does not name the 11 muscles of the shoulder as the thoracoscapular model or MyoSuite's arm do"
-    lacking = f"it has no '{fewest[0]}'; give the strands of each muscle by name"
-    raise BadModel(f"model '{model.name}' {known}: {lacking}")
+    named = "does not name the 11 muscles of the shoulder as the thoracoscapular model or MyoSuite's arm do"
+    advice = f"it has no '{fewest[0]}'; give the strands of each muscle by name"
+    raise BadModel(f"model '{model.name}' {named}: {advice}")
 
 
 def kept_muscles(

@@ -370,7 +370,8 @@ def fixed_plan(
         raise BadData("no recordings: give --intact and --removed")
     lacking = (STATES[name] for name, entries in conditions.items() if not entries)
     remarks = tuple(f"no recordings of {state}: {INSEPARABLE}" for state in lacking)
-    specimen = SpecimenFiles(model.stem, model, *conditions.values(), muscle_mass, base=base, first=first)
+    without, intact = conditions.values()
+    specimen = SpecimenFiles(model.stem, model, without, intact, muscle_mass, base=base, first=first)
     tables = dict.fromkeys(("filter", "tracking", "identification"), settings) if settings else {}
     return ViscosityPlan(model.stem, None, (specimen,), FrozenMap(tables), remarks=remarks)
 
