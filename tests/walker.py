@@ -116,6 +116,7 @@ class Tension:
         self.reserve_coordinates = ("hip_flexion_r", "knee_angle_r")
         self.reserves = np.stack([0.5 * np.sin(time), 2.0 * np.cos(time)], axis=1)
         self.solved = np.ones(len(time), dtype=bool)
+        self.asked = np.ones(len(time), dtype=bool)
         self.overstretched: tuple[str, ...] = ()
         self.passive: tuple[tuple[str, float, float], ...] | None = None
         self.fibers = None
