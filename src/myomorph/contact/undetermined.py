@@ -64,5 +64,5 @@ def undetermined_loads(
             share = 100.0 * unknown.sum() / np.isfinite(lowest[:, number]).sum()
             when = f"in {share:.0f} % of the time ({times_text(spans)})"
             text = f"the load on '{foot}' is not determined {when}: {', or '.join(reasons)}"
-            findings.append(Finding(UNDETERMINED, foot, f"{text}: no tensions of its muscles there", tuple(spans)))
+            findings.append(Finding(UNDETERMINED, foot, f"{text}: torques of its joints are wrong there", tuple(spans)))
     return tuple(findings)
