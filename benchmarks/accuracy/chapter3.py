@@ -94,6 +94,7 @@ PRINTED = {
     "shape only": (0.32, 2.75, 9.13, 5.86, 4.21, 2.39),
 }
 """[D] figure 3.3: average error of F_x, F_y, F_z [N] and N_x, N_y, N_z [N m]."""
+LARGE = 0.01  # Share of the body's mass from which on a link's ratio to the generic one says something
 COMPONENTS = {"Fx": "N", "Fy": "N", "Fz": "N", "Nx": "N m", "Ny": "N m", "Nz": "N m"}
 SPINE = {
     "Lumbar vertebrae": (0.46, 0.60, 0.60),
@@ -205,7 +206,7 @@ def simulated(folder: Path, data: Path, durations: tuple[float, float] = DURATIO
 
 
 def real(data: Path) -> Iterator[Case]:
-    """Sets of the collection whose model has the regions of a whole body; halves where there is one recording."""
+    """Sets of the collection whose model has the regions of a whole body; two parts where there is one recording."""
     runs = {
         name: (data / RUN / name / "markers.trc", data / RUN / name / "grf.mot", "") for name in ("run200", "run500")
     }
@@ -216,19 +217,19 @@ def real(data: Path) -> Iterator[Case]:
     }
     yield Case("OpenCap", data / OPENCAP / "models/unscaled_generic.osim", data / MANY, 62.6, opencap, "walking1")
     walk = data / RAJAGOPAL / "markers_walk.trc", data / RAJAGOPAL / "grf_walk.xml"
-    yield Case("walk", data / RAJAGOPAL / "subject_walk_scaled.osim", data / MANY, 85.27, _halves(*walk), "second")
+    yield Case("walk", data / RAJAGOPAL / "subject_walk_scaled.osim", data / MANY, 85.27, _parts(*walk, 0.6), "second")
     walk = data / GAIT / "experiment/subject01_walk1.trc", data / GAIT / "experiment/subject01_walk1_grf.xml"
     yield Case(
-        "gait2354", data / GAIT / "ref_scale/std_subject01_simbody.osim", data / MANY, 72.6, _halves(*walk), "second"
+        "gait2354", data / GAIT / "ref_scale/std_subject01_simbody.osim", data / MANY, 72.6, _parts(*walk), "second"
     )
 
 
-def _halves(markers: Path, loads: Path) -> dict[str, tuple[Path, Path, str]]:
+def _parts(markers: Path, loads: Path, share: float = 0.5) -> dict[str, tuple[Path, Path, str]]:
     found = mm.read_recording(markers).markers
     assert found is not None
     forces = read_external_loads(loads).time
     start, end = max(found.time[0], forces[0]), min(found.time[-1], forces[-1])
-    middle = 0.5 * (start + end)
+    middle = start + share * (end - start)
     spans = {"first": (start, middle), "second": (middle, end)}
     return {name: (markers, loads, f"time = [{a:.3f}, {b:.3f}]") for name, (a, b) in spans.items()}
 
@@ -322,7 +323,7 @@ def measure_wrenches() -> Iterator[Row]:
 
 
 def measure_measured() -> Iterator[Row]:
-    """Measured persons: errors of the wrench on the motion that was not used, the smallest link, and the first line."""
+    """Measured persons: errors of the wrench on the motion that was not used, the lightest link, the first warning."""
     for case in real(data_folder()):
         if not (HOME / case.name / "found.json").is_file():
             continue
@@ -341,14 +342,16 @@ def measure_measured() -> Iterator[Row]:
                     elif label.startswith("identified"):
                         row[f"{word}, {way} [{unit}]"] = _together(errors, kind)
         for way, tables in one.tables.items():
-            ratios = {
-                part["link"]: _identified(part) / float(part[f"{GENERIC} [kg]"])
-                for part in tables["masses.csv"]
-                if float(part[f"{GENERIC} [kg]"]) > 0.0
-            }
-            least = min(ratios, key=lambda link: ratios[link])
-            row[f"smallest of generic, {way}"] = f"{ratios[least]:.2g} ({least})"
-        yield row | {"first line": next(iter(one.notes[DEFAULTS]), "")}
+            generic = {part["link"]: float(part[f"{GENERIC} [kg]"]) for part in tables["masses.csv"]}
+            large = LARGE * sum(generic.values())
+            found_masses = {part["link"]: _identified(part) for part in tables["masses.csv"]}
+            ratios = {link: found_masses[link] / mass for link, mass in generic.items() if mass > large}
+            for end, word in ((min, "smallest"), (max, "largest")):
+                link = end(ratios, key=lambda name: ratios[name])
+                row[f"{word} of generic, {way}"] = f"{ratios[link]:.2g} ({link})"
+        for way, notes in one.notes.items():
+            row[f"says, {way}"] = next((note.removeprefix("identify: ").split(";")[0] for note in notes), "nothing")
+        yield row
 
 
 def _methods(tables: Mapping[str, list[dict[str, str]]]) -> dict[str, dict[str, dict[str, str]]]:

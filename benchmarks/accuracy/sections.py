@@ -190,6 +190,7 @@ PAGES: dict[str, dict[str, str]] = {
         "chapter3_masses": "accuracy.chapter3:measure_masses",
         "chapter3_spine": "accuracy.chapter3:measure_spine",
         "chapter3_segments": "accuracy.chapter3:measure_segments",
+        "chapter3_measured": "accuracy.chapter3:measure_measured",
         "refine": "accuracy.refine:measure",
         "refine_held_out": "accuracy.refine:measure_held_out",
         "refine_simulated": "accuracy.refine:measure_simulated",
