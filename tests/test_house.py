@@ -7,8 +7,8 @@ from benchmarks.house import CHECKOUT, checkout_texts, count
 
 LIMITS = {
     ("lines", "src"): 124_820,
-    ("lines", "benchmarks"): 26_568,
-    ("words", "documentation"): 100_034,
+    ("lines", "benchmarks"): 26_572,
+    ("words", "documentation"): 100_027,
     ("vague", "src"): 6.5,
 }
 
