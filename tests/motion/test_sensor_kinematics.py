@@ -151,6 +151,25 @@ def test_markers_show_headings_that_have_nothing_in_common(walking):
     assert any("headings of the sensors" in note for note in fit.mounting.notes)
 
 
+def test_headings_that_differ_are_reported(walking):
+    """No marker and no name says how the sensors face: at least nothing is wrong in silence."""
+    model, motion = walking
+    made = simulated_sensors(model, motion, BODIES, SensorErrors(), seed=2)
+    assert not any("about other axes" in note for note in sensor_kinematics(
+        model, SensorRecording(made.sensors, pose=made.pose), sizes=SensorOptions(imu_mounting="pose")
+    ).mounting.notes)  # fmt: skip
+    turned, index = axis_rotation((0.0, 0.0, 1.0), np.radians(70.0)), BODIES.index("tibia_l")
+
+    def with_own_heading(sensors):
+        quaternions = np.array(sensors.orientations)
+        quaternions[:, index] = quaternion_from_rotation(turned @ rotation_from_quaternion(quaternions[:, index]))
+        return replace(sensors, orientations=quaternions)
+
+    own = SensorRecording(with_own_heading(made.sensors), pose=with_own_heading(made.pose))
+    notes = sensor_kinematics(model, own, sizes=SensorOptions(imu_mounting="pose")).mounting.notes
+    assert any("tibia_l_imu (" in note and "about other axes" in note for note in notes)
+
+
 def test_the_recording_does_not_spoil_what_the_pose_gives(walking):
     """Large errors, and two minutes of sitting between walks, whose mean angles no heading makes up for."""
     model, motion = walking

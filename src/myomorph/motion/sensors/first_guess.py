@@ -25,6 +25,7 @@ TRIED = 24  # Headings that are tried round the circle
 FLOOR = 0.2  # Added to costs that are compared, in squares of the noise: both may be perfect
 REFINED = 5  # Times that the step between them is halved about the best
 RATE = 100.0  # At which speeds of rotation are compared [Hz]
+CLEAR = 0.85  # Share of a sensor's level turning about one axis, from which on it turns about this
 OWN = 0.25  # Sensors have their own headings where these leave less than this share of the squares of one heading
 STEADY = 0.05  # Added to errors that are compared, as the noise of a sensor against its bone [rad]
 MIN_LIKENESS = 0.5  # Correlation of speeds of rotation below which two clocks are not compared
@@ -122,6 +123,21 @@ def by_trying(tree: Tree, bodies: tuple[str, ...], pose: CalibrationPose, cost: 
     away = [tried[(best + index) % TRIED] for index in range(3, TRIED - 2)]
     guess = from_pose(tree, bodies, pose, np.full(len(bodies), angle))
     return guess._replace(ambiguity=(refined(min(away))[0] + FLOOR) / (least + FLOOR))
+
+
+def turned_from_others(time: Array, earth: Array, up: Array) -> Array:
+    """(sensors,) angle between the level axis about which a sensor turns most and that of all [rad], 0 where it turns
+    about no one axis; of rotations (frames, sensors, 3, 3). Legs that swing turn about the body's lateral axis.
+    """
+    steps = vector_from_rotation(earth[1:] @ np.swapaxes(earth[:-1], 2, 3)) / np.diff(time)[:, None, None]
+    level = np.nan_to_num(steps - (steps @ up)[..., None] * up)
+    sizes, directions = np.linalg.eigh(np.einsum("fsi,fsj->sij", level, level))
+    axes, clear = directions[..., -1], sizes[:, -1] > CLEAR * sizes.sum(axis=1)
+    if not clear.any():
+        return np.zeros(len(axes))
+    # An axis has no sign.
+    common = np.linalg.eigh(np.einsum("si,sj->ij", axes[clear], axes[clear]))[1][:, -1]
+    return np.where(clear, np.arccos(np.clip(np.abs(axes @ common), 0.0, 1.0)), 0.0)
 
 
 def from_motion(bodies: Array, earth: Array, up: Array, anywhere: bool) -> tuple[Guess, bool]:

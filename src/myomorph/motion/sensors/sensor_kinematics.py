@@ -12,6 +12,7 @@ from myomorph.model.errors import BadData, UnknownName, few
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.inertial_sensors import InertialSensors
 from myomorph.model.model import Model
+from myomorph.model.segments import segments_of
 from myomorph.model.series import Markers, Motion
 from myomorph.model.spatial import vector_from_rotation
 from myomorph.motion.ik import (
@@ -46,6 +47,8 @@ SLIPPED = 0.2  # A mounting that the recording turns further from the calibratio
 DRIFTED = 0.09  # A heading that turns further in a recording is reported [rad]
 SEARCH = 2.0  # The sensors' clock may differ from that of the markers by so much [s]
 LOST = 0.02  # A sensor that is missing in a larger share of the frames is reported
+APART = np.radians(30.0)  # A sensor whose axis of turning is further from that of the others is reported
+LEGS = ("thigh", "shank", "foot")
 BRIDGE = 1e-6  # Weight of the root's place in frames in which no marker shows it [1/m^2]
 
 
@@ -214,6 +217,7 @@ class _Finder:
                 guess = first_guess.from_pose(tree, self.bodies, pose, named)
             else:
                 guess = first_guess.by_trying(tree, self.bodies, pose, lambda guess: self._cost(fit, guess, delay))
+            notes += self._apart() if azimuth else ()
         start = fit.at(guess, delay)
         notes += _of_heading(guess)
         if kind == "pose":
@@ -223,6 +227,24 @@ class _Finder:
             return replace(found, notes=(*notes, *_of_mounting(found, None)))
         by_pose = first_guess.from_pose(tree, self.bodies, pose, found.heading_at(np.array([pose.time]))[0])
         return replace(found, notes=(*notes, *_of_mounting(found, by_pose)))
+
+    def _apart(self) -> tuple[str, ...]:
+        """What is said of sensors of legs that turn about another axis than the others."""
+        segments = segments_of(self.model)
+        legs = [index for index, body in enumerate(self.bodies) if segments[body].name in LEGS]
+        sensors = self.recording.sensors
+        earth = rotations_at(sensors, sensors.time, self.model)[:, legs]
+        angles = first_guess.turned_from_others(sensors.time, earth, np.asarray(self.model.up))
+        apart = [
+            f"{sensors.names[legs[i]]} ({np.degrees(angle):.0f}°)" for i, angle in enumerate(angles) if angle > APART
+        ]
+        if not apart:
+            return ()
+        return (
+            f"sensors {few(apart)} turn about other axes than those of the legs' other segments: their headings differ, "
+            "as without magnetometer, and joint angles are wrong there, or the movement is not forward: name each one's "
+            "axis that points forward (--imu-heading SENSOR=AXIS ...), or record markers",
+        )
 
     def _as_modelled(self) -> SensorMounting:
         sensors, frames = self.recording.sensors, {frame.name: frame for frame in self.model.frames}
