@@ -241,8 +241,8 @@ class _Finder:
         if not apart:
             return ()
         return (
-            f"sensors {few(apart)} turn about other axes than those of the legs' other segments: their headings differ, "
-            "as without magnetometer, and joint angles are wrong there, or the movement is not forward: name each one's "
+            f"sensors {few(apart)} turn about other axes than the legs' others: their headings differ, "
+            "as without magnetometer, and joint angles there are wrong, or they move sideways: name each one's "
             "axis that points forward (--imu-heading SENSOR=AXIS ...), or record markers",
         )
 
