@@ -6,9 +6,9 @@ import pytest
 from benchmarks.house import CHECKOUT, checkout_texts, count
 
 LIMITS = {
-    ("lines", "src"): 124_820,
+    ("lines", "src"): 124_858,
     ("lines", "benchmarks"): 26_572,
-    ("words", "documentation"): 100_027,
+    ("words", "documentation"): 100_041,
     ("vague", "src"): 6.5,
 }
 
