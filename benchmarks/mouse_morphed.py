@@ -19,7 +19,7 @@ from myomorph.analysis.walking import walking_strides
 from myomorph.contact.plates import wrenches_from_plates
 from myomorph.model.arrays import Array
 from myomorph.model.findings import repaired
-from myomorph.morph.mirror.muscles import with_other_muscles
+from myomorph.morph.mirror.model import with_other_muscles
 from myomorph.morph.species.masses import with_markers_of, with_possible_inertias, with_segment_shares
 from myomorph.motion.calibration import Calibration
 from myomorph.motion.crossings import crossings, within_crossings

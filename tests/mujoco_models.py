@@ -8,10 +8,10 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from myomorph.io.mjcf.read import model_from_mujoco, qpos_from_coordinates, read_mjcf
+from myomorph.io.mjcf.read import WIDTHS, _layout, model_from_mujoco, read_mjcf
 from myomorph.model.model import Model
 from myomorph.model.series import Motion
-from myomorph.model.spatial import axis_rotation
+from myomorph.model.spatial import axis_rotation, quaternion_from_rotation, rotation_from_euler_xyz
 from myomorph.rigid.dynamics import motion_arrays
 from myomorph.rigid.tree import compile_tree
 
@@ -94,6 +94,22 @@ def random_motion(model: Model, frames: int, seed: int = 0, spread: float = 1.0)
     values = low + (high - low) * rng.random((frames, n))
     rates = rng.standard_normal((2, frames, n))
     return Motion(np.arange(frames) * 0.01, model.coordinate_names, values, rates[0], rates[1])
+
+
+def qpos_from_coordinates(model: Model, coordinates) -> np.ndarray:
+    """MuJoCo's `qpos` (..., nq) for values of all coordinates (..., coordinates), w of quaternions not negative."""
+    c = np.asarray(coordinates, dtype=np.float64)
+    rows = []
+    for row in c.reshape(-1, c.shape[-1]):
+        parts = [np.zeros(0)]
+        for kind, _, at, start in _layout(model):
+            values = row[at : at + WIDTHS[kind][1]]
+            if kind in ("free", "ball"):
+                turn = rotation_from_euler_xyz(values[-3:]) @ start
+                values = np.concatenate([values[:-3], quaternion_from_rotation(turn)])
+            parts.append(values)
+        rows.append(np.concatenate(parts))
+    return np.array(rows).reshape(*c.shape[:-1], -1)
 
 
 class State:

@@ -11,7 +11,7 @@ import numpy as np
 
 import myomorph as mm
 from benchmarks.recordings import read_markers
-from myomorph.io.osim.marker_set import read_marker_set
+from myomorph.io.osim.setup_parts import read_marker_set
 from myomorph.model.landmarks import Measurement
 from myomorph.model.scale import scale
 from myomorph.motion import measurements

@@ -13,8 +13,7 @@ import opensim
 import myomorph as mm
 from benchmarks.accuracy.calibration import GAIT, OPENCAP, RAJAGOPAL, recorded, root_mean_square, tracked
 from benchmarks.accuracy.scale import BODY, MEASUREMENT, PAIR, TASK
-from myomorph.io.osim.marker_set import read_marker_set, write_marker_set
-from myomorph.io.osim.setup_parts import read_ik_tasks
+from myomorph.io.osim.setup_parts import read_ik_tasks, read_marker_set, write_marker_set
 
 opensim.Logger.setLevelString("Off")
 

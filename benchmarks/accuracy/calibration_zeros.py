@@ -11,7 +11,7 @@ import numpy as np
 import myomorph as mm
 from benchmarks.accuracy.calibration import GAIT, OPENCAP, RAJAGOPAL, recorded, tracked
 from benchmarks.accuracy.calibration_static import KNEE, implant_markers, implant_names
-from myomorph.io.osim.marker_set import read_marker_set
+from myomorph.io.osim.setup_parts import read_marker_set
 from myomorph.model.arrays import Array
 from myomorph.model.scale import scale
 from myomorph.motion.calibration import NORMAL_90, Calibration

@@ -24,7 +24,7 @@ from myomorph.identify.refine.refinement import Errors, Refinement, SubjectTrial
 from myomorph.identify.refine.trial_data import opened
 from myomorph.identify.subject import IdentificationOptions
 from myomorph.io.mjcf.read import model_from_mujoco
-from myomorph.io.osim.marker_set import read_marker_set
+from myomorph.io.osim.setup_parts import read_marker_set
 from myomorph.model.arrays import Array
 from myomorph.model.inertia import with_inertial_parameters
 from myomorph.model.model import Marker

@@ -16,7 +16,7 @@ import numpy as np
 import myomorph as mm
 from benchmarks.errors import rms
 from data_collection import data_folder
-from myomorph.identify import base
+from myomorph.identify import base_parameters as base
 from myomorph.identify.recordings import RecordingOptions, Usable, usable
 from myomorph.identify.subject import GENERIC, SHAPE, IdentificationOptions
 from myomorph.model.arrays import Array

@@ -84,7 +84,7 @@ def test_the_rate_does_not_matter(rate):
 
 def test_the_clock_and_the_way_to_the_microphone_are_taken_off():
     plain = times(clicks())
-    np.testing.assert_allclose(times(clicks().starting(12.5)), plain + 12.5, atol=1e-9)
+    np.testing.assert_allclose(times(replace(clicks(), start=12.5)), plain + 12.5, atol=1e-9)
     np.testing.assert_allclose(times(clicks(), distance=3.43), plain - 0.01, atol=1e-9)
     warm = hear_impacts(clicks(), [replace(DRUM, distance=3.43)], speed_of_sound(35.0))
     assert warm.impacts[0].time == pytest.approx(plain[0] - 3.43 / 351.9, abs=1e-5)
@@ -184,7 +184,7 @@ def test_another_length_than_the_motions_is_told_and_another_time_refused():
     with pytest.raises(BadData, match="have no time in common"):
         sound_faults(sound, np.linspace(30.0, 40.0, 101))
     with pytest.raises(BadData, match="have no time in common"):
-        hear_impacts(sound.starting(99.0), [DRUM], time=np.linspace(0.0, 2.0, 201))
+        hear_impacts(replace(sound, start=99.0), [DRUM], time=np.linspace(0.0, 2.0, 201))
 
 
 def test_what_is_not_there_is_named():

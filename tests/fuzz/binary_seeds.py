@@ -12,7 +12,7 @@ import h5py
 import numpy as np
 from scipy.io import savemat
 
-from myomorph.io.bids.emg import write_emg
+from myomorph.io.bids.recording import write_emg
 from myomorph.io.c3d.write import write_c3d
 from myomorph.model.provenance import Provenance
 from myomorph.model.series import Emg, Markers, PlateRecording

@@ -12,7 +12,7 @@ from typing import Any
 
 from binary_seeds import SEEDS, binary_seeds
 
-from myomorph.io.bids.emg import read_emg
+from myomorph.io.bids.recording import read_emg
 from myomorph.io.channels import read_channels
 from myomorph.io.contact_events import read_events
 from myomorph.io.keypoints import read_keypoint_names, read_keypoints
@@ -22,9 +22,8 @@ from myomorph.io.mesh import read_mesh
 from myomorph.io.mjcf.compile import check_files
 from myomorph.io.mjcf.read import read_mjcf
 from myomorph.io.osim.actuators import read_actuators
-from myomorph.io.osim.marker_set import read_marker_set
 from myomorph.io.osim.read import read_osim
-from myomorph.io.osim.setup_parts import read_ik_tasks
+from myomorph.io.osim.setup_parts import read_ik_tasks, read_marker_set
 from myomorph.io.osim.tool_setups import read_setup
 from myomorph.io.osim.write import write_osim
 from myomorph.io.qualisys_mat import read_qualisys_mat

@@ -81,8 +81,9 @@ def test_a_base_that_moves_less_hides_more(data, name):
     """A planar pelvis, or a shoulder on the ground."""
     model = read_model(data(name))
     base = base_parameters(model)
-    assert base.rank < base.tree_count
-    assert annihilation(model, tree_null_space(model).vectors, base.held) < 1e-9
+    tree = tree_null_space(model).vectors
+    assert base.rank < 10 * len(model.bodies) - tree.shape[1]
+    assert annihilation(model, tree, base.held) < 1e-9
     assert 10 * len(model.bodies) - base.rank == numerical_null_space(model).vectors.shape[1]
 
 

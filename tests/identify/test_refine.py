@@ -9,14 +9,14 @@ import pytest
 from benchmarks.accuracy.refine import simulated
 from test_simulated_subject import person
 
+from myomorph.identify.pseudo_inertia import tangents
 from myomorph.identify.refine import fit, trial_data
 from myomorph.identify.refine.equations import cost, linearize
 from myomorph.identify.refine.fit import far_from_given, markers_left, refine, worse_note
 from myomorph.identify.refine.options import RefineOptions
-from myomorph.identify.refine.predictions import worse
-from myomorph.identify.refine.problem import WIDTH, Basis, MassPrior, changed, moved, tangents
+from myomorph.identify.refine.predictions import solve, step, worse
+from myomorph.identify.refine.problem import WIDTH, Basis, MassPrior, changed, moved
 from myomorph.identify.refine.refinement import Errors, Prediction, RefinedTrial, SubjectTrial
-from myomorph.identify.refine.solve import solve, step
 from myomorph.identify.refine.trial_data import opened, problem_of
 from myomorph.io.mjcf.read import model_from_mujoco
 from myomorph.model.errors import BadData, BadModel

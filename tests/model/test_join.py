@@ -17,7 +17,6 @@ from myomorph.model.errors import BadData, BadModel, UnknownName
 from myomorph.model.inertia import free_object, hinged_object
 from myomorph.model.join import (
     check_clocks,
-    join_markers,
     join_models,
     join_motions,
     join_series,
@@ -276,7 +275,7 @@ def test_recordings_of_two_rates_meet_at_common_times():
     values = gap.values.copy()
     values[40:60] = np.nan
     parts, notes = on_one_clock({"tori": recording(250.0, 0.0, 2.0), "uke": replace(gap, values=values)})
-    whole = join_markers(parts)
+    whole = join_series(parts)
     assert whole.time[0] == pytest.approx(0.5)
     assert whole.time[-1] == pytest.approx(2.0)
     assert whole.rate == pytest.approx(250.0)

@@ -47,15 +47,15 @@ def test_a_sound_bone_passes_unchanged():
 @pytest.mark.parametrize(
     ("factor", "told"),
     [
-        (1000.0, "as if in millimeters: divide its coordinates by 1000 to give meters"),
-        (100.0, "as if in centimeters: divide its coordinates by 100 "),
-        (0.001, "as if in kilometers: divide its coordinates by 0.001"),
-        (1.0 / 0.0254, "as if in inches: divide its coordinates by 39.37"),
+        (1000.0, "as if in millimeters: divide coordinates by 1000 to give meters"),
+        (100.0, "as if in centimeters: divide coordinates by 100 "),
+        (0.001, "as if in kilometers: divide coordinates by 0.001"),
+        (1.0 / 0.0254, "as if in inches: divide coordinates by 39.37"),
         (6.0, "is it another bone, or another species"),
     ],
 )
 def test_other_units_are_named(factor, told):
-    with pytest.raises(BadData, match=f"the bone of 'femur_r' is .* long, and the source's bone is .*{told}"):
+    with pytest.raises(BadData, match=f"the bone of 'femur_r' is .* long, and the source's .*{told}"):
         check_bone("femur_r", grown(factor), BONE)
     if factor > 10.0:
         with pytest.raises(BadData, match=r"no bone is longer than 3 m: give it in meters; .* in millimeters"):

@@ -18,8 +18,8 @@ from myomorph.model.spatial import Transform, rotation_from_euler_xyz
 from myomorph.morph.maps.fields import BoneMap, FeaturePoints
 from myomorph.morph.maps.linear import AffineMap, Similarity
 from myomorph.morph.morphed import MorphOptions
-from myomorph.morph.transfer.branch_points import BranchLoad, branch_load, branch_places
 from myomorph.morph.transfer.model import graft_muscles, morph_model
+from myomorph.morph.transfer.virtual_links import BranchLoad, branch_load, branch_places
 
 ENDS = {
     "upper": ("upper", (0.02, 0.05, 0.01), (0.003, 0.004, 0.0), 40.0),

@@ -40,7 +40,9 @@ def test_good_landmarks_pass_and_tell_how_the_bones_lie():
 @pytest.mark.parametrize("side", ["source", "target"])
 def test_units_of_one_side_are_named(factor, unit, side):
     grown = {side: factor * getattr(pairs(), side)}
-    with pytest.raises(BadData, match=f"the {side} landmarks of 'femur_r' lie .* divided by {factor:g}: .* {unit}"):
+    with pytest.raises(
+        BadData, match=f"the {side} landmarks of 'femur_r' fit its bone .* divided by {factor:g}: .* {unit}"
+    ):
         check_landmarks("femur_r", pairs(**grown), BONE, OTHER)
     with pytest.raises(BadData, match=f"the target landmarks of 'femur_r' spread over .* as if .*in {unit}"):
         check_landmarks("femur_r", pairs(**grown))

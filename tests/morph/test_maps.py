@@ -178,7 +178,7 @@ def test_features_at_one_place_are_one(options: MapOptions) -> None:
     found = fit_map(features(source, target), options)
     if options.map != "affine":
         np.testing.assert_allclose(found.apply(source[:3]), bent(source[:3]) + [0.001, 0, 0], rtol=0, atol=1e-10)
-    assert feature_warnings(features(source, target)) == ("3 of 15 feature points share a place: taken together",)
+    assert feature_warnings(features(source, target)) == ("3 of 15 feature points share a place: joined",)
 
 
 @pytest.mark.parametrize("options", [MapOptions(), MapOptions(map="rbf"), MapOptions(map="rbf", kernel="r3")])

@@ -209,7 +209,7 @@ def test_landmarks_that_contradict_each_other_are_left_out():
 def test_jacobian_of_a_placed_map():
     random = np.random.default_rng(3)
     inner = AffineMap(np.eye(3) + 0.2 * random.normal(size=(3, 3)), random.normal(size=3))
-    pose = Transform(axis_rotation([0.3, 0.5, 0.8], 0.7), random.normal(size=3))
+    pose = AffineMap(axis_rotation([0.3, 0.5, 0.8], 0.7), random.normal(size=3))
     placed = PlacedMap(pose, inner, AffineMap(random.normal(size=(3, 3)), random.normal(size=3)))
     place, step = random.normal(size=3), 1e-6
     columns = [(placed.apply(place + step * one) - placed.apply(place - step * one)) / (2 * step) for one in np.eye(3)]

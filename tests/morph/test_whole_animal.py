@@ -16,7 +16,7 @@ from myomorph.model.segments import feet_of
 from myomorph.model.series import Motion
 from myomorph.model.spatial import Transform, axis_rotation
 from myomorph.model.surface import Surface
-from myomorph.morph.mirror.muscles import with_other_muscles
+from myomorph.morph.mirror.model import with_other_muscles
 from myomorph.morph.species.masses import (
     MarkerTable,
     SegmentShare,

@@ -18,9 +18,8 @@ from myomorph.mujoco_tools.cams import cams_of
 from myomorph.mujoco_tools.certificate import TOLERANCE
 from myomorph.mujoco_tools.copy import MujocoCopy
 from myomorph.mujoco_tools.export import in_copy, mujoco_model
-from myomorph.mujoco_tools.joints import mujoco_joints
+from myomorph.mujoco_tools.joints import mujoco_joints, poses_over_ranges
 from myomorph.mujoco_tools.muscle_forces import mujoco_muscles
-from myomorph.mujoco_tools.ranges import poses_over_ranges
 from myomorph.muscles.hill_arrays import hill_forces
 from myomorph.muscles.path import compile_paths
 from myomorph.rigid.dynamics import inverse_dynamics, motion_arrays

@@ -11,7 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from myomorph.demo.arm import osim_text
-from myomorph.io.mjcf.dampers import write_dampers
+from myomorph.io.mjcf.couplings import write_dampers
 from myomorph.io.osim.read import read_osim
 from myomorph.io.osim.write import write_osim
 from myomorph.io.sto import motion_from_table, read_sto

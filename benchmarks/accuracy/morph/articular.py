@@ -58,7 +58,7 @@ def _made(kind: str, share: float, cover: str) -> Row:
             errors.append(float(np.linalg.norm(sphere.center)))
             told.append(float(np.sqrt(np.trace(sphere.covariance))))
         else:
-            cylinder = fit_cylinder(points, looks)
+            cylinder = fit_cylinder(points, looks, np.ones(POINTS), [0.0, 0.0, 1.0])
             errors.append(float(np.linalg.norm(np.cross(cylinder.point, cylinder.axis))))
             told.append(cylinder.deviation)
             tilts.append(float(np.degrees(np.arccos(min(1.0, abs(cylinder.axis[2]))))))

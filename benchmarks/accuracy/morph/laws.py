@@ -19,7 +19,7 @@ from myomorph.model.spatial import rotation_from_euler_xyz
 from myomorph.morph.maps.fields import BoneMap
 from myomorph.morph.mirror.model import mirrored_motion
 from myomorph.morph.morphed import Morph, MorphOptions, TransferredPoint
-from myomorph.morph.transfer.branch_points import branch_load
+from myomorph.morph.transfer.virtual_links import branch_load
 from myomorph.rigid.kinematics import standing_poses
 
 OPENSIM = (

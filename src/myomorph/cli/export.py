@@ -55,8 +55,7 @@ def _mjcf(model: Path, mjcf: Path, geometry: Path | None) -> int:
     from myomorph.cli.output import said
     from myomorph.io.formats import read_model
     from myomorph.model.errors import BadFile
-    from myomorph.mujoco_tools.export import write_mjcf
-    from myomorph.mujoco_tools.tables import write_tables
+    from myomorph.mujoco_tools.export import write_mjcf, write_tables
 
     if mjcf.suffix.lower() != ".xml":
         raise BadFile(mjcf, f"is no name for MuJoCo's file: it ends in '{mjcf.suffix}'", "expected .xml")

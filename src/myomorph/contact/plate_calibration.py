@@ -24,7 +24,7 @@ from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.model import STANDARD_GRAVITY
 from myomorph.model.series import PlateRecording
-from myomorph.model.spatial import axis_rotation
+from myomorph.model.spatial import axis_rotation, least_rotation
 
 ARM = 0.2  # Length by which a rotation counts as a displacement when it is asked what the placements show [m]
 ITERATIONS = 50
@@ -166,7 +166,7 @@ def best_pose(placements: Sequence[Placement], start: tuple[Array, Array] | None
     lines = _Lines.of(placements)
     force, up = lines.forces.mean(axis=0), lines.directions.mean(axis=0)
     up = up / np.linalg.norm(up)
-    level = _turning(force / np.linalg.norm(force), up)
+    level = least_rotation(force / np.linalg.norm(force), up)
     starts = [] if start is None else [start]
     for index in range(TURNS):
         rotation = axis_rotation(up, 2.0 * np.pi * index / TURNS) @ level
@@ -175,15 +175,6 @@ def best_pose(placements: Sequence[Placement], start: tuple[Array, Array] | None
     result = [_solved(lines, *start, ROUGHLY) for start in starts]
     best = min(result, key=lambda pose: pose.cost)
     return _solved(lines, best.rotation, best.center, ITERATIONS)
-
-
-def _turning(source: Array, target: Array) -> Array:
-    """Smallest rotation (3, 3) of one unit vector onto another."""
-    axis = np.cross(source, target)
-    size = float(np.linalg.norm(axis))
-    if size < 1e-12:
-        return np.eye(3) if source @ target > 0 else axis_rotation(across(source[None])[0, 0], np.pi)
-    return axis_rotation(axis / size, float(np.arctan2(size, source @ target)))
 
 
 MIN_COUNT = 3

@@ -160,9 +160,7 @@ def fit_base(
         held = held_in(model, [recording.motion for recording in recordings], options.fixed)
         base = base_parameters(model, options.fixed, held)
     if base.bodies != model.body_names:
-        raise BadData(
-            f"the base parameters are of bodies {base.bodies[:3]}..., the model has {model.body_names[:3]}..."
-        )
+        raise BadData(f"base parameters are of bodies {base.bodies[:3]}..., the model has {model.body_names[:3]}...")
     rows = gather(model, recordings, base, options.reference, options.block)
     n = len(base)
     sizes = base_sizes(model, base)

@@ -37,7 +37,6 @@ class BaseParameters:
     names: tuple[str, ...]  # such as "femur_r m c_y + 0.41 tibia_r m", at most four terms
     never: tuple[str, ...]  # standard parameters that no motion shows at all, such as "toes_r I_xx"
     held: Mapping[str, float]  # coordinates that do not move, with their values [rad or m]
-    tree_count: int  # number of base parameters by the structure of the tree
     rank: int  # number by random states, which is n
     # (n, k) combinations of base parameters that show as constants only, so that a force plate that was tared with the
     # body on it hides them; none where the base moves freely
@@ -110,7 +109,6 @@ def base_parameters(model: Model, fixed: bool = False, held: Mapping[str, float]
             f"{model.body_names[j // 10]} {PARAMETERS[j % 10]}" for j in np.flatnonzero(~combination.any(axis=0))
         ),
         held=still,
-        tree_count=size - tree.vectors.shape[1],
         rank=len(columns),
         tared=_tared(model, still, columns) if len(rest.dependent) else np.zeros((len(columns), 0)),
     )

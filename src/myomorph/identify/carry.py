@@ -22,30 +22,21 @@ from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.loops import free_coordinates
 from myomorph.rigid.tree import compile_tree
 
-LEVER = 0.1
-"""Of the points beside a joint center that carry the orientation of its segment [m]."""
-TARGET_SD = 2e-3
-"""By which points of the two models may differ [m]."""
+LEVER = 0.1  # Of the points beside a joint center that carry the orientation of its segment [m].
+TARGET_SD = 2e-3  # By which points of the two models may differ [m].
 FREE_SD = {"rotational": 0.1, "translational": 0.002}
 """Of a coordinate of a joint inside a region, which the lower model does not have [rad or m]."""
 
 
 @read_only
 class CarriedMotion:
-    """A motion of a transferred model.
+    """A motion of a transferred model."""
 
-    Attributes
-    ----------
-    motion : of all its coordinates, NaN where the lower model's is unknown
-    errors : (frames, targets) distances of the two models' points [m]
-    targets : names of the points
-    known : share of each coordinate's variance that the points remove, mean over frames: near 0 it stays where the
-        transfer left it, near 1 it follows the lower model; coordinates that are locked or driven have none
-    """
-
-    motion: Motion
-    errors: Array
-    targets: tuple[str, ...]
+    motion: Motion  # of all its coordinates, NaN where the lower model's is unknown
+    errors: Array  # (frames, targets) distances of the two models' points [m]
+    targets: tuple[str, ...]  # names of the points
+    # share of each coordinate's variance that the points remove, mean over frames: near 0 it stays where the transfer
+    # left it, near 1 it follows the lower model; coordinates that are locked or driven have none
     known: dict[str, float]
 
 
@@ -58,24 +49,14 @@ def carry_motion(
     center of a limb, which carry its segment's orientation (the torso's follows from markers and shoulders, as one body
     became many). What the points leave open is held: coordinates of joints inside a region (vertebrae, ribs, shoulder
     blades) are pulled to where the transfer left them, with a standard deviation of `FREE_SD` against the points' of
-    `TARGET_SD`; so a bend of the trunk is spread evenly over its joints.
-
-    Parameters
-    ----------
-    lower : the model that was transferred
-    motion : of `lower` [rad or m]
-    transfer : of `lower` to the model with more joints
-    options : those of the transfer
-
-    Raises
-    ------
-    BadData : the two models' grounds have different verticals
+    `TARGET_SD`; so a bend of the trunk is spread evenly over its joints. `motion`: of the model that was transferred
+    [rad or m]; `options`: those of the transfer. Raises `BadData` where the two models' grounds have different
+    verticals.
     """
     options, higher = options or TransferOptions(), transfer.model
     if np.cross(lower.gravity, higher.gravity).any():
         raise BadData(
-            f"models '{lower.name}' and '{higher.name}' have other verticals ({lower.gravity} and {higher.gravity} "
-            "m/s^2): a motion is carried only in one laboratory"
+            f"'{lower.name}' and '{higher.name}' have other verticals: {lower.gravity} and {higher.gravity} m/s^2"
         )
     points, places = _points(lower, transfer, options)
     tree = compile_tree(lower)

@@ -229,12 +229,7 @@ class Recording:
         return 1.0 if self.finer is None else max(1.0, 0.5 * rate / self.finer.cutoff)
 
     def rows(self, model: Model) -> Iterator[tuple[slice, Array, Array]]:
-        """Block by block: frames, regressor (frames, 6, 10 bodies) and measured wrench (frames, 6) about the base.
-
-        Raises
-        ------
-        BadData : as `base_wrench`
-        """
+        """Block by block: frames, regressor (frames, 6, 10 bodies) and measured wrench (frames, 6) about the base."""
         finer = self.finer
         if finer is None:
             measured = base_wrench(model, self.motion, self.wrenches)

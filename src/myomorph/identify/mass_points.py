@@ -86,9 +86,7 @@ class MassPointFit:
 
     masses: Array  # (points,) rho [kg]
     parameters: Array  # (links, 10) W rho, in [D] order
-    # misfit, misfit_before: |b - A phi|^2 of the solution and of the reference masses
-    misfit: float
-    misfit_before: float
+    misfit: float  # |b - A phi|^2 of the solution
     link_sd: Array  # (links,) standard deviation of each link's mass that the prior amounts to [kg]
     optimality: Optimality  # residuals of the optimality conditions at `masses`
     on_bound: int  # how many points have the least mass
@@ -288,12 +286,11 @@ class _Problem:
             distance=float(np.sqrt(self.freedom.max()) * np.linalg.norm(imbalance)) / mean,
         )
         parameters = self.points.parameters(masses)
-        misses = [self.b - self.A @ phi.ravel() for phi in (parameters, self.points.parameters(self.reference))]
+        missed = self.b - self.A @ parameters.ravel()
         return MassPointFit(
             masses=masses,
             parameters=parameters,
-            misfit=float(misses[0] @ misses[0]),
-            misfit_before=float(misses[1] @ misses[1]),
+            misfit=float(missed @ missed),
             link_sd=np.sqrt(_squares(self.points.weights).T @ self.freedom),
             optimality=optimality,
             on_bound=int((~free).sum()),

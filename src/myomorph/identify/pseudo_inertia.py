@@ -51,9 +51,7 @@ class PseudoInertiaFit:
     """Parameters of the links, and how far to trust the solution."""
 
     parameters: Array  # (links, 10) in [D] order
-    # misfit, misfit_before: |b - A phi|^2 of the solution and of the reference
-    misfit: float
-    misfit_before: float
+    misfit: float  # |b - A phi|^2 of the solution
     # (links,) least eigenvalue of each link's pseudo-inertia relative to the reference's; NaN where kept
     smallest: Array
     kept: np.ndarray  # (links,) links that stayed at their reference because they have hardly any mass
@@ -74,7 +72,7 @@ def solve_pseudo_inertia(
     problem = _Changes.of(A, b, reference, mass, options or PseudoInertiaOptions())
     free = _least_squares(problem, mass)
     # Changes that keep every inequality are the optimum with them too.
-    if (1.0 + np.linalg.eigvalsh(_symmetric(free.reshape(-1, 10)))[:, 0] >= problem.options.margin).all():
+    if (1.0 + np.linalg.eigvalsh(symmetric(free.reshape(-1, 10)))[:, 0] >= problem.options.margin).all():
         return problem.fit(free)
     for residuals in (False, True):
         solution = _solve(problem, mass, residuals)
@@ -146,8 +144,7 @@ class _Changes:
                 f"the reference of link {worst} is of no body: its pseudo-inertia is not positive definite; "
                 "give it an inertia that a body of its mass can have, or pass it through `possible_reference`"
             )
-        factors = np.linalg.cholesky(P[moved])
-        basis = np.stack([_basis(L) for L in factors]) if len(moved) else np.zeros((0, 10, 10))
+        basis = tangents(reference[moved])
         by_link = A.reshape(len(A), len(reference), 10)[:, moved]
         reduced = np.einsum("rli,lij->rlj", by_link, basis, optimize=True).reshape(len(A), 10 * len(moved))
         total = basis[:, 0].ravel()
@@ -163,14 +160,13 @@ class _Changes:
         parameters = self.reference.copy()
         parameters[self.moved] += np.einsum("lij,lj->li", self.basis, changes)
         smallest = np.full(len(parameters), np.nan)
-        smallest[self.moved] = 1.0 + np.linalg.eigvalsh(_symmetric(changes))[:, 0]
+        smallest[self.moved] = 1.0 + np.linalg.eigvalsh(symmetric(changes))[:, 0]
         kept = np.ones(len(parameters), bool)
         kept[self.moved] = False
-        misses = [self.given_b - self.given_A @ phi.ravel() for phi in (parameters, self.reference)]
+        missed = self.given_b - self.given_A @ parameters.ravel()
         return PseudoInertiaFit(
             parameters=parameters,
-            misfit=float(misses[0] @ misses[0]),
-            misfit_before=float(misses[1] @ misses[1]),
+            misfit=float(missed @ missed),
             smallest=smallest,
             kept=kept,
             status="closed form" if default_solution is None else str(default_solution.status),
@@ -228,7 +224,7 @@ def _least_squares(problem: _Changes, mass: float | None) -> Array:
     return x
 
 
-def _symmetric(entries: Array) -> Array:
+def symmetric(entries: Array) -> Array:
     """(..., 4, 4) symmetric matrices of scaled triangles (..., 10), whose norm is the matrices'."""
     matrices = np.zeros((*entries.shape[:-1], 4, 4))
     for q, (i, j) in enumerate(TRIANGLE):
@@ -236,6 +232,7 @@ def _symmetric(entries: Array) -> Array:
     return matrices
 
 
-def _basis(L: Array) -> Array:
-    """(10, 10) the change of a link's parameters from its scaled triangle: those of L E L^T."""
-    return parameters_of(L @ _symmetric(np.eye(10)) @ L.T).T
+def tangents(parameters: Array) -> Array:
+    """(links, 10, 10) derivative of parameters (links, 10) in the scaled triangles of E, P = L (I + E) L^T."""
+    L = np.linalg.cholesky(pseudo_inertias(parameters))
+    return np.moveaxis(parameters_of(L[:, None] @ symmetric(np.eye(10)) @ np.swapaxes(L, 1, 2)[:, None]), 1, 2)

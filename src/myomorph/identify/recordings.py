@@ -154,7 +154,7 @@ def usable(
         finer = Finer(fine, resample_wrenches(filled, common.time, little), options.cutoff)
 
     margin = 0.0 if options.cutoff is None else REACH / options.cutoff
-    wanted = _needed(model, common) * (mass / model.mass)
+    wanted = needed_wrench(model, common) * (mass / model.mass)
     recorded = base_wrench(model, common, at)
     needed, measured = _up(model, wanted), _up(model, recorded)
     weight = mass * float(np.linalg.norm(model.gravity))
@@ -222,7 +222,7 @@ def check_excited(model: Model, recordings: tuple[Usable, ...], options: Recordi
         )
 
 
-def _needed(model: Model, motion: Motion) -> Array:
+def needed_wrench(model: Model, motion: Motion) -> Array:
     """(frames, 6) moment about the base and force that the motion needs with the model's own masses [N m], [N]."""
     parameters = inertial_parameters(model).ravel()
     return np.concatenate([block.rows @ parameters for block in regressor_blocks(model, motion)])
@@ -336,8 +336,7 @@ def _weight_note(name: str, weighs: float, mass: float) -> tuple[str, ...]:
     if not abs(weighs / mass - 1.0) > MASS_TOLERANCE:
         return ()
     return (
-        f"{name}: the forces correspond to {weighs:.1f} kg, but the specified mass is {mass:.1f}: a plate's zero or "
-        "gain is off, a load is carried, or the mass is wrong",
+        f"{name}: forces correspond to {weighs:.1f} kg, specified are {mass:.1f}: zero, gain, a load, or the mass?",
     )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
-from myomorph.identify.body.points import Links, MassPoints
+from myomorph.identify.body.points import MassPoints
 from myomorph.identify.least_squares import Recording
 from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData, check_name
@@ -161,29 +161,24 @@ def consistency(
     names: Sequence[str],
     parameters: ArrayLike,
     *,
-    links: Links | None = None,
-    inside: Inside | None = None,
     points: MassPoints | None = None,
+    inside: Inside | None = None,
 ) -> Consistency:
-    """Check each link: mass above 0, pseudo-inertia positive definite, mass center inside the body.
-    `names`, `parameters` (links, 10) in [D] order; `links`: their poses, to tell mass centers in ground; those of
-    `points` where these are given; `inside`: tells whether points in ground are inside the skin, in the pose of
-    `links`; `points`: without `inside`, a mass center counts as inside within a cell of the grid of a mass point.
+    """Check each link: mass above 0, pseudo-inertia positive definite, mass center inside the body. `names`,
+    `parameters` (links, 10) in [D] order; `points`: with the links' poses, to tell mass centers in ground: one counts
+    as inside within a cell of the grid of a mass point, or where `inside` tells that points in ground are inside the
+    skin.
     """
     table = np.asarray(parameters, float)
     if table.shape != (len(names), 10) or not np.isfinite(table).all():
         raise BadData(f"expected finite parameters ({len(names)}, 10), but got shape {table.shape}")
-    links = links or (points.links if points is not None else None)
-    if links is None and inside is not None:
-        raise BadData("a test of what is inside the skin needs the links' poses: give links")
-    if links is not None and links.names != tuple(names):
-        raise BadData(
-            f"expected parameters of the {len(links.names)} links, but got {len(names)} names in another order"
-        )
     within: list[bool | None] = [None] * len(names)
     weighty = np.flatnonzero(table[:, 0] > 0.0)
-    test = inside or (_near(points) if points is not None else None)
-    if links is not None and test is not None and len(weighty):
+    if points is not None and len(weighty):
+        links = points.links
+        if links.names != tuple(names):
+            raise BadData(f"expected parameters of {len(links.names)} links, but got {len(names)} in another order")
+        test = inside or _near(points)
         centers = table[weighty, 1:4] / table[weighty, :1]
         ground = links.origins[weighty] + np.einsum("lij,lj->li", links.rotations[weighty], centers)
         for i, result in zip(weighty, test(ground), strict=True):

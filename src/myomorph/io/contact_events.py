@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from myomorph.io.parsing.text import file_text, written
+from myomorph.io.parsing.text import file_text, write_csv
 from myomorph.model.contacts import Contacts, Touch
 from myomorph.model.errors import BadFile
 from myomorph.model.model import GROUND
@@ -63,28 +63,17 @@ def read_events(path: str | os.PathLike[str], rate: float | None = None, start: 
 
 def write_events(contacts: Contacts, path: str | os.PathLike[str]) -> None:
     """Write touches as a table of spans, which `read_events` takes back; whole or not at all."""
-    rows = [
-        (
-            interval.site,
-            f"{interval.start:.6f}",
-            f"{interval.stop:.6f}",
-            interval.surface,
-            f"{interval.confidence:.3g}",
-            interval.source,
-        )
-        for interval in contacts.intervals
-    ]
-    with written(path) as stream:
-        table = csv.writer(stream, lineterminator="\n")
-        table.writerows([("site", "start", "stop", "surface", "confidence", "source"), *rows])
+    rows = (
+        (touch.site, f"{touch.start:.6f}", f"{touch.stop:.6f}", touch.surface, touch.confidence, touch.source)
+        for touch in contacts.intervals
+    )
+    write_csv(path, ("site", "start", "stop", "surface", "confidence", "source"), rows, 3)
 
 
 def _table(path: Path) -> tuple[tuple[str, ...], list[tuple[int, dict[str, str]]]]:
     """Names of the columns, and rows by their line numbers."""
     text = file_text(path, f"expected {SHAPES}")
-    lines = [
-        (index, line) for index, line in enumerate(text.splitlines(), 1) if line.strip() and not line.startswith("#")
-    ]
+    lines = [(row, line) for row, line in enumerate(text.splitlines(), 1) if line.strip() and not line.startswith("#")]
     if not lines:
         raise BadFile(path, "holds no table of contacts", f"expected {SHAPES}")
     header = tuple(name.strip().lower() for name in next(csv.reader([lines[0][1]], delimiter=_delimiter(lines[0][1]))))
@@ -149,6 +138,10 @@ def _paired(path: Path, marks: Sequence[_Mark]) -> tuple[list[Touch], list[str]]
     """Each touch with the leave that follows it at the same site."""
     touches, warnings = [], []
     last = max((mark.time for mark in marks), default=0.0)
+
+    def add(begun: _Mark, stop: float) -> None:
+        touches.append(Touch(begun.site, begun.time, stop, begun.surface, begun.confidence, CAMERA))
+
     for site in dict.fromkeys(mark.site for mark in marks):
         begun: _Mark | None = None
         for mark in sorted(
@@ -159,18 +152,12 @@ def _paired(path: Path, marks: Sequence[_Mark]) -> tuple[list[Touch], list[str]]
             if not mark.touches and begun is None:
                 raise BadFile(path, f"line {mark.row}: '{site}' leaves, but did not touch before")
             if begun is not None:
-                touches.append(_touch(begun, mark.time))
+                add(begun, mark.time)
             begun = mark if mark.touches else None
         if begun is not None:
-            touches.append(_touch(begun, last))
-            warnings.append(
-                f"{path.name}: '{site}' touches at {begun.time:g} s and never leaves: taken until {last:g} s"
-            )
+            add(begun, last)
+            warnings.append(f"{path.name}: '{site}' touches at {begun.time:g} s without an end: taken until {last:g} s")
     return touches, warnings
-
-
-def _touch(begun: _Mark, stop: float) -> Touch:
-    return Touch(begun.site, begun.time, stop, begun.surface, begun.confidence, CAMERA)
 
 
 def _overlaps(path: Path, touches: Iterable[Touch]) -> list[str]:

@@ -10,8 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from myomorph.io.channels import TIMES
-from myomorph.io.force_columns import UNIT, UNITS, force_columns, table_wrenches
-from myomorph.io.force_guess import guessed_names
+from myomorph.io.force_columns import UNIT, UNITS, force_columns, guessed_names, table_wrenches
 from myomorph.io.parsing.text import file_text, number, unique_names
 from myomorph.io.sto import read_sto
 from myomorph.model.arrays import Array
@@ -120,10 +119,7 @@ def laboratory_table(path: Path, layout: ForceLayout | None = None) -> Table:
         names = guessed_names(values) or []
         if not names:
             raise BadFile(path, f"has no line of names over its {values.shape[1]} columns", HINT)
-        notes.append(
-            f"no line of names: by their numbers its {len(names)} columns were taken as {', '.join(names)} "
-            "(--force-columns states them)"
-        )
+        notes.append(f"no names: {len(names)} columns were taken as {', '.join(names)} (--force-columns states them)")
     elif not layout.names:
         notes.append(f"columns by its heading: {quoted(names)}")
     time = _times(names, values, layout.rate or _rate(heading), notes, path)

@@ -68,9 +68,7 @@ def read_keypoints(
         sources.append(_beside(path, tracks.shape[1], notes))
     header = _first_told(sources)
     if not header.names:
-        raise BadFile(
-            path, f"does not name its {tracks.shape[1]} points", f"put their names into {path.stem}.txt, one a line"
-        )
+        raise BadFile(path, f"does not name its {tracks.shape[1]} points", f"name them in {path.stem}.txt, one a line")
     if len(header.names) != tracks.shape[1]:
         raise BadFile(path, f"has {tracks.shape[1]} points, but {len(header.names)} names were given", HINT)
     if header.unit is None:

@@ -19,7 +19,7 @@ import numpy as np
 
 from myomorph.io.osim.document import read_document
 from myomorph.io.osim.frames import Frames
-from myomorph.io.osim.marker_set import holder_of, named_markers
+from myomorph.io.osim.setup_parts import holder_of, named_markers
 from myomorph.io.parsing.text import check_size, file_text, number
 from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadFile, UnknownName, quoted
@@ -72,9 +72,7 @@ def read_landmarks(path: str | os.PathLike[str], body: str = "") -> dict[str, Ar
             raise UnknownName("body", body, sorted(body_landmarks), str(path))
         return body_landmarks[body] if body in body_landmarks else body_landmarks[""]
     if len(body_landmarks) > 1:
-        raise BadFile(
-            path, f"has landmarks of {len(body_landmarks)} bodies", f"say which: {quoted(sorted(body_landmarks))}"
-        )
+        raise BadFile(path, f"is of {len(body_landmarks)} bodies", f"say which: {quoted(sorted(body_landmarks))}")
     return next(iter(body_landmarks.values()))
 
 

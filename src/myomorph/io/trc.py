@@ -191,9 +191,7 @@ def _hidden(values: Array, names: list[str], notes: list[str]) -> Array:
     zero = np.all(values == 0.0, axis=2)
     if zero.any():
         worst = names[int(np.argmax(zero.sum(axis=0)))]
-        notes.append(
-            f"{np.count_nonzero(zero)} positions are exactly (0, 0, 0) and were taken as hidden (most of '{worst}')"
-        )
+        notes.append(f"{np.count_nonzero(zero)} positions are exactly (0, 0, 0): taken as hidden (most of '{worst}')")
     hidden = zero | np.isnan(values).any(axis=2)
     return np.where(hidden[:, :, None], np.nan, values)
 

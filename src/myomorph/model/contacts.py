@@ -106,18 +106,13 @@ class Cone:
         return Generators(np.array(push), np.array(turn), lower, share)
 
     def plain(self) -> dict[str, Any]:
-        """The law's name and its parameters as numbers and texts, for files.
-
-        Raises
-        ------
-        BadData : where the class has no line in `CONTACT_LAWS`
+        """The law's name and its parameters as numbers and texts, for files; raises `BadData` where `CONTACT_LAWS`
+        lacks it.
         """
         place = _place(type(self))
         name = next((name for name, law in CONTACT_LAWS.items() if _place(law) == place), None)
         if name is None:
-            raise BadData(
-                f"contact law {place} has no name: `register_law` gives it one beside {', '.join(CONTACT_LAWS)}"
-            )
+            raise BadData(f"contact law {place} is unnamed: `register_law` names it beside {', '.join(CONTACT_LAWS)}")
         values = {part.name: getattr(self, part.name) for part in fields(self)}
         return {"law": name} | {
             key: value.tolist() if isinstance(value, np.ndarray) else value for key, value in values.items()
@@ -251,9 +246,7 @@ class Contacts:
     warnings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        object.__setattr__(
-            self, "intervals", tuple(sorted(self.intervals, key=lambda interval: (interval.start, interval.site)))
-        )
+        object.__setattr__(self, "intervals", tuple(sorted(self.intervals, key=lambda span: (span.start, span.site))))
         for interval in self.intervals:
             check_name("contact site", interval.site, self.sites, "the contacts")
 

@@ -7,6 +7,7 @@ sines (OpenSim's `Sine`, the ellipsoid of the scapulothoracic joint).
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -48,6 +49,10 @@ class PiecewisePolynomial:
         """The function times a factor (OpenSim's `MultiplierFunction`)."""
         return replace(self, coefficients=self.coefficients * factor)
 
+    def raised(self, by: float) -> PiecewisePolynomial:
+        """The function f(x) + by."""
+        return replace(self, coefficients=self.coefficients + by * np.eye(1, self.coefficients.shape[1]))
+
 
 @read_only
 class SineProduct:
@@ -77,8 +82,25 @@ class SineProduct:
         """The function times a factor."""
         return replace(self, factor=self.factor * factor, offset=self.offset * factor)
 
+    def raised(self, by: float) -> SineProduct:
+        """The function f(x) + by."""
+        return replace(self, offset=self.offset + by)
+
 
 Function = PiecewisePolynomial | SineProduct
+
+
+def value_at(function: Function, coordinates: Sequence[str], values: Mapping[str, float]) -> float:
+    """The value of a function of some coordinates."""
+    if isinstance(function, PiecewisePolynomial):
+        return float(function(values[coordinates[0]] if function.arity else 0.0))
+    return float(function(*(values[name] for name in coordinates[: function.arity])))
+
+
+def substituted(coefficients: Array, start: float, slope: float = 1.0) -> Array:
+    """Coefficients of the polynomial p(start + slope x) for those of p(x), as many of them, the constant term first."""
+    turned = np.polynomial.Polynomial(coefficients)(np.polynomial.Polynomial([start, slope])).coef
+    return np.pad(turned, (0, len(coefficients) - len(turned)))
 
 
 def constant(value: float) -> PiecewisePolynomial:

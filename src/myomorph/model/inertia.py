@@ -12,7 +12,7 @@ from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, quoted
 from myomorph.model.functions import linear
 from myomorph.model.model import GROUND, Axis, Body, Coordinate, Joint, Marker, Mesh, Model
-from myomorph.model.spatial import Transform
+from myomorph.model.spatial import Transform, least_rotation
 
 PARAMETERS = ("m", "m c_x", "m c_y", "m c_z", "I_xx", "I_yy", "I_zz", "I_yz", "I_zx", "I_xy")
 """Order of a body's parameters, [D] eq. 3.4; the inertia is about the body's origin."""
@@ -115,9 +115,7 @@ def free_object(
     names = (*SLIDES, *TURNS)
     still = Transform.identity()
     joint = Joint(f"ground_{name}", "CustomJoint", GROUND, name, still, still, tuple(axes), names)
-    coordinates = tuple(
-        Coordinate(coordinate, "translational" if coordinate in SLIDES else "rotational") for coordinate in names
-    )
+    coordinates = tuple(Coordinate(name, "translational" if name in SLIDES else "rotational") for name in names)
     return Model(name, (body,), (joint,), coordinates, np.asarray(gravity), markers=_markers(name, markers))
 
 
@@ -143,7 +141,7 @@ def hinged_object(
     if along.shape != (3,) or not (np.isfinite(length) and length > 0.0):
         raise BadData(f"axle {along.tolist()} of '{name}': expected a vector with a length")
     body = _body(name, mass, None, inertia, mass_center, mesh)
-    frame = Transform(_onto(along / length), np.asarray(center, dtype=np.float64))
+    frame = Transform(least_rotation(np.array([0.0, 0.0, 1.0]), along / length), np.asarray(center, dtype=np.float64))
     turn = Axis("rotation", np.array([0.0, 0.0, 1.0]), linear(1.0), ("angle",))
     joint = Joint(f"ground_{name}", "PinJoint", GROUND, name, frame, Transform.identity(), (turn,), ("angle",))
     return Model(name, (body,), (joint,), (Coordinate("angle"),), np.asarray(gravity), markers=_markers(name, markers))
@@ -176,17 +174,6 @@ def _check_inertia(name: str, moments: Array) -> None:
     low, middle, high = np.linalg.eigvalsh(moments)
     if low <= 0.0 or high > (low + middle) * (1.0 + 1e-9):
         raise BadData(f"inertia of '{name}' with moments {low:.3g}, {middle:.3g}, {high:.3g} kg m^2 is none of a body")
-
-
-def _onto(axis: Array) -> Array:
-    """The least rotation that brings z onto a unit axis."""
-    z = np.array([0.0, 0.0, 1.0])
-    c = float(z @ axis)
-    if c < -1.0 + 1e-12:
-        return np.diag([1.0, -1.0, -1.0])
-    v = np.cross(z, axis)
-    cross = np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
-    return np.eye(3) + cross + cross @ cross / (1.0 + c)
 
 
 def _markers(body: str, places: Mapping[str, ArrayLike] | None) -> tuple[Marker, ...]:

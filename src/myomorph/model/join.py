@@ -14,7 +14,7 @@ from myomorph.model.errors import BadData, BadModel, UnknownName
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import GROUND, Joint, Kept, Model
 from myomorph.model.paths import Ligament, MovingPathPoint, Muscle, Path, PathPoint, PathWrap, TendonWrap
-from myomorph.model.series import Markers, Motion, Series, Wrenches
+from myomorph.model.series import Motion, Series, Wrenches
 
 SIDES = ("r", "l", "right", "left")
 ADDED = ("reserve_", "residual_FX_", "residual_FY_", "residual_FZ_", "residual_MX_", "residual_MY_", "residual_MZ_")
@@ -83,13 +83,6 @@ def join_motions(parts: Mapping[str, Motion]) -> Motion:
     return Motion(motions[0].time, joined_names(parts), values, velocities=rates[0], accelerations=rates[1])
 
 
-def join_markers(parts: Mapping[str, Markers]) -> Markers:
-    """Markers of the parts as those of the joined model; raises `BadData` where their times differ."""
-    check_clocks(parts)
-    series = list(parts.values())
-    return Markers(series[0].time, joined_names(parts), np.concatenate([markers.values for markers in series], axis=1))
-
-
 def join_series(parts: Mapping[str, Series]) -> Series:
     """Columns of the parts (torques, activations) side by side; raises `BadData` where their times differ."""
     check_clocks(parts)
@@ -117,13 +110,11 @@ def part_of(whole: Timed, part: str) -> Timed:
     """Columns of one part by their own names: of a motion, torques, markers, forces or activations of a joined model.
     Reserves and residuals (`reserve_tori_knee_angle_r`) belong to the part that they name.
     """
-    columns_of_part = [
-        (index, short) for index, name in enumerate(whole.names) if (short := own_name(name, part)) is not None
-    ]
-    if not columns_of_part:
+    short = {column: own for column, name in enumerate(whole.names) if (own := own_name(name, part)) is not None}
+    if not short:
         begins = tuple(dict.fromkeys(name.partition("_")[0] for name in whole.names))
         raise UnknownName("part", part, begins, "the columns' names begin with what it")
-    columns, names = [index for index, _ in columns_of_part], tuple(name for _, name in columns_of_part)
+    columns, names = list(short), tuple(short.values())
     if isinstance(whole, Series):
         return replace(whole.columns(columns), names=names)
     bodies = tuple(own_name(whole.bodies[column], part) or whole.bodies[column] for column in columns)
@@ -175,9 +166,7 @@ def _check_parts(parts: tuple[str, ...]) -> None:
         raise BadData("no parts to join")
     for part in parts:
         if not re.fullmatch(r"[^\W_](\w*[^\W_])?", part) or part.lower() in (*SIDES, GROUND):
-            raise BadData(
-                f"'{part}' cannot name a part: expected a word of letters, digits and '_' that is no side of the body"
-            )
+            raise BadData(f"'{part}' cannot name a part: expected letters, digits and '_', no side of the body")
         longer = next((other for other in parts if other.startswith(f"{part}_")), "")
         if longer:
             raise BadData(f"the part '{longer}' begins as the names of '{part}' will: give one of them another name")

@@ -14,7 +14,7 @@ from myomorph.model.errors import BadModel, UnknownName
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.functions import Function
 from myomorph.model.paths import Bushing, Ligament, Muscle, PassiveTorque, WrapObject
-from myomorph.model.spatial import Transform
+from myomorph.model.spatial import Transform, axis_rotation
 
 GROUND = "ground"
 STANDARD_GRAVITY = 9.80665  # [m/s^2]
@@ -109,6 +109,13 @@ class Axis:
         freeze(self, vector=(3,), origin=(3,))
         if self.function.arity > len(self.coordinates):
             raise BadModel(f"an axis function takes {self.function.arity} coordinates, but got {self.coordinates}")
+
+    def moved(self, amount: float) -> Transform:
+        """What it does at an amount of motion [rad or m]."""
+        if self.kind == "translation":
+            return Transform(np.eye(3), amount * self.vector)
+        rotation = axis_rotation(self.vector / np.linalg.norm(self.vector), amount)
+        return Transform(rotation, self.origin - rotation @ self.origin)
 
 
 @dataclass(frozen=True, eq=False)

@@ -73,6 +73,17 @@ class WrapObject:
     active: bool = True
 
 
+def surface_level(wrap: WrapObject, points: Array) -> Array:
+    """(n,) distances of points (n, 3) in a wrap object's frame from its middle or axis (of a torus, its ring) over its
+    sizes: 1 on its surface, less inside.
+    """
+    if wrap.kind == "torus":
+        return np.hypot(np.hypot(points[:, 0], points[:, 1]) - wrap.size[1], points[:, 2]) / wrap.size[0]
+    if wrap.kind == "cylinder":
+        return np.linalg.norm(points[:, :2], axis=1) / wrap.size[0]
+    return np.linalg.norm(points / np.asarray(wrap.size), axis=1)
+
+
 @dataclass(frozen=True, eq=False)
 class PathWrap:
     """A path's use of a wrap object, as OpenSim defines it.

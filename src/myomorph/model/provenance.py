@@ -61,12 +61,7 @@ class Provenance:
 
     @staticmethod
     def from_json(text: str) -> Provenance:
-        """The provenance that `to_json` wrote.
-
-        Raises
-        ------
-        ValueError : where the text is something else
-        """
+        """The provenance that `to_json` wrote; raises `ValueError` where the text is something else."""
         try:
             stored = json.loads(text)
             sources = tuple(Source(source["role"], source["name"], source["sha256"]) for source in stored["sources"])

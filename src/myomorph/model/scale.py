@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Literal, TypeVar
 
@@ -61,10 +61,8 @@ def scale(
         model,
         bodies=_of_mass(bodies, mass),
         joints=tuple(_joint(joint, sizes, travel) for joint in model.joints),
-        coordinates=tuple(
-            _coordinate(coordinate, travel.get(coordinate.name, 1.0)) for coordinate in model.coordinates
-        ),
-        couplers=tuple(_coupler(coupler, travel) for coupler in model.couplers),
+        coordinates=scaled_coordinates(model.coordinates, travel),
+        couplers=scaled_couplers(model.couplers, travel),
         markers=tuple(replace(marker, location=marker.location * sizes[marker.body]) for marker in model.markers),
         frames=tuple(replace(frame, pose=_shifted(frame.pose, sizes[frame.body])) for frame in model.frames),
         wrap_objects=tuple(_wrap(item, sizes[item.body]) for item in model.wrap_objects),
@@ -208,14 +206,14 @@ def _axis(axis: Axis, parent: Array, child: Array, travel: Mapping[str, float]) 
     if not slides_freely(axis.function):
         return replace(moved, function=axis.function.scaled(_along(axis, parent)))
     factor = travel.get(axis.coordinates[0], 1.0)
-    return replace(moved, function=stretched(axis.function, factor, factor)) if factor != 1.0 else moved
+    return replace(moved, function=stretched(axis.function, factor, factor))
 
 
 def stretched(function: Function, factor: float, source: float) -> Function:
     """f(x) becomes factor f(x / source)."""
+    if factor == source == 1.0:
+        return function
     grown = function.scaled(factor)
-    if source == 1.0:
-        return grown
     if isinstance(grown, SineProduct):
         return replace(grown, frequencies=grown.frequencies / source)
     powers = source ** -np.arange(grown.coefficients.shape[1], dtype=np.float64)
@@ -229,17 +227,22 @@ def slides_freely(function: Function) -> bool:
     return function.coefficients.shape[1] == 2 and function.coefficients[0, 1] == 1.0
 
 
-def _coordinate(coordinate: Coordinate, factor: float) -> Coordinate:
-    if factor == 1.0:
-        return coordinate
-    low, high = coordinate.range
-    return replace(coordinate, default=coordinate.default * factor, range=(low * factor, high * factor))
+def scaled_coordinates(coordinates: Sequence[Coordinate], travel: Mapping[str, float]) -> tuple[Coordinate, ...]:
+    """The coordinates, those that `travel` names a factor further."""
+    factors = [travel.get(coordinate.name, 1.0) for coordinate in coordinates]
+    return tuple(
+        replace(old, default=old.default * factor, range=(old.range[0] * factor, old.range[1] * factor))
+        for old, factor in zip(coordinates, factors, strict=True)
+    )
 
 
-def _coupler(coupler: Coupler, travel: Mapping[str, float]) -> Coupler:
-    factor = travel.get(coupler.dependent, 1.0)
-    source = travel.get(coupler.independents[0], 1.0)
-    return replace(coupler, function=stretched(coupler.function, factor, source))
+def scaled_couplers(couplers: Sequence[Coupler], travel: Mapping[str, float]) -> tuple[Coupler, ...]:
+    """Couplers of coordinates that go further."""
+    factors = [(travel.get(each.dependent, 1.0), travel.get(each.independents[0], 1.0)) for each in couplers]
+    return tuple(
+        replace(coupler, function=stretched(coupler.function, *both))
+        for coupler, both in zip(couplers, factors, strict=True)
+    )
 
 
 def _wrap(wrap: WrapObject, size: Array) -> WrapObject:

@@ -56,9 +56,7 @@ class Series(Labelled):
         freeze(self, time=(-1,), values=None)
         object.__setattr__(self, "names", tuple(self.names))
         if self.values.shape[:2] != (len(self.time), len(self.names)):
-            raise BadData(
-                f"expected values of shape ({len(self.time)}, {len(self.names)}, ...), but got {self.values.shape}"
-            )
+            raise BadData(f"expected values ({len(self.time)}, {len(self.names)}, ...), but got {self.values.shape}")
         if len(self.time) > 1 and not np.all(np.diff(self.time) > 0):
             raise BadData("time does not increase from frame to frame")
 
@@ -394,7 +392,3 @@ class Sound:
     def time(self) -> Array:
         """(samples,) [s]."""
         return self.start + np.arange(len(self.samples)) / self.rate
-
-    def starting(self, start: float) -> Sound:
-        """The same sound whose first sample is at `start` on the motion's clock [s]."""
-        return replace(self, start=start)

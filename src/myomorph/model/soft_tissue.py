@@ -57,14 +57,9 @@ class SoftTissue:
         return ", ".join(f"{name} {1e4 * alpha:.1f}" for name, (alpha, _) in self.by_group.items()) + " · 1e-4 s^2"
 
     def of(self, motion: Motion) -> Motion:
-        """The motion of the body's mass: the low-pass 1 / (1 + alpha w^2) of every coordinate, zero lag.
-
-        Accelerations are filtered, each unbroken run of frames by itself, and velocities and values changed by
-        alpha times their derivatives, so that a steady movement stays as it is.
-
-        Raises
-        ------
-        BadData : the motion has no derivatives
+        """The motion of the body's mass: the low-pass 1 / (1 + alpha w^2) of every coordinate, zero lag. Accelerations
+        are filtered, each unbroken run of frames by itself, and velocities and values changed by alpha times their
+        derivatives, so that a steady movement stays as it is. Raises `BadData` where the motion has no derivatives.
         """
         if motion.velocities is None or motion.accelerations is None:
             raise BadData("soft tissue is taken from a motion with derivatives: differentiate it first")

@@ -16,6 +16,18 @@ def axis_rotation(axis: ArrayLike, angle: float) -> Array:
     return np.eye(3) + s * cross + (1.0 - c) * (cross @ cross)
 
 
+def least_rotation(source: Array, target: Array) -> Array:
+    """The least rotation (3, 3) that brings one unit vector (3,) onto another."""
+    axis, cosine = np.cross(source, target), float(source @ target)
+    sine = float(np.linalg.norm(axis))
+    if sine >= 1e-12:
+        return axis_rotation(axis / sine, float(np.arctan2(sine, cosine)))
+    if cosine > 0.0:
+        return np.eye(3)
+    aside = np.cross(source, np.eye(3)[int(np.argmin(np.abs(source)))])
+    return axis_rotation(aside / np.linalg.norm(aside), np.pi)
+
+
 def rotation_from_euler_xyz(angles: ArrayLike) -> Array:
     """Rotation matrix of body-fixed X, Y, Z rotations [rad], as OpenSim writes orientations."""
     a, b, c = np.asarray(angles, dtype=np.float64)
@@ -23,12 +35,12 @@ def rotation_from_euler_xyz(angles: ArrayLike) -> Array:
 
 
 def euler_xyz_from_rotation(rotation: ArrayLike) -> Array:
-    """Body-fixed X, Y, Z angles [rad] of a rotation matrix; Z is 0 where X and Z cannot be separated."""
+    """Body-fixed X, Y, Z angles (..., 3) [rad] of rotation matrices; Z is 0 where X and Z cannot be separated."""
     r = np.asarray(rotation, dtype=np.float64)
-    b = np.arcsin(np.clip(r[0, 2], -1.0, 1.0))
-    if abs(r[0, 2]) < 1.0 - 1e-14:
-        return np.array([np.arctan2(-r[1, 2], r[2, 2]), b, np.arctan2(-r[0, 1], r[0, 0])])
-    return np.array([np.arctan2(r[2, 1], r[1, 1]), b, 0.0])
+    apart = np.abs(r[..., 0, 2]) < 1.0 - 1e-14
+    first = np.where(apart, np.arctan2(-r[..., 1, 2], r[..., 2, 2]), np.arctan2(r[..., 2, 1], r[..., 1, 1]))
+    last = np.where(apart, np.arctan2(-r[..., 0, 1], r[..., 0, 0]), 0.0)
+    return np.stack([first, np.arcsin(np.clip(r[..., 0, 2], -1.0, 1.0)), last], axis=-1)
 
 
 def rotation_from_quaternion(quaternion: ArrayLike) -> Array:
@@ -77,6 +89,14 @@ def quaternion_from_rotation(rotation: ArrayLike) -> Array:
     row = np.take_along_axis(outer, largest[..., None, None], axis=-2)[..., 0, :]
     row = row / np.linalg.norm(row, axis=-1, keepdims=True)
     return np.asarray(np.where(row[..., :1] < 0.0, -row, row))
+
+
+def spread_directions(count: int) -> Array:
+    """Unit vectors (count, 3) evenly over the sphere, along a spiral."""
+    step = np.arange(count) + 0.5
+    height, turn = 1.0 - 2.0 * step / count, np.pi * (1.0 + np.sqrt(5.0)) * step
+    across = np.sqrt(1.0 - height**2)
+    return np.column_stack([across * np.cos(turn), across * np.sin(turn), height])
 
 
 @read_only

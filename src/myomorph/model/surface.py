@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +47,12 @@ def face_crosses(vertices: Array, faces: np.ndarray) -> Array:
     """(m, 3) along the normals of faces, twice as long as their areas [m^2]."""
     a, b, c = (vertices[faces[:, index]] for index in range(3))
     return np.cross(b - a, c - a)
+
+
+def hull_faces(hull: Any) -> np.ndarray:
+    """(m, 3) faces of a hull of scipy's `ConvexHull`, which look outward; indices of its points."""
+    inward = np.einsum("ij,ij->i", face_crosses(hull.points, hull.simplices), hull.equations[:, :3]) < 0.0
+    return np.where(inward[:, None], hull.simplices[:, ::-1], hull.simplices)
 
 
 def used_part(vertices: Array, faces: np.ndarray) -> Surface:
@@ -94,11 +101,20 @@ def distinct_faces(faces: np.ndarray) -> np.ndarray:
     return kept[np.sort(first)]
 
 
+def edges_of(faces: np.ndarray) -> np.ndarray:
+    """(3 m, 2) directed edges of faces (m, 3): their first sides, then the second ones, then the third."""
+    return np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+
+
+def connected(count: int, edges: np.ndarray) -> np.ndarray:
+    """(count,) number of the connected piece that each of so many vertices is in, by edges (n, 2)."""
+    graph = sparse.coo_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(count, count))
+    return connected_components(graph, directed=False)[1]
+
+
 def pieces_of(count: int, faces: np.ndarray) -> list[np.ndarray]:
     """Faces of each piece that hangs together by its vertices, of which there are `count`."""
-    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]]])
-    graph = sparse.coo_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(count, count))
-    label = connected_components(graph, directed=False)[1][faces[:, 0]]
+    label = connected(count, edges_of(faces))[faces[:, 0]]
     order = np.argsort(label, kind="stable")
     starts = np.flatnonzero(np.diff(label[order])) + 1
     return np.split(faces[order], starts)
@@ -124,7 +140,7 @@ def turned_outward(vertices: Array, faces: np.ndarray) -> np.ndarray:
 
 def _conflicts(faces: np.ndarray) -> int:
     """Edges that two faces run along in the same direction, as neighbors that look to different sides do."""
-    directed = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    directed = edges_of(faces)
     return len(directed) - len(np.unique(directed, axis=0))
 
 
@@ -135,7 +151,7 @@ def _inward(vertices: Array, faces: np.ndarray) -> bool:
 
 def border_of(faces: np.ndarray) -> np.ndarray:
     """(edges, 2) directed edges without a face on their other side."""
-    directed = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).astype(np.int64)
+    directed = edges_of(faces).astype(np.int64)
     count = int(faces.max()) + 1
     keys, opposite = directed[:, 0] * count + directed[:, 1], directed[:, 1] * count + directed[:, 0]
     return directed[~np.isin(keys, opposite)]

@@ -73,9 +73,7 @@ class _Displacement:
     def jacobian(self, points: ArrayLike) -> Array:
         """Derivatives (..., 3, 3) of the displaced places."""
         places, step = np.asarray(points, dtype=np.float64), TILT * self.known.length
-        columns = [
-            (self.apply(places + offset) - self.apply(places - offset)) / (2.0 * step) for offset in step * np.eye(3)
-        ]
+        columns = [(self.apply(places + move) - self.apply(places - move)) / (2.0 * step) for move in step * np.eye(3)]
         return np.stack(columns, axis=-1)
 
     def slid(self, points: Array, within: Array) -> Array:
@@ -154,10 +152,7 @@ def _drawn(morph: Morph, moves: Mapping[str, _Displacement]) -> Model:
     for body, move in moves.items():
         members = [point for point in morph.points if point.target_body == body and np.isfinite(point.within)]
         if members:
-            places, within = (
-                np.array([point.target for point in members]),
-                np.array([point.within for point in members]),
-            )
+            places, within = (np.array([getattr(point, what) for point in members]) for what in ("target", "within"))
             moved = zip(members, move.slid(places, within) - places, strict=True)
             shifts |= {(point.owner, point.name): by for point, by in moved}
     still = {

@@ -17,29 +17,19 @@ from myomorph.io.mjcf.couplings import Branch, Cam
 from myomorph.model.arrays import Array
 from myomorph.model.functions import PiecewisePolynomial
 from myomorph.model.model import Coupler, Joint, Model
-from myomorph.mujoco_tools.joints import moved
-from myomorph.mujoco_tools.ranges import range_of
+from myomorph.mujoco_tools.joints import range_of
 
 CENTERS = 24
-RADIUS = 0.1
-"""Of the circle on which a hinge's site passes its centers [m]."""
-
-REACH = 1.0
-"""Length of the distance that measures the follower [m]."""
-
-LEVER = 0.2
-"""From a follower's hinge to the site that measures it [m]."""
-
-MIN_SEPARATION = 0.3
-"""Of centers, over their even distance."""
-
+RADIUS = 0.1  # Of the circle on which a hinge's site passes its centers [m].
+REACH = 1.0  # Length of the distance that measures the follower [m].
+LEVER = 0.2  # From a follower's hinge to the site that measures it [m].
+MIN_SEPARATION = 0.3  # Of centers, over their even distance.
 SAMPLES = 300
 SLOPE_WEIGHT = 0.3
 STEP = 1e-5
 SMALLEST_SINGULAR = 3e-6
 SMALLEST_WEIGHT = 1e-7
-DEGREE = 4
-"""Of the polynomials of MuJoCo's equality of two joints."""
+DEGREE = 4  # Of the polynomials of MuJoCo's equality of two joints.
 
 
 def is_degree_four(coupler: Coupler, model: Model) -> bool:
@@ -55,12 +45,7 @@ def is_degree_four(coupler: Coupler, model: Model) -> bool:
 
 
 def cams_of(model: Model) -> tuple[tuple[Cam, ...], tuple[Coupler, ...]]:
-    """Cams of the couplers that need one, and polynomials where the joints forbid one.
-
-    Parameters
-    ----------
-    model : of `mujoco_joints`
-    """
+    """Cams of the couplers of a model of `mujoco_joints` that need one, and polynomials where the joints forbid one."""
     joints = {name: joint for joint in model.joints for name in joint.coordinates}
     cams, polynomials = [], []
     for coupler in model.couplers:
@@ -109,7 +94,7 @@ class _Curve:
         for i in range(len(x)):
             pose = joint.parent_frame
             for axis in joint.axes:
-                pose = pose @ moved(axis, float(axis.function(values[axis.coordinates[0]][i])))
+                pose = pose @ axis.moved(float(axis.function(values[axis.coordinates[0]][i])))
             poses.append(pose)
         return np.array([pose.rotation for pose in poses]), np.array([pose.translation for pose in poses])
 

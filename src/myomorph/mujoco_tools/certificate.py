@@ -17,9 +17,7 @@ from myomorph.muscles.path import Paths, compile_paths
 from myomorph.rigid.dynamics import inverse_dynamics, motion_arrays
 from myomorph.rigid.tree import compile_tree
 
-TOLERANCE = 1e-4
-"""By which lengths [m] and moment arms [m/rad] may differ."""
-
+TOLERANCE = 1e-4  # By which lengths [m] and moment arms [m/rad] may differ.
 SLOPE_STEP = 1e-4
 FRAMES = 20
 STEPS = 20
@@ -124,8 +122,7 @@ class Certificate:
                 lines.append(f"the others, length and moment arm [mm]: {quoted(others, 8)}")
         elif self.differences:
             lines.append(
-                f"lengths and moment arms of all {len(self.differences)} muscles are within {1e3 * TOLERANCE:g} mm, "
-                "each coordinate moved over its range"
+                f"lengths and moment arms of all {len(self.differences)} muscles are within {1e3 * TOLERANCE:g} mm"
             )
         own = [one for one in beyond if one.length <= TOLERANCE and one.arm <= one.own + TOLERANCE]
         if own:
@@ -163,12 +160,8 @@ def certify(
     swept: Array,
     notes: tuple[str, ...] = (),
 ) -> Certificate:
-    """Compare MuJoCo's copy with the model.
-
-    Parameters
-    ----------
-    coordinates, copied : the poses (poses, coordinates) in the model's coordinates and in those of the copy
-    swept : (poses,) as of `poses_over_ranges`
+    """Compare MuJoCo's copy with the model. `coordinates`, `copied`: the poses (poses, coordinates) in the model's
+    coordinates and in those of the copy; `swept`: (poses,) as of `poses_over_ranges`.
     """
     differences = _differences(model, copy, coordinates, copied, swept) if model.muscles else ()
     torque, largest = _torques(copy, copied)
@@ -223,13 +216,8 @@ def _differences(
 
 
 def _off_slopes(paths: Paths, poses: Array, columns: list[int], arms: Array) -> Array:
-    """(muscles,) by how much each muscle's moment arm in its own pose differs from the slope of its length.
-
-    Parameters
-    ----------
-    poses : (muscles, coordinates)
-    columns : the coordinate of each moment arm
-    arms : (muscles,) moment arms
+    """(muscles,) by how much each muscle's moment arm in its own pose differs from the slope of its length. `poses`:
+    (muscles, coordinates); `columns`: the coordinate of each of the moment arms (muscles,).
     """
     step = np.zeros_like(poses)
     every = np.arange(len(poses))

@@ -19,13 +19,7 @@ FOLLOWING = (int(mujoco.mjtEq.mjEQ_JOINT), int(mujoco.mjtEq.mjEQ_TENDON))
 
 
 class MujocoCopy:
-    """MuJoCo's copy of a model.
-
-    Parameters
-    ----------
-    path : of the written file
-    model : that was written
-    """
+    """MuJoCo's copy of a model, from the file that was written of it."""
 
     def __init__(self, path: str | os.PathLike[str], model: Model):
         with silent_mujoco():
@@ -128,10 +122,7 @@ class MujocoCopy:
 
     def generalized_forces(self, coordinates: Array, speeds: Array, accelerations: Array) -> Array:
         """(frames, `simple`) what moves MuJoCo's copy so, by `mj_inverse` without constraints and armature [N m or N].
-
-        Parameters
-        ----------
-        coordinates, speeds, accelerations : (frames, coordinates), consistent; free and ball joints do not turn
+        The motion, three times (frames, coordinates), is consistent; free and ball joints do not turn.
         """
         m = self.m
         flags, armature = int(m.opt.disableflags), m.dof_armature.copy()

@@ -14,15 +14,15 @@ from myomorph.io.mjcf.couplings import Cam
 from myomorph.io.mjcf.original import put_original
 from myomorph.io.mjcf.write import MjcfDocument, mjcf_document
 from myomorph.io.osim.document import write_document
+from myomorph.io.parsing.text import write_csv
 from myomorph.model.arrays import Array
 from myomorph.model.errors import quoted
 from myomorph.model.model import Mesh, Model
 from myomorph.mujoco_tools.cams import cams_of
 from myomorph.mujoco_tools.certificate import Certificate, certify
 from myomorph.mujoco_tools.copy import MujocoCopy
-from myomorph.mujoco_tools.joints import mujoco_joints
-from myomorph.mujoco_tools.muscle_forces import mujoco_muscles
-from myomorph.mujoco_tools.ranges import poses_over_ranges
+from myomorph.mujoco_tools.joints import mujoco_joints, poses_over_ranges
+from myomorph.mujoco_tools.muscle_forces import LENGTHS, SPEEDS, curves_of, mujoco_muscles
 from myomorph.mujoco_tools.tendon_paths import tendon_paths
 from myomorph.rigid.coordinates import couple_frames
 from myomorph.rigid.tree import compile_tree
@@ -109,9 +109,7 @@ def mujoco_model(model: Model) -> tuple[Model, tuple[Cam, ...], tuple[str, ...]]
     cams, polynomials = cams_of(jointed)
     if polynomials:
         names = [coupler.dependent for coupler in polynomials]
-        notes.append(
-            f"coordinates that follow by a polynomial of degree four instead of their curve: {quoted(names, 3)}"
-        )
+        notes.append(f"coordinates that follow by a polynomial of degree four, not their curve: {quoted(names, 3)}")
     by_name = {coupler.name: coupler for coupler in polynomials}
     couplers = tuple(by_name.get(coupler.name, coupler) for coupler in made.couplers)
     return replace(made, muscles=muscles, couplers=couplers), cams, tuple(notes)
@@ -125,3 +123,32 @@ def in_copy(copied: Model, model: Model, coordinates: Array) -> Array:
             result[:, i] = coordinates[:, model.coordinate_names.index(name)]
     couple_frames(compile_tree(copied).arrays, result)
     return result
+
+
+EVERY = 8  # Of the sampled lengths and speeds, those that the table has.
+
+
+def write_tables(model: Model, certificate: Certificate, path: Path) -> tuple[Path, ...]:
+    """Write `NAME_differences.csv` and `NAME_curves.csv` beside the model's file `NAME.xml`.
+
+    The first has a row a muscle and the certificate's lines at its end. The second has the model's own curves over
+    fiber length along the tendon and over velocity, for whoever computes forces of MuJoCo's tendons by them.
+    """
+    if not model.muscles:
+        return ()
+    differences, curves = path.with_name(f"{path.stem}_differences.csv"), path.with_name(f"{path.stem}_curves.csv")
+    write_csv(differences, certificate.rows[0], (row.values() for row in certificate.rows))
+    sampled, rows = curves_of(model), []
+    for m, muscle in enumerate(model.muscles):
+        for curve, x, y in (
+            ("active force by length", LENGTHS, sampled.active[:, m]),
+            ("passive force by length", LENGTHS, sampled.passive[:, m]),
+            ("active force by velocity", SPEEDS, sampled.velocity[:, m]),
+        ):
+            strength, every = f"{sampled.strength[m]:.6g}", slice(None, None, EVERY)
+            rows += [
+                (muscle.name, strength, curve, f"{at:.4g}", f"{value:.6g}")
+                for at, value in zip(x[every], y[every], strict=True)
+            ]
+    write_csv(curves, ("muscle", "strength [N]", "curve", "x", "y"), rows)
+    return differences, curves

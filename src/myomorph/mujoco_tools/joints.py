@@ -11,14 +11,54 @@ from typing import Literal
 
 import numpy as np
 
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadModel
-from myomorph.model.functions import Function, SineProduct, linear
+from myomorph.model.functions import Function, SineProduct, linear, value_at
 from myomorph.model.model import Axis, Body, Coordinate, Coupler, Joint, Model
 from myomorph.model.paths import MovingPathPoint, Muscle, PathPoint
-from myomorph.model.spatial import Transform, axis_rotation
+from myomorph.model.spatial import Transform
+from myomorph.rigid.coordinates import couple_frames
+from myomorph.rigid.tree import compile_tree
 
-MAX_AXES = 6
-"""Degrees of freedom that MuJoCo allows a body."""
+WIDEST = {"rotational": np.pi, "translational": 0.1, "coupled": np.pi}
+"""Range on both sides of a coordinate's default beyond which no joint goes [rad or m]."""
+
+FREE_RANGE = np.pi / 2  # That of a coordinate without a range [rad or m].
+SWEEP, FEWEST, ALTOGETHER = 41, 7, 1600
+"""Poses of each coordinate alone, the others at their defaults: at most, at least, and of all coordinates."""
+
+
+def range_of(coordinate: Coordinate) -> tuple[float, float]:
+    """Bounds between which a coordinate is compared with MuJoCo [rad or m]; a locked one stands."""
+    if coordinate.locked:
+        return coordinate.default, coordinate.default
+    low, high = coordinate.range
+    widest = min(WIDEST[coordinate.motion], np.inf if np.isfinite([low, high]).all() else FREE_RANGE)
+    return max(low, coordinate.default - widest), min(high, coordinate.default + widest)
+
+
+def poses_over_ranges(model: Model, count: int, seed: int = 0) -> tuple[Array, Array]:
+    """Coordinates (poses, coordinates) over their ranges, dependent ones consistent: first each moved alone, then
+    `count` poses of all together [rad or m]; and (poses,) number of the coordinate that moves alone, -1 where all
+    do.
+    """
+    tree = compile_tree(model)
+    bounds = np.array([range_of(coordinate) for coordinate in model.coordinates])
+    count_alone = int(np.clip(ALTOGETHER // max(len(tree.independent), 1), FEWEST, SWEEP))
+    rows, swept = [], []
+    for j in tree.independent:
+        if bounds[j, 1] > bounds[j, 0]:
+            rows.append(np.tile(tree.defaults, (count_alone, 1)))
+            rows[-1][:, j] = np.linspace(bounds[j, 0], bounds[j, 1], count_alone)
+            swept += [j] * count_alone
+    together = np.random.default_rng(seed).random((count, len(bounds)))
+    rows.append(bounds[:, 0] + (bounds[:, 1] - bounds[:, 0]) * together)
+    coordinates = np.concatenate(rows)
+    couple_frames(tree.arrays, coordinates)
+    return coordinates, np.array(swept + [-1] * count)
+
+
+MAX_AXES = 6  # Degrees of freedom that MuJoCo allows a body.
 
 OWN_KINDS = {"free", "ball", "hinge", "slide", "weld"}
 """Joints of models that were read from MuJoCo's files, which stay as they are."""
@@ -28,12 +68,8 @@ def mujoco_joints(model: Model) -> Model:
     """The model with joints that MuJoCo can hold: unit axes, one coordinate each, in the child's frame.
 
     The amount of each axis is its coordinate less that coordinate's default, so the default pose is MuJoCo's `qpos0`. A
-    coordinate that moves no axis one to one stays, without an axis, for those that follow it.
-
-    Raises
-    ------
-    BadModel
-        an independent coordinate moves no axis one to one, an axis moves by two coordinates, or a body by too many
+    coordinate that moves no axis one to one stays, without an axis, for those that follow it. Raises `BadModel` where
+    an independent coordinate moves no axis one to one, an axis moves by two coordinates, or a body by too many.
     """
     coordinates = {coordinate.name: coordinate for coordinate in _at_defaults(model)}
     points = _PointBodies(coordinates)
@@ -102,7 +138,7 @@ def _at_defaults(model: Model) -> list[Coordinate]:
     for coupler in model.couplers:
         if coupler.dependent in own:
             continue
-        values[coupler.dependent] = _value(coupler.function, [values[name] for name in coupler.independents])
+        values[coupler.dependent] = value_at(coupler.function, coupler.independents, values)
     return [replace(coordinate, default=values[coordinate.name]) for coordinate in model.coordinates]
 
 
@@ -134,13 +170,14 @@ def _joint(
     missing = [name for name in joint.coordinates if name not in leading and name not in dependent]
     if missing:
         raise BadModel(f"coordinate '{missing[0]}' of joint '{joint.name}' moves no axis one to one, as MuJoCo needs")
+    defaults = {name: coordinate.default for name, coordinate in coordinates.items()}
     made: list[Axis] = []
     followers: list[tuple[Coordinate, Coupler]] = []
     # What comes after an axis at the defaults: the axis is moved through it into the child's frame.
     after = joint.child_frame.inverse()
     for index in reversed(range(len(joint.axes))):
         axis = joint.axes[index]
-        sign, name, amount = 1.0, "", _default_amount(axis, coordinates)
+        sign, name, amount = 1.0, "", value_at(axis.function, axis.coordinates, defaults)
         if index in leading.values():
             name = axis.coordinates[0]
             sign, reference = slope_of(axis.function) or 1.0, coordinates[name].default
@@ -155,7 +192,7 @@ def _joint(
         if name:
             vector, origin = sign * after.rotation.T @ axis.vector, after.inverse().apply(axis.origin)
             made.insert(0, Axis(axis.kind, vector, linear(1.0, -reference), (name,), origin))
-        after = moved(axis, amount) @ after
+        after = axis.moved(amount) @ after
     if len(made) > MAX_AXES:
         raise BadModel(f"joint '{joint.name}' has {len(made)} axes that move, and MuJoCo allows {MAX_AXES} a body")
     kind = "+".join("hinge" if axis.kind == "rotation" else "slide" for axis in made) or "weld"
@@ -164,21 +201,3 @@ def _joint(
     return Joint(
         joint.name, kind, joint.parent, joint.child, frame, Transform.identity(), tuple(made), names
     ), followers
-
-
-def moved(axis: Axis, amount: float) -> Transform:
-    """What an axis does at an amount of motion [rad or m]."""
-    if axis.kind == "translation":
-        return Transform(np.eye(3), amount * axis.vector)
-    rotation = axis_rotation(axis.vector, amount)
-    return Transform(rotation, axis.origin - rotation @ axis.origin)
-
-
-def _default_amount(axis: Axis, coordinates: dict[str, Coordinate]) -> float:
-    return _value(axis.function, [coordinates[name].default for name in axis.coordinates])
-
-
-def _value(function: Function, arguments: list[float]) -> float:
-    if isinstance(function, SineProduct):
-        return float(function(*arguments))
-    return float(function(arguments[0] if arguments else 0.0))

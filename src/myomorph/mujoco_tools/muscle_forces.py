@@ -17,40 +17,29 @@ from myomorph.model.paths import Muscle
 from myomorph.mujoco_tools.copy import MujocoCopy
 from myomorph.muscles.hill_arrays import hill_forces
 
-SHORTEST, LONGEST = RANGE = (0.5, 1.6)
-"""Normalized fiber lengths that MuJoCo's `lengthrange` stands for."""
+SHORTEST, LONGEST = RANGE = (0.5, 1.6)  # Normalized fiber lengths that MuJoCo's `lengthrange` stands for.
 
 LENGTHS = np.linspace(0.3, 1.9, 321)
 SPEEDS = np.linspace(-1.5, 1.5, 301)
-USUAL = 0.5
-"""Velocity up to which curves are fitted; walks and runs stay below it [of the fastest]."""
-COMPARED = (LENGTHS >= SHORTEST) & (LENGTHS <= LONGEST)
-"""Lengths at which both muscles are compared."""
+USUAL = 0.5  # Velocity up to which curves are fitted; walks and runs stay below it [of the fastest].
+COMPARED = (LENGTHS >= SHORTEST) & (LENGTHS <= LONGEST)  # Lengths at which both muscles are compared.
 
 LOW, HIGH = np.linspace(0.0, 0.9, 181), np.linspace(1.1, 3.0, 381)
 """Choices of `lmin` and `lmax`; MuJoCo takes a negative `lmin` for none and puts its default there."""
 FASTEST, STRONGEST = np.linspace(0.2, 1.5, 261), np.linspace(1.02, 2.5, 297)
 """Choices of `vmax` over that of ours, and of `fvmax`."""
 
-TIME_CONSTANTS = (0.01, 0.04)
-"""Activation and deactivation [s]."""
+TIME_CONSTANTS = (0.01, 0.04)  # Activation and deactivation [s].
 
 
 @read_only
 class MuscleCurves:
-    """Curves of muscles by fiber length along the tendon and velocity, over the strength at optimal length.
+    """Curves of muscles by fiber length along the tendon and velocity, over the strength at optimal length."""
 
-    Attributes
-    ----------
-    active, passive : (lengths, muscles) at `LENGTHS`
-    velocity : (speeds, muscles) at `SPEEDS`, in the muscles' fastest
-    strength : (muscles,) force of the fully active fiber at its optimal length [N]
-    """
-
-    active: Array
+    active: Array  # active, passive: (lengths, muscles) at `LENGTHS`
     passive: Array
-    velocity: Array
-    strength: Array
+    velocity: Array  # (speeds, muscles) at `SPEEDS`, in the muscles' fastest
+    strength: Array  # (muscles,) force of the fully active fiber at its optimal length [N]
 
 
 def curves_of(model: Model) -> MuscleCurves:

@@ -20,33 +20,22 @@ ITERATIONS = 25
 STEP = 1e-6
 FIRST_DAMPING = 1e-3
 SMALLEST_RADIUS = 1e-3
-RADII = (0.6, 1.5)
-"""Over those of the surfaces, from which spheres begin besides."""
+RADII = (0.6, 1.5)  # Over those of the surfaces, from which spheres begin besides.
 
 
 @read_only
 class Movable:
-    """What of a muscle's path the fit may move.
+    """What of a muscle's path the fit may move."""
 
-    Attributes
-    ----------
-    muscle : its number
-    points : numbers of the path's points, three parameters each [m]
-    spheres : names of spheres that no other muscle has, center and radius of each [m]
-    """
-
-    muscle: int
-    points: tuple[int, ...]
-    spheres: tuple[str, ...]
+    muscle: int  # its number
+    points: tuple[int, ...]  # numbers of the path's points, three parameters each [m]
+    spheres: tuple[str, ...]  # names of spheres that no other muscle has, center and radius of each [m]
 
 
 def fitted_paths(model: Model, movables: list[Movable], coordinates: Array, lengths: Array, weights: Array) -> Model:
-    """The model with sites and spheres where lengths come nearest to those wanted.
-
-    Parameters
-    ----------
-    coordinates : (poses, coordinates) of the model, consistent
-    lengths, weights : (poses, movables) wanted of each movable's muscle [m], and how much each pose counts
+    """The model with sites and spheres where lengths come nearest to those wanted. `coordinates`: (poses, coordinates)
+    of the model, consistent; `lengths`, `weights`: (poses, movables) wanted of each movable's muscle [m], and how much
+    each pose counts.
     """
     if not movables:
         return model

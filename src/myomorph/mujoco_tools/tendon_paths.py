@@ -13,52 +13,29 @@ import numpy as np
 
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.model import Model, index_of
-from myomorph.model.paths import Muscle, Path, PathPoint, PathWrap, TendonWrap, WrapObject
-from myomorph.model.spatial import Transform
+from myomorph.model.paths import Muscle, Path, PathPoint, PathWrap, TendonWrap, WrapObject, surface_level
+from myomorph.model.spatial import Transform, spread_directions
+from myomorph.mujoco_tools.joints import range_of
 from myomorph.mujoco_tools.path_fit import Movable, fitted_paths
-from myomorph.mujoco_tools.ranges import range_of
 from myomorph.muscles.path import compile_paths
 from myomorph.rigid.kinematics import Poses, forward_kinematics
 from myomorph.rigid.tree import compile_tree
 
-SIDE_DISTANCE = 4.0
-"""From a surface's center to its side site, in radii."""
-
-CATCH_RADIUS = 1e-5
-"""Of the sphere in the place of a point that is not always on the path [m]."""
-
-CATCH_SIDE = 0.05
-"""From there to its side site [m]."""
-
-DIRECTIONS = 100
-"""In which side sites are tried."""
-
-SLOPES = 10.0
-"""Of differences between poses of a sweep, over errors of lengths, where two paths are compared."""
-
-EVERY = 3
-"""Of the poses, those in which side sites are tried."""
-
-USUAL = 1.0
-"""Distance from the default pose within which poses count most [rad or m]."""
-
-LARGEST_ERROR = 0.02
-"""Of a length, beyond which it does not matter how large it is: the path is another [m]."""
-
+SIDE_DISTANCE = 4.0  # From a surface's center to its side site, in radii.
+CATCH_RADIUS = 1e-5  # Of the sphere in the place of a point that is not always on the path [m].
+CATCH_SIDE = 0.05  # From there to its side site [m].
+DIRECTIONS = 100  # In which side sites are tried.
+SLOPES = 10.0  # Of differences between poses of a sweep, over errors of lengths, where two paths are compared.
+EVERY = 3  # Of the poses, those in which side sites are tried.
+USUAL = 1.0  # Distance from the default pose within which poses count most [rad or m].
+LARGEST_ERROR = 0.02  # Of a length, beyond which it does not matter how large it is: the path is another [m].
 SLACK = 1e-5
 
 
 def tendon_paths(model: Model, coordinates: Array) -> tuple[Model, dict[str, str]]:
-    """The model with its paths by MuJoCo's rules, as far as its surfaces are MuJoCo's.
-
-    Parameters
-    ----------
-    model : of `mujoco_joints`
-    coordinates : (poses, coordinates) over the coordinates' ranges
-
-    Returns
-    -------
-    model, changed : what was left out of each muscle whose path is another now
+    """The model of `mujoco_joints` with its paths by MuJoCo's rules, as far as its surfaces are MuJoCo's, and what was
+    left out of each muscle whose path is another now. `coordinates`: (poses, coordinates) over the coordinates'
+    ranges.
     """
     fitted, plain = _Translator(model, coordinates), _Translator(model, coordinates, plain=True)
     moved = [movable.muscle for movable in fitted.movables]
@@ -100,7 +77,7 @@ def _with_sides(model: Model, translator: _Translator, coordinates: Array) -> Mo
     weights = np.column_stack([translator.usual(m)[::EVERY] for m in sided])
     muscles = {m: model.muscles[m] for m in sided}
     least = np.full(len(sided), np.inf)
-    for direction in (None, *_directions()):
+    for direction in (None, *spread_directions(DIRECTIONS)):
         turned = [_turned(model.muscles[m], translator.sided, direction) for m in sided]
         wrong = np.zeros(len(sided))
         for version in (3, 4):
@@ -143,13 +120,8 @@ class _Touch:
 
 
 class _Translator:
-    """Translates the paths of a model.
-
-    Attributes
-    ----------
-    made : the model with MuJoCo's paths
-    changed : what was left out, by muscle
-    movables : what the fit may move of them; nothing where they are to be `plain`
+    """Translates the paths of a model. `made`: the model with MuJoCo's paths; `changed`: what was left out, by muscle;
+    `movables`: what the fit may move of them, nothing where they are to be `plain`.
     """
 
     def __init__(self, model: Model, coordinates: Array, plain: bool = False):
@@ -325,25 +297,5 @@ class _Translator:
             item = self.objects[wrap.wrap_object]
             body = self.bodies[item.body]
             local = (ends - self.poses.origins[frame, body]) @ self.poses.rotations[frame, body]
-            misses.append(float(np.abs(off_surface(item, item.pose.inverse().apply(local))).max()))
+            misses.append(float(np.abs(surface_level(item, item.pose.inverse().apply(local)) - 1.0).max()))
         return int(np.argmin(misses))
-
-
-def _directions() -> Array:
-    """(DIRECTIONS, 3) unit vectors evenly over the sphere, along a spiral."""
-    i = np.arange(DIRECTIONS) + 0.5
-    height, angle = 1.0 - 2.0 * i / DIRECTIONS, np.pi * (1.0 + np.sqrt(5.0)) * i
-    across = np.sqrt(1.0 - height**2)
-    return np.column_stack([across * np.cos(angle), across * np.sin(angle), height])
-
-
-def off_surface(item: WrapObject, points: Array) -> Array:
-    """By how much points (n, 3) in a surface's own frame miss it, over its size."""
-    x, y, z = points.T
-    if item.kind == "cylinder":
-        return np.hypot(x, y) / item.size[0] - 1.0
-    if item.kind == "sphere":
-        return np.linalg.norm(points, axis=1) / item.size[0] - 1.0
-    if item.kind == "ellipsoid":
-        return np.linalg.norm(points / np.array(item.size), axis=1) - 1.0
-    return np.hypot(np.hypot(x, y) - item.size[1], z) / item.size[0] - 1.0

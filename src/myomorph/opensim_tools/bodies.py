@@ -10,6 +10,7 @@ from myomorph.io.osim.tool_setups import Analysis
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, BadModel, UnknownName
 from myomorph.model.model import GROUND, Model
+from myomorph.model.spatial import euler_xyz_from_rotation
 from myomorph.opensim_tools.states import Analyzed, Result, Tables
 from myomorph.rigid.dynamics import motion_arrays
 from myomorph.rigid.kinematics import BodyMotion, body_motion
@@ -119,7 +120,7 @@ def body_kinematics(here: Analyzed, analysis: Analysis) -> Result:
     in_body = analysis.flag("express_results_in_body_local_frame", False)
     factor = 180.0 / np.pi if in_degrees(analysis) else 1.0
     turns = moved.rotations[:, index]
-    angles = (euler_angles(turns), moved.angular_velocities[:, index], moved.angular_accelerations[:, index])
+    angles = (euler_xyz_from_rotation(turns), moved.angular_velocities[:, index], moved.angular_accelerations[:, index])
     tables: Tables = {}
     titles = (("pos", "Positions"), ("vel", "Velocities"), ("acc", "Accelerations"))
     whole = _center_of_mass(model, moved, numbers) if WHOLE in names else None
@@ -189,17 +190,6 @@ def kinematics(here: Analyzed, analysis: Analysis) -> Result:
 def in_degrees(analysis: Analysis) -> bool:
     """Whether the analysis wants angles in degrees, as it does by default."""
     return analysis.flag("in_degrees", True)
-
-
-def euler_angles(rotations: Array) -> Array:
-    """Body-fixed X-Y-Z angles (..., 3) of rotation matrices (..., 3, 3) [rad]."""
-    sine = np.clip(rotations[..., 0, 2], -1.0, 1.0)
-    level = np.abs(sine) >= 1.0 - 1e-14
-    first = np.arctan2(-rotations[..., 1, 2], rotations[..., 2, 2])
-    last = np.arctan2(-rotations[..., 0, 1], rotations[..., 0, 0])
-    # Where the first and the last axis coincide, the first angle takes all.
-    first = np.where(level, np.arctan2(rotations[..., 2, 1], rotations[..., 1, 1]), first)
-    return np.stack([first, np.arcsin(sine), np.where(level, 0.0, last)], axis=-1)
 
 
 def _moved(here: Analyzed) -> tuple[BodyMotion, dict[str, int]]:

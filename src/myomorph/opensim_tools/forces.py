@@ -146,9 +146,7 @@ def reported_states(here: Analyzed, analysis: Analysis) -> Result:
             columns[f"/jointset/{joint.name}/{name}/speed"] = arrays[1][:, column]
     notes: tuple[str, ...] = ()
     if here.without_fibers:
-        notes = (
-            f"{analysis.name} leaves out states of muscles: those of {', '.join(here.without_fibers)} are not built",
-        )
+        notes = (f"{analysis.name} leaves out states of muscles: {', '.join(here.without_fibers)}: not built",)
     else:
         for muscle in model.muscles:
             for state in state_names(muscle):
@@ -162,9 +160,7 @@ def inverse_dynamics_analysis(here: Analyzed, analysis: Analysis) -> Result:
     """Generalized forces that the motion needs: the InverseDynamics analysis of OpenSim 3, which 4 no longer has."""
     reading.has_mass(here.model, "inverse dynamics")
     if analysis.flag("use_model_force_set", True):
-        raise BadData(
-            f"{analysis.name}: use_model_force_set is true, which is not built: expected false, or InverseDynamicsTool"
-        )
+        raise BadData(f"{analysis.name}: use_model_force_set is not built: expected false, or InverseDynamicsTool")
     torques = inverse_dynamics(here.model, here.motion, here.wrenches)
     text = f"inverse dynamics: {len(torques)} frames, {len(torques.names)} coordinates"
     return {"": torque_table(torques, here.model)}, text, ()

@@ -9,9 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from myomorph.io.osim.marker_set import write_marker_set, write_scale_set
 from myomorph.io.osim.scale_setup import PlacerSetup, ScalerSetup, ScaleSetup
-from myomorph.io.osim.setup_parts import IkTasks
+from myomorph.io.osim.setup_parts import IkTasks, write_marker_set, write_scale_set
 from myomorph.io.osim.write import write_osim
 from myomorph.io.sto import write_sto
 from myomorph.model.arrays import Array
@@ -178,7 +177,5 @@ def tasks_of_setup(
     if not wanted:
         return options
     if coordinates is None:
-        raise BadData(
-            f"{source}: the task of '{wanted[0]}' takes its value from a file, but there is no coordinate_file"
-        )
+        raise BadData(f"{source}: the task of '{wanted[0]}' takes its value from a file, without coordinate_file")
     return replace(options, coordinates=reading.read_motion(coordinates, model))

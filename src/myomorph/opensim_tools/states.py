@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -62,7 +61,7 @@ class Analyzed:
         if len(frames) == len(self.motion):
             return self
         stored = {key: values[frames] for key, values in self.stored.items()}
-        return replace(self, motion=picked(self.motion, frames), stored=stored)
+        return replace(self, motion=self.motion.frames(frames), stored=stored)
 
     @cached_property
     def tree(self) -> Tree:
@@ -154,7 +153,7 @@ def analyzed(
     everything = reading.read_motion(path, model)
     kept = without_twins(everything)
     cutoff = setup.cutoff if setup.states is None else None
-    recorded = picked(everything, np.flatnonzero(kept))
+    recorded = everything.frames(kept)
     if cutoff is not None:
         # OpenSim's filter makes uneven frames even, and what it writes has those.
         time = even_times(recorded.time)
@@ -259,25 +258,14 @@ def indexed_frames(motion: Motion, span: tuple[float, float], path: Path) -> Mot
     """Frames from the last at or before the start to the last at or before the end [s]."""
     start, end = overlap(span, motion.time, path)
     first, last = (max(int(np.searchsorted(motion.time, at, side="right")) - 1, 0) for at in (start, end))
-    return picked(motion, np.arange(first, last + 1))
-
-
-def picked(motion: Motion, frames: np.ndarray) -> Motion:
-    """Some frames of a motion."""
-    parts: dict[str, Any] = {
-        name: None if (given := getattr(motion, name)) is None else given[frames]
-        for name in ("velocities", "accelerations")
-    }
-    return replace(motion, time=motion.time[frames], values=motion.values[frames], **parts)
+    return motion.frames(slice(first, last + 1))
 
 
 def overlap(span: tuple[float, float], time: Array, path: Path) -> tuple[float, float]:
     """The part of a span [s] that the times of a file cover; raises `BadData` where it covers none."""
     start, end = max(span[0], float(time[0])), min(span[1], float(time[-1]))
     if start > end:
-        raise BadData(
-            f"{path}: runs from {time[0]:g} to {time[-1]:g} s, so nothing is between {span[0]:g} and {span[1]:g} s"
-        )
+        raise BadData(f"{path}: runs from {time[0]:g} to {time[-1]:g} s, not over {span[0]:g} to {span[1]:g} s")
     return start, end
 
 

@@ -14,7 +14,7 @@ from myomorph.model.functions import Function
 from myomorph.model.latest import Latest
 from myomorph.model.model import GROUND, Axis, Coupler, Model, index_of
 from myomorph.model.series import Motion
-from myomorph.model.spatial import Transform, axis_rotation
+from myomorph.model.spatial import Transform
 from myomorph.rigid.coordinates import FunctionArrays, Ints, compile_functions, couple_frames
 
 ROTATION, TRANSLATION = 0, 1
@@ -214,7 +214,7 @@ def _compile(model: Model) -> Tree:
         pending = joint.parent_frame
         for axis in joint.axes:
             if axis.function.arity == 0:
-                pending = pending @ _fixed_motion(axis)
+                pending = pending @ axis.moved(float(axis.function(0.0)))
                 continue
             to_origin = Transform(np.eye(3), axis.origin)
             axes.append((pending @ to_origin, axis, body_index[body.name]))
@@ -256,14 +256,6 @@ _latest = Latest(_compile)
 
 def _stack(parts: list[Array], shape: tuple[int, ...]) -> Array:
     return np.ascontiguousarray(np.array(parts, dtype=np.float64).reshape((len(parts), *shape)))
-
-
-def _fixed_motion(axis: Axis) -> Transform:
-    amount = float(axis.function(0.0))
-    if axis.kind == "translation":
-        return Transform(np.eye(3), axis.vector * amount)
-    rotation = axis_rotation(axis.vector / np.linalg.norm(axis.vector), amount)
-    return Transform(rotation, axis.origin - rotation @ axis.origin)
 
 
 def _sources(names_of_each: list[tuple[str, ...]], names: tuple[str, ...]) -> Ints:

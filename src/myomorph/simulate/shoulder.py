@@ -20,7 +20,7 @@ from myomorph.io.mjcf.read import composed_model
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
-from myomorph.model.spatial import Transform, axis_rotation
+from myomorph.model.spatial import Transform, least_rotation
 from myomorph.simulate.laboratory import Noise, Sampled, VirtualTrial, measured_markers, measured_wrench, simulate
 from myomorph.simulate.limb import BaseLoad, HeldLimb, swing_mjcf, with_clusters, with_scaled_muscles
 from myomorph.viscosity.cohort import SPECIMENS, PublishedSpecimen
@@ -185,10 +185,7 @@ def hanging(limb: HeldLimb, parameters: Array) -> Array:
     pose = limb.specimen.stand.rotation @ joint.parent_frame.rotation
     start = pose @ parameters[1:4]
     down = np.asarray(model.gravity) / np.linalg.norm(model.gravity)
-    start /= np.linalg.norm(start)
-    axis = np.cross(start, down)
-    sine = float(np.linalg.norm(axis))
-    return axis_rotation(axis / sine, float(np.arctan2(sine, start @ down))) @ pose
+    return least_rotation(start / np.linalg.norm(start), down) @ pose
 
 
 def released(random: np.random.Generator) -> tuple[Array, Array]:

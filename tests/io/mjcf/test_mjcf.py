@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from mujoco_models import MODELS, State, compiled, load, random_motion
-from myomorph.io.mjcf.read import coordinates_from_qpos, model_from_mujoco, qpos_from_coordinates, read_mjcf
+from mujoco_models import MODELS, State, compiled, load, qpos_from_coordinates, random_motion
+from myomorph.io.mjcf.read import coordinates_from_qpos, model_from_mujoco, read_mjcf
 from myomorph.model.errors import BadFile, BadModel
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.kinematics import center_of_mass, forward_kinematics

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from myomorph.io.formats import read_model
-from myomorph.io.osim.marker_set import read_marker_set, write_marker_set, write_scale_set
 from myomorph.io.osim.scale_setup import ScaleSetup
+from myomorph.io.osim.setup_parts import read_marker_set, write_marker_set, write_scale_set
 from myomorph.io.osim.tool_setups import read_setup
 from myomorph.model.errors import BadData, BadFile
 

@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 
 from myomorph.demo.arm import example_files
-from myomorph.io.bids.emg import read_emg, write_emg
-from myomorph.io.bids.recording import force_signals, plates_of, read_motion_trial
+from myomorph.io.bids.recording import force_signals, plates_of, read_emg, read_motion_trial, write_emg
 from myomorph.io.bids.signals import Channel, read_signals, signals_of, write_signals
 from myomorph.io.c3d.write import write_trial
 from myomorph.io.loads import read_external_loads

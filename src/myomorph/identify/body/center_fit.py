@@ -69,7 +69,7 @@ def between_grounds(
 ) -> Array:
     """(3, 3) axes of the lower model's ground in the higher's: gravity on gravity, headings to a quarter turn."""
     rest = first_frame(None, higher)
-    ups = [_upright(model.gravity) for model in (lower, higher)]
+    ups = [_upright(model.up) for model in (lower, higher)]
     places = [
         center_positions(model, {key: frames[key] for key in shared}, pose)
         for model, frames, pose in ((lower, centers[0], lower_pose), (higher, centers[1], rest))
@@ -86,10 +86,8 @@ def between_grounds(
     return np.where(np.abs(rotation) < 1e-15, 0.0, rotation)
 
 
-def _upright(gravity: Array) -> Array:
+def _upright(up: Array) -> Array:
     """(3, 3) columns x, y, z of a frame whose y axis points up."""
-    size = float(np.linalg.norm(gravity))
-    up = -gravity / size if size > 0.0 else np.array([0.0, 1.0, 0.0])
     forward = np.eye(3)[0] if abs(up[0]) < 0.9 else np.eye(3)[1]
     forward = forward - (forward @ up) * up
     forward /= np.linalg.norm(forward)

@@ -17,7 +17,7 @@ from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertial_parameters, pseudo_inertias
 from myomorph.model.model import Body, Model
 from myomorph.model.series import Motion
-from myomorph.model.surface import Surface, body_meshes, joined_surfaces, signed_volume
+from myomorph.model.surface import Surface, body_meshes, hull_faces, joined_surfaces, signed_volume, used_part
 
 TISSUE = 1050.0  # Density of solids whose size the inertia does not show [kg/m^3]
 PLAUSIBLE = (400.0, 3000.0)
@@ -71,15 +71,11 @@ def envelope_points(
     links = links_of(model, pose)
     heavy = [i for i, body in enumerate(model.bodies) if body.mass >= MIN_MASS]
     if not heavy:
-        raise BadData(
-            f"no body of model '{model.name}' weighs {MIN_MASS:g} kg or more: nothing to fill with mass points"
-        )
+        raise BadData(f"no body of model '{model.name}' weighs {MIN_MASS:g} kg or more: nothing to fill with points")
     moments = pseudo_inertias(inertial_parameters(model))
     solids = [_solid(model.bodies[i], i, moments[i], links, surfaces or {}) for i in heavy]
     if sum(solid.volume for solid in solids) / spacing**3 > MAX_GRID_POINTS / 4:
-        raise BadData(
-            f"a grid of {1000 * spacing:g} mm is more than {MAX_GRID_POINTS // 4:,} points: give a wider spacing"
-        )
+        raise BadData(f"a {1000 * spacing:g} mm grid has over {MAX_GRID_POINTS // 4:,} points: give a wider spacing")
     kinds = Counter(solid.kind for solid in solids)
     points, owners, masses = [], [], []
     for i, solid in zip(heavy, solids, strict=True):
@@ -135,15 +131,10 @@ def _of_hull(mass: float, corners: Array) -> Solid | None:
             hull = ConvexHull((corners[hull.vertices][:, None] + thickness * _DIRECTIONS).reshape(-1, 3))
     except QhullError:
         return None
-    vertices = hull.points[hull.vertices]
-    faces = np.searchsorted(hull.vertices, hull.simplices, sorter=np.argsort(hull.vertices))
-    faces = np.argsort(hull.vertices)[faces]
-    normals = np.cross(vertices[faces[:, 1]] - vertices[faces[:, 0]], vertices[faces[:, 2]] - vertices[faces[:, 0]])
-    inward = np.einsum("ij,ij->i", normals, hull.equations[:, :3]) < 0.0
-    faces[inward] = faces[inward][:, ::-1]
-    middle = vertices.mean(axis=0)
-    vertices = middle + (wanted / hull.volume) ** (1.0 / 3.0) * (vertices - middle)
-    return Solid(HULL, middle, np.zeros((3, 3)), Surface(vertices, faces))
+    surface = used_part(hull.points, hull_faces(hull))
+    middle = surface.vertices.mean(axis=0)
+    vertices = middle + (wanted / hull.volume) ** (1.0 / 3.0) * (surface.vertices - middle)
+    return Solid(HULL, middle, np.zeros((3, 3)), Surface(vertices, surface.faces))
 
 
 def _thickness(hull: ConvexHull, wanted: float) -> float:

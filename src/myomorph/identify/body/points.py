@@ -73,9 +73,7 @@ class MassPoints:
     def __post_init__(self) -> None:
         freeze(self, points=(-1, 3), reference=(len(self.points),))
         if self.weights.shape != (len(self.points), len(self.links.names)):
-            raise BadData(
-                f"expected weights ({len(self.points)}, {len(self.links.names)}), but got {self.weights.shape}"
-            )
+            raise BadData(f"expected weights ({len(self.points)}, {len(self.links.names)}), got {self.weights.shape}")
 
     @cached_property
     def places(self) -> Array:

@@ -17,7 +17,7 @@ from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData, from_extra
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.segments import Segment
-from myomorph.model.surface import Surface, signed_volume
+from myomorph.model.surface import Surface, edges_of, signed_volume
 
 DENSITY = 985.0  # Mass of a person over the volume of the skin, with air in the lungs [kg/m^3]
 AGE = 25.0
@@ -52,8 +52,6 @@ class Shape:
     skinning: sparse.csr_array  # (vertices, segments) share of each segment in each vertex of the skin
     measured: Mapping[str, float]  # what was asked for, by name: "height" [m], "chest" [m], "mass" [kg]
     reached: Mapping[str, float]  # the same of the skin, and its "volume" [m^3]
-    # of the statistical body, 0 to 1 ("gender" 0 is male), those of the trunk alone -1 to 1
-    traits: Mapping[str, float]
     notes: tuple[str, ...] = ()  # what was taken for granted or missed, one line each
 
 
@@ -63,8 +61,6 @@ def body_shape(
     mass: float | None = None,
     sex: Literal["female", "male"] | None = None,
     age: float | None = None,
-    *,
-    pose: Literal["open", "rest"] = "open",
 ) -> Shape:
     """The most ordinary body that has these measurements, with arms and legs apart.
     Traits of the statistical body are those that minimise the misfit of height (in 0.1 mm), chest (in 0.5 mm)
@@ -72,8 +68,7 @@ def body_shape(
     circumference is that of a tape, the convex hull of the trunk's section at the height of the nipples; the
     mass is the skin's volume times `DENSITY`.
     `height`, `chest` [m]; `mass`: of the body, if known [kg]; `sex`: half female and half male where it is not given;
-    `age` [years]; 25 where it is not given; `pose`: "open" as in [D], legs apart; "rest" as the statistical body
-    stands.
+    `age` [years]; 25 where it is not given.
     """
     _check(height, chest, mass, sex)
     age = AGE if age is None else age
@@ -85,8 +80,7 @@ def body_shape(
     reached = measurements(body, vertices, trunk)
     heads = body.heads @ vertices
     marks = landmark_vertices(vertices, body.faces, dict(zip(body.bones, heads, strict=True)))
-    if pose == "open":
-        vertices, heads = _legs_apart(body, vertices, heads)
+    vertices, heads = _legs_apart(body, vertices, heads)
     used, compact = np.unique(body.faces, return_inverse=True)
     floor = np.array([heads[body.bones.index("root"), 0], vertices[used, 1].min(), 0.0])
     vertices, heads = vertices - floor, heads - floor
@@ -102,7 +96,6 @@ def body_shape(
         skinning=sparse.csr_array(table[used]),
         measured=FrozenMap(measured),
         reached=FrozenMap(reached),
-        traits=FrozenMap(traits),
         notes=(
             f"statistical shape (anny), {sex or 'half female, half male (no sex given)'}, {age:g} years, volume times "
             f"{DENSITY:g} kg/m^3 is its mass",
@@ -181,13 +174,11 @@ def _check(height: float, chest: float, mass: float | None, sex: str | None) -> 
         units = {"centimeters": 100.0, "millimeters": 1000.0}
         fitting = [f"; {chest:g} {unit} are {chest / f:.4g} m" for unit, f in units.items() if low <= chest / f <= high]
         raise BadData(
-            f"a chest circumference of {chest:g} m is no body's of height {height:g} m: expected {low:.2f} to "
-            f"{high:.2f}{''.join(fitting)}"
+            f"chest {chest:g} m is no body's of height {height:g} m: expected {low:.2f} to {high:.2f}{''.join(fitting)}"
         )
     if mass is not None and not 8.0 * height**2 <= mass <= 70.0 * height**2:
         raise BadData(
-            f"a mass of {mass:g} kg is no body's of height {height:g} m: expected {8 * height**2:.0f} to "
-            f"{70 * height**2:.0f}"
+            f"{mass:g} kg is no body's of height {height:g} m: expected {8 * height**2:.0f} to {70 * height**2:.0f}"
         )
     if sex not in (None, "female", "male"):
         raise BadData(f"a sex of '{sex}': expected 'female' or 'male', or none")
@@ -203,7 +194,7 @@ def _trunk(body: StatisticalBody) -> np.ndarray:
     """(edges, 2) of faces that are no part of the arms; each edge once for the two faces beside it."""
     arms = _share(body, _ARMS) > 0.5
     faces = body.faces[~arms[body.faces].any(axis=1)]
-    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    edges = edges_of(faces)
     return edges[edges[:, 0] < edges[:, 1]]
 
 

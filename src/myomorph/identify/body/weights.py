@@ -51,9 +51,7 @@ def bone_weights(
     wanted = _taking(links, taking)
     lacking = sorted(set(np.flatnonzero(wanted)) - set(links.bone_links.tolist()))
     if lacking:
-        raise BadData(
-            f"link '{links.names[lacking[0]]}' has no bone to measure a distance to: give bones, or leave it out"
-        )
+        raise BadData(f"link '{links.names[lacking[0]]}' has no bone to measure to: give bones, or leave it out")
     kept = wanted[links.bone_links]
     return _inverse_distance(points, links, links.bones[kept], links.bone_links[kept], _positive(exponent), smallest)
 

@@ -7,8 +7,9 @@ from functools import lru_cache
 
 import numpy as np
 
+from myomorph.identify.pseudo_inertia import tangents
 from myomorph.identify.refine.frame_kernels import difference_frames
-from myomorph.identify.refine.problem import WIDTH, Problem, TrialData, Unknowns, tangents
+from myomorph.identify.refine.problem import WIDTH, Problem, TrialData, Unknowns
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.series import Motion
 from myomorph.rigid.coordinates import Ints

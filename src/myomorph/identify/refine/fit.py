@@ -9,10 +9,21 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from myomorph.identify.refine.options import RefineOptions
-from myomorph.identify.refine.predictions import LEAVES_MARKERS, WORSE, errors_on, model_of, predictions_of, rms, worse
+from myomorph.identify.refine.predictions import (
+    LEAVES_MARKERS,
+    WORSE,
+    Solution,
+    covariance,
+    errors_on,
+    mass_sd,
+    model_of,
+    predictions_of,
+    rms,
+    settle,
+    worse,
+)
 from myomorph.identify.refine.problem import Problem, Unknowns, generic_parameters, motion_of
 from myomorph.identify.refine.refinement import Errors, Prediction, RefinedTrial, Refinement, SubjectTrial
-from myomorph.identify.refine.solve import Solution, covariance, mass_sd, settle
 from myomorph.identify.refine.trial_data import Opened, opened, problem_of, thinned
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, BadModel
@@ -31,9 +42,7 @@ def kept_note(tried: Sequence[tuple[str, Sequence[Prediction]]], options: Refine
     kept = "lengths and marker positions" if options.masses else "body and masses"
     texts = []
     for what, predictions in tried:
-        worst = max(
-            predictions, key=lambda prediction: max(prediction.ratio, prediction.markers_ratio * WORSE / LEAVES_MARKERS)
-        )
+        worst = max(predictions, key=lambda each: max(each.ratio, each.markers_ratio * WORSE / LEAVES_MARKERS))
         texts.append(f"refined {what} predict {_numbers(worst)}")
     yield f"{kept} are those of the given model, only {refined_parts(options)} were refined: {'; '.join(texts)}"
 

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.interpolate import BSpline
 from scipy.linalg import cho_solve_banded, cholesky_banded
 
-from myomorph.identify.pseudo_inertia import SMALLEST_SHARE, possible_reference
+from myomorph.identify.pseudo_inertia import SMALLEST_SHARE, possible_reference, symmetric, tangents
 from myomorph.identify.refine.frame_kernels import predict_frames
 from myomorph.identify.refine.options import RefineOptions
 from myomorph.model.arrays import Array, read_only
@@ -76,9 +76,6 @@ class Basis:
         return cho_solve_banded((cholesky_banded(band, lower=True), True), right)
 
 
-_ROWS, _COLUMNS = np.tril_indices(4)
-
-
 @read_only
 class MassPrior:
     """The masses before anything is measured: each link's change E with P = L (I + E) L^T has the norm `sd`."""
@@ -100,26 +97,11 @@ class MassPrior:
         return np.einsum("lij,lj->li", self.rows, (parameters - self.reference)[self.moved])
 
 
-def tangents(parameters: Array) -> Array:
-    """(links, 10, 10) derivative of parameters (links, 10) in the scaled entries of E, P = L (I + E) L^T."""
-    L = np.linalg.cholesky(pseudo_inertias(parameters))
-    return np.moveaxis(parameters_of(L[:, None] @ _symmetric(np.eye(10)) @ np.swapaxes(L, 1, 2)[:, None]), 1, 2)
-
-
 def changed(parameters: Array, entries: Array) -> Array:
     """Parameters (links, 10) after changes (links, 10) of E: L (I + E / 2)^2 L^T, which is some body's whatever E."""
     L = np.linalg.cholesky(pseudo_inertias(parameters))
-    half = L @ (np.eye(4) + 0.5 * _symmetric(entries))
+    half = L @ (np.eye(4) + 0.5 * symmetric(entries))
     return parameters_of(half @ np.swapaxes(half, 1, 2))
-
-
-def _symmetric(entries: Array) -> Array:
-    """(..., 4, 4) symmetric matrices whose norm is that of their entries (..., 10)."""
-    matrices = np.zeros((*entries.shape[:-1], 4, 4))
-    scaled = entries * np.where(_ROWS == _COLUMNS, 1.0, np.sqrt(0.5))
-    matrices[..., _ROWS, _COLUMNS] = scaled
-    matrices[..., _COLUMNS, _ROWS] = scaled
-    return matrices
 
 
 @read_only

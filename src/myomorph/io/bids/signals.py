@@ -24,13 +24,11 @@ from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.series import Series
 
 MOTION, CHANNELS, UNKNOWN = "_motion.tsv", "_channels.tsv", "n/a"
-DATASET = "dataset_description.json"
-"""File that the top folder of a dataset has."""
+DATASET = "dataset_description.json"  # File that the top folder of a dataset has.
 MAX_DEPTH = 4  # Folders from a file to the top: of its kind, session and subject.
 HINT = "expected a motion file of BIDS, whose columns stand in the _channels.tsv beside it"
 LATENCY = "LATENCY"
-START = "StartTime"
-"""Key of the time of the first row on the clock of the recording [s]; without it rows begin at 0."""
+START = "StartTime"  # Key of the time of the first row on the clock of the recording [s]; without it rows begin at 0.
 RATE = "SamplingFrequency"
 COLUMNS = ("name", "component", "type", "tracked_point", "units", "placement", "reference_frame")
 COUNTED = ("ACCEL", "ANGACCEL", "GYRO", "JNTANG", LATENCY, "MAGN", "ORNT", "POS", "VEL")
@@ -63,15 +61,10 @@ class Channel:
 
 @read_only
 class Signals(Series):
-    """Columns of a motion file, values (frames, channels) in the channels' units, NaN where unknown.
+    """Columns of a motion file, values (frames, channels) in the channels' units, NaN where unknown."""
 
-    Attributes
-    ----------
-    channels : what each column is
-    facts : what is known beside them, as JSON holds it
-    """
-
-    channels: tuple[Channel, ...] = ()
+    channels: tuple[Channel, ...] = ()  # what each column is
+    # what is known beside them, as JSON holds it
     facts: Mapping[str, Any] = field(default_factory=lambda: FrozenMap({}))
 
     @property

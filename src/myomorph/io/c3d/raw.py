@@ -11,7 +11,6 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import partial
 from itertools import takewhile
 from pathlib import Path
 
@@ -54,9 +53,7 @@ class RawC3d:
     def numbers(self, group: str, name: str) -> Array:
         """Numbers of a parameter, flat in the file's order, and of its continuations; empty if absent."""
         values = takewhile(lambda value: not isinstance(value, tuple), self._continued(group, name))
-        return np.concatenate(
-            [np.zeros(0), *(np.asarray(value, dtype=np.float64).ravel(order="F") for value in values)]
-        )
+        return np.concatenate([np.zeros(0), *(np.asarray(part, dtype=np.float64).ravel(order="F") for part in values)])
 
     def _continued(self, group: str, name: str) -> Iterator[Value]:
         """Values of a parameter and of its continuations, up to the first that is absent."""
@@ -119,10 +116,8 @@ class _Order:
         if self.processor == DEC:
             # A VAX real: its 16-bit halves are swapped, its exponent is two larger than IEEE's.
             halves = np.frombuffer(data, dtype="<u2").reshape(-1, 2)[:, ::-1]
-            values = np.ascontiguousarray(halves).view("<f4").ravel().astype(np.float64) / 4.0
-        else:
-            values = np.frombuffer(data, dtype=self.end + "f4").astype(np.float64)
-        return values
+            return np.ascontiguousarray(halves).view("<f4").ravel().astype(np.float64) / 4.0
+        return np.frombuffer(data, dtype=self.end + "f4").astype(np.float64)
 
 
 @dataclass(frozen=True)
@@ -319,10 +314,8 @@ def _scaled(raw: RawC3d, analog: Array, unsigned: bool, real: bool) -> Array:
     scale, offset = np.ones(channels), np.zeros(channels)
     stated = raw.numbers("ANALOG", "SCALE")[:channels]
     scale[: len(stated)] = stated
-    stated = next(
-        (offsets for offsets in map(partial(raw.numbers, "ANALOG"), ("OFFSET", "OFFSETS")) if len(offsets)), np.zeros(0)
-    )
-    stated = stated[:channels]
+    stated = raw.numbers("ANALOG", "OFFSET")
+    stated = (stated if len(stated) else raw.numbers("ANALOG", "OFFSETS"))[:channels]
     if unsigned:
         stated = np.where(stated < 0, stated + 65536, stated)
     elif real:

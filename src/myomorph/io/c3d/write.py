@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import os
 import struct
-import tempfile
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 
+from myomorph.io.parsing.text import written
 from myomorph.model.arrays import Array, read_only
-from myomorph.model.errors import BadData, BadFile
+from myomorph.model.errors import BadData
 from myomorph.model.series import Markers, PlateRecording, Trial
 
 BLOCK, KEY, PC = 512, 0x50, 84
@@ -76,19 +75,8 @@ def write_trial(path: str | os.PathLike[str], trial: Trial) -> None:
     section = _section(groups)
     section = section[:2] + bytes([blocks]) + section[3:]
     header = _header(len(markers.names), len(channels), every, first, len(markers), 2 + blocks, rate)
-    _write(path, header + section.ljust(blocks * BLOCK, b"\0") + _frames(markers, channels, every))
-
-
-def _write(path: str | os.PathLike[str], data: bytes) -> None:
-    target = Path(path)
-    try:
-        handle, name = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
-        with os.fdopen(handle, "wb") as stream:
-            stream.write(data)
-        os.chmod(name, 0o644)
-        os.replace(name, target)
-    except OSError as error:
-        raise BadFile(target, f"cannot be written ({error.strerror or error})", "does its folder exist?") from None
+    with written(path) as stream:
+        stream.buffer.write(header + section.ljust(blocks * BLOCK, b"\0") + _frames(markers, channels, every))
 
 
 def _plate_channels(trial: Trial) -> tuple[list[Channel], list[tuple[PlateRecording, int, list[int]]]]:
@@ -236,21 +224,9 @@ def _body(value: object) -> bytes:
 
 
 def _header(points: int, channels: int, every: int, first: int, frames: int, block: int, rate: float) -> bytes:
-    data = struct.pack(
-        "<BBHHHHHfHHf",
-        2,
-        KEY,
-        points,
-        channels * every,
-        min(first, LAST),
-        min(first + frames - 1, LAST),
-        0,
-        -1.0,
-        block,
-        every,
-        rate,
-    )
-    return data.ljust(BLOCK, b"\0")
+    last = min(first + frames - 1, LAST)
+    numbers = (2, KEY, points, channels * every, min(first, LAST), last, 0, -1.0, block, every, rate)
+    return struct.pack("<BBHHHHHfHHf", *numbers).ljust(BLOCK, b"\0")
 
 
 def _frames(markers: Markers, channels: list[Channel], every: int) -> bytes:

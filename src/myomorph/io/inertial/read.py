@@ -10,7 +10,7 @@ from pathlib import Path
 
 from myomorph.io.c3d.read import read_c3d
 from myomorph.io.formats import Format
-from myomorph.io.inertial.channels import sensors_of_channels
+from myomorph.io.inertial.tables import sensors_of_channels
 from myomorph.model.errors import BadData, BadFile, MyomorphError
 from myomorph.model.inertial_sensors import InertialSensors, beside
 from myomorph.model.series import Trial
@@ -26,8 +26,7 @@ SENSORS: tuple[Format, ...] = (
 """Each reader gives `InertialSensors`."""
 SETS = (".txt", ".csv")
 """Endings of files of one sensor each; those of one recording share their names up to the last underscore."""
-HEAD = 4096
-"""Bytes in which a table states that it holds orientations."""
+HEAD = 4096  # Bytes in which a table states that it holds orientations.
 
 
 def sensor_files(path: Path) -> tuple[Path, ...]:

@@ -38,13 +38,8 @@ IDENTITY = linear(1.0)
 
 
 class MjcfNames:
-    """Unique names of everything in a compiled model; what the file leaves unnamed gets one.
-
-    Attributes
-    ----------
-    model : name of the model, "" if none
-    bodies : the first is "ground"
-    joints, sites, geoms, tendons, actuators, equalities : one name for each
+    """Unique names of everything in a compiled model; what the file leaves unnamed gets one. The first body is
+    "ground".
     """
 
     def __init__(self, compiled: Any):

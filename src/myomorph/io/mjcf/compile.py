@@ -24,9 +24,7 @@ from myomorph.model.model import Kept
 
 DEFAULT_TIME_LIMIT = 15.0
 MAX_FILES = 200
-MAX_MEMORY = 16.0
-"""Of the process that compiles [GiB]."""
-
+MAX_MEMORY = 16.0  # Of the process that compiles [GiB].
 LARGEST_ASSET = 512 * 1024 * 1024
 LICENSES = ("LICENSE", "LICENSE.txt", "LICENSE.md", "LICENCE", "LICENCE.txt")
 TEXTURE_FILES = ("file", "fileright", "fileleft", "fileup", "filedown", "filefront", "fileback")
@@ -59,11 +57,8 @@ def silent_mujoco() -> Iterator[None]:
 
 
 def compile_guarded(path: Path, root: Path | None, time_limit: float) -> tuple[Any, list[Kept]]:
-    """Compiled `mujoco.MjModel` of a file that was checked first, and the missing files that it does without.
-
-    Raises
-    ------
-    BadFile : see `read_mjcf`
+    """Compiled `mujoco.MjModel` of a file that was checked first, and the missing files that it does without; raises
+    `BadFile`, see `read_mjcf`.
     """
     missing = check_files(path, root)
     with tempfile.TemporaryDirectory(prefix="myomorph-") as folder:
@@ -81,9 +76,7 @@ def compile_guarded(path: Path, root: Path | None, time_limit: float) -> tuple[A
                 path, f"MuJoCo cannot compile it: {_one_line(result['error'])}", _hint(missing, result["error"])
             )
         compiled = mujoco.MjModel.from_binary_path(str(binary))
-    kept = [
-        Kept("missing file", name, "the file does not exist: its geoms are left out", "", "asset") for name in missing
-    ]
+    kept = [Kept("missing file", name, "no such file: its geoms are left out", "", "asset") for name in missing]
     if result["weightless"]:
         effect = "the mass of the missing meshes of these bodies is left out"
         kept.append(Kept("missing inertia", ", ".join(result["weightless"]), effect, "", "asset"))
@@ -91,12 +84,9 @@ def compile_guarded(path: Path, root: Path | None, time_limit: float) -> tuple[A
 
 
 def check_files(path: Path, root: Path | None = None) -> list[str]:
-    """Mesh and height-field files that a model names and that do not exist, as the text writes them.
-
-    Raises
-    ------
-    BadFile : the text, or one that it includes, is not safe XML, is not MJCF, or names a file outside
-        of the model's folder tree (the rule: `read_mjcf`)
+    """Mesh and height-field files that a model names and that do not exist, as the text writes them. Raises `BadFile`
+    where the text, or one that it includes, is not safe XML, is not MJCF, or names a file outside of the model's folder
+    tree (the rule: `read_mjcf`).
     """
     survey = _Survey(path, (root or tree_of(path)).resolve())
     document = read_xml(path)

@@ -2,26 +2,28 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import mujoco
 import numpy as np
 
+from myomorph.io.mjcf.compile import silent_mujoco
+from myomorph.io.parsing.text import written
 from myomorph.model.arrays import Array, read_only
+from myomorph.model.errors import BadFile
 from myomorph.model.functions import PiecewisePolynomial
 from myomorph.model.model import Coupler, Model
 
 
 @read_only
 class Branch:
-    """A distance between two sites in a cam.
+    """A distance between two sites in a cam."""
 
-    Attributes
-    ----------
-    weight : of the distance in the sum
-    body_1, body_2 : that the sites are on
-    place_1, place_2 : (3,) in those bodies [m]
-    """
-
-    weight: float
-    body_1: str
+    weight: float  # of the distance in the sum
+    body_1: str  # body_1, body_2: that the sites are on, at place_1, place_2: (3,) in those bodies [m]
     place_1: Array
     body_2: str
     place_2: Array
@@ -29,18 +31,11 @@ class Branch:
 
 @read_only
 class Cam:
-    """A sum of weighted distances that stays what it is; the positive ones are one tendon, the negative ones another.
+    """A sum of weighted distances that stays what it is; positive ones are one tendon, negative ones another."""
 
-    Attributes
-    ----------
-    follower : coordinate that the cam holds
-    offset : of the sum, over its value in the default pose [m]
-    branches : at least one of each sign
-    """
-
-    follower: str
-    offset: float
-    branches: tuple[Branch, ...]
+    follower: str  # coordinate that the cam holds
+    offset: float  # of the sum, over its value in the default pose [m]
+    branches: tuple[Branch, ...]  # at least one of each sign
 
 
 def curve_text(follower: str, model: Model, joints: set[str]) -> str:
@@ -62,18 +57,38 @@ def curve_text(follower: str, model: Model, joints: set[str]) -> str:
     return ";".join([leader, *rows])
 
 
-LINE = np.array([-1.0, 0.0, 0.3, 1.0])
-"""Values by which a coupler that changes nothing is known."""
+LINE = np.array([-1.0, 0.0, 0.3, 1.0])  # Values by which a coupler that changes nothing is known.
 
 
 def coupler_of_text(name: str, follower: str, text: str) -> Coupler:
-    """The coupler that `curve_text` wrote.
-
-    Raises
-    ------
-    ValueError : it wrote no such text
-    """
+    """The coupler that `curve_text` wrote; raises `ValueError` where it wrote no such text."""
     leader, breaks, *rows = text.split(";")
     coefficients = np.array([[float(number) for number in row.split()] for row in rows])
     function = PiecewisePolynomial(np.array([float(number) for number in breaks.split()]), coefficients)
     return Coupler(name, follower, function, (leader,))
+
+
+def write_dampers(path: Path, out: Path, joints: Mapping[str, float], muscles: Mapping[str, float]) -> None:
+    """Write the MJCF of `path` with damping of its joints [N m s/rad] and of its muscles' tendons [N s/m]. Raises
+    `BadFile` where MuJoCo cannot read the file, or a part is not in it.
+    """
+    with silent_mujoco():
+        try:
+            spec = mujoco.MjSpec.from_file(str(path))
+            for name, value in joints.items():
+                _damp(spec.joint(name), value)
+            for name, value in muscles.items():
+                _damp(spec.tendon(spec.actuator(name).target), value)
+            spec.compile()
+            spec.meshdir = os.path.relpath(path.resolve().parent / spec.meshdir, out.resolve().parent)
+            spec.texturedir = os.path.relpath(path.resolve().parent / spec.texturedir, out.resolve().parent)
+            text = spec.to_xml()
+        except (ValueError, AttributeError, KeyError) as error:
+            raise BadFile(path, f"takes no dampers ({error})", "a joint or muscle needs the model's name") from None
+    with written(out) as stream:
+        stream.write(text)
+
+
+def _damp(part: Any, value: float) -> None:
+    # MuJoCo since 3.5 has powers of the speed beside it.
+    part.damping = np.array([value, *np.zeros(len(part.damping) - 1)]) if np.ndim(part.damping) else value

@@ -18,9 +18,7 @@ from myomorph.io.parsing.xml import read_xml
 from myomorph.model.errors import BadFile, MyomorphError
 from myomorph.model.model import Model
 
-NAME = "myomorph"
-"""Of MuJoCo's custom text that holds the model."""
-
+NAME = "myomorph"  # Of MuJoCo's custom text that holds the model.
 LARGEST = 64 * 1024 * 1024
 
 
@@ -37,11 +35,8 @@ def put_original(root: etree._Element, model: Model) -> tuple[str, ...]:
 
 
 def original_of(path: Path) -> Model | None:
-    """The model that a file carries, None where it carries none or was edited since it was written.
-
-    Raises
-    ------
-    BadFile : the file is no XML, or what it carries is damaged
+    """The model that a file carries, None where it carries none or was edited since it was written. Raises `BadFile`
+    where the file is no XML, or what it carries is damaged.
     """
     root = read_xml(path).root
     held = next((text for text in root.iterfind("custom/text") if text.get("name") == NAME), None)

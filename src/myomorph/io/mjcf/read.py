@@ -26,7 +26,7 @@ from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, BadFile, BadModel
 from myomorph.model.inertia import made_up_inertias
 from myomorph.model.model import Frame, Kept, Marker, Mesh, Model
-from myomorph.model.spatial import euler_xyz_from_rotation, rotation_from_euler_xyz, rotation_from_quaternion
+from myomorph.model.spatial import euler_xyz_from_rotation, rotation_from_quaternion
 
 WIDTHS = {"free": (7, 6), "ball": (4, 3), "slide": (1, 1), "hinge": (1, 1), "weld": (0, 0)}
 
@@ -40,29 +40,18 @@ def read_mjcf(
 ) -> Model:
     """Model of an MJCF file.
 
-    The text is checked before MuJoCo sees it, in a process of its own that is stopped after
-    `time_limit`. Files that the model names (includes, meshes, height fields, textures, skins,
-    attached models) must lie inside the model's folder tree: the folder of the file or, where that
-    belongs to a Python package, a git checkout or a folder with a LICENSE file, the top folder of
-    that. A relative path that leaves the tree is refused by name, and so is an absolute path to an
-    existing file outside. A mesh that is missing is left out with its geoms and listed in
+    The text is checked before MuJoCo sees it, in a process of its own that is stopped after `time_limit` [s]. Files
+    that the model names (includes, meshes, height fields, textures, skins, attached models) must lie inside the model's
+    folder tree: `root`, or the folder of the file or, where that belongs to a Python package, a git checkout or a
+    folder with a LICENSE file, the top folder of that. A relative path that leaves the tree is refused by name, and so
+    is an absolute path to an existing file outside. A mesh that is missing is left out with its geoms and listed in
     `Model.kept`.
 
     A file that `write_mjcf` wrote gives the model that it was written from, unless it was edited since or
-    `marker_sites` is given: then it is read as MuJoCo has it.
-
-    Parameters
-    ----------
-    path : the MJCF file
-    root : top folder of the model's tree, where the rule above does not find it
-    marker_sites : regular expression; sites whose whole name matches become markers too, instead of those of a tuple
-        named "markers"
-    time_limit : most seconds that MuJoCo may take to compile the model [s]
-
-    Raises
-    ------
-    BadFile : the file cannot be read, is not MJCF, is unsafe, or MuJoCo refuses it
-    BadModel : what it describes cannot be a tree of joints
+    `marker_sites` is given: then it is read as MuJoCo has it. `marker_sites`: regular expression; sites whose whole
+    name matches become markers too, instead of those of a tuple named "markers". Raises `BadFile` where the file cannot
+    be read, is not MJCF, is unsafe, or MuJoCo refuses it, `BadModel` where what it describes cannot be a tree of
+    joints.
     """
     path = Path(path)
     original = original_of(path) if marker_sites is None else None
@@ -77,27 +66,16 @@ def model_from_mujoco(
 ) -> Model:
     """Model of a compiled `mujoco.MjModel`.
 
-    Every body becomes a body with one joint; several MuJoCo joints of a body are the axes of that
-    joint, in order. Hinge and slide joints are one coordinate each, named as they are, whose value is
-    MuJoCo's `qpos` (the axis moves by `qpos - qpos0`). A ball joint has three coordinates,
-    `<joint>_rx`, `_ry`, `_rz`: body-fixed X, Y, Z angles from its default orientation. A free joint
-    has `<joint>_tx`, `_ty`, `_tz` (position of the body's origin in ground) and `_rx`, `_ry`, `_rz`:
-    rotation = R_x R_y R_z R_0 with R_0 the body's orientation in the file, so that the default pose
-    has zero angles. `qpos_from_coordinates` and `coordinates_from_qpos` convert.
+    Every body becomes a body with one joint; several MuJoCo joints of a body are the axes of that joint, in order.
+    Hinge and slide joints are one coordinate each, named as they are, whose value is MuJoCo's `qpos` (the axis moves by
+    `qpos - qpos0`). A ball joint has three coordinates, `<joint>_rx`, `_ry`, `_rz`: body-fixed X, Y, Z angles from its
+    default orientation. A free joint has `<joint>_tx`, `_ty`, `_tz` (position of the body's origin in ground) and
+    `_rx`, `_ry`, `_rz`: rotation = R_x R_y R_z R_0 with R_0 the body's orientation in the file, so that the default
+    pose has zero angles; `coordinates_from_qpos` converts.
 
-    Sites become frames; geoms of the groups that MuJoCo draws (0 to 2) become meshes.
-
-    Parameters
-    ----------
-    compiled : mujoco.MjModel
-    name : of the model; its own name by default
-    source : path of its file, for messages and for the place of meshes
-    marker_sites : regular expression; sites whose whole name matches become markers too
-    kept : what was left out before
-
-    Raises
-    ------
-    BadModel : there is no body, or a number that is not finite
+    Sites become frames; geoms of the groups that MuJoCo draws (0 to 2) become meshes. `name`: of the model, its own by
+    default; `source`: path of its file, for messages and for the place of meshes; `marker_sites`: as of `read_mjcf`;
+    `kept`: what was left out before. Raises `BadModel` where there is no body, or a number that is not finite.
     """
     _check(compiled, source)
     names = MjcfNames(compiled)
@@ -160,37 +138,8 @@ def _ground_meshes(m: Any, names: MjcfNames, source: str) -> tuple[Mesh, ...]:
     return tuple(mesh for mesh in meshes if mesh is not None)
 
 
-def qpos_from_coordinates(model: Model, coordinates: ArrayLike) -> Array:
-    """MuJoCo's `qpos` for values of all coordinates of a model that `read_mjcf` made.
-
-    Parameters
-    ----------
-    coordinates : (..., coordinates) in the model's order [rad or m]
-
-    Returns
-    -------
-    (..., nq), quaternions as (w, x, y, z) with w >= 0
-    """
-    c = np.asarray(coordinates, dtype=np.float64)
-    if c.shape[-1:] != (len(model.coordinates),):
-        raise BadData(f"expected {len(model.coordinates)} coordinates in the last axis, but got shape {c.shape}")
-    flat = c.reshape(-1, c.shape[-1])
-    rows = []
-    for row in flat:
-        parts: list[Array] = []
-        for kind, _, at, start in _layout(model):
-            width = WIDTHS[kind][1]
-            values = row[at : at + width]
-            if kind in ("free", "ball"):
-                turn = rotation_from_euler_xyz(values[-3:]) @ start
-                values = np.concatenate([values[:-3], quaternion_from_rotation(turn)])
-            parts.append(values)
-        rows.append(np.concatenate(parts) if parts else np.zeros(0))
-    return np.array(rows).reshape(*c.shape[:-1], -1)
-
-
 def coordinates_from_qpos(model: Model, qpos: ArrayLike) -> Array:
-    """Values of all coordinates for MuJoCo's `qpos` (..., nq); the inverse of `qpos_from_coordinates`.
+    """Values of all coordinates for MuJoCo's `qpos` (..., nq) of a model that `read_mjcf` made.
 
     Angles of ball and free joints come back in (-pi, pi], the middle one in [-pi/2, pi/2].
     """
@@ -212,23 +161,6 @@ def coordinates_from_qpos(model: Model, qpos: ArrayLike) -> Array:
     return result.reshape(*q.shape[:-1], -1)
 
 
-def quaternion_from_rotation(rotation: ArrayLike) -> Array:
-    """Quaternion (w, x, y, z) with w >= 0 of a rotation matrix (3, 3)."""
-    r = np.asarray(rotation, dtype=np.float64)
-    # q q^T is linear in the rotation, so its largest column is the quaternion at its best scale.
-    outer = np.array(
-        [
-            [1 + r[0, 0] + r[1, 1] + r[2, 2], r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]],
-            [r[2, 1] - r[1, 2], 1 + r[0, 0] - r[1, 1] - r[2, 2], r[0, 1] + r[1, 0], r[0, 2] + r[2, 0]],
-            [r[0, 2] - r[2, 0], r[0, 1] + r[1, 0], 1 - r[0, 0] + r[1, 1] - r[2, 2], r[1, 2] + r[2, 1]],
-            [r[1, 0] - r[0, 1], r[0, 2] + r[2, 0], r[1, 2] + r[2, 1], 1 - r[0, 0] - r[1, 1] + r[2, 2]],
-        ]
-    )
-    q = outer[:, np.argmax(np.diag(outer))]
-    q = q / np.linalg.norm(q)
-    return -q if q[0] < 0.0 else q
-
-
 def _layout(model: Model) -> Iterator[tuple[str, int, int, Array]]:
     """Kind, place in qpos, place in coordinates and start orientation of each MuJoCo joint."""
     at_q = at_c = 0
@@ -242,18 +174,9 @@ def _layout(model: Model) -> Iterator[tuple[str, int, int, Array]]:
 
 
 def composed_model(name: str | os.PathLike[str]) -> Model:
-    """A model of `myo-sim`, with its bones.
-
-    Source: MyoSuite (Caggiano et al. 2022); models of the package `myo-sim`.
-
-    Parameters
-    ----------
-    name : as the package has it ("myoarm", "myolegs", ...), with `myo-sim:` before it or without
-
-    Raises
-    ------
-    BadData : the package is not installed
-    BadFile : it has no such model
+    """A model of the package `myo-sim` (Caggiano et al. 2022), with its bones; `name` as the package has it ("myoarm",
+    "myolegs", ...), with `myo-sim:` before it or without. Raises `BadData` where the package is not installed,
+    `BadFile` where it has no such model.
     """
     name = os.fspath(name).removeprefix(COMPOSED)
     try:

@@ -20,63 +20,38 @@ from myomorph.model.paths import Muscle, PathPoint, TendonWrap
 from myomorph.model.spatial import Transform, quaternion_from_rotation
 from myomorph.model.surface import Surface
 
-MASSLESS = 1e-9
-"""Mass of a body that moves and has none: MuJoCo wants some [kg]."""
-
-SMALLEST_INERTIA = 1e-12
-"""[kg m^2]"""
-
-ARMATURE = 0.01
-"""Of the slides of points that move: what lets their constraints carry a muscle's force [kg]."""
-
-TIMESTEP = 0.001
-"""[s]"""
+MASSLESS = 1e-9  # Mass of a body that moves and has none: MuJoCo wants some [kg].
+SMALLEST_INERTIA = 1e-12  # [kg m^2]
+ARMATURE = 0.01  # Of the slides of points that move: what lets their constraints carry a muscle's force [kg].
+TIMESTEP = 0.001  # [s]
 
 STIFFEST = {"solref": f"{2.0 * TIMESTEP:g} 1", "solimp": "0.9999 0.9999 0.001 0.5 2"}
 """Constraints as stiff as MuJoCo allows at this time step."""
 
 DEGREE = 4
-HIDDEN = "5"
-"""Group of sites, geoms and tendons that MuJoCo's viewer does not draw at first."""
+HIDDEN = "5"  # Group of sites, geoms and tendons that MuJoCo's viewer does not draw at first.
 
 MUSCLE_KEYS = ("force", "scale", "lmin", "lmax", "vmax", "fpmax", "fvmax")
-MARKERS = "markers"
-"""Name of the tuple of sites that are markers."""
+MARKERS = "markers"  # Name of the tuple of sites that are markers.
 
 
 @dataclass(frozen=True, eq=False)
 class MjcfDocument:
-    """A document that MuJoCo reads.
+    """A document that MuJoCo reads."""
 
-    Attributes
-    ----------
-    root : its outermost element
-    meshes : files written into `folder` for it, by `Mesh.file`
-    folder : name of the folder beside it
-    warnings : what was left out, one line each
-    """
-
-    root: etree._Element
-    meshes: dict[str, str]
-    folder: str
-    warnings: tuple[str, ...]
+    root: etree._Element  # its outermost element
+    meshes: dict[str, str]  # files written into `folder` for it, by `Mesh.file`
+    folder: str  # name of the folder beside it
+    warnings: tuple[str, ...]  # what was left out, one line each
 
 
 def mjcf_document(
     model: Model, path: str | os.PathLike[str], cams: Sequence[Cam] = (), surfaces: dict[str, Surface] | None = None
 ) -> MjcfDocument:
-    """A model as MJCF, to be written to `path`; its meshes are written into a folder beside that.
-
-    Parameters
-    ----------
-    model : each axis moves by its coordinate less the default, muscles are MuJoCo's (`mujoco_tools`)
-    cams : of the coordinates that follow others by what is no polynomial of degree four
-    surfaces : meshes by `Mesh.file`; those without one are left out
-
-    Raises
-    ------
-    BadFile : a mesh cannot be written
-    BadModel : a muscle is not MuJoCo's
+    """A model as MJCF, to be written to `path`; its meshes are written into a folder beside that. `model`: each axis
+    moves by its coordinate less the default, muscles are MuJoCo's (`mujoco_tools`); `cams`: of the coordinates that
+    follow others by what is no polynomial of degree four; `surfaces`: meshes by `Mesh.file`; those without one are left
+    out. Raises `BadFile` where a mesh cannot be written, `BadModel` where a muscle is not MuJoCo's.
     """
     writer = _Writer(model, Path(path), surfaces or {})
     root = writer.document(cams)

@@ -14,7 +14,7 @@ from myomorph.io.osim.functions import read_function, write_function
 from myomorph.io.osim.joints import plain_name
 from myomorph.io.osim.kept import keep
 from myomorph.model.errors import UnknownName, check_name
-from myomorph.model.functions import PiecewisePolynomial, constant, linear
+from myomorph.model.functions import PiecewisePolynomial, constant, linear, substituted
 from myomorph.model.model import Coordinate, Coupler, Kept, Loop
 from myomorph.model.paths import Bushing, PassiveTorque
 from myomorph.model.spatial import Transform
@@ -142,8 +142,7 @@ def _mirrored(function: PiecewisePolynomial) -> PiecewisePolynomial:
     left, middle, right = function.coefficients
     signs = (-1.0) ** np.arange(len(left))
     # On a piece of f, f(-x) with x = -high + k reads f at low + (width - k).
-    turned = np.polynomial.Polynomial(middle)(np.polynomial.Polynomial([width, -1.0])).coef
-    turned = np.pad(turned, (0, len(middle) - len(turned)))
+    turned = substituted(middle, width, -1.0)
     return PiecewisePolynomial(np.array([-high, -high, -low]), np.stack([right * signs, turned, left * signs]))
 
 

@@ -17,6 +17,7 @@ from myomorph.model.functions import (
     piecewise_linear,
     polynomial,
     simm_spline,
+    substituted,
 )
 
 KNOWN = (
@@ -44,9 +45,7 @@ def read_function(node: Node, user: Node) -> Function:
             raise node.bad("has no function inside")
         return read_function(inner, user).scaled(node.number("scale", 1.0))
     if kind == "Sine":
-        omega, phase = (
-            np.array([node.number(*property_default)]) for property_default in (("omega", 1.0), ("phase", 0.0))
-        )
+        omega, phase = (np.array([node.number(*pair)]) for pair in (("omega", 1.0), ("phase", 0.0)))
         return SineProduct(node.number("amplitude", 1.0), omega, phase, node.number("offset", 0.0))
     if kind == "StepFunction":
         return _step(node)
@@ -125,16 +124,9 @@ def write_function(parent: etree._Element, function: Function, user: str, warnin
         put(sine, amplitude=function.factor, omega=function.frequencies[0], phase=function.phases[0])
         put(sine, offset=function.offset)
     elif len(function.breaks) == 1:
-        _polynomial(parent, _moved(function.coefficients[0], -float(function.breaks[0])))
+        _polynomial(parent, substituted(function.coefficients[0], -float(function.breaks[0])))
     else:
         _pieces(parent, function, user, warnings)
-
-
-def _moved(coefficients: Array, by: float) -> Array:
-    """Coefficients in x of a polynomial in (x + by), the constant term first."""
-    if by == 0.0:
-        return coefficients
-    return np.asarray(np.polynomial.Polynomial(coefficients)(np.polynomial.Polynomial([by, 1.0])).coef, np.float64)
 
 
 def _polynomial(parent: etree._Element, coefficients: Array) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import replace
 
 import numpy as np
 from lxml import etree
@@ -14,7 +13,7 @@ from myomorph.io.osim.functions import read_function, write_function
 from myomorph.io.osim.joints import plain_name
 from myomorph.model.errors import BadModel, UnknownName, check_name
 from myomorph.model.frozen_map import FrozenMap
-from myomorph.model.functions import Function, SineProduct, constant
+from myomorph.model.functions import Function, constant
 from myomorph.model.model import Kept
 from myomorph.model.paths import Ligament, MovingPathPoint, Path, PathPoint, PathWrap
 from myomorph.model.spatial import Transform
@@ -71,16 +70,14 @@ class PathReader:
             name = node.socket(f"{axis}_coordinate")
             if function.arity and not name:
                 raise node.bad(f"its {axis}_location depends on a coordinate, but names none")
-            functions.append(_raised(function, float(offset)))
+            functions.append(function.raised(float(offset)))
             coordinates.append(self._coordinate(name, node) if function.arity else "")
         return MovingPathPoint(node.name, body, tuple(functions), tuple(coordinates))  # type: ignore[arg-type]
 
     def _coordinate(self, text: str, node: Node) -> str:
         name = plain_name(text)
         if name not in self._coordinates:
-            raise UnknownName(
-                "coordinate", name, self._coordinates, f"{node.document.path}: {node.kind} '{node.name}': the model"
-            )
+            raise UnknownName("coordinate", name, self._coordinates, f"{node.document.path}: '{node.name}': the model")
         return name
 
     def _wrap(self, node: Node, points: int) -> PathWrap:
@@ -91,16 +88,6 @@ class PathReader:
         if method not in ("hybrid", "midpoint", "axial", "unassigned", ""):
             raise node.bad(f"its method is '{method}'", "expected hybrid, midpoint or axial")
         return PathWrap(self._wraps[name], "hybrid" if method in ("unassigned", "") else method, first, last)
-
-
-def _raised(function: Function, by: float) -> Function:
-    if by == 0.0:
-        return function
-    if isinstance(function, SineProduct):
-        return replace(function, offset=function.offset + by)
-    coefficients = function.coefficients.copy()
-    coefficients[:, 0] += by
-    return replace(function, coefficients=coefficients)
 
 
 def write_path(
@@ -161,9 +148,7 @@ def read_ligaments(forces: Iterable[Node], paths: PathReader) -> tuple[Ligament,
 
 def put_ligament(part: Kept, element: etree._Element, ligaments: Iterable[Ligament], joints: dict[str, str]) -> None:
     """Give a kept part, about to be written, the path and slack length of the model's ligament of that name."""
-    ligament = next(
-        (candidate for candidate in ligaments if (candidate.kind, candidate.name) == (part.kind, part.name)), None
-    )
+    ligament = next((other for other in ligaments if (other.kind, other.name) == (part.kind, part.name)), None)
     if ligament is None:
         return
     before = element.find("GeometryPath")

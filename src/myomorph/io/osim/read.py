@@ -15,9 +15,9 @@ from myomorph.io.osim.document import NEWEST, OLDEST, Node, read_document, uniqu
 from myomorph.io.osim.frames import OFFSET_KINDS, Frames
 from myomorph.io.osim.joints import ReadJoint, free_joint, read_joint, reversed_joint
 from myomorph.io.osim.kept import kept_elsewhere, kept_force, warnings_of
-from myomorph.io.osim.marker_set import read_markers
 from myomorph.io.osim.muscles import is_muscle, read_muscle, with_dampers
 from myomorph.io.osim.paths import PathReader, read_ligaments
+from myomorph.io.osim.setup_parts import read_markers
 from myomorph.model.errors import BadFile, BadModel
 from myomorph.model.inertia import made_up_inertias
 from myomorph.model.model import GROUND, Actuator, Body, Coordinate, Joint, Kept, Loop, Marker, Mesh, Model

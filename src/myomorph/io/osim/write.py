@@ -11,8 +11,8 @@ from myomorph.io.osim.bodies import write_body, write_body_parts
 from myomorph.io.osim.constraints import write_bushing, write_coupler, write_loop, write_passive
 from myomorph.io.osim.document import NEWEST, child, legal, numbers, write_document
 from myomorph.io.osim.kept import is_kept, put_back, usable_parts
-from myomorph.io.osim.marker_set import put_marker
 from myomorph.io.osim.muscles import write_muscle, write_viscosity
+from myomorph.io.osim.setup_parts import put_marker
 from myomorph.io.osim.write_joints import plan_joints, write_joint
 from myomorph.model.errors import BadModel, quoted
 from myomorph.model.model import GROUND, Model

@@ -152,9 +152,7 @@ def without_far_away(positions: Array, notes: list[str]) -> Array:
     """The same positions (..., 3) [m] with NaN for those that no laboratory can hold, which `notes` lists."""
     far = np.abs(positions).max(axis=-1) > FARTHEST
     if far.any():
-        notes.append(
-            f"{np.count_nonzero(far)} positions are farther than {FARTHEST / 1000:.0f} km and were taken as hidden"
-        )
+        notes.append(f"{np.count_nonzero(far)} positions are farther than {FARTHEST / 1000:.0f} km: taken as hidden")
         positions = np.where(far[..., None], np.nan, positions)
     return positions
 
@@ -179,9 +177,7 @@ def unique_names(names: Sequence[str], kind: str, notes: list[str]) -> tuple[str
         notes.append(f"the {kind} '{renamed[0][0]}' occurs twice: the second was named '{renamed[0][1]}'")
     elif renamed:
         twice = ", ".join(dict.fromkeys(f"'{name}'" for name, _ in renamed))
-        notes.append(
-            f"{len(renamed)} names of a {kind} occur again ({twice}): later ones were named like '{renamed[0][1]}'"
-        )
+        notes.append(f"{len(renamed)} names of a {kind} occur again ({twice}): later ones are like '{renamed[0][1]}'")
     return tuple(unique)
 
 

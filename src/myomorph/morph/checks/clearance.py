@@ -110,17 +110,13 @@ def _beyond_interval(points: Iterable[TransferredPoint], shifts: Mapping[tuple[s
             f"'{owner}' ({name}) by {mm(far[owner, name])} where {mm(known[owner, name])} are likely"
             for owner, name in sorted(far, key=lambda name: known[name] - far[name])
         ]
-        lines.append(
-            f"{len(far)} via points were brought out of bone further than their place is uncertain by: {_first(named)}"
-        )
+        lines.append(f"{len(far)} via points came out of bone further than their place is unsure: {_first(named)}")
     if unknown:
         named = [
             f"'{owner}' ({name}) by {mm(by)}"
             for (owner, name), by in sorted(unknown.items(), key=lambda item: -item[1])
         ]
-        lines.append(
-            f"{len(unknown)} via points were brought out of bone on bodies whose maps give no interval: {_first(named)}"
-        )
+        lines.append(f"{len(unknown)} via points were brought out of bone where maps give no interval: {_first(named)}")
     return lines
 
 

@@ -139,7 +139,7 @@ class MomentArms:
     muscles : names
     source, target : (samples, muscles) [m/rad or m/m], the target's turned to the source's sign
     source_jumps, target_jumps : (muscles,) largest discontinuity [m/rad or m/m]
-    source_jump_at, target_jump_at : (muscles,) value of the coordinate there, NaN where there is none
+    target_jump_at : (muscles,) value of the coordinate there in the target, NaN where there is none
     within : (samples, muscles) distance from `target` within which the moment arm lies with 90 %, as far as that
         follows from the points' intervals [m/rad or m/m]; NaN where these are not known, None before it is asked
     """
@@ -153,7 +153,6 @@ class MomentArms:
     target: Array
     source_jumps: Array
     target_jumps: Array
-    source_jump_at: Array
     target_jump_at: Array
     within: Array | None = None
 
@@ -209,11 +208,11 @@ def _compared(source: Model, target: Model, pair: CoordinatePair, muscles: tuple
     arms = _arms_of(source, pair.source, muscles)
     target_arms = _arms_of(target, pair.target, muscles)
     r, t = arms(values), target_arms(target_values)
-    jumps, at = _jumps(arms, values, r)
+    jumps, _ = _jumps(arms, values, r)
     target_jumps, target_at = _jumps(target_arms, target_values, t)
     kind = source.coordinate(pair.source).motion
     return MomentArms(
-        pair, kind, values, target_values, muscles, r, pair.sign * t, jumps, target_jumps, at, target_at
+        pair, kind, values, target_values, muscles, r, pair.sign * t, jumps, target_jumps, target_at
     )  # fmt: skip
 
 

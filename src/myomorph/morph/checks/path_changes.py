@@ -9,7 +9,7 @@ import numpy as np
 
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.model import Model
-from myomorph.model.paths import Muscle, PathPoint, WrapObject
+from myomorph.model.paths import Muscle, PathPoint, WrapObject, surface_level
 from myomorph.model.spatial import Transform
 from myomorph.morph.checks.moment_arms import CoordinatePair, paired_values
 from myomorph.morph.checks.penetration import Depth, Poses, Solid, path_depths, range_poses
@@ -88,9 +88,7 @@ def wrap_effect(model: Model, wrap: WrapObject, poses: Poses) -> Array:
                 muscles=(muscle,),
                 wrap_objects=tuple(larger if item.name == wrap.name else item for item in model.wrap_objects),
             )
-            both = [
-                _rows(*_lengths_and_arms(variant, where))[0] for variant in (replace(model, muscles=(muscle,)), grown)
-            ]
+            both = [_rows(*_lengths_and_arms(each, where))[0] for each in (replace(model, muscles=(muscle,)), grown)]
             effects.append((both[1] - both[0]) / step)
     return np.concatenate(effects)
 
@@ -156,9 +154,7 @@ def part_at(paths: Paths, model: Model, muscle: Muscle, coordinates: Array, plac
     index = int(np.argmin(np.linalg.norm(starts + share[:, None] * along - place, axis=1)))
     arc = bool(nodes[index + 1, 3] > 0.0)
     levers = (1.0, 1.0) if arc else (1.0 - float(share[index]), float(share[index]))
-    return [
-        _end(model, muscle, where, nodes[i, :3], lever) for i, lever in zip((index, index + 1), levers, strict=True)
-    ]
+    return [_end(model, muscle, where, nodes[i, :3], arm) for i, arm in zip((index, index + 1), levers, strict=True)]
 
 
 def _end(model: Model, muscle: Muscle, where: Mapping[str, Transform], node: Array, lever: float) -> PathEnd:
@@ -168,16 +164,9 @@ def _end(model: Model, muscle: Muscle, where: Mapping[str, Transform], node: Arr
             inner = 0 < number < len(points) - 1
             return PathEnd(lever, number if inner else -1, rotation=where[point.body].rotation)
     around = [item for item in model.wrap_objects if item.name in wraps_of(muscle) and item.kind != "torus"]
-    touched = [(abs(_height(item, where[item.body], node)), item.name) for item in around]
+    local = [(where[item.body] @ item.pose).inverse().apply(node[None]) for item in around]
+    touched = [(abs(surface_level(item, at)[0] - 1.0), item.name) for item, at in zip(around, local, strict=True)]
     return PathEnd(lever, wrap=min(touched)[1]) if touched else PathEnd(lever)
-
-
-def _height(wrap: WrapObject, body: Transform, place: Array) -> float:
-    """How far a place in ground lies from a wrap object's surface, about, as a share of its size."""
-    local = (body @ wrap.pose).inverse().apply(place)
-    if wrap.kind == "cylinder":
-        return float(np.linalg.norm(local[:2]) / wrap.size[0] - 1.0)
-    return float(np.linalg.norm(local / np.array(wrap.size)) - 1.0)
 
 
 def wraps_of(*muscles: Muscle) -> set[str]:

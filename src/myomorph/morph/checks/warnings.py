@@ -134,9 +134,7 @@ def bone_warnings(
         if penetration.increase > options.deeper * longest:
             value = _mm(penetration.value) if penetration.coordinate in sliding else _value(penetration.value)
             where = f" at {penetration.coordinate} = {value}" if penetration.coordinate else " in the default pose"
-            depths = (
-                f"{_mm(penetration.target)} deep through {penetration.body}{where}, source {_mm(penetration.source)}"
-            )
+            depths = f"{_mm(penetration.target)} through {penetration.body}{where}, source {_mm(penetration.source)}"
             text, size = f"{penetration.muscle}: runs {depths}", penetration.increase / longest
             yield Finding("bone", penetration.muscle, text, size=size)
 
@@ -179,10 +177,7 @@ def _one_arm(
     ratio = rms_target / max(rms, 1e-12)
     unlike = not 1.0 / options.ratio <= ratio <= options.ratio and abs(rms_target - rms) > least
     if max(rms, rms_target) > 2.0 * least and unlike:
-        text = (
-            f"{about} is {ratio:.2g} times what the size of the bones explains ({_mm(size * rms_target)} root mean "
-            f"square, source {_mm(rms)})"
-        )
+        text = f"{about} is {ratio:.2g} times what bone sizes explain ({_mm(size * rms_target)} rms, source {_mm(rms)})"
         yield Finding("arm", muscle, text, size=abs(float(np.log(max(ratio, 1e-6)))))
 
 

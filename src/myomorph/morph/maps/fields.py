@@ -12,16 +12,13 @@ from typing import Literal, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from myomorph.model.arrays import Array, frozen_array, read_only
+from myomorph.model.arrays import Array, freeze, frozen_array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import GROUND, Model
-from myomorph.model.spatial import Transform
-from myomorph.model.surface import Surface
+from myomorph.model.surface import Surface, connected
 from myomorph.morph.maps.interpolating import fit_radial, fit_subspace
 from myomorph.morph.maps.linear import AffineMap, Similarity, fit_affine, fit_whole, procrustes, unknown_directions
 
@@ -40,11 +37,14 @@ class PointMap(Protocol):
         ...
 
 
+STAYS = AffineMap(np.eye(3), np.zeros(3))
+
+
 @dataclass(frozen=True, eq=False)
 class PlacedMap:
-    """A map with a rigid transform before it and an affine one after it: y = after(map(before(x)))."""
+    """A map with affine ones before and after it: y = after(map(before(x)))."""
 
-    before: Transform
+    before: AffineMap
     map: PointMap
     after: AffineMap
 
@@ -55,7 +55,7 @@ class PlacedMap:
     def jacobian(self, points: ArrayLike) -> Array:
         """Derivatives (..., 3, 3) of the mapped points."""
         inner = self.map.jacobian(self.before.apply(points))
-        return self.after.matrix @ inner @ self.before.rotation
+        return self.after.matrix @ inner @ self.before.matrix
 
 
 @read_only
@@ -87,10 +87,7 @@ class FeaturePoints:
             if not np.isfinite(array).all():
                 raise BadData(f"a feature point's {side} is not finite: leave it out")
             object.__setattr__(self, side, array)
-        if self.weights is not None:
-            object.__setattr__(self, "weights", frozen_array(self.weights, (count,)))
-        if self.radii is not None:
-            object.__setattr__(self, "radii", frozen_array(self.radii, (count,)))
+        freeze(self, weights=(count,), radii=(count,))
 
     def __len__(self) -> int:
         return len(self.names)
@@ -152,15 +149,12 @@ def feature_warnings(features: FeaturePoints) -> tuple[str, ...]:
     warnings = []
     merged = _merged(features)
     if len(merged) < len(features):
-        warnings.append(
-            f"{len(features) - len(merged)} of {len(features)} feature points share a place: taken together"
-        )
+        warnings.append(f"{len(features) - len(merged)} of {len(features)} feature points share a place: joined")
     if len(merged) == 4:
         warnings.append("four feature points do not distinguish scaling from picking errors: pick a fifth")
     if len(unknown_directions(merged.source)):
         warnings.append(
-            f"the {len(merged)} feature points lie in a plane: across it the bone is scaled as much as along it; "
-            "pick one beside it"
+            f"the {len(merged)} feature points lie in a plane: across it scale is as along it; pick one beside it"
         )
     return tuple(warnings)
 
@@ -179,8 +173,8 @@ def _merged(features: FeaturePoints) -> FeaturePoints:
     if not len(pairs):
         return features
     count = len(features)
-    links = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
-    groups, label = connected_components(links, directed=False)
+    label = connected(count, pairs)
+    groups = int(label.max()) + 1
     share = np.ones(count) if features.weights is None else features.weights
     total = np.bincount(label, share, groups).astype(np.float64)
     first = np.unique(label, return_index=True)[1]
@@ -231,7 +225,7 @@ class BoneMap:
 
     def shifted(self, by: Array) -> BoneMap:
         """The map to places that lie further on in the target body by a vector (3,) [m]."""
-        moved = PlacedMap(Transform.identity(), self.map, AffineMap(np.eye(3), by))
+        moved = PlacedMap(STAYS, self.map, AffineMap(np.eye(3), by))
         return replace(self, map=moved, whole=replace(self.whole, translation=self.whole.translation + by))
 
 

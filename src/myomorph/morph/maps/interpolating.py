@@ -15,7 +15,7 @@ from scipy.linalg import lu_factor, lu_solve
 from scipy.spatial.distance import cdist
 from threadpoolctl import threadpool_limits
 
-from myomorph.model.arrays import Array, frozen_array, read_only
+from myomorph.model.arrays import Array, freeze, read_only
 from myomorph.morph.maps.linear import AffineMap, unknown_directions
 
 Kernel = Literal["r", "r3"]
@@ -34,8 +34,7 @@ class RadialMap:
 
     def __post_init__(self) -> None:
         count = len(self.points)
-        object.__setattr__(self, "points", frozen_array(self.points, (count, 3)))
-        object.__setattr__(self, "coefficients", frozen_array(self.coefficients, (count, 3)))
+        freeze(self, points=(count, 3), coefficients=(count, 3))
 
     def apply(self, points: ArrayLike) -> Array:
         """Points (..., 3) transferred [m]."""
@@ -145,9 +144,7 @@ class SubspaceMap:
 
     def __post_init__(self) -> None:
         count = len(self.points)
-        object.__setattr__(self, "points", frozen_array(self.points, (count, 3)))
-        object.__setattr__(self, "shifts", frozen_array(self.shifts, (count, 3)))
-        object.__setattr__(self, "slopes", frozen_array(self.slopes, (count, 3, 3)))
+        freeze(self, points=(count, 3), shifts=(count, 3), slopes=(count, 3, 3))
 
     def apply(self, points: ArrayLike) -> Array:
         """Points (..., 3) transferred [m]."""

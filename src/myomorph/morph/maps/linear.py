@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from myomorph.model.arrays import Array, frozen_array, read_only
+from myomorph.model.arrays import Array, freeze, frozen_array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.spatial import Transform
 
@@ -32,8 +32,7 @@ class Similarity:
     scale: float = 1.0
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "rotation", frozen_array(self.rotation, (3, 3)))
-        object.__setattr__(self, "translation", frozen_array(self.translation, (3,)))
+        freeze(self, rotation=(3, 3), translation=(3,))
 
     def apply(self, points: ArrayLike) -> Array:
         """Points (..., 3) transferred."""
@@ -138,8 +137,7 @@ class AffineMap:
     offset: Array  # (3,) [m]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "matrix", frozen_array(self.matrix, (3, 3)))
-        object.__setattr__(self, "offset", frozen_array(self.offset, (3,)))
+        freeze(self, matrix=(3, 3), offset=(3,))
 
     @staticmethod
     def from_similarity(similarity: Similarity) -> AffineMap:

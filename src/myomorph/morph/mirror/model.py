@@ -13,7 +13,7 @@ coordinates of theirs that move the body out of the plane keep their axes and ch
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -22,14 +22,17 @@ from scipy.spatial import cKDTree
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadModel
-from myomorph.model.model import Body, Model
+from myomorph.model.model import GROUND, Body, Model
+from myomorph.model.paths import MovingPathPoint, Muscle, PathPoint, TendonWrap
 from myomorph.model.series import Motion
-from myomorph.model.sides import other_side
+from myomorph.model.sides import other_side, split_side
+from myomorph.model.spatial import Transform
 from myomorph.model.surface import Surface
-from myomorph.morph.maps.fields import BoneMap, FeaturePoints, PointMap
+from myomorph.morph.maps.fields import BoneMap, FeaturePoints, PlacedMap
 from myomorph.morph.maps.linear import Similarity
 from myomorph.morph.mirror.parts import mirrored_parts
-from myomorph.morph.mirror.sides import Reflection, flip, other_side_of
+from myomorph.morph.mirror.sides import OtherSide, Reflection, flip, other_side_of
+from myomorph.rigid.kinematics import standing_poses
 
 PARTS = (
     "bodies", "joints", "coordinates", "markers", "muscles", "wrap_objects", "actuators", "couplers", "loops", "frames",
@@ -195,23 +198,6 @@ def _in_order_of(model: Model, other: Model) -> Model:
 ALIKE = 0.02  # The source's own bones must be mirror images of each other within this share of their length.
 
 
-@dataclass(frozen=True, eq=False)
-class MirroredMap:
-    """A map seen in two mirrors: points go to the other side of the source, by its map, and back in the target."""
-
-    inner: PointMap
-    source: Reflection
-    target: Reflection
-
-    def apply(self, points: ArrayLike) -> Array:
-        """Points (..., 3) of the source's frame in the target's [m]."""
-        return self.target.points(self.inner.apply(self.source.points(points)))
-
-    def jacobian(self, points: ArrayLike) -> Array:
-        """Derivatives (..., 3, 3) of the mapped points."""
-        return self.target.matrix @ self.inner.jacobian(self.source.points(points)) @ self.source.matrix
-
-
 def with_mirrored_bones(
     model: Model, bones: Mapping[str, BoneMap], surfaces: Mapping[str, Surface], together: bool = False, axis: str = "z"
 ) -> dict[str, BoneMap]:
@@ -253,7 +239,7 @@ def _mirrored(
         bone,
         body=body,
         target_body=body,
-        map=MirroredMap(bone.map, plane, goal),
+        map=PlacedMap(plane.affine, bone.map, goal.affine),
         whole=Similarity(turned, origin, bone.whole.scale),
         source=surfaces.get(body) or _reflected(bone.source, plane),
         target=_reflected(bone.target, goal),
@@ -279,6 +265,103 @@ def _unlike(body: str, twin: str, plane: Reflection, surfaces: Mapping[str, Surf
     length = float(np.ptp(vertices, axis=0).max())
     if apart <= ALIKE * length:
         return []
-    return [
-        f"{body}: the source's own bone lies {1e3 * apart:.1f} mm from the mirrored one of {twin}: give the bone itself"
-    ]
+    return [f"{body}: the source's bone lies {1e3 * apart:.1f} mm from {twin} mirrored: give the bone itself"]
+
+
+SEATED = 1e-6  # Frames that differ by less are the same [m or rad].
+
+
+def with_other_muscles(model: Model, axis: str | ArrayLike = "z") -> tuple[Model, tuple[str, ...]]:
+    """The model with the mirror image of each muscle and marker that has no counterpart on the other side, and what
+    looks wrong. Where they lie is mirrored in ground with all coordinates at zero; bodies of the other side are the
+    model's own, in whatever frames it has them. Of a muscle whose name has no side, its bodies tell it: `DELT1` on
+    the right arm gets the counterpart `DELT1_l`.
+    """
+    copy = mirrored_parts(model, _naming_by_bodies(model, other_side_of(model, axis)))
+    new = [muscle for muscle in copy.muscles if muscle.name not in model.muscle_names]
+    if not new:
+        raise BadModel(f"model '{model.name}': every muscle has its counterpart, or has no side: nothing to mirror")
+    known = {GROUND, *model.body_names}
+    missing = {point.body for muscle in new for point in muscle.path.points} - known
+    if missing:
+        raise BadModel(f"model '{model.name}': no body of the other side: {', '.join(sorted(missing))}")
+    seats = _seats(model, copy)
+    wraps = {item.name: item for item in copy.wrap_objects}
+    used = {wrap.wrap_object for muscle in new for wrap in muscle.path.wraps}
+    present = {wrap.wrap_object for muscle in model.muscles for wrap in muscle.path.wraps}
+    both = sorted(used & present)
+    if both:
+        raise BadModel(f"model '{model.name}': both sides go around {', '.join(both)}: name one for each side")
+    placed = tuple(
+        replace(wraps[name], pose=seats[wraps[name].body] @ wraps[name].pose) for name in wraps if name in used
+    )
+    markers = tuple(
+        replace(marker, location=seats[marker.body].apply(marker.location))
+        for marker in copy.markers
+        if marker.name not in model.marker_names
+    )
+    result = replace(
+        model,
+        muscles=(*model.muscles, *(_seated(muscle, seats) for muscle in new)),
+        wrap_objects=(*(item for item in model.wrap_objects if item.name not in used), *placed),
+        markers=(*model.markers, *markers),
+    )
+    return result, (f"{len(new)} muscles are the mirror images of the other side's", *_sides_differ(model, seats, new))
+
+
+def _naming_by_bodies(model: Model, side: OtherSide) -> OtherSide:
+    """The other side, with names for muscles and wrap objects that have no side but lie on bodies that do."""
+    ends: dict[tuple[str, str], str] = {}
+    for muscle in model.muscles:
+        sides = {split_side(point.body)[1] for point in muscle.path.points} - {""}
+        if len(sides) == 1 and side.named("muscles", muscle.name) == muscle.name:
+            end = "_l" if sides == {"right"} else "_r"
+            ends["muscles", muscle.name] = end
+            ends |= {("wraps", wrap.wrap_object): end for wrap in muscle.path.wraps}
+
+    def named(kind: str, name: str) -> str:
+        other = side.named(kind, name)
+        return other if other != name else name + ends.get((kind, name), "")
+
+    return replace(side, named=named)
+
+
+def _seats(model: Model, copy: Model) -> Mapping[str, Transform]:
+    """From each body of the mirrored model to the model's own body of that name."""
+    ours, theirs = (standing_poses(posed, dict.fromkeys(posed.coordinate_names, 0.0)) for posed in (model, copy))
+    return {name: ours[name].inverse() @ theirs[name] for name in ours if name in theirs}
+
+
+def _seated(muscle: Muscle, seats: Mapping[str, Transform]) -> Muscle:
+    points = tuple(_seated_point(point, seats[point.body]) for point in muscle.path.points)
+    tendon = tuple(
+        wrap if wrap.side is None else replace(wrap, side=seats[wrap.side_body].apply(wrap.side))
+        for wrap in muscle.path.wraps
+        if isinstance(wrap, TendonWrap)
+    )
+    return replace(muscle, path=replace(muscle.path, points=points, wraps=tendon or muscle.path.wraps))
+
+
+def _seated_point(point: PathPoint | MovingPathPoint, seat: Transform) -> PathPoint | MovingPathPoint:
+    if isinstance(point, PathPoint):
+        return replace(point, location=seat.apply(point.location))
+    if _away(seat) > SEATED:
+        raise BadModel(f"moving point '{point.name}': the frames of '{point.body}' are not mirrored in the skeleton")
+    return point
+
+
+def _away(seat: Transform) -> float:
+    return float(max(np.abs(seat.translation).max(), np.abs(seat.rotation - np.eye(3)).max()))
+
+
+def _sides_differ(model: Model, seats: Mapping[str, Transform], muscles: list[Muscle]) -> tuple[str, ...]:
+    """One line on bodies that lie elsewhere than the mirrored ones of the other side."""
+    used = dict.fromkeys(point.body for muscle in muscles for point in muscle.path.points)
+    away = {name: float(np.linalg.norm(seats[name].translation)) for name in used if _away(seats[name]) > SEATED}
+    if not away:
+        return ()
+    worst = max(away, key=lambda name: away[name])
+    return (
+        f"the skeleton's two sides differ: frames of {len(away)} bodies are not those of the other side mirrored, "
+        f"{worst} by {1e3 * away[worst]:.1f} mm; muscles lie where the mirror puts them",
+    )

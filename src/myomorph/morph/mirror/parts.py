@@ -14,7 +14,7 @@ from myomorph.model.paths import Bushing, MovingPathPoint, Muscle, PassiveTorque
 from myomorph.model.scale import slides_freely
 from myomorph.model.sides import other_side
 from myomorph.model.spatial import Transform
-from myomorph.morph.mirror.sides import SNAP, OtherSide, Reflection, backwards, flip, raised
+from myomorph.morph.mirror.sides import SNAP, OtherSide, Reflection, backwards, flip
 
 Part = TypeVar("Part", bound=Any)
 Tie = TypeVar("Tie", Loop, Bushing)
@@ -192,15 +192,13 @@ def _point(point: PathPoint | MovingPathPoint, side: OtherSide) -> Any:
         bounds = _turned(point.range) if side.signs.get(point.coordinate, 1.0) < 0.0 else point.range
         return replace(renamed, location=plane.points(point.location), range=bounds)
     if np.abs(plane.normal).max() < 1.0:
-        raise BadModel(
-            f"moving point '{point.name}' on body '{point.body}': the plane of symmetry is oblique in this body"
-        )
+        raise BadModel(f"moving point '{point.name}' on body '{point.body}': the plane of symmetry is oblique in it")
     index = plane.axis
     functions = [
         backwards(function, side.of((name,)) if name else (1.0,), -1.0 if i == index else 1.0)
         for i, (function, name) in enumerate(zip(point.functions, point.coordinates, strict=True))
     ]
-    functions[index] = raised(functions[index], 2.0 * plane.offset * float(plane.normal[index]))
+    functions[index] = functions[index].raised(2.0 * plane.offset * float(plane.normal[index]))
     return replace(renamed, functions=tuple(functions))
 
 

@@ -11,10 +11,11 @@ from numpy.typing import ArrayLike
 from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadModel, check_name
 from myomorph.model.frozen_map import FrozenMap
-from myomorph.model.functions import Function, PiecewisePolynomial
+from myomorph.model.functions import Function, PiecewisePolynomial, substituted
 from myomorph.model.model import GROUND, Model
 from myomorph.model.sides import mirror_names, other_side
 from myomorph.model.spatial import Transform
+from myomorph.morph.maps.linear import AffineMap
 from myomorph.rigid.kinematics import standing_poses
 
 SNAP = 1e-6  # A normal this near to an axis is that axis, a plane this near to the origin [m] goes through it.
@@ -38,6 +39,11 @@ class Reflection:
     def matrix(self) -> Array:
         """(3, 3) of vectors, its own inverse."""
         return np.eye(3) - 2.0 * np.outer(self.normal, self.normal)
+
+    @property
+    def affine(self) -> AffineMap:
+        """Of points, as a map."""
+        return AffineMap(self.matrix, 2.0 * self.offset * self.normal)
 
     @property
     def axis(self) -> int:
@@ -82,27 +88,8 @@ def backwards(function: Function, signs: tuple[float, ...], factor: float = 1.0)
         return replace(function, frequencies=function.frequencies * np.array(signs[: function.arity]))
     breaks, rows = function.breaks, function.coefficients
     starts = np.concatenate([breaks[-1:], breaks[:0:-1]])
-    return PiecewisePolynomial(
-        -starts,
-        np.array([_reversed(row, at - begin) for row, begin, at in zip(rows[::-1], breaks[::-1], starts, strict=True)]),
-    )
-
-
-def raised(function: Function, by: float) -> Function:
-    """The function f(x) + by."""
-    if by == 0.0:
-        return function
-    if not isinstance(function, PiecewisePolynomial):
-        return replace(function, offset=function.offset + by)
-    added = np.zeros(function.coefficients.shape[1])
-    added[0] = by
-    return replace(function, coefficients=function.coefficients + added)
-
-
-def _reversed(coefficients: Array, shift: float) -> Array:
-    """Coefficients of p(shift - x) for those of p(x)."""
-    turned = np.polynomial.Polynomial(coefficients)(np.polynomial.Polynomial([shift, -1.0])).coef
-    return np.pad(turned, (0, len(coefficients) - len(turned)))
+    pieces = zip(rows[::-1], breaks[::-1], starts, strict=True)
+    return PiecewisePolynomial(-starts, np.array([substituted(row, at - begin, -1.0) for row, begin, at in pieces]))
 
 
 AXES = {"x": 0, "y": 1, "z": 2}

@@ -77,9 +77,7 @@ def _fitted(body: str, landmarks: FeaturePoints, notes: list[str]) -> Similarity
         )
     left = f"{mm(points.rms)} remain of a spread of {mm(spread)}"
     if points.rms > NOT_ALIKE * spread:
-        raise BadData(
-            f"the landmarks of '{body}' do not fit: {left}; are they of another bone, or is one side's table another's?"
-        )
+        raise BadData(f"the landmarks of '{body}' do not fit: {left}; are they of another bone or side?")
     if points.rms > ODD * spread:
         notes.append(f"the landmarks of '{body}' fit badly: {left}")
     notes += [f"landmarks of '{body}': {line}" for line in points.notes]
@@ -103,8 +101,7 @@ def _check_unit_on(body: str, side: str, points: Array, surface: Surface) -> Non
     unit, factor = min(UNITS[:2], key=lambda unit: off(unit[1]))
     if off(factor) <= OFF and (len(points) == 1 or _spread(points) > LIKE * length):
         raise BadData(
-            f"the {side} landmarks of '{body}' lie {off(1.0) * length:.3g} m from its bone, and on it when divided by "
-            f"{factor:g}: are they in {unit}? Give meters"
+            f"the {side} landmarks of '{body}' fit its bone when divided by {factor:g}: are they in {unit}? Give meters"
         )
     raise BadData(
         f"the {side} landmarks of '{body}' lie {off(1.0) * length:.3g} m from its bone, which is {length:.3g} m long: "
@@ -139,9 +136,7 @@ def _check_order(body: str, landmarks: FeaturePoints, enough: float, rms: float)
             best, order = left, other
     if best < enough:
         wrong = np.flatnonzero(order != np.arange(len(order))).tolist()
-        listed = ", ".join(
-            f"'{landmarks.names[index]}' where '{landmarks.names[order[index]]}' is" for index in wrong[:4]
-        )
+        listed = ", ".join(f"'{landmarks.names[row]}' where '{landmarks.names[order[row]]}' is" for row in wrong[:4])
         raise BadData(
             f"the landmarks of '{body}' are in another order on the target: with {len(wrong)} of {len(order)} "
             f"interchanged they fit within {mm(best)} instead of {mm(rms)} ({listed}{', ...' if wrong[4:] else ''})"
@@ -294,10 +289,7 @@ def repaired_bone(surface: Surface, what: str, notes: list[str]) -> Surface:
     border = border_of(faces)
     if len(border):
         around = float(np.linalg.norm(vertices[border[:, 0]] - vertices[border[:, 1]], axis=1).sum())
-        notes.append(
-            f"{what} is open: {len(border)} edges, {mm(around)} in all, have a triangle on one side only; "
-            "points are put on what is there"
-        )
+        notes.append(f"{what} is open: {len(border)} edges, {mm(around)} in all, have a triangle on one side only")
     if len(notes) == before:
         return surface
     return used_part(vertices, faces)
@@ -364,14 +356,10 @@ def _check_size(body: str, target: Surface, source: Surface | None) -> None:
         return
     unit, factor = min(UNITS, key=lambda unit: abs(np.log(length / unit[1] / expected)))
     if 1.0 / LIKE < length / factor / expected < LIKE:
-        remedy = (
-            f"as if in {unit}: divide its coordinates by {factor:g} to give meters, or tell the file's unit (--unit)"
-        )
+        remedy = f"as if in {unit}: divide coordinates by {factor:g} to give meters, or tell the unit (--unit)"
     else:
         remedy = "give it in meters; is it another bone, or another species?"
-    raise BadData(
-        f"the bone of '{body}' is {length:.4g} long, and the source's bone is {expected:.3g} m long: {remedy}"
-    )
+    raise BadData(f"the bone of '{body}' is {length:.4g} long, and the source's {expected:.3g} m: {remedy}")
 
 
 def _registered(source: Surface, target: Surface, start: Similarity | None = None) -> tuple[Similarity, float]:

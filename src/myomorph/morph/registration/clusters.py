@@ -7,16 +7,15 @@ from dataclasses import replace
 from itertools import permutations
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.model import Body, Marker, Model
 from myomorph.model.scale import scale
-from myomorph.model.surface import Surface, body_meshes, face_crosses, joined_surfaces, used_part
-from myomorph.morph.maps.linear import PointFit, fit_points
+from myomorph.model.spatial import spread_directions
+from myomorph.model.surface import Surface, body_meshes, connected, edges_of, face_crosses, joined_surfaces, used_part
+from myomorph.morph.maps.linear import fit_points
 from myomorph.morph.registration.rigid import SurfaceFit, SurfaceOptions, register_surface
 
 ROBUST = 1.345  # Huber's tuning constant: residuals beyond so many standard deviations weigh less.
@@ -47,17 +46,9 @@ class Ball:
 def surface_parts(surface: Surface) -> list[Surface]:
     """The connected parts of a surface, the largest first; corners that lie on each other count as one."""
     _, same = np.unique(np.round(surface.vertices, 7), axis=0, return_inverse=True)
-    same = same.reshape(-1)
-    faces = same[surface.faces]
-    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]]])
-    count = int(same.max()) + 1
-    graph = coo_matrix((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(count, count))
-    label = connected_components(graph, directed=False)[1][faces[:, 0]]
-    parts = []
-    for number in np.argsort(-np.bincount(label)):
-        chosen = surface.faces[label == number]
-        parts.append(used_part(surface.vertices, chosen))
-    return parts
+    faces = same.reshape(-1)[surface.faces]
+    label = connected(int(same.max()) + 1, edges_of(faces))[faces[:, 0]]
+    return [used_part(surface.vertices, surface.faces[label == part]) for part in np.argsort(-np.bincount(label))]
 
 
 def fit_ball(points: Array, radius: float | None = None) -> Ball:
@@ -91,11 +82,7 @@ def _covered(away: Array, left: Array, radius: float) -> float:
     on = away[left < 0.2 * radius]
     if not len(on):
         return 0.0
-    step = np.arange(200) + 0.5
-    height, turn = 1.0 - 2.0 * step / 200, np.pi * (1.0 + np.sqrt(5.0)) * step
-    flat = np.sqrt(1.0 - height**2)
-    around = np.column_stack((flat * np.cos(turn), flat * np.sin(turn), height))
-    nearest = cKDTree(on / np.linalg.norm(on, axis=1)[:, None]).query(around)[0]
+    nearest = cKDTree(on / np.linalg.norm(on, axis=1)[:, None]).query(spread_directions(200))[0]
     return float(np.mean(nearest < 0.3))
 
 
@@ -271,7 +258,6 @@ class ScannedBone:
 
     body: str  # of the model
     fit: SurfaceFit  # of the surfaces, from the CT's frame to the body's
-    picks: PointFit | None  # of the points that it started from, or None
     markers: Mapping[str, Array]  # (3,) by name in the CT's frame [m]
     notes: tuple[str, ...] = ()  # what looks wrong, one line each
 
@@ -302,7 +288,7 @@ def place_scanned_bone(
     first. `markers`: (3,) by name in the CT's frame [m].
     """
     options = options or SurfaceOptions()
-    start, fitted, notes = None, None, []
+    start, notes = None, []
     if picks is not None:
         fitted = fit_points(picks.names, picks.scanned, picks.modelled, options.scale and len(picks.names) > 3)
         notes = [f"{body}: {line}" for line in fitted.notes]
@@ -320,7 +306,7 @@ def place_scanned_bone(
     notes += [f"{body}: {line}" for line in fit.notes]
     notes += _warnings(body, fit, scanned, markers)
     frozen = {name: frozen_array(place, (3,)) for name, place in markers.items()}
-    return ScannedBone(body, fit, fitted, frozen, tuple(notes))
+    return ScannedBone(body, fit, frozen, tuple(notes))
 
 
 def _warnings(body: str, fit: SurfaceFit, scanned: Surface, markers: Mapping[str, Array]) -> list[str]:
@@ -340,12 +326,10 @@ def _warnings(body: str, fit: SurfaceFit, scanned: Surface, markers: Mapping[str
 def place_cluster_markers(
     model: Model,
     bones: Sequence[ScannedBone],
-    resize: bool = True,
     path_lengths: Callable[[Model], Array] | None = None,
 ) -> Model:
-    """The model with the markers of CT clusters fixed to its bones. `resize`: give every body the size of its scanned
-    bone (see `scale`), so that the markers keep their place on it exactly; otherwise the bones stay, and each
-    cluster keeps its own size with its middle where the fit puts it; `path_lengths`: see `scale`.
+    """The model with the markers of CT clusters fixed to its bones. Every body gets the size of its scanned bone (see
+    `scale`), so that the markers keep their place on it exactly; `path_lengths`: see `scale`.
     """
     names = [bone.body for bone in bones]
     if len(set(names)) != len(names):
@@ -353,23 +337,15 @@ def place_cluster_markers(
         raise BadData(f"two scanned bones are for body '{twice}'")
     for name in names:
         model.body(name)
-    if resize:
-        factors = {bone.body: np.full(3, 1.0 / bone.scale) for bone in bones}
-        model = scale(model, factors, path_lengths=path_lengths)
+    factors = {bone.body: np.full(3, 1.0 / bone.scale) for bone in bones}
+    model = scale(model, factors, path_lengths=path_lengths)
     placed = [
-        Marker(name, bone.body, _on_body(bone, place, resize)) for bone in bones for name, place in bone.markers.items()
+        Marker(name, bone.body, bone.fit.similarity.rigid.apply(place))
+        for bone in bones
+        for name, place in bone.markers.items()
     ]
     new = {marker.name for marker in placed}
     if len(new) != len(placed):
         raise BadData("two clusters hold a marker of one name: marker names are unique over all bones")
     kept = tuple(marker for marker in model.markers if marker.name not in new)
     return replace(model, markers=(*kept, *placed))
-
-
-def _on_body(bone: ScannedBone, place: Array, resize: bool) -> Array:
-    """Place (3,) of a marker in the body's frame [m]."""
-    similarity = bone.fit.similarity
-    if resize:
-        return similarity.rigid.apply(place)
-    middle = np.mean(list(bone.markers.values()), axis=0)
-    return similarity.apply(middle) + similarity.rotation @ (place - middle)

@@ -15,7 +15,7 @@ from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.surface import Surface
 from myomorph.morph.maps.fields import FeaturePoints
 from myomorph.morph.maps.linear import AffineMap, Similarity
-from myomorph.morph.registration.affine import lay_affinely
+from myomorph.morph.registration.affine import lay_affinely, unit
 from myomorph.morph.registration.alignment import align_bones, mirrored_share
 from myomorph.morph.registration.smooth import (
     FACING,
@@ -114,8 +114,7 @@ def vertex_normals(shape: Shape) -> Array:
     normals = np.zeros_like(shape.vertices)
     for corner in shape.faces.T:
         np.add.at(normals, corner, shape.areas[:, None] * shape.normals)
-    sizes = np.linalg.norm(normals, axis=1, keepdims=True)
-    return normals / np.where(sizes > 0, sizes, 1.0)
+    return unit(normals)
 
 
 def _quantiles(values: Array, weights: Array, shares: tuple[float, ...]) -> tuple[float, ...]:

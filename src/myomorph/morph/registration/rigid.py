@@ -6,7 +6,7 @@ Besl and McKay 1992, Chen and Medioni 1992 (point to plane), Chetverikov et al. 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -20,7 +20,6 @@ from myomorph.morph.maps.fields import BoneMap, neighbors_of
 from myomorph.morph.maps.linear import Similarity
 from myomorph.morph.shapes.surface_points import Samples, Shape
 
-PATCH = 1e-4  # Area over which errors of two surfaces go together, for standard deviations [m^2].
 OTHER_SIDE = 0.9  # Share of the residual that the mirrored source leaves, below which the side is doubted.
 BEYOND = 3.0  # Of a part, the target's points count up to so many times the furthest of the source's that count.
 FACING = 0.7
@@ -61,9 +60,6 @@ class SurfaceFit:
     similarity: Similarity  # from the source's frame to the target's
     distances: Array  # (vertices,) of the source's vertices to the target, positive outside: the residual map [m]
     kept: np.ndarray  # (vertices,) which are among the share that counts
-    # (7, 7) of rotation vector [rad], translation of the source's middle [m] and logarithm of scale, in the target's
-    # frame, as if errors were independent from square centimetre to square centimetre
-    covariance: Array
     converged: bool  # whether the last step was small
     notes: tuple[str, ...] = ()  # what looks wrong, one line each
 
@@ -107,7 +103,6 @@ def register_surface(
         similarity=fit.similarity,
         distances=frozen_array(apart),
         kept=kept,
-        covariance=frozen_array(_covariance(fit, ours.area)),
         converged=fit.converged,
         notes=tuple(notes),
     )
@@ -119,9 +114,7 @@ class RoughFit:
 
     similarity: Similarity  # from the source's frame to the target's
     rms: float  # root mean square distance that it leaves [m]
-    converged: bool = False  # whether the last step was small
-    # (pairs, unknowns) of the distances, by the last step
-    slopes: Array = field(default_factory=lambda: np.zeros((1, 6)))
+    converged: bool  # whether the last step was small
 
 
 class _Pairs(NamedTuple):
@@ -153,7 +146,7 @@ class _Fitting:
     def iterated(self, start: Similarity, iterations: int) -> RoughFit:
         """From a start until it settles."""
         rotation, translation, size = np.array(start.rotation), np.array(start.translation), start.scale
-        converged, rms, slopes = False, np.inf, np.zeros((1, self.count))
+        converged, rms = False, np.inf
         units = np.concatenate([np.full(3, 1.0 / self.radius), np.ones(3), [1.0 / self.radius]])[: self.count]
         for _ in range(iterations):
             pairs = self.pairs(rotation, translation, size)
@@ -174,7 +167,7 @@ class _Fitting:
             if moved < (1.0 if self.fine else 10.0) * max(SETTLED[0], SETTLED[1] * rms):
                 converged = True
                 break
-        return RoughFit(Similarity(rotation, translation, size), rms, converged, slopes)
+        return RoughFit(Similarity(rotation, translation, size), rms, converged)
 
     def pairs(self, rotation: Array, translation: Array, size: float) -> _Pairs:
         """Pairs that count: from the source's points to the target, and from the target's points to the source."""
@@ -220,9 +213,7 @@ def _few_fits(shape: Shape, goal: Shape, options: SurfaceOptions) -> list[RoughF
 
 def _starts(shape: Shape, goal: Shape, turns: int) -> list[Similarity]:
     """Long axis on long axis, either way, turned about it, and shifted along it for a bone that is cut off."""
-    (middle, axes, long), (goal_middle, goal_axes, goal_long) = (
-        _axes(surface.samples(2000)) for surface in (shape, goal)
-    )
+    (middle, axes, long), (goal_middle, goal_axes, goal_long) = (_axes(mesh.samples(2000)) for mesh in (shape, goal))
     shift = max(0.0, 0.5 * (goal_long - long))
     shifts = (0.0,) if shift < 0.05 * goal_long else (-shift, 0.0, shift)
     starts = []
@@ -243,21 +234,6 @@ def _axes(samples: Samples) -> tuple[Array, Array, float]:
     axes = rows.T * np.array([1.0, 1.0, np.sign(np.linalg.det(rows))])
     along = (samples.points - middle) @ axes[:, 0]
     return middle, axes, float(np.ptp(along))
-
-
-def _covariance(rough_fit: RoughFit, area: float) -> Array:
-    """Covariance (7, 7) of a step from the solution, zero for a scale that was not looked for."""
-    rows, count = rough_fit.slopes.shape
-    independent = max(area / PATCH, count + 1.0)
-    radius = np.sqrt(area) * rough_fit.similarity.scale
-    units = np.concatenate([np.full(3, radius), np.ones(3), [radius]])[:count]
-    information = (rough_fit.slopes / units).T @ (rough_fit.slopes / units) * (independent / rows)
-    # A direction that the shape does not show at all keeps a large variance instead of none.
-    information += 1e-9 * np.trace(information) * np.eye(count)
-    result = np.zeros((7, 7))
-    variance = (rough_fit.rms * rough_fit.similarity.scale) ** 2 * np.linalg.inv(information)
-    result[:count, :count] = variance / np.outer(units, units)
-    return result
 
 
 def start_by_neighbors(

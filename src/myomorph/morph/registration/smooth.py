@@ -223,9 +223,7 @@ class _Moving:
         """Take the functions of a basis at the points, and their differences along the surface."""
         points = self.samples.points
         self.rows = basis(points)
-        self.slopes = tuple(
-            basis(points + TILT * direction) - basis(points - TILT * direction) for direction in self.along
-        )
+        self.slopes = tuple(basis(points + TILT * axis) - basis(points - TILT * axis) for axis in self.along)
 
     def at(self, coefficients: Array) -> Samples:
         """Where they are."""

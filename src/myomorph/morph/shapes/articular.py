@@ -13,12 +13,10 @@ from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
-from myomorph.model.surface import Surface, face_crosses, used_part
+from myomorph.model.surface import Surface, connected, edges_of, face_crosses, used_part
 from myomorph.morph.shapes.quadrics import CylinderFit, SphereFit, fit_cylinder, fit_sphere
 
 FACING = 0.82  # Cosine of the angle to the radius (35 degrees) up to which a vertex may belong to a round region.
@@ -44,8 +42,7 @@ class Corners:
             np.add.at(normals, faces[:, index], crossed)
             np.add.at(areas, faces[:, index], np.linalg.norm(crossed, axis=1) / 6.0)
         normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-30)[:, None]
-        edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-        return Corners(points, normals, areas, edges)._where(areas > 0)
+        return Corners(points, normals, areas, edges_of(faces))._where(areas > 0)
 
     def _where(self, kept: np.ndarray) -> Corners:
         number = np.cumsum(kept) - 1
@@ -61,12 +58,8 @@ class Corners:
         """So many of them or fewer, in a random order in which large areas come first, without edges."""
         order = np.argsort(np.random.default_rng(0).random(len(self.points)) / self.areas)[:count]
         areas = self.areas[order]
-        return Corners(
-            self.points[order],
-            self.normals[order],
-            areas * (self.areas.sum() / areas.sum()),
-            np.zeros((0, 2), np.int64),
-        )
+        whole = areas * (self.areas.sum() / areas.sum())
+        return Corners(self.points[order], self.normals[order], whole, np.zeros((0, 2), np.int64))
 
     def around(self, away: Array, radius: float, shell: float, hollow: bool) -> np.ndarray:
         """Which face along the radius within a share of it, where `away` (n, 3) is from the center or the axis."""
@@ -82,9 +75,7 @@ class Corners:
         if inside is not None:
             chosen &= inside
         edges = self.edges[chosen[self.edges].all(axis=1)]
-        count = len(self.points)
-        graph = coo_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(count, count))
-        label = connected_components(graph, directed=False)[1]
+        label = connected(len(self.points), edges)
         sizes = np.bincount(label, weights=np.where(chosen, self.areas, 0.0))
         return chosen & np.isin(label, np.argsort(-sizes)[:pieces])
 
@@ -149,9 +140,7 @@ def articular_cylinder(
         if apart > radius:
             reason = reason or f"its axis lies {mm(apart)} away, past its radius"
         elif abs(fit.axis @ line) < LEANING:
-            reason = (
-                reason or f"its axis leans {np.degrees(np.arccos(abs(fit.axis @ line))):.0f} degrees from the one given"
-            )
+            reason = reason or f"its axis is {np.degrees(np.arccos(abs(fit.axis @ line))):.0f} degrees off the given"
         elif not 1.0 / GROWTH < fit.radius / radius < GROWTH:
             reason = reason or f"its radius is {mm(fit.radius)}, but {mm(radius)} was expected"
         else:

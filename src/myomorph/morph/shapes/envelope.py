@@ -18,7 +18,7 @@ from myomorph.model.errors import BadData, check_name, from_extra
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.series import DEFAULT_POSE, Motion
-from myomorph.model.surface import Surface, face_crosses, signed_volume
+from myomorph.model.surface import Surface, hull_faces, signed_volume
 from myomorph.morph.shapes.surface_points import Boxes
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
@@ -232,10 +232,7 @@ def _fields(
 def _outside(corners: Array, points: Array) -> Array:
     """Distances of points (n, 3) from the convex hull of corners, 0 inside [m]."""
     hull = ConvexHull(corners)
-    vertices, faces = np.array(hull.points), np.array(hull.simplices, dtype=np.int64)
-    inward = np.einsum("fi,fi->f", face_crosses(vertices, faces), hull.equations[:, :3]) < 0.0
-    faces[inward] = faces[inward][:, ::-1]
-    boxes, result = Boxes(vertices, faces), np.zeros(len(points))
+    boxes, result = Boxes(np.array(hull.points), hull_faces(hull).astype(np.int64)), np.zeros(len(points))
     away = ~boxes.holds(points)
     result[away] = np.sqrt(boxes.nearest(points[away])[0])
     return result
@@ -252,8 +249,7 @@ def _level(values: Array, grid: Grid, volume: float) -> float:
         )
     if count > len(known) or known[count - 1] > WIDEST:
         raise BadData(
-            f"mass and density need more than {WIDEST:g} times the usual soft tissue around these bones: is the mass "
-            "that of this skeleton?"
+            f"mass and density need over {WIDEST:g} times the usual soft tissue: is the mass this skeleton's?"
         )
     return float(known[count - 1])
 

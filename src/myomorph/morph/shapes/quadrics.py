@@ -2,8 +2,7 @@
 
 The distance of a point from a sphere is d = |x - c| - r, from a cylinder d = |(1 - u u^T)(x - p)| - r. Gauss-Newton on
 the sum of rho(d) with Tukey's rho, whose width follows the median of |d| (Beaton and Tukey 1974). The start of a sphere
-is where the normals' lines meet, or the linear problem |x|^2 = 2 c.x + k; that of a cylinder the latter across an axis,
-which is given, or from which the normals stand off most.
+is where the normals' lines meet, that of a cylinder the linear problem |x|^2 = 2 c.x + k across an axis that is given.
 """
 
 from __future__ import annotations
@@ -34,10 +33,9 @@ class SphereFit:
     coverage: float  # share of the sphere in whose directions there are points, 0 to 1
     covariance: Array  # (3, 3) of the center, a patch `TOGETHER` of the radius wide taken as one observation [m^2]
     count: int  # of points that count
-    hollow: bool = False  # the surface looks towards the center, as a socket's does
-    # how much the normals turn where they turn least, over what they do on the sphere: 1 on a sphere, 0 along a shaft;
-    # NaN without normals
-    bent: float = float("nan")
+    hollow: bool  # the surface looks towards the center, as a socket's does
+    # how much the normals turn where they turn least, over what they do on the sphere: 1 on a sphere, 0 along a shaft
+    bent: float
 
     @property
     def deviation(self) -> float:
@@ -56,15 +54,13 @@ class CylinderFit:
     rms: float  # of the distances of the points that count [m]
     coverage: float  # share of the turn about the axis in which there are points, 0 to 1
     deviation: float  # standard deviation of the axis's place in the worst direction [m]
-    tilt: float  # standard deviation of its direction in the worst direction [rad]
     count: int  # of points that count
-    hollow: bool = False  # the surface looks towards the axis
+    hollow: bool  # the surface looks towards the axis
 
 
-def fit_sphere(points: ArrayLike, normals: ArrayLike | None = None, weights: ArrayLike | None = None) -> SphereFit:
-    """The sphere nearest to points. `points`: (n, 3) [m]; `normals`: (n, 3) outward; start the center, which little of
-    a sphere needs, and tell a head from a socket; `weights`: (n,) area that each point stands for [m^2], from which
-    the coverage follows; without them points count alike, and the coverage is that of cells of directions.
+def fit_sphere(points: ArrayLike, normals: ArrayLike, weights: ArrayLike) -> SphereFit:
+    """The sphere nearest to points. `points`: (n, 3) [m]; `normals`: (n, 3) outward: they start the center, which
+    little of a sphere needs, and tell a head from a socket; `weights`: (n,) area that each point stands for [m^2].
     """
     x, share, middle, size = _scaled(points, weights, 4, "sphere")
     center, radius = _sphere_start(x, normals, share)
@@ -82,10 +78,7 @@ def fit_sphere(points: ArrayLike, normals: ArrayLike | None = None, weights: Arr
             break
     kept = counts > 0
     rms = float(np.sqrt(np.average(apart**2, weights=counts)))
-    if weights is None:
-        coverage = _coverage_of_sphere(direction[kept])
-    else:
-        coverage = float(np.sum(np.asarray(weights)[kept]) / (4.0 * np.pi * (size * radius) ** 2))
+    coverage = float(np.sum(np.asarray(weights)[kept]) / (4.0 * np.pi * (size * radius) ** 2))
     spread = _covariance(slopes, counts, rms, 4.0 * np.pi * coverage / TOGETHER**2)
     return SphereFit(
         center=frozen_array(middle + size * center),
@@ -99,24 +92,14 @@ def fit_sphere(points: ArrayLike, normals: ArrayLike | None = None, weights: Arr
     )
 
 
-def fit_cylinder(
-    points: ArrayLike, normals: ArrayLike | None = None, weights: ArrayLike | None = None, axis: ArrayLike | None = None
-) -> CylinderFit:
-    """The cylinder nearest to points (n, 3) [m]. Normals start the axis where none is given, and tell a shaft from a
-    hole; without either the principal axes are tried, and the best is taken. `weights`: area of each point.
+def fit_cylinder(points: ArrayLike, normals: ArrayLike, weights: ArrayLike, axis: ArrayLike) -> CylinderFit:
+    """The cylinder nearest to points (n, 3) [m]. `normals`: (n, 3) outward, tell a shaft from a hole; `weights`: area
+    of each point; `axis`: (3,) along which its axis is, about.
     """
     x, share, middle, size = _scaled(points, weights, 6, "cylinder")
-    if axis is not None:
-        starts = [np.asarray(axis, dtype=np.float64) / np.linalg.norm(axis)]
-    elif normals is not None:
-        looks = np.asarray(normals, dtype=np.float64)
-        starts = [np.linalg.eigh((share[:, None] * looks).T @ looks)[1][:, 0]]
-    else:
-        starts = list(np.linalg.svd(x, full_matrices=False)[2])
-    fits = [one for start in starts if (one := _cylinder_from(x, share, start)) is not None]
-    if not fits:
-        raise BadData("the points do not determine a cylinder: give more of its turn, or an axis to start from")
-    best = min(fits, key=lambda cylinder: cylinder.rms)
+    best = _cylinder_from(x, share, np.asarray(axis, dtype=np.float64) / np.linalg.norm(axis))
+    if best is None:
+        raise BadData("the points do not determine a cylinder: give more of its turn")
     along = x @ best.axis
     kept = best.counts > 0
     ends = along[kept].min(), along[kept].max()
@@ -132,18 +115,13 @@ def fit_cylinder(
         rms=size * best.rms,
         coverage=coverage,
         deviation=size * float(np.sqrt(np.linalg.eigvalsh(spread[:2, :2])[-1])),
-        tilt=float(np.sqrt(np.linalg.eigvalsh(spread[2:4, 2:4])[-1])),
         count=int(kept.sum()),
         hollow=_looks_inward(best.direction, normals, best.counts),
     )
 
 
-def _sphere_start(x: Array, normals: ArrayLike | None, share: Array) -> tuple[Array, float]:
-    """Where the lines along the normals come nearest to each other; without normals, the algebraic sphere."""
-    if normals is None:
-        slopes = np.hstack([2.0 * x, np.ones((len(x), 1))])
-        solution = _solved(slopes, np.sum(x**2, axis=1), share, "sphere")
-        return solution[:3], float(np.sqrt(max(solution[3] + solution[:3] @ solution[:3], 1e-12)))
+def _sphere_start(x: Array, normals: ArrayLike, share: Array) -> tuple[Array, float]:
+    """Where the lines along the normals come nearest to each other."""
     looks = np.asarray(normals, dtype=np.float64)
     gaps = np.eye(3) - looks[:, :, None] * looks[:, None, :]
     center = _solved(gaps.reshape(-1, 3), np.einsum("ijk,ik->ij", gaps, x).reshape(-1), np.repeat(share, 3), "sphere")
@@ -195,12 +173,12 @@ def _cylinder_from(x: Array, share: Array, axis: Array) -> _Cylinder | None:
     return _Cylinder(point, axis, radius, rms, counts, direction, slopes) if radius > 0 else None
 
 
-def _scaled(points: ArrayLike, weights: ArrayLike | None, least: int, what: str) -> tuple[Array, Array, Array, float]:
+def _scaled(points: ArrayLike, weights: ArrayLike, least: int, what: str) -> tuple[Array, Array, Array, float]:
     """Points about their middle in units of their spread, shares that sum to 1, the middle and the spread."""
     x = np.asarray(points, dtype=np.float64)
     if x.ndim != 2 or x.shape[1] != 3 or len(x) < least:
         raise BadData(f"a {what} needs {least} points (n, 3) or more, but got {x.shape}")
-    share = np.ones(len(x)) if weights is None else np.asarray(weights, dtype=np.float64)
+    share = np.asarray(weights, dtype=np.float64)
     if not np.isfinite(x).all() or share.shape != (len(x),) or not share.sum() > 0 or share.min() < 0:
         raise BadData(f"a {what} needs finite points, and weights that are not negative")
     share = share / share.sum()
@@ -239,16 +217,12 @@ def _covariance(slopes: Array, weights: Array, rms: float, observations: float) 
     return rms**2 / max(observations, 1.0) * np.linalg.inv(information)
 
 
-def _looks_inward(direction: Array, normals: ArrayLike | None, weights: Array) -> bool:
-    if normals is None:
-        return False
+def _looks_inward(direction: Array, normals: ArrayLike, weights: Array) -> bool:
     return bool(weights @ np.einsum("ij,ij->i", direction, np.asarray(normals, dtype=np.float64)) < 0)
 
 
-def _bent(points: Array, normals: ArrayLike | None, weights: Array) -> float:
+def _bent(points: Array, normals: ArrayLike, weights: Array) -> float:
     """Least eigenvalue of the linear map from places, in radii, to normals."""
-    if normals is None:
-        return float("nan")
     share = weights / weights.sum()
     x, n = points - share @ points, np.asarray(normals, dtype=np.float64)
     moments = (share[:, None] * x).T @ x
@@ -262,16 +236,6 @@ def _across(axis: Array) -> Array:
     first = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
     first = first / np.linalg.norm(first)
     return np.stack([first, np.cross(axis, first)], axis=1)
-
-
-def _coverage_of_sphere(direction: Array) -> float:
-    """Share of the cells of a Fibonacci lattice that hold a direction."""
-    count = int(np.clip(len(direction) // CELLS, 8, 400))
-    step = np.arange(count) + 0.5
-    height, angle = 1.0 - 2.0 * step / count, np.pi * (1.0 + np.sqrt(5.0)) * step
-    level = np.sqrt(1.0 - height**2)
-    cells = np.stack([level * np.cos(angle), level * np.sin(angle), height], axis=1)
-    return len(np.unique(np.argmax(direction @ cells.T, axis=1))) / count
 
 
 def _coverage_of_turn(direction: Array, axis: Array) -> float:

@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData, from_extra
-from myomorph.model.surface import Surface, face_crosses, signed_volume
+from myomorph.model.surface import Surface, edges_of, face_crosses, signed_volume
 
 SPREAD = 4000  # Samples among which a rough nearest point is looked for.
 DENSE = 20_000  # Samples among which one that faces a given way is looked for.
@@ -75,7 +75,7 @@ class Shape:
         """(faces,) whether a face touches an open edge; equal corners count as one."""
         _, same = np.unique(np.round(self.vertices, 7), axis=0, return_inverse=True)
         faces = same.reshape(-1)[self.faces]
-        edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
+        edges = np.sort(edges_of(faces), axis=1)
         edges = edges[edges[:, 0] != edges[:, 1]]
         unique, counts = np.unique(edges, axis=0, return_counts=True)
         open_corners = np.zeros(int(same.max()) + 1, dtype=bool)

@@ -111,9 +111,7 @@ class Ray:
     def __post_init__(self) -> None:
         both = set(self.extensors) & set(self.flexors)
         if both or not (self.extensors or self.flexors):
-            raise BadData(
-                f"ray {self.toe}: expected extensors or flexors, none of them both: {', '.join(sorted(both))}"
-            )
+            raise BadData(f"ray {self.toe}: expected extensors or flexors, none both: {', '.join(sorted(both))}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,8 +200,7 @@ class SpeciesTable:
         twice = next((body for body in named if named.count(body) > 1), "")
         if twice:
             raise BadData(
-                f"species table '{self.name}': body '{twice}' of the source becomes two bones: use one entry "
-                "with several targets"
+                f"species table '{self.name}': '{twice}' becomes two bones: use one entry with several targets"
             )
 
     def frames(self, bone: BoneHomology) -> tuple[AnatomicalFrame, AnatomicalFrame]:
@@ -267,7 +264,9 @@ def _placed(
         bone,
         body=body,
         target_body=target_body,
-        map=PlacedMap(before, bone.map, AffineMap(after.rotation, after.translation)),
+        map=PlacedMap(
+            AffineMap(before.rotation, before.translation), bone.map, AffineMap(after.rotation, after.translation)
+        ),
         whole=Similarity(after.rotation @ whole.rotation @ before.rotation, origin, whole.scale),
         source=None if bone.source is None else Surface(back.apply(bone.source.vertices), bone.source.faces),
         target=None if bone.target is None else Surface(after.apply(bone.target.vertices), bone.target.faces),

@@ -7,12 +7,10 @@ from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
-from myomorph.model.surface import Surface, face_crosses
+from myomorph.model.surface import Surface, connected, edges_of, face_crosses
 from myomorph.morph.species.counterparts import DIRECTIONS, AnatomicalFrame, LandmarkRule
 
 MIDDLE = 0.1  # A part straddles the midline where its middle lies within this share of its width from it.
@@ -68,12 +66,7 @@ def _area(surface: Surface) -> Array:
 def _connected(surface: Surface, faces: Ints) -> Ints:
     """Number of the connected part of every vertex; vertices at one place are one."""
     _, place = np.unique(surface.vertices, axis=0, return_inverse=True)
-    corners = place.reshape(-1)[faces]
-    rows = np.concatenate([corners[:, 0], corners[:, 1]])
-    columns = np.concatenate([corners[:, 1], corners[:, 2]])
-    count = int(place.max()) + 1
-    graph = coo_matrix((np.ones(len(rows)), (rows, columns)), shape=(count, count))
-    return connected_components(graph, directed=False)[1][place.reshape(-1)]
+    return connected(int(place.max()) + 1, edges_of(place.reshape(-1)[faces]))[place.reshape(-1)]
 
 
 def landmarks_by_rules(
@@ -92,9 +85,7 @@ def landmarks_by_rules(
         if rule.rule == "joint":
             name = rule.source_joint if of_source else rule.target_joint
             if name not in joints:
-                raise BadData(
-                    f"landmark '{rule.name}': no joint of '{name}': there are those of {', '.join(sorted(joints))}"
-                )
+                raise BadData(f"landmark '{rule.name}': no joint of '{name}': there are {', '.join(sorted(joints))}")
             landmarks[rule.name] = np.asarray(joints[name], dtype=np.float64)
     parts = Parts(surface, frame, next(iter(landmarks.values()), None), half)
     notes = []

@@ -11,10 +11,9 @@ import numpy as np
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
-from myomorph.model.spatial import Transform
 from myomorph.model.surface import Surface
 from myomorph.morph.checks.moment_arms import CoordinateTable
-from myomorph.morph.maps.fields import BoneMap, FeaturePoints, MapOptions, PlacedMap, fit_map
+from myomorph.morph.maps.fields import STAYS, BoneMap, FeaturePoints, MapOptions, PlacedMap, fit_map
 from myomorph.morph.maps.linear import AffineMap, fit_affine, procrustes
 from myomorph.morph.morphed import Morph, MorphOptions, TransferredPoint
 from myomorph.morph.registration.map_bone import map_bone
@@ -172,7 +171,7 @@ def _stretched(bone: BoneMap, source: Surface, target: Surface, back: AffineMap)
     marks = replace(marks, target=back.apply(marks.target), radii=radii)
     return replace(
         bone,
-        map=PlacedMap(Transform.identity(), bone.map, back),
+        map=PlacedMap(STAYS, bone.map, back),
         whole=procrustes(marks.source, marks.target, True, marks.weights),
         source=source,
         target=target,
@@ -279,9 +278,7 @@ def joint_distances(
         joints = posed.joints(getattr(bone, f"{whose}s")[0])
         ends = [joints[getattr(rule, f"{whose}_joint")] for rule in bone.landmarks if rule.rule == "joint"]
         if len(ends) < 2:
-            raise BadData(
-                f"species table '{table.name}': the landmarks of '{body}' have no two joints to measure it by"
-            )
+            raise BadData(f"species table '{table.name}': the landmarks of '{body}' lack two joints to measure it by")
         total += float(np.linalg.norm(ends[1] - ends[0]))
     return total
 

@@ -49,9 +49,7 @@ def with_segment_shares(
     others = sum(body.mass for body in model.bodies if body.name not in factors)
     left = 1.0 - sum(share.share for share in shares)
     if left <= 0.0 or (shares and others <= 0.0):
-        raise BadData(
-            f"segments have {100.0 * (1.0 - left):.3g} % of the mass, and nothing is left for the other bodies"
-        )
+        raise BadData(f"segments have {100.0 * (1.0 - left):.3g} % of the mass, nothing is left for other bodies")
     rest = left * total / others
     bodies = tuple(
         replace(body, mass=body.mass * factor, inertia=body.inertia * factor)
@@ -145,9 +143,7 @@ def with_markers_of(model: Model, tables: tuple[MarkerTable, ...], name: str) ->
     coordinates = []
     locked = 0
     for coordinate in model.coordinates:
-        still = coordinate.name not in root and not any(
-            fnmatchcase(coordinate.name, pattern) for pattern in table.moving
-        )
+        still = coordinate.name not in root and not any(fnmatchcase(coordinate.name, glob) for glob in table.moving)
         locked += still and not coordinate.locked
         default = (table.start or {}).get(coordinate.name, coordinate.default)
         coordinates.append(replace(coordinate, locked=coordinate.locked or still, default=default))

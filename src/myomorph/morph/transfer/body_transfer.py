@@ -53,8 +53,7 @@ class Transfer:
     def __post_init__(self) -> None:
         if np.linalg.det(self.bone.whole.rotation) < 0.0 or np.linalg.det(self.linear) <= 0.0:
             raise BadData(
-                f"the map of '{self.bone.body}' turns right into left: mirror the model first (myomorph.morph.mirror), "
-                "or give the bone of the same side"
+                f"the map of '{self.bone.body}' turns right into left: mirror the model first, or give this side's bone"
             )
 
     def points(self, points: ArrayLike) -> Array:

@@ -11,14 +11,16 @@ import numpy as np
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.frozen_map import FrozenMap
-from myomorph.model.functions import Function, PiecewisePolynomial
-from myomorph.model.model import Axis, Coordinate, Coupler, Joint, Model
+from myomorph.model.functions import Function, value_at
+from myomorph.model.model import Axis, Joint, Model
 from myomorph.model.paths import PassiveTorque
-from myomorph.model.scale import slides_freely, stretched
-from myomorph.model.spatial import Transform, axis_rotation
+from myomorph.model.scale import scaled_coordinates, scaled_couplers, slides_freely, stretched
+from myomorph.model.series import DEFAULT_POSE
+from myomorph.model.spatial import Transform, least_rotation
 from myomorph.morph.morphed import RebuiltJoint
 from myomorph.morph.shapes.articular import articular_cylinder, articular_sphere, warning_of
 from myomorph.morph.transfer.body_transfer import Transfer, Transfers, nearest_rotation
+from myomorph.rigid.tree import compile_tree
 
 APART = 0.05
 """Centers further apart than this share of the longer bone's length are left apart: the bones are not as in a body."""
@@ -167,7 +169,8 @@ def transferred_joints(model: Model, transfers: Transfers, centers: CenterFinder
     map. Their frames turn as the whole bones do, so that at equal coordinates shafts lie to each other as they did; the
     axis of a hinge turns as the bone around it does, as condyles and malleoli may be twisted against their shaft.
     """
-    defaults = _defaults(model)
+    values = compile_tree(model).coordinates_of(DEFAULT_POSE)[0].tolist()
+    defaults = dict(zip(model.coordinate_names, values, strict=True))
     anchored = [_anchored(joint) for joint in model.joints]
     scale_factors = [_scale_factors(joint, transfers, defaults) for joint in anchored]
     travel = {
@@ -183,30 +186,13 @@ def transferred_joints(model: Model, transfers: Transfers, centers: CenterFinder
     skeleton = replace(
         model,
         joints=tuple(joint for joint, _ in pairs),
-        coordinates=tuple(
-            _coordinate(coordinate, travel.get(coordinate.name, 1.0)) for coordinate in model.coordinates
-        ),
-        couplers=tuple(_coupler(coupler, travel) for coupler in model.couplers),
+        coordinates=scaled_coordinates(model.coordinates, travel),
+        couplers=scaled_couplers(model.couplers, travel),
         passive_torques=tuple(_torque(torque, travel.get(torque.coordinate, 1.0)) for torque in model.passive_torques),
     )
     rebuilt = tuple(joint for _, joint in pairs)
     notes = tuple(note for joint, rebuilt_joint in pairs for note in _warnings(joint, rebuilt_joint, transfers))
     return TransferredJoints(skeleton, FrozenMap(travel), rebuilt, notes)
-
-
-def _defaults(model: Model) -> dict[str, float]:
-    """Coordinates of the default pose, those that follow others included."""
-    values = {coordinate.name: coordinate.default for coordinate in model.coordinates}
-    for _ in model.couplers:  # each round sets at least one more of a chain of couplers
-        for coupler in model.couplers:
-            values[coupler.dependent] = _value(coupler.function, coupler.independents, values)
-    return values
-
-
-def _value(function: Function, coordinates: tuple[str, ...], values: Mapping[str, float]) -> float:
-    if isinstance(function, PiecewisePolynomial):
-        return float(function(values[coordinates[0]] if function.arity else 0.0))
-    return float(function(*(values[name] for name in coordinates[: function.arity])))
 
 
 def _anchored(joint: Joint) -> Joint:
@@ -223,24 +209,17 @@ def _anchored(joint: Joint) -> Joint:
     )
 
 
-def _moved(axis: Axis, amount: float) -> Transform:
-    if axis.kind == "translation":
-        return Transform(np.eye(3), amount * axis.vector)
-    turn = axis_rotation(axis.vector / np.linalg.norm(axis.vector), amount)
-    return Transform(turn, axis.origin - turn @ axis.origin)
-
-
 def _pose(axes: tuple[Axis, ...], values: Mapping[str, float]) -> Transform:
     """Of the child's joint frame in the parent's."""
     pose = Transform.identity()
     for axis in axes:
-        pose = pose @ _moved(axis, _value(axis.function, axis.coordinates, values))
+        pose = pose @ axis.moved(value_at(axis.function, axis.coordinates, values))
     return pose
 
 
 def _scale_factors(joint: Joint, transfers: Transfers, values: Mapping[str, float]) -> list[float]:
     """How much longer the parent becomes along each sliding axis, at the joint; 1 for axes of rotation."""
-    amounts = [_value(axis.function, axis.coordinates, values) for axis in joint.axes]
+    amounts = [value_at(axis.function, axis.coordinates, values) for axis in joint.axes]
     result = [1.0] * len(joint.axes)
     sliding = [
         axis.kind == "translation" and (axis.function.arity > 0 or amount != 0.0)
@@ -255,7 +234,7 @@ def _scale_factors(joint: Joint, transfers: Transfers, values: Mapping[str, floa
         if sliding[i]:
             along = pose.rotation @ axis.vector / np.linalg.norm(axis.vector)
             result[i] = float((rotation @ along) @ (matrix @ along))
-        pose = pose @ _moved(axis, amount)
+        pose = pose @ axis.moved(amount)
     return result
 
 
@@ -304,39 +283,17 @@ def _turned(transfer: Transfer, place: Array, frame: Transform, hinge: Array | N
     if hinge is None:
         return whole
     along, goal = whole @ hinge, transfer.turn(place) @ frame.rotation @ hinge
-    swing = np.cross(along, goal)
-    sine = float(np.linalg.norm(swing))
-    if sine < 1e-12:
-        return whole
-    return axis_rotation(swing / sine, float(np.arctan2(sine, along @ goal))) @ whole
+    return least_rotation(along, goal) @ whole
 
 
 def _travelled(axis: Axis, scale_factor: float, travel: Mapping[str, float]) -> Function:
     """Amounts grow by the scale_factor; coordinates in meters are read in their own new size."""
-    return _grown(axis.function, scale_factor if axis.kind == "translation" else 1.0, axis.coordinates, travel)
-
-
-def _grown(function: Function, factor: float, coordinates: tuple[str, ...], travel: Mapping[str, float]) -> Function:
-    source = travel.get(coordinates[0], 1.0) if coordinates else 1.0
-    return function if factor == source == 1.0 else stretched(function, factor, source)
-
-
-def _coordinate(coordinate: Coordinate, factor: float) -> Coordinate:
-    if factor == 1.0:
-        return coordinate
-    low, high = coordinate.range
-    return replace(coordinate, default=coordinate.default * factor, range=(low * factor, high * factor))
-
-
-def _coupler(coupler: Coupler, travel: Mapping[str, float]) -> Coupler:
-    factor = travel.get(coupler.dependent, 1.0)
-    return replace(coupler, function=_grown(coupler.function, factor, coupler.independents, travel))
+    source = travel.get(axis.coordinates[0], 1.0) if axis.coordinates else 1.0
+    return stretched(axis.function, scale_factor if axis.kind == "translation" else 1.0, source)
 
 
 def _torque(torque: PassiveTorque, factor: float) -> PassiveTorque:
     """Forces along a sliding coordinate stay at the same share of the way."""
-    if factor == 1.0:
-        return torque
     return replace(torque, torque=stretched(torque.torque, 1.0, factor), damping=stretched(torque.damping, 1.0, factor))
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from myomorph.model.functions import Function, PiecewisePolynomial, SineProduct, constant
+from myomorph.model.functions import Function, PiecewisePolynomial, SineProduct, constant, substituted
 from myomorph.model.paths import MovingPathPoint, Path, PathPoint, PathWrap, TendonWrap
 from myomorph.morph.checks.moment_arms import CoordinateTable
 
@@ -79,10 +79,7 @@ def reparametrized(function: Function, factor: float, offset: float) -> Function
 
 def piece_about(function: PiecewisePolynomial, piece: int, place: float) -> np.ndarray:
     """Coefficients of one of a function's pieces about another place."""
-    moved = np.polynomial.Polynomial(function.coefficients[piece])(
-        np.polynomial.Polynomial([place - function.breaks[piece], 1.0])
-    )
-    return np.pad(moved.coef, (0, function.coefficients.shape[1] - len(moved.coef)))
+    return substituted(function.coefficients[piece], place - function.breaks[piece])
 
 
 def _renumbered(path: Path, dropped: list[int]) -> tuple[PathWrap, ...] | tuple[TendonWrap, ...]:

@@ -91,13 +91,9 @@ def transferred_muscles(
                 change, basis=known.basis, fiber_interval=known.fiber_interval, force_interval=known.force_interval
             )
         changes.append(change)
-    notes = (
-        [f"paths do not tell fiber from tendon, which both grow with the path: {quoted(doubtful)}"] if doubtful else []
-    )
+    notes = [f"paths do not tell fiber from tendon, both grow with the path: {quoted(doubtful)}"] if doubtful else []
     if slack:
-        notes.append(
-            f"paths are shorter than the fibers that the species' tables give, so no tendon is left: {quoted(slack)}"
-        )
+        notes.append(f"paths are shorter than the fibers of the species' tables: no tendon is left: {quoted(slack)}")
     return tuple(result), tuple(changes), notes
 
 

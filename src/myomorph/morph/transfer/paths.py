@@ -13,7 +13,7 @@ import numpy as np
 
 from myomorph.model.arrays import Array
 from myomorph.model.model import Coordinate, Model
-from myomorph.model.paths import Ligament, Muscle, PathWrap, WrapObject
+from myomorph.model.paths import Ligament, Muscle, PathWrap, WrapObject, surface_level
 from myomorph.model.spatial import Transform
 from myomorph.morph.morphed import TransferredPoint
 from myomorph.morph.transfer.body_transfer import Transfer, Transfers, nearest_rotation
@@ -41,8 +41,9 @@ def points_left_outside(
                 continue
             before, after = wraps[wrap.wrap_object]
             for point in of_muscle:
-                if point.body == before.body:
-                    share = _share(level(before, point.source), level(after, point.target))
+                if point.body == before.body and before.kind != "torus":
+                    places = (before, point.source), (after, point.target)
+                    share = _share(*(surface_level(w, w.pose.inverse().apply(at[None]))[0] for w, at in places))
                     shrunk[before.name] = min(share, shrunk.get(before.name, 1.0))
     shrunk = {name: max(share, SMALLEST) for name, share in shrunk.items() if share < 1.0}
     shrunk_wraps = {
@@ -55,21 +56,7 @@ def points_left_outside(
         f"'{name}' to {100.0 * share:.0f} %" for name, share in sorted(shrunk.items(), key=lambda a: a[1])[:4]
     )
     more = f" and {len(shrunk) - 4} more" if len(shrunk) > 4 else ""
-    return shrunk_wraps, [
-        f"wrap objects were made smaller than mapped, as points of their paths would lie inside: {shown}{more}"
-    ]
-
-
-def level(wrap: WrapObject, place: Array) -> float:
-    """Distance of a point (3,) from a wrap object's middle or axis in its sizes: less than 1 is inside."""
-    local = wrap.pose.inverse().apply(place)
-    if wrap.kind == "cylinder":
-        return float(np.linalg.norm(local[:2]) / wrap.size[0])
-    if wrap.kind == "sphere":
-        return float(np.linalg.norm(local) / wrap.size[0])
-    if wrap.kind == "ellipsoid":
-        return float(np.linalg.norm(local / np.asarray(wrap.size)))
-    return np.inf
+    return shrunk_wraps, [f"wrap objects are smaller than mapped, as path points would lie inside: {shown}{more}"]
 
 
 def _share(before: float, after: float) -> float:
@@ -178,9 +165,8 @@ def transferred_lines(
         if wrap.body in transfers
     }
     setting = Setting({coordinate.name: coordinate for coordinate in coordinates}, travel, wraps)
-    owned = [(muscle.name, muscle.path) for muscle in muscles] + [
-        (ligament.name, ligament.path) for ligament in ligaments
-    ]
+    strings: list[Muscle | Ligament] = [*muscles, *ligaments]
+    owned = [(string.name, string.path) for string in strings]
     moved, points, notes = transferred_paths(owned, transfers, setting, within)
     wraps, smaller = points_left_outside(muscles, points, wraps)
     paths = iter(moved)

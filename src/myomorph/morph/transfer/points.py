@@ -210,9 +210,7 @@ def _point(
     if len({name for name in point.coordinates if name}) > 1 or any(
         isinstance(f, SineProduct) for f in point.functions
     ):
-        notes.append(
-            f"{user}: moving point '{point.name}' follows several coordinates: its ways are stretched, but not turned"
-        )
+        notes.append(f"{user}: moving point '{point.name}' follows several coordinates: stretched, but not turned")
         matrix = np.diag(np.linalg.norm(matrix, axis=0))
     functions = [
         stretched(f, 1.0, setting.travel.get(name, 1.0))
@@ -239,8 +237,7 @@ def combined(functions: list[Function], factors: Array, offset: float) -> Functi
     if not used:
         return constant(offset)
     if len(used) == 1 and isinstance(used[0][0], SineProduct):
-        grown = used[0][0].scaled(used[0][1])
-        return replace(grown, offset=grown.offset + offset)
+        return used[0][0].scaled(used[0][1]).raised(offset)
     pieces: list[tuple[PiecewisePolynomial, float]] = []
     for f, a in used:
         if isinstance(f, SineProduct):

@@ -17,8 +17,17 @@ from pathlib import Path
 from typing import Any
 
 from myomorph import __version__
-from myomorph.io.bids.emg import ENDINGS, read_emg, write_emg
-from myomorph.io.bids.recording import FORCES, MARKERS, force_signals, marker_signals, read_motion_trial, write_events
+from myomorph.io.bids.recording import (
+    ENDINGS,
+    FORCES,
+    MARKERS,
+    force_signals,
+    marker_signals,
+    read_emg,
+    read_motion_trial,
+    write_emg,
+    write_events,
+)
 from myomorph.io.bids.signals import (
     DATASET,
     MOTION,

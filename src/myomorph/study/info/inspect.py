@@ -42,7 +42,7 @@ def inspect(path: str | os.PathLike[str]) -> Inspection:
 
         return inspect_table(read_sto(path))
     if ending in (".bdf", ".edf"):
-        from myomorph.io.bids.emg import read_emg
+        from myomorph.io.bids.recording import read_emg
         from myomorph.study.info.inspect_recording import inspect_table
 
         emg = read_emg(path)

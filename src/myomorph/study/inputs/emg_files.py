@@ -181,7 +181,7 @@ def channels_of(path: str | Path) -> Series:
         return analog
     if ending in (".bdf", ".edf"):
         # As above.
-        from myomorph.io.bids.emg import read_emg
+        from myomorph.io.bids.recording import read_emg
 
         return read_emg(Path(path))
     raise BadFile(path, f"holds no EMG: its name ends in '{ending}'", "expected .sto, .mot, .csv, .c3d, .bdf or .edf")

@@ -8,8 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from myomorph.io.osim.marker_set import read_marker_set
-from myomorph.io.osim.setup_parts import read_ik_tasks
+from myomorph.io.osim.setup_parts import read_ik_tasks, read_marker_set
 from myomorph.model.errors import BadData
 from myomorph.model.findings import Finding
 from myomorph.model.frozen_map import FrozenMap

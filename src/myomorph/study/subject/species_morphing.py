@@ -20,7 +20,7 @@ from myomorph.model.provenance import Source
 from myomorph.model.surface import Surface
 from myomorph.morph.arm_intervals import DRAWS, with_arm_intervals
 from myomorph.morph.checks.checks import check_morph
-from myomorph.morph.mirror.muscles import with_other_muscles
+from myomorph.morph.mirror.model import with_other_muscles
 from myomorph.morph.morphed import Morph
 from myomorph.morph.species.architecture import DENSITY, SPECIFIC_TENSION, ArchitectureTable, MuscleRow, ScalingLaw
 from myomorph.morph.species.attachments import RelativeBone

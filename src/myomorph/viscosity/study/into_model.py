@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from myomorph.io.formats import read_model
-from myomorph.io.mjcf.dampers import write_dampers
+from myomorph.io.mjcf.couplings import write_dampers
 from myomorph.io.osim.write import write_osim
 from myomorph.model.errors import BadData, BadFile
 from myomorph.model.passive_dynamics import with_passive_dynamics

@@ -18,7 +18,7 @@ from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, BadFile, BadModel, check_name, listing
 from myomorph.model.model import Model
 from myomorph.model.series import Z_UP_TO_Y_UP, Markers, Trial, Wrenches
-from myomorph.model.spatial import axis_rotation
+from myomorph.model.spatial import least_rotation
 from myomorph.report.charts.axis import number
 from myomorph.report.charts.pictures import residual_map
 from myomorph.report.page.parts import Figure
@@ -39,14 +39,7 @@ WHOLE = 9  # Columns of a table of one force: force, point and torque.
 
 def turn_to(up: str, gravity: Array) -> Array:
     """(3, 3) the shortest turn of a laboratory, whose axis `up` points up, into axes with this gravity."""
-    lab = np.eye(3)[AXES.index(up)]
-    own = -np.asarray(gravity) / np.linalg.norm(gravity)
-    axis, cosine = np.cross(lab, own), float(lab @ own)
-    sine = float(np.linalg.norm(axis))
-    if sine < 1e-9:
-        aside = np.eye(3)[(AXES.index(up) + 1) % 3]
-        return np.eye(3) if cosine > 0.0 else axis_rotation(aside, np.pi)
-    return axis_rotation(axis / sine, float(np.arctan2(sine, cosine)))
+    return least_rotation(np.eye(3)[AXES.index(up)], -np.asarray(gravity) / np.linalg.norm(gravity))
 
 
 def turned(wrenches: Wrenches, rotation: Array) -> Wrenches:
