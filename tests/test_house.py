@@ -6,8 +6,8 @@ import pytest
 from benchmarks.house import CHECKOUT, checkout_texts, count
 
 LIMITS = {
-    ("lines", "src"): 124_858,
-    ("lines", "benchmarks"): 26_572,
+    ("lines", "src"): 123_921,
+    ("lines", "benchmarks"): 26_571,
     ("words", "documentation"): 100_041,
     ("vague", "src"): 6.5,
 }
