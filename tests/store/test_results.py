@@ -128,6 +128,17 @@ def test_a_folder_appears_whole_or_not_at_all(tmp_path):
     assert len(list(tmp_path.iterdir())) == 1
 
 
+def test_a_folder_inside_is_renewed_file_by_file(tmp_path):
+    """As the motions of a transfer that is run anew."""
+    for text in ("one", "two"):
+        with whole_folder(tmp_path / "out") as folder:
+            (folder / "motions").mkdir()
+            (folder / "motions" / f"{text}.mot").write_text(text)
+            (folder / "motions" / "walk.mot").write_text(text)
+    assert sorted(path.name for path in (tmp_path / "out" / "motions").iterdir()) == ["one.mot", "two.mot", "walk.mot"]
+    assert (tmp_path / "out" / "motions" / "walk.mot").read_text() == "two"
+
+
 def test_only_some_steps_are_taken_over(tmp_path, values):
     for step in ("ik", "id"):
         with new_result(tmp_path / f"{step}.nc", step) as writer:

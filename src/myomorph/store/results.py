@@ -337,8 +337,9 @@ def whole_folder(folder: str | os.PathLike[str]) -> Iterator[Path]:
         if not folder.exists():
             os.replace(temporary, folder)
         else:
-            for path in sorted(temporary.iterdir()):
-                os.replace(path, folder / path.name)
+            for path in sorted(path for path in temporary.rglob("*") if path.is_file()):
+                (folder / path.relative_to(temporary)).parent.mkdir(parents=True, exist_ok=True)
+                os.replace(path, folder / path.relative_to(temporary))
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
 
