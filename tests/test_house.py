@@ -6,9 +6,9 @@ import pytest
 from benchmarks.house import CHECKOUT, checkout_texts, count
 
 LIMITS = {
-    ("lines", "src"): 123_921,
+    ("lines", "src"): 123_922,
     ("lines", "benchmarks"): 26_571,
-    ("words", "documentation"): 100_041,
+    ("words", "documentation"): 100_050,
     ("vague", "src"): 6.5,
 }
 
