@@ -20,6 +20,7 @@ import myomorph as mm
 from benchmarks.accuracy.inertial import Row, outside
 from benchmarks.accuracy.knee import command
 from benchmarks.recordings import RECORDINGS
+from myomorph.io.sto import read_sto
 from myomorph.model.inertial_sensors import InertialSensors
 from myomorph.model.model import Frame
 from myomorph.model.spatial import Transform, axis_rotation, quaternion_from_rotation, rotation_from_quaternion
@@ -40,48 +41,103 @@ MARKERS = tuple(
 ) + ("MAI", "SXS", "SJN", "CV7")
 APART = 2.0
 """From the start of a step to that of the next, where all are one recording [s]."""
+GRAVITY = 9.81
 SLIP = np.radians(20.0)
 
 
 def measure_steps() -> Iterator[Row]:
-    """Joint angles of two persons' steps by sensors alone, against the same by markers, ours beside OpenSim's tool.
+    """Joint angles of two persons' steps by sensors alone, against the same by markers, ours beside OpenSim's tool."""
+    for name, known, unseen, columns in _people():
+        with tempfile.TemporaryDirectory() as home:
+            for row in _compared(known, unseen, columns, Path(home)):
+                yield {"person": name, **row}
 
-    The model is what `analyze` makes of the markers of five steps, which also show where the sensors are mounted and
-    their headings; both programs get these. Angles are compared in the other five steps.
+
+def measure_forces() -> Iterator[Row]:
+    """Vertical force under the right foot in the same steps, by sensors alone and by markers alone, against the
+    treadmill's right plate: a study with default options.
     """
+    for name, known, unseen, columns in _people():
+        with tempfile.TemporaryDirectory() as place:
+            home = Path(place)
+            _, walking = _placed(known, unseen, columns, home)
+            study = [
+                '[study]\nname = "steps"\n[options.ik]\nimu_mounting = "model"\n[[subject]]\nname = "person"',
+                f'model = "placed.osim"\nmass = {known[0][0, columns.index("body weight")]}\ncontacts = "auto"',
+                'steps = ["ik", "id", "tension"]',
+            ]
+            for index, step in enumerate(unseen):
+                start = APART * index
+                write_orientations(home / f"sensors{index}.sto", walking.between(start, start + 0.75 * APART))
+                mm.write_trc(_markers([step], columns), home / f"markers{index}.trc")
+                study.append(f'[[subject.trials]]\nname = "sensors{index}"\nimu = ["sensors{index}.sto"]')
+                study.append(f'[[subject.trials]]\nname = "markers{index}"\nmarkers = "markers{index}.trc"')
+            (home / "study.toml").write_text("\n".join(study) + "\n", encoding="utf-8")
+            command("run", home / "study.toml", "--workers", 1, "--out", home / "out")
+            for kind in ("sensors", "markers"):
+                pairs = [_right_foot(home / "out" / "person" / f"{kind}{index}") for index in range(len(unseen))]
+                plates = [
+                    -step[: len(force), columns.index("plate_2_force_z")]
+                    for step, force in zip(unseen, pairs, strict=True)
+                ]
+                ours, theirs = np.concatenate(pairs), np.concatenate(plates)
+                weight = GRAVITY * known[0][0, columns.index("body weight")]
+                yield {
+                    "person": name,
+                    "by": f"{kind} alone",
+                    "RMS error [% of weight]": 100.0 * float(np.sqrt(np.mean((ours - theirs) ** 2))) / weight,
+                    "correlation": float(np.corrcoef(ours, theirs)[0, 1]),
+                    "peak, mean [% of weight]": 100.0 * float(np.mean([force.max() for force in pairs])) / weight,
+                    "of the plate [% of weight]": 100.0 * float(np.mean([force.max() for force in plates])) / weight,
+                }
+
+
+def _right_foot(folder: Path) -> np.ndarray:
+    table = read_sto(folder / "contact_forces.sto")
+    return sum(table[f"{body}_force_vy"] for body in ("calcn_r", "toes_r"))
+
+
+def _people() -> Iterator[tuple[str, list[np.ndarray], list[np.ndarray], list[str]]]:
+    """Each person's name, five steps that are known, five that are not, and the names of columns."""
     folder = outside("steps")
     if folder is None:
         return
     with h5py.File(folder / "example_data.h5") as file:
         columns = json.loads(file.attrs["columns"])
-        people = {name: np.asarray(file[name]) for name in file}
+        people = {name: np.asarray(file[name], dtype=np.float64) for name in file}
     for name, steps in people.items():
         recorded = [step[step[:, columns.index("Quat1_WAIST")] != 0.0] for step in steps]
-        with tempfile.TemporaryDirectory() as home:
-            for row in _compared(recorded[: len(steps) // 2], recorded[len(steps) // 2 :], columns, Path(home)):
-                yield {"person": name, **row}
+        yield name, recorded[: len(steps) // 2], recorded[len(steps) // 2 :], columns
 
 
-def _compared(known: list[np.ndarray], unseen: list[np.ndarray], columns: list[str], home: Path) -> Iterator[Row]:
-    from benchmarks import opensim_tools
-
+def _placed(
+    known: list[np.ndarray], unseen: list[np.ndarray], columns: list[str], home: Path
+) -> tuple[mm.Model, InertialSensors]:
+    """The model that `analyze` makes of markers of known steps, `placed.osim` also with frames of the sensors, whose
+    mountings and headings these markers show; the sensors of the unseen steps with these headings.
+    """
     files = [home / f"step{index}.trc" for index in range(len(known))]
     for step, file in zip(known, files, strict=True):
         mm.write_trc(_markers([step], columns), file)
     mass, height = (float(known[0][0, columns.index(f"body {part}")]) for part in ("weight", "height"))
-    command("analyze", *files, "--mass", mass, "--height", height, "--workers", 1, "--out", home / "out")
-    model = mm.read_model(home / "out" / "calibrated.osim")
-    markers, walking = _markers(known, columns), _sensors(unseen, columns)
-    recording = SensorRecording(_sensors(known, columns), same_clock=True)
+    command("analyze", *files, "--mass", mass, "--height", height, "--workers", 1, "--out", home / "first")
+    model = mm.read_model(home / "first" / "calibrated.osim")
+    markers, recording = _markers(known, columns), SensorRecording(_sensors(known, columns), same_clock=True)
     mounting = sensor_kinematics(model, recording, markers, inverse_kinematics(model, markers)).mounting
     frames = [
         Frame(sensor, body, Transform(rotation, np.zeros(3)))
         for sensor, body, rotation in zip(mounting.sensors, mounting.bodies, mounting.rotations, strict=True)
     ]
     mm.write_osim(replace(model, frames=(*model.frames, *frames)), home / "placed.osim")
+    return model, _turned(_sensors(unseen, columns), mounting.sensors, mounting.headings.mean(axis=0), ahead=True)
+
+
+def _compared(known: list[np.ndarray], unseen: list[np.ndarray], columns: list[str], home: Path) -> Iterator[Row]:
+    from benchmarks import opensim_tools
+
+    model, walking = _placed(known, unseen, columns, home)
     # OpenSim's tool cannot assemble this model's knees.
     opensim_tools.without_couplers(home / "placed.osim", home / "hinges.osim")
-    walking = _turned(walking, mounting.sensors, mounting.headings.mean(axis=0), ahead=True)
     truth = inverse_kinematics(model, _markers(unseen, columns)).motion
     for case, changed in {
         "as they come": walking,

@@ -46,6 +46,7 @@ PAGES: dict[str, dict[str, str]] = {
         "inertial_intervals": "accuracy.inertial:measure_intervals",
         "inertial_steps": "accuracy.inertial_walks:measure_steps",
         "inertial_minutes": "accuracy.inertial_walks:measure_minutes",
+        "inertial_step_forces": "accuracy.inertial_walks:measure_forces",
         "inertial_forces": "accuracy.inertial_forces:measure",
         "inertial_forces_intervals": "accuracy.inertial_forces:measure_intervals",
     },

@@ -47,6 +47,7 @@ def test_sensors_alone_become_a_study(files, tmp_path):
     assert any("npose.sto is the calibration pose" in text for text in prepared.assumed)
     assert any("forces under the feet are estimated" in text for text in prepared.assumed)
     plan = mm.read_plan(prepared.study)
+    assert not any("forces" in remark for remark in plan.remarks)
     assert plan.steps[0] == ("ik", "id", "muscles", "tension", "report")
     (trial,) = plan.trials
     assert [path.name for path in trial.paths] == ["walk.sto", "npose.sto"]

@@ -64,6 +64,9 @@ def loads_by_name(recording: Path) -> Path | None:
 def _beside(recording: Path, values: Mapping[str, Any]) -> Beside:
     """The same where nothing else holds what they do, and a table has columns of forces."""
     path = None if values.get("torques") is not None else loads_by_name(recording)
+    # Of sensors alone the recording is a table itself.
+    if path == recording:
+        return Beside(None)
     if path is None or values.get("bodies") or path.suffix.lower() not in TABLE_ENDINGS or holds_forces(path):
         return Beside(path)
     return Beside(None, f"{path.name} is not used: no columns of forces are found in it")
