@@ -60,7 +60,7 @@ def test_the_time_is_that_of_the_fastest_level_with_half_of_the_largest_excess(m
     )
     shown = {rates[0]: share, rates[1]: 1.0}
 
-    def excess(signal, rate, hops, options):
+    def excess(signal, rate, hops):
         return np.where(np.arange(hops) == round(0.5 / onset_module.HOP), shown[rate], 0.0)
 
     monkeypatch.setattr(onset_module, "_excess", excess)
