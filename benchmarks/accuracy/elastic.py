@@ -13,6 +13,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 import myomorph as mm
+from benchmarks.accuracy.knee import command
 from benchmarks.accuracy.tension import CASES, TensionCase, prepare
 from benchmarks.errors import rms
 from benchmarks.opensim_forward import SliderMuscles, forward_forces
@@ -297,3 +298,38 @@ def _row(name: str, found: Tension) -> dict[str, object]:
         "KKT residual": certificate.residual,
         **dict.fromkeys(APART, ""),
     }
+
+
+ULTRASOUND, FASCICLES = "gastrocnemius-ultrasound-walk", "med_gas_l"
+"""Strides of one walker: a model, and of each stride coordinates, torques, and the muscle's fascicles [mm]."""
+
+
+def fascicle_rows(folder: Path) -> Iterator[dict[str, object]]:
+    """Fibers by our commands beside fascicles by ultrasound, which they do not get; no rows without the recording."""
+    home = folder / ULTRASOUND
+    for path in sorted(home.glob("*_US.mot")):
+        measured, stem = mm.read_sto(path), path.stem.removesuffix("_US")
+        words = ("--model", home / "model.osim", "--motion", path.with_stem(f"{stem}_IK"))
+        with tempfile.TemporaryDirectory() as name:
+            elastic, rigid = Path(name) / "elastic", Path(name) / "rigid"
+            loads = ("--torques", path.with_stem(f"{stem}_ID"), "--tendons", "elastic")
+            command("tension", *words, *loads, "--out", elastic)
+            command("muscles", *words, "--out", rigid)
+            fibers, lengths = mm.read_sto(elastic / "fiber_lengths.sto"), mm.read_sto(rigid / "lengths.sto")
+        muscle = mm.read_model(home / "model.osim").muscle(FASCICLES)
+        across = muscle.optimal_fiber_length * np.sin(muscle.pennation_at_optimal)
+        on_slack = np.hypot(lengths[FASCICLES] - muscle.tendon_slack_length, across)
+        both = {"elastic": (fibers.time, fibers[FASCICLES]), "rigid": (lengths.time, on_slack)}
+        for tendons, found in both.items():
+            ours, truth = 1e3 * np.interp(measured.time, *found), measured[FASCICLES]
+            yield {
+                "stride": stem,
+                "tendons": tendons,
+                "mean, ultrasound [mm]": float(truth.mean()),
+                "ours [mm]": float(ours.mean()),
+                "range, ultrasound [mm]": float(np.ptp(truth)),
+                "range, ours [mm]": float(np.ptp(ours)),
+                "RMS [mm]": rms(ours - truth),
+                "RMS about the means [mm]": float(np.std(ours - truth)),
+                "r": float(np.corrcoef(ours, truth)[0, 1]),
+            }

@@ -2,36 +2,37 @@
 
 from __future__ import annotations
 
+import csv
+import json
+import tempfile
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 import myomorph as mm
+from benchmarks.accuracy.knee import command
+from benchmarks.accuracy.knee import raw_emg as implant_emg
+from benchmarks.hidden_plates import subject_model
+from benchmarks.recordings import RECORDINGS
 from myomorph.io.loads import read_external_loads
 from myomorph.model.arrays import Array
-from myomorph.motion.envelope import ChannelMap, EmgCalibration, EnvelopeOptions, channel_means, shifted
+from myomorph.motion.envelope import ChannelMap, EmgCalibration, EnvelopeOptions
 from myomorph.motion.filters import lowpass
 from myomorph.motion.sync import cut
+from myomorph.study.trial.emg_tables import EMG_TABLE
 from myomorph.tension.emg_calibration import calibrate_emg
 from myomorph.tension.emg_held_out import EmgTrial
 from myomorph.tension.emg_targets import EmgOptions, emg_targets
 from myomorph.tension.emg_tracking import few_frames
-from myomorph.tension.tension import Tension
+
+Row = dict[str, object]
 
 CUTOFF = 6.0
 ALONE = "without EMG"
-WAYS: Mapping[str, EmgOptions | None] = {
-    ALONE: None,
-    "default": EmgOptions(),
-    "others by least effort": EmgOptions(unmeasured="effort"),
-    "weight 10": EmgOptions(weight=10.0),
-    "driven": EmgOptions(mode="driven"),
-}
-"""The first is without EMG, the second the library's own choice."""
-
 RAJAGOPAL = {
     "SOL": ("soleus",),
     "GAS": ("gasmed", "gaslat"),
@@ -142,98 +143,91 @@ def raw_emg(path: Path) -> mm.Series:
     return mm.Series(rows[:, 0], tuple(RAJAGOPAL), rows[:, 1:][:, chosen])
 
 
-@dataclass(frozen=True)
-class HeldOut:
-    """One channel left out: how its muscles' activation fits its envelope, and what the others had to give.
+class Recorded(NamedTuple):
+    """What a user gives `myomorph tension`; `mass`: of the walker where the model has another [kg]."""
 
-    `correlation`, `rms`: of the mean activation with the envelope; RMS in shares of the channel's largest value, the
-    activation scaled to fit best; `tracking`: RMS distance of the used muscles from what EMG told them [activation];
-    `reserve`: largest torque of a reserve of a joint [N m].
-    """
-
-    channel: str
-    way: str
-    correlation: float
-    rms: float
-    tracking: float
-    reserve: float
+    name: str
+    files: str
+    emg: str
+    words: tuple[object, ...] = ()
+    mass: float | None = None
 
 
-@lru_cache(maxsize=1)
-def held_out(folder: Path) -> Mapping[str, tuple[HeldOut, ...]]:
-    """Every channel of every walk left out in turn, by the walk's name."""
-    return {walk.name: tuple(_leave_out(walk)) for walk in (make(folder) for make in WALKS)}
+RECORDED = (
+    Recorded("ceinms-emg-walk", "gait2392", "ceinms-emg-walk/walk36/emgFilt.sto", ("--time", 30, 38), 58.0),
+    Recorded("rajagopal-walk-emg", "rajagopal", "rajagopal-walk-emg/electromyography.sto", ("--emg-side", "right")),
+    Recorded("walk-so-jointload-emg", "treadmill", "walk-so-jointload-emg/EMG_allMuscles.sto", ("--time", 35, 43)),
+    Recorded("knee-implant-walk, walk1", "implant-1", "knee-implant-walk/walk1.c3d", ("--emg-side", "left")),
+    Recorded("knee-implant-walk, walk3", "implant-3", "knee-implant-walk/walk3.c3d", ("--emg-side", "left")),
+)
+COPIES = ("vasint_l_activation",)
+"""Channels that are copies of another one."""
+WORDS: Mapping[str, tuple[str, ...]] = {ALONE: ("--emg-display-only",), "default": ()}
+"""Ways to use EMG, as a user asks for them."""
 
 
-def _leave_out(walk: Walk) -> Iterator[HeldOut]:
-    motion, torques = walk.part(walk.tested)
-    trial = EmgTrial(*walk.part(walk.calibrated), walk.emg)
-    alone = mm.solve_tension(walk.model, motion, torques)
-    for channel, muscles in walk.channels.items():
-        rest = {name: told for name, told in walk.channels.items() if name != channel}
-        calibration = calibrate_emg(walk.model, [trial], rest)
-        # The channel that is left out is only ever looked at here, later by the delay that the others tell.
-        delay = float(np.median(calibration.delays))
-        measured = shifted(walk.emg, motion.time, np.full(len(walk.emg.names), delay))
-        measured = measured[:, walk.emg.names.index(channel)] / np.nanmax(walk.emg[channel])
-        for way, options in WAYS.items():
-            found, tracking = alone, float("nan")
-            if options is not None:
-                told = emg_targets(walk.emg, rest, walk.model, motion.time, options, calibration)
-                found = mm.solve_tension(walk.model, motion, torques, emg=told)
-                used = found.activations[:, [found.muscles.index(one) for one in told.muscles]]
-                tracking = float(np.sqrt(np.nanmean((used - told.activations) ** 2)))
-            predicted = channel_means({channel: muscles}, found.muscles, found.activations)[:, 0]
-            correlation, rms = _fit(predicted, measured)
-            yield HeldOut(channel, way, correlation, rms, tracking, _largest_reserve(found))
+def measure_channels(folder: Path) -> Iterator[Row]:
+    """Correlation of every channel with its muscles, by commands that do not get that channel."""
+    yield from (row for recorded in RECORDED for row in held_out(folder, recorded))
 
 
-def _fit(predicted: Array, measured: Array) -> tuple[float, float]:
-    """Correlation, and RMS after the scale that fits best."""
-    use = np.isfinite(predicted) & np.isfinite(measured)
-    predicted, measured = predicted[use], measured[use]
-    scale = max(predicted @ measured, 0.0) / max(predicted @ predicted, 1e-300)
-    rms = float(np.sqrt(np.mean((scale * predicted - measured) ** 2)))
-    return float(np.corrcoef(predicted, measured)[0, 1]), rms
-
-
-def _largest_reserve(found: Tension) -> float:
-    joints = [k for k, name in enumerate(found.reserve_names) if name.startswith("reserve")]
-    return float(np.nanmax(np.abs(found.reserves[:, joints]), initial=0.0))
-
-
-def measure_held_out(folder: Path) -> Iterator[dict[str, object]]:
-    """Means over the channels of each walk."""
-    for name, rows in held_out(folder).items():
-        for way in WAYS:
-            of = [row for row in rows if row.way == way]
-            r, rms = np.array([row.correlation for row in of]), np.array([row.rms for row in of])
+def measure_held_out(folder: Path) -> Iterator[Row]:
+    """Means over the channels of each recording."""
+    for recorded in RECORDED:
+        rows = held_out(folder, recorded)
+        for way in WORDS:
+            r = np.array([row[f"r, {way}"] for row in rows])
             yield {
-                "walk": name,
+                "walk": recorded.name,
                 "others": way,
-                "channels": len(of),
+                "channels": len(r),
                 "correlation, mean": float(r.mean()),
-                "SD over channels": float(r.std()),
                 "least ... most": f"{r.min():.2f} ... {r.max():.2f}",
-                "RMS, mean": float(rms.mean()),
-                "SD of RMS": float(rms.std()),
-                "RMS of those used": "" if way == ALONE else float(np.mean([row.tracking for row in of])),
-                "largest reserve [N m]": float(max(row.reserve for row in of)),
             }
 
 
-def measure_channels(folder: Path) -> Iterator[dict[str, object]]:
-    """Correlation and RMS of every channel that was left out."""
-    for name, rows in held_out(folder).items():
-        for channel in dict.fromkeys(row.channel for row in rows):
-            of = {row.way: row for row in rows if row.channel == channel}
-            row: dict[str, object] = {"walk": name, "channel": channel}
-            row |= {f"r, {way}": of[way].correlation for way in WAYS}
-            row |= {f"RMS, {way}": of[way].rms for way in WAYS}
-            yield row
+@lru_cache(maxsize=len(RECORDED))
+def held_out(folder: Path, recorded: Recorded) -> tuple[Row, ...]:
+    """A row a channel: its correlation with the mean activation of its muscles, later by the delay that others have."""
+    files, source, rows = RECORDINGS[recorded.files], folder / recorded.emg, list[Row]()
+    # The C3D files have another clock than the coordinates.
+    emg = implant_emg(folder, source.stem) if source.suffix == ".c3d" else mm.read_sto(source)
+    with tempfile.TemporaryDirectory() as name:
+        work = Path(name)
+        model, loads = folder / files.model, folder / files.loads
+        if recorded.mass is not None:
+            model = work / "model.osim"
+            mm.write_osim(subject_model(folder, files.model, recorded.mass, False), model)
+        assigned = loads.with_suffix(".xml")
+        words = ("--model", model, "--motion", folder / files.motion, *recorded.words, "--emg", work / "emg.sto")
+        words += ("--loads", assigned if assigned.exists() else loads)
+
+        def run(left_out: str, way: str) -> Path:
+            kept = [k for k, channel in enumerate(emg.names) if channel != left_out and channel not in COPIES]
+            table = mm.Table(emg.time, tuple(emg.names[k] for k in kept), emg.values[:, kept])
+            mm.write_sto(table, work / "emg.sto")
+            out = work / f"{way} {left_out}"
+            command("tension", *words, *WORDS[way], "--out", out)
+            return out
+
+        (alone,) = mm.load(run("", ALONE)).values()
+        for channel, muscles in json.loads(alone.facts["emg_muscles"]).items():
+            outs = {way: alone.path.parent if way == ALONE else run(channel, way) for way in WORDS}
+            with open(outs["default"] / EMG_TABLE, encoding="utf-8") as lines:
+                told = next(csv.DictReader(lines))
+            assert alone.emg is not None
+            row: Row = {"walk": recorded.name, "channel": channel}
+            for way, out in outs.items():
+                activations = mm.read_sto(out / "activations.sto")
+                measured = np.interp(activations.time - float(told["delay_s"]), alone.emg.time, alone.emg[channel])
+                predicted = np.mean([activations[one] for one in muscles], axis=0)
+                # Muscles that never work follow nothing.
+                row[f"r, {way}"] = float(np.nan_to_num(_correlation(predicted, measured)))
+            rows.append(row | {"weight by default": float(told["weight"])})
+    return tuple(rows)
 
 
-def measure_calibration(folder: Path) -> Iterator[dict[str, object]]:
+def measure_calibration(folder: Path) -> Iterator[Row]:
     """Delays, gains and weights by two halves of each walk, and what torques say of them."""
     for walk in (*(make(folder) for make in WALKS), overground(folder, "l")):
         first, second = (_calibrated(walk, span) for span in (walk.calibrated, walk.tested))
@@ -257,41 +251,32 @@ def _calibrated(walk: Walk, span: tuple[float, float]) -> EmgCalibration:
     return calibrate_emg(walk.model, [EmgTrial(*walk.part(span), walk.emg)], walk.channels)
 
 
-def measure_study(folder: Path) -> Iterator[dict[str, object]]:
+def measure_study(folder: Path) -> Iterator[Row]:
     """One stance of the walk with joint loads: ours and that study's activations against its EMG and each other."""
     walk = loaded(folder)
     table = mm.read_sto(folder / "walk-so-jointload-emg/results_SO/results_states.sto")
     motion, torques = replace(walk, every=1).part((10.9, 11.7))
     calibration = calibrate_emg(walk.model, [EmgTrial(*walk.part(walk.calibrated), walk.emg)], walk.channels)
-    theirs = {name: np.interp(motion.time, table.time, table[f"/forceset/{name}/activation"]) for name in _left(walk)}
-    for way, options in WAYS.items():
-        told = None
-        if options is not None:
-            told = emg_targets(walk.emg, walk.channels, walk.model, motion.time, options, calibration)
+    left = [name for name in walk.model.muscle_names if name.endswith("_l")]
+    theirs = {name: np.interp(motion.time, table.time, table[f"/forceset/{name}/activation"]) for name in left}
+    # Without delay: the study's static optimization had none.
+    envelopes = {name: np.interp(motion.time, walk.emg.time, walk.emg[name]) for name in walk.channels}
+    targets = emg_targets(walk.emg, walk.channels, walk.model, motion.time, EmgOptions(), calibration)
+    for way, told in {ALONE: None, "default": targets}.items():
         found = mm.solve_tension(walk.model, motion, torques, emg=told)
-        ours = {name: found.activations[:, found.muscles.index(name)] for name in _left(walk)}
-        row: dict[str, object] = {"ours": way, "muscles": len(ours)}
+        ours = {name: found.activations[:, found.muscles.index(name)] for name in left}
+        row: Row = {"ours": way, "muscles": len(ours)}
         apart = np.array([ours[name] - theirs[name] for name in ours])
         row["RMS from the study's"] = float(np.sqrt(np.mean(apart**2)))
         both = [_correlation(ours[name], theirs[name]) for name in ours]
         row["correlation with the study's, median"] = float(np.nanmedian(both))
         for label, activations in (("ours", ours), ("theirs", theirs)):
             told_by = [
-                _correlation(np.mean([activations[one] for one in muscles], axis=0), _envelope(walk, name, motion.time))
+                _correlation(np.mean([activations[one] for one in muscles], axis=0), envelopes[name])
                 for name, muscles in walk.channels.items()
             ]
             row[f"correlation with EMG, {label}, mean"] = float(np.nanmean(told_by))
         yield row
-
-
-def _left(walk: Walk) -> tuple[str, ...]:
-    return tuple(name for name in walk.model.muscle_names if name.endswith("_l"))
-
-
-def _envelope(walk: Walk, channel: str, time: Array) -> Array:
-    """Envelope without delay: the study's static optimization had none."""
-    found: Array = np.interp(time, walk.emg.time, walk.emg[channel])
-    return found
 
 
 def _correlation(one: Array, other: Array) -> float:
@@ -299,7 +284,7 @@ def _correlation(one: Array, other: Array) -> float:
     return float("nan") if flat else float(np.corrcoef(one, other)[0, 1])
 
 
-def measure_envelopes(folder: Path) -> Iterator[dict[str, object]]:
+def measure_envelopes(folder: Path) -> Iterator[Row]:
     """Our envelopes of the raw recording against those that came with it, with its filters and with ours."""
     at = folder / "rajagopal-walk-emg"
     raw, table = raw_emg(at / "raw/emg_walk_raw.anc"), mm.read_sto(at / "electromyography.sto")

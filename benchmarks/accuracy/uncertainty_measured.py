@@ -9,7 +9,6 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -40,8 +39,6 @@ AXES = {"vertical": 1, "fore-aft": 0, "lateral": 2}
 LOADED = 0.05
 """Of the weight: frames in which neither the measured force of a foot nor its upper limit is as large do not count."""
 WALKS = tuple(one for one in CASES if one.name.startswith("walk"))
-FOUND_ON = ("walk, Rajagopal", "walk, OpenCap", "walk, treadmill, no arms")
-"""Recordings on which the factor of contact forces is found; the others are held against it."""
 STUDY_FILE = """
 [study]
 name = "drawn"
@@ -118,11 +115,11 @@ class Held:
             np.abs(self.truth - 0.5 * (self.low + self.high)) / np.maximum(0.5 * (self.high - self.low), 1e-9)
         )
 
-    def row(self, name: str, unit: str, factor: float, scale: float = 1.0) -> Row:
+    def row(self, name: str, unit: str, factor: float = 1.0, scale: float = 1.0) -> Row:
         """Share inside, width, and the range that holds 90 % of the error of the result itself."""
         error = np.quantile(self.found - self.truth, [0.5 - 0.5 * LEVEL, 0.5 + 0.5 * LEVEL])
-        return {
-            f"{name}, inside as drawn [%]": 100.0 * float((self.apart <= 1.0).mean()),
+        drawn = {} if factor == 1.0 else {f"{name}, inside as drawn [%]": 100.0 * float((self.apart <= 1.0).mean())}
+        return drawn | {
             f"{name}, inside [%]": 100.0 * float((self.apart <= factor).mean()),
             f"{name}, width [{unit}]": scale * factor * float((self.high - self.low).mean()),
             f"{name}, 90 % of the error [{unit}]": scale * float(error[1] - error[0]),
@@ -131,32 +128,14 @@ class Held:
 
 def measure_plates(folder: Path) -> Iterator[Row]:
     """Ground forces of walks whose plates are hidden: share inside the limits, and their widths."""
-    factor = FACTORS.get("contact_groups", 1.0)
     for case in WALKS:
         weight = opened(folder, case).weight
-        row: Row = {"recording": case.name, "factor found on it": "yes" if case.name in FOUND_ON else ""}
+        row: Row = {"recording": case.name}
         for axis, held in _of_plates(folder, case).items():
-            row |= held.row(axis, "% weight", factor, 100.0 / weight)
+            row |= held.row(axis, "% weight", scale=100.0 / weight)
         yield row
 
 
-def measure_plates_factor(folder: Path) -> Iterator[Row]:
-    """By how much limits of contact forces have to be widened: found on some walks, held against others."""
-    apart = {case.name: [held.apart for held in _of_plates(folder, case).values()] for case in WALKS}
-    on = np.concatenate([one for name in FOUND_ON for one in apart[name]])
-    others = [one for name, parts in apart.items() if name not in FOUND_ON for one in parts]
-    factor = FACTORS.get("contact_groups", 1.0)
-    yield {
-        "limits of": "contact forces",
-        "found on": ", ".join(FOUND_ON),
-        "factor": max(1.0, float(np.quantile(on, LEVEL))),
-        "factor of the package": factor,
-        "inside as drawn [%]": 100.0 * float((np.concatenate(others) <= 1.0).mean()),
-        "others: inside [%]": 100.0 * float((np.concatenate(others) <= factor).mean()),
-    }
-
-
-@lru_cache(maxsize=8)
 def _of_plates(folder: Path, case: HiddenCase) -> Mapping[str, Held]:
     """By axis, forces of both feet in frames in which they carry."""
     hidden = opened(folder, case)
@@ -282,7 +261,6 @@ def _without(markers: mm.Markers, names: tuple[str, ...]) -> mm.Markers:
 
 def measure_box(folder: Path) -> Iterator[Row]:
     """Force of the hands on a box whose mass is known, from body and plate: share inside the limits, their width."""
-    factor = FACTORS.get("contact_groups", 1.0)
     for lift in LIFTS:
         truth = hands_measured(folder, lift)
         model, motion = man(folder, lift)
@@ -312,7 +290,7 @@ def measure_box(folder: Path) -> Iterator[Row]:
         for axis, at in (("up", 1), ("forward", 0)):
             # The sites are on the hands; the box is pushed the other way.
             low, found, high = (-np.interp(motion.time[frames], one.time, one[f"hands_f{'xyz'[at]}"]) for one in tables)
-            row |= Held(truth[frames, at], high, found, low).row(axis, "N", factor)
+            row |= Held(truth[frames, at], high, found, low).row(axis, "N")
         yield row
 
 

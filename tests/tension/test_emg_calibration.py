@@ -13,18 +13,19 @@ from myomorph.io.osim.read import read_osim
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.series import Emg, Motion, Series
-from myomorph.motion.envelope import DOUBT, EmgCalibration, shaped
+from myomorph.motion.envelope import DOUBT, EmgCalibration, shaped, uncalibrated
 from myomorph.motion.filters import differentiate, lowpass
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.tension import emg_calibration
 from myomorph.tension.emg_calibration import calibrate_emg
 from myomorph.tension.emg_conflicts import APART, conflict_line, emg_conflicts
 from myomorph.tension.emg_groups import kept_level
-from myomorph.tension.emg_held_out import EmgTrial
+from myomorph.tension.emg_held_out import WEIGHTS, EmgTrial, HeldOut
 from myomorph.tension.emg_targets import EmgOptions, emg_targets
 from myomorph.tension.emg_tracking import _bounded
 from myomorph.tension.problem import TensionInputs, tension_problem
 from myomorph.tension.solve import solve_tension
+from myomorph.tension.task import EmgRecording, emg_targets_of
 from myomorph.tension.tension import TensionOptions
 from myomorph.tension.terms.emg import EmgTarget
 
@@ -303,3 +304,19 @@ def test_a_level_is_given_up_where_torques_are_so_much_likelier_without_it(misfi
     misfits = {None: misfit, "known": misfit + worse * DOUBT}
     tracking = SimpleNamespace(prior="free", fit=lambda *given: SimpleNamespace(misfit=misfits[(*given, None)[2]]))
     assert kept_level(tracking, "known", np.zeros(1), np.zeros(1)) == chosen
+
+
+@pytest.mark.parametrize(("after", "weight"), [(0.6, 10.0), (0.4, 0.0)])
+def test_emg_takes_no_part_where_channels_that_are_left_out_come_out_worse(pair, after, weight):
+    model, motion, torques, _, _ = pair
+    held = object.__new__(HeldOut)
+    held.found = SimpleNamespace(channels=tuple(PAIR))
+    held._without = lambda channel, out: np.array([0.5, *np.full(len(WEIGHTS), after)])
+    held._with_twins = list
+    calibration = held.chosen(uncalibrated(tuple(PAIR), DELAY))
+    assert calibration.weight == weight
+    told = EmgRecording(recorded(pair), PAIR, {}, EmgOptions(), calibration)
+    targets = emg_targets_of(told, TensionInputs(model, motion, torques, RIGID, None))
+    assert (targets.target is None) == (weight == 0.0)
+    assert f"EMG takes {'part' if weight else 'no part'}" in targets.notes[0]
+    assert f"0.50 without EMG, {after:.2f} with" in targets.notes[0]

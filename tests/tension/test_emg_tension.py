@@ -121,7 +121,7 @@ def test_emg_that_does_not_fit_is_refused_by_name(walker):
         solve_tension(model, motion, tau, emg=EmgTarget(MUSCLES, told[1:]))
     with pytest.raises(BadData, match="twice"):
         solve_tension(model, motion, tau, emg=EmgTarget(("soleus_r", "soleus_r"), told[:, :2]))
-    for wrong, message in (({"mode": "hard"}, "unknown use of EMG 'hard'"), ({"weight": 0.0}, "EMG weight 0")):
+    for wrong, message in (({"mode": "hard"}, "unknown use of EMG 'hard'"), ({"weight": -1.0}, "EMG weight -1")):
         with pytest.raises(BadData, match=message):
             EmgOptions(**wrong)
 

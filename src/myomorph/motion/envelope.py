@@ -206,10 +206,10 @@ class EmgCalibration:
     (channels,).
 
     Delays in s; shape factors, 0 for a straight line; `intervals` (channels, 2), 95 % of the gains, NaN where they were
-    not fitted; `by_torque`, whether torques determine the gain, which else is the usual one. `weight` and
-    `others_weight`, of soft targets and of what synergies say, were chosen on channels left out; `held_out` (channels,
-    2) is the correlation of such a channel with its muscles without EMG and with that of the others, NaN where not
-    looked at.
+    not fitted; `by_torque`, whether torques determine the gain, which else is the usual one. `weight` (0 for no part)
+    and `others_weight`, of soft targets and of what synergies say, were chosen on channels left out; `held_out`
+    (channels, 2) is the correlation of such a channel with its muscles without EMG and with that of the others, NaN
+    where not looked at.
     """
 
     channels: tuple[str, ...]

@@ -139,7 +139,7 @@ class HeldOut:
         return shifted(self.tracking.frames[index].emg, self.few[index][0].time, self.found.delays)
 
     def chosen(self, emg_calibration: EmgCalibration) -> EmgCalibration:
-        """A calibration with the firmest weight at which channels come out as well as without EMG."""
+        """A calibration with the firmest weight at which channels come out as well as without EMG, 0 for no such."""
         names = emg_calibration.channels
         if len(names) < 2:
             return replace(emg_calibration, weight=ALONE_WEIGHT)
@@ -154,7 +154,9 @@ class HeldOut:
         best = int(np.argmax(good)) if good.any() else int(np.argmax(changes.mean(axis=0)))
         held = table[:, [0, 1 + best]]
         weight, others = WEIGHTS[best]
-        warnings = (*emg_calibration.warnings, *self._warnings(held, best))
+        if np.nanmean(held[:, 1] - held[:, 0]) < 0.0:
+            weight = 0.0
+        warnings = (*emg_calibration.warnings, *self._warnings(held))
         return replace(emg_calibration, weight=weight, others_weight=others, held_out=held, warnings=warnings)
 
     def _with_twins(self) -> list[tuple[int, list[int]]]:
@@ -208,26 +210,25 @@ class HeldOut:
             fit = settled_fit(tracking, prior, delays, shapes)
         return calibration_of(tracking, fit, names, self.model.muscle_names, delays, shapes)
 
-    def _warnings(self, held: Array, best: int) -> tuple[str, ...]:
-        names, lines = self.found.channels, list[str]()
+    def _warnings(self, held: Array) -> tuple[str, ...]:
         fallen = [
             f"{name} ({before:.2f} to {after:.2f})"
-            for name, (before, after) in zip(names, held, strict=True)
+            for name, (before, after) in zip(self.found.channels, held, strict=True)
             if np.isfinite(before) and not after >= before - WORSE
         ]
-        if fallen:
-            lines.append(
-                f"EMG of the other channels misleads the muscles of {some_names(fallen)}: correlation with their own "
-                "EMG when left out, without EMG to with it"
-            )
-        weight, others = WEIGHTS[best]
-        if weight < 1.0:
-            beside = f", muscles that act alike with {others:g}" if others < 1.0 else ""
-            lines.append(
-                f"EMG takes part with a weight of {weight:g} only{beside}: with more, channels that are left out come "
-                "out worse than without EMG"
-            )
-        return tuple(lines)
+        text = f"EMG of the other channels misleads the muscles of {some_names(fallen)}: correlation with their own "
+        return (f"{text}EMG when left out, without EMG to with it",) if fallen else ()
+
+
+def held_out_line(emg_calibration: EmgCalibration) -> tuple[str, ...]:
+    """What EMG gains in channels that were left out, as one line; () where none was."""
+    held = emg_calibration.held_out[np.isfinite(emg_calibration.held_out).all(axis=1)]
+    if not len(held):
+        return ()
+    (before, after), weight = held.mean(axis=0), emg_calibration.weight
+    part = f"part with a weight of {weight:g}" if weight else "no part, as channels disagree (--emg-weight 1 uses it)"
+    way = "of channels that are left out, mean correlation with the activation of their muscles"
+    return (f"EMG takes {part}: {way} {before:.2f} without EMG, {after:.2f} with the other channels",)
 
 
 def _correlation(one: Array, other: Array) -> float:

@@ -24,7 +24,7 @@ class EmgOptions:
     ----------
     mode : "soft": a cost keeps activations near EMG; "driven": they follow it but for the slack
     weight : of the soft cost, in units of the effort of one muscle; None chooses the largest with which channels
-        that are left out come out as well as without EMG
+        that are left out come out as well as without EMG, and 0 where these disagree
     slack : of driven muscles [activation]
     delay : electromechanical delay [s]; None finds it where gains are fitted, else takes the usual one
     gains : "fitted": one gain a channel, so that the muscles that EMG drives bear the joint torques; "normalized":
@@ -94,9 +94,9 @@ def emg_targets(
         count = known.sum(axis=0)
         values[:, m] = np.where(count > 0, np.where(known, columns, 0.0).sum(axis=0) / np.maximum(count, 1), np.nan)
     others = None
-    if options.unmeasured == "synergies" and calibration.synergies:
-        others = calibration.extrapolated(clean, time)
     weight = calibration.weight if options.weight is None else options.weight
+    if options.unmeasured == "synergies" and calibration.synergies and weight:
+        others = calibration.extrapolated(clean, time)
     others_weight = options.unmeasured_weight or calibration.others_weight
     return EmgTarget(muscles, values, options.mode, weight, options.slack, others, others_weight)
 

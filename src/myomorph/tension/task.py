@@ -18,7 +18,7 @@ from myomorph.tension.certificates import CertificateOptions, ContactIntervals, 
 from myomorph.tension.contact_setting import ContactSetting, Measurements, all_loads, set_contacts
 from myomorph.tension.emg_calibration import calibrate_emg
 from myomorph.tension.emg_conflicts import EmgConflict, emg_conflicts
-from myomorph.tension.emg_held_out import EmgTrial
+from myomorph.tension.emg_held_out import EmgTrial, held_out_line
 from myomorph.tension.emg_targets import EmgOptions, emg_targets
 from myomorph.tension.joint_contact import JointContactForces, JointPoints, joint_contact_forces
 from myomorph.tension.problem import TensionInputs
@@ -57,7 +57,7 @@ class EmgRecording:
 class EmgTargets:
     """What EMG shows of a recording."""
 
-    target: EmgTarget | None  # None where no channel is of a muscle
+    target: EmgTarget | None  # None where no channel is of a muscle, or channels disagree
     calibration: EmgCalibration | None
     notes: tuple[str, ...] = ()
 
@@ -222,7 +222,8 @@ def emg_targets_of(recorded: EmgRecording, inputs: TensionInputs) -> EmgTargets:
     notes = (f"EMG of {', '.join(lacking)} takes no part: its gains were not found",) if lacking else ()
     known = {name: muscle for name, muscle in muscles.items() if name in calibration.channels}
     target = emg_targets(emg, known or muscles, inputs.model, inputs.motion.time, chosen, calibration)
-    return EmgTargets(target, calibration, (*notes, *calibration.warnings))
+    used = target if target.weight or chosen.mode == "driven" else None
+    return EmgTargets(used, calibration, (*notes, *held_out_line(calibration), *calibration.warnings))
 
 
 def added_reserves(model: Model, options: TensionOptions, objects: Collection[str] = ()) -> tuple[Actuator, ...]:

@@ -162,9 +162,6 @@ FACTORS: Mapping[str, float] = FrozenMap(
         "torques": 1.11,
         "activations": 1.03,
         "forces": 1.03,
-        "contact_forces": 1.23,
-        "contact_groups": 1.23,
-        "torques_with_contacts": 1.23,
         "joint_reactions": 1.05,
         "joint_contact_forces": 1.05,
     }

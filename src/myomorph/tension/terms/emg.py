@@ -27,7 +27,7 @@ class EmgTarget(Term):
     activations : (frames, muscles) in 0..1, NaN where unknown
     mode : "soft": in place of the effort, the cost has weight (a - activation)^2; "driven": a may differ by `slack`
         only, beyond which a stiff cost of the same form gives way, so that the problem always has a solution
-    weight : of the soft target, in units of the effort a^2 of one muscle
+    weight : of the soft target, in units of the effort a^2 of one muscle; 0 for none
     slack : [activation]
     others : (frames, muscles) what synergies say of further muscles, drawn softly; None for nothing
     others_weight : of that, in units of the effort a^2 of one muscle
@@ -46,8 +46,8 @@ class EmgTarget(Term):
         freeze(self, activations=(-1, len(self.muscles)))
         if self.mode not in ("soft", "driven"):
             raise BadData(f"unknown use of EMG '{self.mode}': there are 'soft', 'driven'")
-        if not (self.weight > 0.0 and self.slack >= 0.0):
-            raise BadData(f"EMG weight {self.weight:g}, slack {self.slack:g}: expected above 0, and 0 or more")
+        if not (self.weight >= 0.0 and self.slack >= 0.0):
+            raise BadData(f"EMG weight {self.weight:g}, slack {self.slack:g}: expected 0 or more")
 
     def penalties(self, unknowns: Unknowns) -> Penalties:
         """L = h near EMG with a soft target, EMG -+ slack with driven muscles.
