@@ -6,9 +6,9 @@ import pytest
 from benchmarks.house import CHECKOUT, checkout_texts, count
 
 LIMITS = {
-    ("lines", "src"): 123_925,
-    ("lines", "benchmarks"): 26_628,
-    ("words", "documentation"): 100_058,
+    ("lines", "src"): 123_924,
+    ("lines", "benchmarks"): 26_623,
+    ("words", "documentation"): 100_057,
     ("vague", "src"): 6.5,
 }
 
