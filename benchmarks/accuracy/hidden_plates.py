@@ -243,7 +243,10 @@ def measure_one_plate(folder: Path) -> Iterator[dict[str, object]]:
                     error = _foot(found, side, truth.time) - _foot(plates, side, truth.time)
                     row[f"{side}, vertical, RMS [N]"] = float(np.sqrt(np.mean(error[:, 1] ** 2)))
                     row[f"{side}, fore-aft, RMS [N]"] = float(np.sqrt(np.mean(error[:, 0] ** 2)))
-                row["activations, RMS"] = float(np.sqrt(np.mean((activations.values - truth.values) ** 2)))
+                away = activations.values - truth.values
+                known = away[np.isfinite(away)]
+                row["activations, RMS"] = float(np.sqrt(np.mean(known**2))) if len(known) else ""
+                row["not determined [%]"] = 100.0 * (1.0 - len(known) / away.size)
                 yield row
 
 
