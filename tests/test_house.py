@@ -7,8 +7,8 @@ from benchmarks.house import CHECKOUT, checkout_texts, count
 
 LIMITS = {
     ("lines", "src"): 123_924,
-    ("lines", "benchmarks"): 26_623,
-    ("words", "documentation"): 100_057,
+    ("lines", "benchmarks"): 26_626,
+    ("words", "documentation"): 100_001,
     ("vague", "src"): 6.5,
 }
 
