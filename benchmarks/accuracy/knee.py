@@ -26,7 +26,7 @@ from myomorph.model.arrays import Array
 from myomorph.motion.automatic_cutoff import automatic_cutoff
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
-from myomorph.study.inputs.contact_points_file import contact_points
+from myomorph.study.inputs.contact_points import contact_points
 
 Row = dict[str, object]
 

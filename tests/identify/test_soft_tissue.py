@@ -17,7 +17,7 @@ from myomorph.model.soft_tissue import SoftTissue, coordinate_groups
 from myomorph.motion.filters import differentiate
 from myomorph.report.trial.identification_tables import identification_tables
 from myomorph.rigid.regressor import base_regressor, reference_points
-from myomorph.study.inputs.soft_tissue_file import read_soft_tissue
+from myomorph.study.inputs.soft_tissue import read_soft_tissue
 from myomorph.study.subject.body_points import body_points
 from myomorph.study.subject.subject_files import BodyOptions, BodyShape
 

@@ -63,7 +63,6 @@ def analyze_command(
     prepare : only write the study file, so that it can be changed before it is run
     dry_run : only write the study file, and print what would be computed and how long it takes
     """
-    # Imported by the command that needs it: --help and the others start without.
     from myomorph.cli.running import Running
     from myomorph.cli.study import run_plan
     from myomorph.model.errors import BadData

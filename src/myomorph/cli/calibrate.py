@@ -44,7 +44,6 @@ def calibrate_command(
     static : recording of standing still
     marker_set : OpenSim marker set (.xml) that comes before the model's markers
     """
-    # Imported by the command that needs it: --help and the others start without.
     from myomorph.store.results import file_source, provenance_of
     from myomorph.store.settings import plain_settings, with_settings
     from myomorph.study.inputs.labels import Labels

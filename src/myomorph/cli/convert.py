@@ -37,7 +37,6 @@ def convert_command(
     units : of lengths in a TRC file
     labels : table of names (.csv: label, new name; an empty new name drops the marker or channel)
     """
-    # Imported by the command that needs it: --help and the others start without.
     from myomorph.io.labels import read_labels
     from myomorph.study.convert.convert import ConvertOptions, convert
     from myomorph.study.inputs.loads import LoadsFile

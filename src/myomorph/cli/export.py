@@ -35,7 +35,6 @@ def export_command(
     """A model for MuJoCo 3 and 4, with a certificate: which muscle differs, where and by how much. Or a study's
     recordings and results as a dataset of BIDS.
     """
-    # Imported by the command that needs it: --help and the others start without.
     from myomorph.cli.output import said, warn
     from myomorph.model.errors import BadData
 

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 
 def info_command(file: Annotated[Path, Parameter(help="Model, recording or table.")], /) -> int:
     """What is in a model, C3D, TRC, MOT or STO file, and what is wrong with it."""
-    # Imported by the command that needs it: --help and the others start without.
     from myomorph.study.info.inspect import inspect
 
     for line in inspect(file).lines():
@@ -53,7 +52,6 @@ def report_command(
     ] = (),
 ) -> int:
     """Make report.html of a folder of results, and of a walk gait.html, one page for the clinic."""
-    # Imported by the command that needs it: --help and the others start without.
     from myomorph.study.trial.reporting import report_folder
     from myomorph.viscosity.study.results import STORE, remake_report
 
@@ -73,7 +71,6 @@ def run_tool_command(
     threads: Threads = None,
 ) -> int:
     """Run an OpenSim setup file: ScaleTool, InverseKinematicsTool, InverseDynamicsTool or AnalyzeTool."""
-    # Imported by the command that needs it: --help and the others start without.
     from myomorph.opensim_tools.run import run_tool
 
     use_threads(threads)
@@ -96,7 +93,6 @@ def view_command(
     browser: Annotated[bool, Parameter(help="Open the page in the browser.")] = True,
 ) -> int:
     """Show results in a web page: the body moves, with its muscles, forces, markers and curves."""
-    # Imported by the command that needs it: --help and the others start without.
     from myomorph.study.trial.viewing import open_replay
 
     def served(opened: int) -> None:
@@ -118,14 +114,12 @@ def view_command(
 def _swings(folder: Path) -> Recordings:
     if not [*folder.glob("swings.json"), *folder.glob("*/swings.json")]:
         return {}
-    # Only results of swings need it: others are shown sooner without.
     from myomorph.viscosity.study.viewing import swings_of
 
     return swings_of(folder)
 
 
 def _demo_model(name: str) -> Model:
-    # Only results of a demo need it: others are shown sooner without.
     from myomorph.demo.demos import demo_model
 
     return demo_model(name)

@@ -66,7 +66,6 @@ def identify_command(
     check_loads : their external loads
     live : show what is known so far while frames arrive, from the files or streams
     """
-    # Imported by the command that needs it: --help and the others start without.
     from myomorph.live.identification import live_motions
     from myomorph.study.inputs.loads import LoadsFile
     from myomorph.study.inputs.reading import open_model

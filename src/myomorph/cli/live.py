@@ -61,7 +61,6 @@ def live_command(
     lsl_out : send coordinates, torques and activations as a stream of this name
     out : folder for tables of all frames, and of how late each of them was
     """
-    # Imported by the command that needs it: --help and the others start without.
     from myomorph.live.run import LiveFiles, LiveOutputs, LiveSensors, LiveStreams, run_live_chain
     from myomorph.store.settings import with_settings
     from myomorph.study.trial.uncertainty_file import read_sizes

@@ -64,7 +64,6 @@ def morph_command(
     beside : keep the muscles that the skeleton has
     protocol : with --target, whose recordings the model shall follow: a marker table of the species
     """
-    # Imported by the command that needs it: --help and the others start without.
     from myomorph.study.subject import morphing
     from myomorph.study.subject.morph_files import MorphFiles
     from myomorph.study.subject.subjects import check_out_model, tables_folder

@@ -58,7 +58,6 @@ def _print_what_the_terminal_cannot() -> None:
 
 
 def _run(words: list[str]) -> int:
-    # Imported by the command that needs it: --help and the others start without.
     from cyclopts.exceptions import CycloptsError
 
     from myomorph.cli.app import command_names, new_app

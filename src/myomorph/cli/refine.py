@@ -44,7 +44,6 @@ def refine_command(
     markers : recordings: .trc, .c3d, .mat or .h5, one or more
     mass : of the subject [kg]; the model's by default
     """
-    # Imported by the command that needs it: --help and the others start without.
     from myomorph.model.errors import BadData
     from myomorph.study.inputs.loads import LoadsFile
     from myomorph.study.inputs.markers import MarkersFile

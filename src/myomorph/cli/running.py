@@ -59,7 +59,6 @@ class Running:
         return path if self.scheduler is None else path.resolve()
 
     def _here(self, jobs: int) -> Workers:
-        # Imported by the command that needs it: --help and the others start without.
         from myomorph.study.workers.local_workers import local_workers
 
         if self.memory is not None and not math.isfinite(self.memory):
@@ -71,7 +70,6 @@ class Running:
         """Workers of a cluster where one is named, else of this machine."""
         if self.scheduler is None:
             return self._here(jobs)
-        # Brings Dask: loaded only where it is needed.
         from myomorph.study.run.dask_workers import DaskWorkers
 
         cluster = DaskWorkers(self.scheduler, out)
@@ -88,7 +86,6 @@ class Running:
         conditions: Sequence[str] = (),
     ) -> int:
         """Print what a run of so many jobs would do; the exit status."""
-        # Imported by the command that needs it: --help and the others start without.
         from myomorph.study.run.dry_run import dry_run, dry_run_lines
 
         count = 1 if self.scheduler else self._here(jobs).count

@@ -39,7 +39,6 @@ def demo_command(
     """
     use_threads(threads)
     if study == "shoulder":
-        # Imported by the command that needs it: --help and the others start without.
         from myomorph.cli.viscosity import ended, print_specimen
         from myomorph.demo.shoulder import run_shoulder_demo
 
@@ -87,7 +86,6 @@ def run_command(
     running: RunOptions = AS_USUAL,
 ) -> int:
     """Run a study file: subjects, models, trials and steps; what has not changed since an earlier run is taken over."""
-    # Imported by the command that needs it: --help and the others start without.
     from myomorph.study.plan.plan import read_plan
 
     running.begin()
@@ -96,7 +94,6 @@ def run_command(
 
 def run_plan(plan: Plan, out: Path, running: Running) -> int:
     """Run a plan and say what became of it, or what a run would do; the exit status."""
-    # Imported by the command that needs it: --help and the others start without.
     from myomorph.study.run.job_plan import graph_of
     from myomorph.study.run.run import run_study
 
@@ -110,7 +107,6 @@ def run_plan(plan: Plan, out: Path, running: Running) -> int:
 
 def _ended(outcomes: Sequence[Outcome], out: Path) -> int:
     """Say what a run came to, where its results are and what failed where; the exit status."""
-    # Imported by the command that needs it: --help and the others start without.
     from myomorph.study.run.run import FULL
     from myomorph.study.summary.study_tables import PAGE, PARQUET, has_parquet
 

@@ -32,7 +32,6 @@ def transfer_command(
         default pose; its own default pose without
     motion : coordinates of the subject's model over time, carried to the other: into the folder `motions` of the tables
     """
-    # Imported by the command that needs it: --help and the others start without.
     from myomorph.store.settings import with_settings
     from myomorph.study.subject import transferring
     from myomorph.study.subject.subjects import check_out_model, tables_folder

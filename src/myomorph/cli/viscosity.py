@@ -70,7 +70,6 @@ def viscosity_command(
     first : first body of the limb; the humerus by default
     muscle_mass : of the removed muscles, as weighed [kg]
     """
-    # Imported by the command that needs it: --help and the others start without.
     from myomorph.study.inputs.time_span import TimeSpan
     from myomorph.viscosity.study.into_model import write_identified
     from myomorph.viscosity.study.plan import fixed_plan, read_viscosity_plan
@@ -111,7 +110,6 @@ def viscosity_command(
 
 def ended(outcomes: Sequence[Outcome], out: Path) -> int:
     """Say how many specimens were done and where the report is; the exit status."""
-    # Imported by the command that needs it: --help and the others start without.
     from myomorph.viscosity.study.results import REPORT
 
     specimens = [outcome for outcome in outcomes if outcome.subject]
@@ -141,7 +139,6 @@ def print_specimen(outcome: Outcome) -> None:
     if outcome.error:
         print_outcome(outcome)
         return
-    # Imported by the command that needs it: --help and the others start without.
     from myomorph.viscosity.study.specimen_step import read_specimen
 
     print_outcome(replace(outcome, findings=()))

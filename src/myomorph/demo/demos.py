@@ -46,7 +46,6 @@ def run_demo(name: str, out: Path) -> Outcome:
     finally:
         ahead.stop()
     if name == "judo":
-        # Brings MuJoCo: loaded only where it is needed.
         from myomorph.demo.judo import run_judo_demo
 
         return run_judo_demo(out)
@@ -60,7 +59,6 @@ def demo_trial(name: str) -> TrialInputs:
     if name == "jump":
         return _jump_trial()
     if name == "simulated":
-        # Each demo loads its own simulation only.
         from myomorph.simulate.squat import simulated_trial
 
         return simulated_trial()
@@ -139,7 +137,6 @@ def demo_recording(name: Literal["jump", "simulated"] = "simulated") -> DemoReco
 def demo_model(name: str) -> Model:
     """The model of a demo's recording; raises `UnknownName`."""
     if name == "judo":
-        # Each demo loads its own simulation only.
         from myomorph.demo.judo import BOUT
         from myomorph.simulate.pair import pair_model
 
@@ -153,7 +150,6 @@ def demo_model(name: str) -> Model:
 
 
 def _jump_trial() -> TrialInputs:
-    # Each demo loads its own simulation only.
     from myomorph.simulate.jump import jump_study
 
     jump = jump_study()

@@ -202,7 +202,6 @@ class MorphDemo:
 
 def run_morph_demo(out: Path) -> MorphDemo:
     """Carry the leg's muscles into the deformed bones and write the model, its errors, bones, tables and a report."""
-    # Brings jinja2: loaded only where it is needed.
     from myomorph.report.morph.morph_page import morph_page
     from myomorph.study.trial.reporting import REPORT
 

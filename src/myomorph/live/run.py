@@ -33,8 +33,7 @@ from myomorph.store.results import STORED, file_source, new_result, provenance_o
 from myomorph.store.settings import plain_settings
 from myomorph.store.uncertainty_store import put_uncertainty
 from myomorph.study.inputs import reading
-from myomorph.study.inputs.imu import ImuFiles
-from myomorph.study.inputs.imu_files import NONE
+from myomorph.study.inputs.imu import NONE, ImuFiles
 from myomorph.study.trial.reporting import surfaces_of
 from myomorph.study.trial.steps.id import torque_table
 from myomorph.tension.tension import Tension, TensionOptions

@@ -25,7 +25,7 @@ from myomorph.muscles.fiber_states import default_states, without_fibers
 from myomorph.muscles.kinematics import default_path_lengths
 from myomorph.opensim_tools.outputs import ToolResult, check_outputs, write_outputs
 from myomorph.study.inputs import reading
-from myomorph.study.inputs.tasks_file import with_tasks
+from myomorph.study.inputs.tasks import with_tasks
 from myomorph.study.subject.calibrating import with_marker_set
 
 

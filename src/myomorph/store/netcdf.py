@@ -91,7 +91,6 @@ class NetcdfFile:
 
 def _texts_of() -> Callable[[Any, str, str], None]:
     """A function that writes a new attribute, as the library does, but without looking for it first: there are many."""
-    # Brings h5py: loaded only where it is needed.
     import h5py
 
     kind, space = h5py.h5t.py_create(h5py.string_dtype(), logical=True), h5py.h5s.create(h5py.h5s.SCALAR)
@@ -162,7 +161,6 @@ class _Disk:
 @contextmanager
 def new_netcdf(path: str | os.PathLike[str]) -> Iterator[NetcdfFile]:
     """A new file; where an error ends the block, it is left unfinished."""
-    # Loaded only where such a file is read or written.
     import h5py
 
     with closing(_Disk(path)) as disk, h5py.File(disk, "w", track_order=True) as file:
@@ -225,7 +223,6 @@ class NetcdfSource:
 @contextmanager
 def open_netcdf(path: str | os.PathLike[str]) -> Iterator[NetcdfSource]:
     """A file to read from; raises `OSError` where it is none."""
-    # Loaded only where such a file is read or written.
     import h5py
 
     with h5py.File(path, "r", track_order=True) as file:

@@ -59,7 +59,6 @@ def progress(title: str, total: int, unit: str = "frames") -> Iterator[Advance]:
 
 
 def _bar(title: str, total: int, done: float) -> Progress:
-    # Brings rich: loaded only where it is needed.
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 

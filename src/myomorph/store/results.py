@@ -215,7 +215,6 @@ class ResultWriter:
 
 def _texts() -> Any:
     """The type of texts in a file."""
-    # Brings h5py: loaded only where it is needed.
     import h5py
 
     return h5py.string_dtype()

@@ -41,12 +41,8 @@ class Setting:
 
 @dataclass(frozen=True)
 class Differentiation:
-    """Options of the steps that need velocities and accelerations.
-
-    Attributes
-    ----------
-    cutoff : low-pass filter of coordinates and external forces [Hz]; 0 for none, as OpenSim's default; by default the
-        one that the motion asks for, none where it is smooth already (`automatic_cutoff`)
+    """Low-pass filter of coordinates and external forces [Hz]; 0 for none, as OpenSim's default; by default the one
+    that the motion asks for, none where it is smooth already (`automatic_cutoff`).
     """
 
     cutoff: float | None = None
@@ -101,12 +97,7 @@ class TorqueTable:
 
 @dataclass(frozen=True)
 class EmgUse:
-    """Whether measured excitations take part in muscle tensions.
-
-    Attributes
-    ----------
-    emg_display_only : EMG does not take part; it is shown beside the activations
-    """
+    """EMG does not take part in muscle tensions; it is shown beside the activations."""
 
     emg_display_only: bool = False
 
@@ -170,8 +161,12 @@ def prefix_of(options: type) -> str:
 
 
 def attribute_help(owner: Any, heading: str = "Attributes") -> dict[str, str]:
-    """What a section of a numpydoc docstring says of each attribute or parameter, as one line; those of bases too."""
+    """What a section of a numpydoc docstring says of each attribute or parameter, as one line; those of bases too. Of
+    an only attribute the docstring itself tells it.
+    """
     text = inspect.cleandoc(owner.__doc__ or "")
+    if dataclasses.is_dataclass(owner) and len(alone := dataclasses.fields(owner)) == 1 and "\n---" not in text:
+        return {alone[0].name: " ".join(text.split())}
     section = re.search(rf"^{heading}\n-+\n(.*?)(?=\n\S+\n-+\n|\Z)", text, re.DOTALL | re.MULTILINE)
     result = {name: text for base in getattr(owner, "__bases__", ()) for name, text in attribute_help(base).items()}
     names: list[str] = []
@@ -204,11 +199,8 @@ def plain_settings(options: object) -> dict[str, object]:
 
 @dataclass(frozen=True)
 class TrialMotion:
-    """Which motion the trials of a subject go on with.
-
-    Attributes
-    ----------
-    use_motions : the refined one, with forces filtered alike; else that of inverse kinematics on the refined model
+    """Trials go on with the refined motion, forces filtered alike; else with that of inverse kinematics on the refined
+    model.
     """
 
     use_motions: bool = True

@@ -272,7 +272,6 @@ def put_tension(writer: ResultWriter, tension: Tension, reserve_coordinates: tup
 
 def get_tension(stored: Stored, options: TensionOptions) -> Tension | None:
     """What `put_tension` wrote, or None."""
-    # Brings SciPy: loaded only where it is needed.
     from myomorph.tension.tension import Tension
 
     values, names = stored.values, stored.names

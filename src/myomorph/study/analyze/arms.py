@@ -41,7 +41,6 @@ def with_arms(model: Model) -> Model:
 
     Source: MyoSuite (Caggiano et al. 2022), after Saul et al. 2015.
     """
-    # Brings MuJoCo and myo-sim: loaded only where it is needed.
     from myomorph.io.mjcf.read import composed_model
 
     whole = composed_model(WHOLE)

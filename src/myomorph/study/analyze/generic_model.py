@@ -152,7 +152,6 @@ def legs_and_trunk() -> Model:
     Joints and coordinates have the names of the field and of OpenSim's gait models (`knee_r`, `pelvis_tilt`); knees
     and patellae move as anatomists measured (`anatomy`). Raises `BadData` where myo-sim is not installed.
     """
-    # Brings MuJoCo and myo-sim: loaded only where it is needed.
     from myomorph.io.mjcf.read import composed_model
 
     model = renamed_model(composed_model(NAME), lambda name: COORDINATES.get(name, name))

@@ -32,7 +32,6 @@ def inspect(path: str | os.PathLike[str]) -> Inspection:
     ending = path.suffix.lower()
     recording = trial_format(path)
     if recording is not None:
-        # Brings Numba and SciPy: loaded only where it is needed.
         from myomorph.study.info.inspect_recording import inspect_trial
         from myomorph.study.inputs.reading import read_recording
 
@@ -56,7 +55,6 @@ def inspect(path: str | os.PathLike[str]) -> Inspection:
 
 def _inspect_xml(path: Path) -> Inspection:
     """A MuJoCo model, or one of OpenSim's settings."""
-    # Each kind of file brings its own reader.
     from myomorph.io.parsing.xml import read_xml
 
     file = read_xml(path)
@@ -80,7 +78,6 @@ def _inspect_xml(path: Path) -> Inspection:
 
 
 def _inspect_loads(path: Path) -> Inspection:
-    # Each kind of file brings its own reader.
     from myomorph.io.loads import read_load_entries
 
     entries = read_load_entries(path)
@@ -134,7 +131,6 @@ def inspect_model(model: Model) -> Inspection:
 def _arm_warnings(model: Model) -> tuple[str, ...]:
     if not model.muscles:
         return ()
-    # Brings Numba: loaded only where it is needed.
     from myomorph.muscles.patella import arm_warnings
 
     return arm_warnings(model)

@@ -15,12 +15,7 @@ from myomorph.study.inputs.keys import File
 
 @dataclass(frozen=True)
 class ActuatorsFile:
-    """Actuators of a file.
-
-    Attributes
-    ----------
-    actuators : OpenSim force set (.xml) of reserve and residual actuators
-    """
+    """OpenSim force set (.xml) of reserve and residual actuators."""
 
     actuators: Annotated[Path | None, File()] = None
 
@@ -36,7 +31,6 @@ def _open(settings: ActuatorsFile, opening: Opening) -> Opened:
     path = settings.actuators
     if path is None:
         return Opened()
-    # Most trials start without: loaded where a trial has such input.
     from myomorph.io.osim.actuators import read_actuators
 
     with reading.about(path):

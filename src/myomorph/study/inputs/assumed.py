@@ -11,12 +11,7 @@ from myomorph.study.inputs.keys import Sentences
 
 @dataclass(frozen=True)
 class Assumed:
-    """Sentences on a recording.
-
-    Attributes
-    ----------
-    assumed : what was assumed, for the first lines of the report
-    """
+    """What was assumed of a recording, for the first lines of the report."""
 
     assumed: Annotated[tuple[str, ...], Sentences()] = ()
 

@@ -165,12 +165,10 @@ def channels_of(path: str | Path) -> Series:
     """All channels of a file."""
     ending = Path(path).suffix.lower()
     if ending in (".csv", ".txt"):
-        # Most trials start without: loaded where a trial has such input.
         from myomorph.io.channels import read_csv_table
 
         return read_csv_table(Path(path))
     if ending in TABLE_FILES:
-        # Most trials start without: loaded where a trial has such input.
         from myomorph.io.sto import read_sto
 
         return read_sto(path)
@@ -180,7 +178,6 @@ def channels_of(path: str | Path) -> Series:
             raise BadFile(path, "has no analog channels", "EMG of another file can be given as .sto or .mot")
         return analog
     if ending in (".bdf", ".edf"):
-        # As above.
         from myomorph.io.bids.recording import read_emg
 
         return read_emg(Path(path))

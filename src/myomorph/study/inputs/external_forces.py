@@ -80,7 +80,6 @@ def _force_options(opening: Opening) -> ForceOptions:
     options, contacts = opening.options[ForceOptions], opening.settings.get(ContactsFile)
     if contacts is None or not contacts.contacts:
         return options
-    # Most trials start without: loaded where a trial has such input.
     from myomorph.contact.plan import ContactPlan
 
     return replace(options, force_checks="none") if opening.values[ContactPlan].measured == "shared" else options
@@ -89,13 +88,11 @@ def _force_options(opening: Opening) -> ForceOptions:
 def load_tables(path: Path, markers: Path | None = None) -> list[Source]:
     """The tables that an external loads file, or a file of stairs, takes its numbers from."""
     if path.suffix.lower() == ".toml":
-        # Most trials start without: loaded where a trial has such input.
         from myomorph.study.inputs.contact_file import recording_of
 
         return [file_source("load table", table) for table in recording_of(path, markers)]
     if path.suffix.lower() != ".xml":
         return []
-    # Brings SciPy: loaded only where loads are in an XML file.
     from myomorph.io.loads import read_load_entries
 
     with about(path):
@@ -233,13 +230,11 @@ def raw_loads(
         with about(path):
             wrenches = laboratory.wrenches(force_table(path, bodies, options))
     elif ending == ".xml":
-        # Brings pydantic and SciPy: loaded only where it is needed.
         from myomorph.io.loads import read_external_loads
 
         with about(path):
             wrenches = laboratory.wrenches(read_external_loads(path, poses=PosesBy(model, motion)))
     elif ending == ".toml":
-        # As above.
         from myomorph.contact.feet_on_steps import stairs_wrenches
         from myomorph.study.inputs.contact_file import read_stairs
 

@@ -14,12 +14,7 @@ from myomorph.study.inputs.keys import LabelMap
 
 @dataclass(frozen=True)
 class Labels:
-    """Names of markers.
-
-    Attributes
-    ----------
-    labels : map of marker labels (.csv of lines "recorded,model", or .toml); an empty model name drops a marker
-    """
+    """Map of marker labels (.csv of lines "recorded,model", or .toml); an empty model name drops a marker."""
 
     labels: Annotated[Mapping[str, str], LabelMap()] = field(default_factory=lambda: FrozenMap({}))
 

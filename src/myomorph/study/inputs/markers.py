@@ -19,12 +19,7 @@ from myomorph.study.inputs.laboratory import AS_RECORDED, Laboratory
 
 @dataclass(frozen=True)
 class MarkersFile:
-    """The recording of a trial.
-
-    Attributes
-    ----------
-    markers : recording: .trc, .c3d, .mat or .h5
-    """
+    """Recording: .trc, .c3d, .mat or .h5."""
 
     markers: Annotated[Path | None, File(per="trial")] = None
 

@@ -13,12 +13,7 @@ from myomorph.study.inputs.keys import KeyKind
 
 @dataclass(frozen=True)
 class BodyMass(Recorded):
-    """What the subject weighs.
-
-    Attributes
-    ----------
-    mass : of the subject [kg]
-    """
+    """Mass of the subject [kg]."""
 
     mass: Annotated[float | None, KeyKind(per="subject")] = None
 

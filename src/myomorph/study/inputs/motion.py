@@ -15,12 +15,7 @@ from myomorph.study.inputs.keys import File
 
 @dataclass(frozen=True)
 class MotionFile:
-    """Coordinates that a trial begins with.
-
-    Attributes
-    ----------
-    motion : coordinates over time (.mot or .sto)
-    """
+    """Coordinates over time (.mot or .sto)."""
 
     motion: Annotated[Path | None, File(per="trial")] = None
 

@@ -15,12 +15,7 @@ from myomorph.study.inputs.markers import NO_RECORDING, Recording
 
 @dataclass(frozen=True)
 class Phases(Recorded):
-    """Named parts of a motion.
-
-    Attributes
-    ----------
-    phases : NAME=START,END [s]: parts of the motion that the report shows apart
-    """
+    """NAME=START,END [s]: parts of the motion that the report shows apart."""
 
     phases: Annotated[Mapping[str, tuple[float, float]], Spans(per="trial")] = field(
         default_factory=lambda: FrozenMap({})

@@ -130,7 +130,6 @@ def fitted_to(model: Model, trial: Trial) -> Trial:
     shared = [name for name in model.marker_names if name in markers.names]
     if not shared:
         with about(trial.source):
-            # Brings Numba and SciPy: loaded only where it is needed.
             from myomorph.motion.ik import InverseKinematicsOptions, tracked_markers
 
             tracked_markers(model, markers, InverseKinematicsOptions())
@@ -261,7 +260,6 @@ def whole_motion(motion: Motion, model: Model) -> tuple[Motion, tuple[str, ...]]
     """The motion with every coordinate of the model, and those that it lacked and no coupler gives."""
     if set(motion.names) == set(model.coordinate_names):
         return motion, ()
-    # Brings Numba: loaded only where a table lacks coordinates.
     from myomorph.rigid.tree import compile_tree
 
     values = compile_tree(model).coordinates_of(motion)
@@ -279,7 +277,6 @@ def coupled_motion(motion: Motion, model: Model) -> tuple[Motion, tuple[str, ...
     driven = [name for name in model.dependent_coordinates if name in motion.names]
     if not driven or not len(motion):
         return motion, ()
-    # Brings Numba: loaded only where a table has such coordinates.
     from myomorph.rigid.tree import compile_tree
 
     coupled = compile_tree(model).coordinates_of(motion)
@@ -306,7 +303,6 @@ class PosesBy:
 
     def __call__(self, body: str, time: Array) -> tuple[Array, Array]:
         """Rotations (frames, 3, 3) and origins (frames, 3) of a body."""
-        # Most trials start without: loaded where a trial has such input.
         from myomorph.rigid.kinematics import forward_kinematics
         from myomorph.rigid.tree import compile_tree
 

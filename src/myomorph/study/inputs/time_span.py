@@ -14,12 +14,7 @@ from myomorph.study.inputs.motion import MotionFile, RecordedMotion
 
 @dataclass(frozen=True)
 class TimeSpan:
-    """Start and end of what is used.
-
-    Attributes
-    ----------
-    time : START END: use only this part of the recording [s]
-    """
+    """START END: use only this part of the recording [s]."""
 
     time: Annotated[tuple[float, float] | None, Span()] = None
 

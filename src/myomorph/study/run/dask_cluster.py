@@ -117,7 +117,6 @@ def _ends_when_unwanted() -> Iterator[None]:
     nothing else at the same time, ends itself.
     """
     try:
-        # Brings distributed and jinja2: loaded only where it is needed.
         from distributed import get_worker
         from distributed.worker import thread_state
 

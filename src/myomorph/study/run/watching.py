@@ -80,7 +80,6 @@ class StudyProgress:
         )
 
     def _begin(self) -> Progress:
-        # Brings rich: loaded only where it is needed.
         from rich.console import Console
         from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 

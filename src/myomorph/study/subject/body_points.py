@@ -114,7 +114,6 @@ def _in_skin(
     model: Model, shape: BodyShape, mass: float, options: BodyOptions, compare: bool
 ) -> tuple[dict[str, MassPoints], Inside | None, tuple[str, ...]]:
     """Points inside the user's skin, or that of a statistical body, with the model posed in it."""
-    # Only this option of the step needs it.
     from myomorph.identify.body.fit_pose import pose_model_to_skin
 
     if shape.skin is not None:
@@ -153,7 +152,6 @@ def _read_skin(path: Path, height: float | None) -> Skin:
 
 
 def _statistical(shape: BodyShape, mass: float) -> Shape:
-    # Only this option of the step needs it.
     from myomorph.identify.body.shape import body_shape
 
     if shape.height is None or shape.chest is None:

@@ -207,8 +207,6 @@ def calibration_page(calibrated: Calibrated) -> str:
     # Workers calibrate many subjects and write their pages last: until then, nothing of the report is loaded.
     from myomorph.report.page.parts import Note, PageHead
     from myomorph.report.trial.report_input import IdentificationInput, ReportInput
-
-    # Brings jinja2: loaded only where it is needed.
     from myomorph.report.trial.trial_page import report_page
     from myomorph.study.trial.reporting import surfaces_of
 

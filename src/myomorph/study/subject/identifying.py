@@ -47,12 +47,7 @@ LIGHTEST, HEAVIEST = 1e-3, 1e4
 
 @dataclass(frozen=True)
 class CheckTrials:
-    """Trials of a study that identification is held against.
-
-    Attributes
-    ----------
-    check : names of trials, between commas, that masses are not fitted to; their forces are only predicted
-    """
+    """Names of trials, between commas, that masses are not fitted to; their forces are only predicted."""
 
     check: str = ""
 
@@ -216,7 +211,6 @@ def write_identified(
 
 
 def _write_tables(identified: Identified, folder: Path, subject: str) -> None:
-    # Brings jinja2: loaded only where it is needed.
     from myomorph.report.trial.trial_page import report_page
     from myomorph.study.trial.reporting import REPORT
 
@@ -245,7 +239,6 @@ def _write_tables(identified: Identified, folder: Path, subject: str) -> None:
 
 
 def _surfaces(model: Model) -> Mapping[str, Surface]:
-    # Only this option of the step needs it.
     from myomorph.study.trial.reporting import surfaces_of
 
     return surfaces_of(model)

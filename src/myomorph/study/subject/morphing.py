@@ -90,7 +90,6 @@ def morph_files(files: MorphFiles, settings: MorphSettings, model: Model | None 
             progress=advance,
         )
     if files.mass is not None or skin is not None:
-        # Only this option of the step needs it.
         from myomorph.study.subject.morph_masses import with_morphed_masses
 
         weighed, notes = with_morphed_masses(morph, files.mass, skin)
@@ -159,7 +158,6 @@ def write_morphed(
     report (`page` where it tells more than the morph alone); whole or not at all. Returns what the model's file could
     not hold.
     """
-    # Brings jinja2: loaded only where it is needed.
     from myomorph.report.morph.morph_page import morph_page
     from myomorph.report.morph.tables import morphing_tables
     from myomorph.study.trial.reporting import REPORT

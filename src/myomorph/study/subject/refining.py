@@ -90,7 +90,6 @@ def write_refined(refined: Made[Refinement], out: Path, tables: Path | None = No
         write_rows(mass_rows(refinement), folder / "masses.csv")
         write_error_sizes(folder, STEP.name, refined_errors(refinement))
         write_rows(length_rows(refinement), folder / "lengths.csv")
-        # Brings jinja2: loaded only where it is needed.
         from myomorph.study.trial.reporting import REPORT
 
         (folder / REPORT).write_text(_page(refined), encoding="utf-8")
@@ -196,7 +195,6 @@ def _cell(value: object) -> str:
 
 
 def _page(refined: Made[Refinement]) -> str:
-    # Brings jinja2: loaded only where it is needed.
     from myomorph.report.trial.trial_page import report_page
 
     refinement, made = refined.found, refined.provenance

@@ -282,7 +282,6 @@ MAX_TRIANGLES = 40000
 
 def surfaces_of(model: Model) -> Mapping[str, Surface]:
     """Meshes of the model's bodies, as far as they lie beside its file."""
-    # Most trials start without: loaded where a trial has such input.
     from myomorph.io.mesh import read_surfaces
 
     source = Path(model.source)

@@ -39,7 +39,6 @@ def open_replay(
     finds those of a swinging limb.
     """
     choices = [swings(Path(folder)) or recordings(folder, demo_model) for folder in folders]
-    # Brings Numba and rich: loaded only where it is needed.
     from myomorph.viewer.replay import Replay
 
     return Replay(choices, port, served)

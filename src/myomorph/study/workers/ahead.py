@@ -86,7 +86,6 @@ def wraps_of(model: Model) -> frozenset[str]:
 
 def cached(wraps: frozenset[str] = frozenset()) -> bool:
     """Whether an earlier command has left the muscle kernels on disk."""
-    # The kernels are imported when it is known that they must be compiled: a process that looks only starts faster.
     from myomorph.muscles.path_kernels import path_frames
 
     wanted = [kind in wraps for kind in (SURFACES, TENDONS)]
@@ -96,7 +95,6 @@ def cached(wraps: frozenset[str] = frozenset()) -> bool:
 
 def motion_cached() -> bool:
     """Whether an earlier command has left the kernels of inverse kinematics on disk."""
-    # The kernels are imported when it is known that they must be compiled: a process that looks only starts faster.
     from myomorph.motion.newton import solve_frames
 
     return bool(signatures_on_disk(solve_frames))
@@ -164,7 +162,6 @@ def uncollected() -> Iterator[None]:
 @uncollected()
 def compile_motion() -> None:
     """Run every kernel of inverse kinematics and dynamics once."""
-    # The kernels are imported when it is known that they must be compiled: a process that looks only starts faster.
     from myomorph.motion.ik import inverse_kinematics
     from myomorph.rigid.kinematics import marker_positions
 
@@ -184,7 +181,6 @@ def compile_motion() -> None:
 @uncollected()
 def compile_curves() -> None:
     """Run the muscle curves once, which need no paths."""
-    # The kernels are imported when it is known that they must be compiled: a process that looks only starts faster.
     from myomorph.muscles.hill_arrays import hill_forces
 
     hill_forces(two_links(), np.full((2, 1), 0.6), np.zeros((2, 1)))
@@ -193,7 +189,6 @@ def compile_curves() -> None:
 @uncollected()
 def compile_muscles(wraps: frozenset[str] = frozenset()) -> None:
     """Run every muscle and tension kernel once, paths first."""
-    # As above; tensions bring SciPy, too.
     from myomorph.muscles.kinematics import muscle_kinematics
     from myomorph.tension.solve import solve_tension
 

@@ -140,7 +140,6 @@ def shown_torques(trial: TrialInputs, result: Torques) -> Series:
     """The torques that the table of inverse dynamics shows: all of them, or what its options leave."""
     torques, options = result.torques, trial.options[TorqueTable]
     if options.net:
-        # Most trials start without: loaded where a trial has such input.
         from myomorph.muscles.passive import passive_generalized_forces
 
         passive = passive_generalized_forces(trial.model, result.motion).values

@@ -29,7 +29,7 @@ from myomorph.store.outcome import Outcome
 from myomorph.store.progress import progress
 from myomorph.store.results import STORED, ResultWriter, Stored, get_findings, put_findings, read_result
 from myomorph.study.inputs.by_type import ByType, OptionSet
-from myomorph.study.inputs.imu_files import RecordedSensors
+from myomorph.study.inputs.imu import RecordedSensors
 from myomorph.study.inputs.motion import RecordedMotion
 from myomorph.study.inputs.reading import read_motion
 from myomorph.study.inputs.refined import RefinedMotion
@@ -130,7 +130,6 @@ def _run(trial: TrialInputs, output: StepOutput) -> Poses:
         write_sto(sensor_table(checked.fit), output.folder / "sensor_errors.sto")
     refined, recorded = trial.get(RefinedMotion), trial.recording.markers
     if refined is not None:
-        # Most trials start without: loaded where a trial has such input.
         from myomorph.study.inputs.refined_motion import refined_fit
 
         write_sto(table_from_motion(checked.fit.motion, trial.model), output.folder / "coordinates_ik.mot")

@@ -34,7 +34,7 @@ from myomorph.store.stored import get_conflicts
 from myomorph.study.inputs.actuators import Actuators
 from myomorph.study.inputs.by_type import ByType, OptionSet
 from myomorph.study.inputs.emg import RecordedEmg
-from myomorph.study.inputs.imu_files import RecordedSensors
+from myomorph.study.inputs.imu import RecordedSensors
 from myomorph.study.inputs.loads import ExternalLoads
 from myomorph.study.inputs.torques import RecordedTorques
 from myomorph.study.step.step import Step, StepCommand, StepOutput

@@ -77,12 +77,7 @@ class DrawOptions:
 
 @dataclass(frozen=True)
 class DrawWorkers:
-    """Who draws; results do not depend on it.
-
-    Attributes
-    ----------
-    workers : processes that share the draws; 0 for as many as there are threads to use, where that is worth their start
-    """
+    """Processes that share the draws; 0 for as many as there are threads to use, where that is worth their start."""
 
     workers: int = 0
 
