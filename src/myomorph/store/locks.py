@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import platform
+import re
 import socket
 import uuid
 from collections.abc import Iterator
@@ -73,13 +74,7 @@ def check_age(mark: RunMark | None) -> None:
 
 def _numbers(version: str) -> tuple[int, ...]:
     """The numbers that a version begins with: 1.2.0rc1 is (1, 2, 0)."""
-    numbers = []
-    for part in version.split("."):
-        digits = part[: len(part) - len(part.lstrip("0123456789"))]
-        if not digits:
-            break
-        numbers.append(int(digits))
-    return tuple(numbers)
+    return tuple(map(int, re.findall(r"\d+", re.split(r"[^\d.]", version)[0])))
 
 
 @contextmanager
@@ -94,8 +89,7 @@ def study_lock(out: Path) -> Iterator[RunMark]:
     except Timeout:
         raise BadData(_taken(out)) from None
     except OSError as error:
-        reason = error.strerror or str(error)
-        raise BadFile(out, f"cannot be written ({reason})", "give --out another folder") from None
+        raise _unwritable(out, error) from None
     try:
         check_age(read_mark(out))
         now = datetime.now().astimezone().isoformat(timespec="seconds")
@@ -107,25 +101,35 @@ def study_lock(out: Path) -> Iterator[RunMark]:
 
 
 def _write_mark(mark: RunMark) -> None:
-    path, content = mark.folder / MARK, {name: value for name, value in asdict(mark).items() if name != "folder"}
-    temporary = path.with_name(f".{MARK}.part")
+    content = {name: value for name, value in asdict(mark).items() if name != "folder"}
     try:
-        temporary.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-        os.replace(temporary, path)
+        write_whole(mark.folder / MARK, json.dumps(content, indent=1) + "\n")
     except OSError as error:
+        raise _unwritable(mark.folder, error) from None
+
+
+def write_whole(path: Path, text: str) -> None:
+    """Write a file of a study's folder, whole or not at all; what a killed process left goes."""
+    temporary = path.with_name(f".{path.name}.part")
+    try:
+        temporary.write_text(text, encoding="utf-8")
+        os.replace(temporary, path)
+    except OSError:
         with suppress(OSError):
             temporary.unlink(missing_ok=True)
-        reason = error.strerror or str(error)
-        raise BadFile(mark.folder, f"cannot be written ({reason})", "give --out another folder") from None
+        raise
+
+
+def _unwritable(folder: Path, error: OSError) -> BadFile:
+    return BadFile(folder, f"cannot be written ({error.strerror or error})", "give --out another folder")
 
 
 def _taken(out: Path) -> str:
+    who = ""
     with suppress(BadFile):
-        mark = read_mark(out)
-        if mark is not None:
-            who = f"process {mark.process} on {mark.host}, since {mark.since}"
-            return f"{out}: another run writes there ({who}): wait for its end, or give --out another folder"
-    return f"{out}: another run writes there: wait for its end, or give --out another folder"
+        if (mark := read_mark(out)) is not None:
+            who = f" (process {mark.process} on {mark.host}, since {mark.since})"
+    return f"{out}: another run writes there{who}: wait for its end, or give --out another folder"
 
 
 @contextmanager

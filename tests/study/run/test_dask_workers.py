@@ -19,7 +19,7 @@ from myomorph.model.errors import BadData, BadFile, MyomorphError
 from myomorph.model.model import Model
 from myomorph.store.outcome import Outcome
 from myomorph.study.run import dask_workers
-from myomorph.study.run.dask_cluster import connected, do_job, fitness, scheduler_address, unfit
+from myomorph.study.run.dask_cluster import connected, fitness, scheduler_address, unfit
 from myomorph.study.run.dask_workers import DaskWorkers
 from myomorph.study.workers.jobs import Ended, Job
 from truths.cluster import Cluster, cluster_in
@@ -93,7 +93,7 @@ def workers(cluster: Cluster, tmp_path: Path) -> Iterator[DaskWorkers]:
     made.close()
 
 
-def test_jobs_are_done_once_each_by_all_processes_with_a_model_that_travels_once(
+def test_jobs_are_done_once_each_by_all_processes_with_one_model_for_all_jobs_of_a_process(
     workers: DaskWorkers, tmp_path: Path
 ) -> None:
     models = [named("a"), named("b")]
@@ -107,7 +107,7 @@ def test_jobs_are_done_once_each_by_all_processes_with_a_model_that_travels_once
     assert len({process for process, _, _ in told.values()}) == 2
     for i in range(12):
         assert told[f"t{i}"][1] == (models[i % 2].name if i < 10 else "")
-    # The same object for every job of one process: it was sent, and is compiled, once.
+    # The same object for every job of one process: it is compiled once.
     assert len({(process, name, which) for process, name, which in told.values() if name}) <= 4
     assert workers.ended(0.1) == []
 
@@ -196,19 +196,6 @@ def test_a_job_that_is_given_up_does_not_go_on(cluster: Cluster, tmp_path: Path)
     (tmp_path / "end").touch()
     assert not (tmp_path / "left.ended").exists()
     assert not list(tmp_path.glob(".seen*"))
-
-
-def test_a_model_that_a_process_no_longer_has_is_sent_again(workers: DaskWorkers, tmp_path: Path) -> None:
-    for process in workers._processes.values():
-        process.models.add(workers._parcel(model := named("forgotten")).key)
-    workers.start(Job(("s", "t"), partial(tell, tmp_path, "t")), model)
-    (ended,) = all_ended(workers, 1)
-    assert ended.outcome is not None
-    assert ended.outcome.error.split(" ")[1] == "forgotten"
-
-
-def test_a_process_gives_back_what_it_cannot_do_alone() -> None:
-    assert do_job(b"", "unknown model") is None
 
 
 def test_without_the_extra_cluster_it_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

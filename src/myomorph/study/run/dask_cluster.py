@@ -12,11 +12,11 @@ import sys
 import threading
 import uuid
 import warnings
-from collections import OrderedDict
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +35,8 @@ WATCH = 0.5
 FAILED = 70
 """Exit status of a process whose job is no longer wanted."""
 
-_models: OrderedDict[str, Model] = OrderedDict()
+_opened = lru_cache(KEPT)(pickle.loads)
+"""A model of its bytes, the same while it is kept."""
 MARK = ".seen-by-workers-"
 """Beginning of the name of a file that tells whether a worker sees the folder of the results."""
 SCHEMES = ("tcp", "tls", "ucx", "ws", "wss", "inproc")
@@ -54,60 +55,37 @@ class Fitness:
 
 def fitness(path: str = "", content: str = "") -> Fitness:
     """What this process is; `path` is a file that must be there with that content."""
-    sees = True
-    if path:
-        try:
-            sees = Path(path).read_text(encoding="utf-8") == content
-        except OSError:
-            sees = False
+    try:
+        sees = not path or Path(path).read_text(encoding="utf-8") == content
+    except OSError:
+        sees = False
     return Fitness(__version__, f"{sys.version_info.major}.{sys.version_info.minor}", platform.system(), sees)
 
 
-def do_job(work: bytes, key: str = "", model: bytes = b"", date: str = "") -> Outcome | None:
-    """Do what a packed job says; None where the process does not have the model of that key and was not given it,
-    packed. `date` is what results are to bear, as SOURCE_DATE_EPOCH says it, "" for that of the clock.
+def do_job(work: bytes, model: bytes = b"", date: str = "") -> Outcome:
+    """Do what a packed job says, with its packed model. `date` is what results are to bear, as SOURCE_DATE_EPOCH says
+    it, "" for that of the clock.
     """
-    value = _model(key, model)
-    if key and value is None:
-        return None
     with _dated(date), _ends_when_unwanted():
         do: Callable[[Model | None], Outcome] = pickle.loads(work)
-        return do(value)
-
-
-def _model(key: str, model: bytes) -> Model | None:
-    if not key:
-        return None
-    if model:
-        _models[key] = pickle.loads(model)
-        while len(_models) > KEPT:
-            _models.popitem(last=False)
-    if key in _models:
-        _models.move_to_end(key)
-    return _models.get(key)
+        return do(_opened(model) if model else None)
 
 
 @contextmanager
 def _dated(date: str) -> Iterator[None]:
     """Work silently on one thread, and date results as the sender does; settings before hold again after."""
     # Frames are not split over threads: the machine has as many processes as it should use cores.
-    wanted = {"MYOMORPH_THREADS": "1", "SOURCE_DATE_EPOCH": date or None}
-    before = {name: os.environ.get(name) for name in wanted}
-    _set_environment(wanted)
+    wanted = {"MYOMORPH_THREADS": "1", "SOURCE_DATE_EPOCH": date}
+    before = {name: os.environ[name] for name in wanted if name in os.environ}
+    os.environ |= wanted
     silent = silence()
     try:
         yield
     finally:
         silence(silent)
-        _set_environment(before)
-
-
-def _set_environment(values: Mapping[str, str | None]) -> None:
-    for name, value in values.items():
-        if value is None:
+        for name in wanted:
             os.environ.pop(name, None)
-        else:
-            os.environ[name] = value
+        os.environ |= before
 
 
 @contextmanager

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 import queue
 import time
 import uuid
 from collections import OrderedDict, deque
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -32,19 +31,11 @@ FETCH = 10.0
 """How long an outcome may take to come from its process [s]."""
 
 
-@dataclass(frozen=True)
-class Parcel:
-    """A model as bytes, and the hash that names them; "" where there is none."""
-
-    key: str = ""
-    content: bytes = b""
-
-
 @dataclass
 class Process:
     """A process of the cluster as seen from here. `memory` [bytes] it may take, 0 where nothing bounds it; `asked`:
     future of its fitness, None once it was found fit; `takes`: it takes tasks now, one that is short of memory pauses;
-    `models` that it was given, by their hashes.
+    `model`: packed, of its last job.
     """
 
     address: str
@@ -52,9 +43,8 @@ class Process:
     asked: Any
     there: bool = True
     takes: bool = True
-    models: set[str] = field(default_factory=set)
     job: Job | None = None
-    parcel: Parcel = Parcel()
+    model: bytes = b""
     future: Any = None
 
     @property
@@ -67,7 +57,7 @@ class DaskWorkers:
     """The processes of a Dask cluster that run the same version as this one, and see the folder of the results under
     the same name; `refused` says why others get no job.
 
-    A process is given one job at a time, however many threads it has, and a model only once. A job whose process is
+    A process is given one job at a time, however many threads it has. A job whose process is
     lost is not repeated here: `ended` tells of it, and who started it may start it again. Processes that come later are
     used, too; the scheduler and its first worker are waited for `patience` [s].
     """
@@ -76,8 +66,8 @@ class DaskWorkers:
         self._address = scheduler_address(address)
         self.refused: dict[str, str] = {}
         self._processes: dict[str, Process] = {}
-        self._waiting: deque[tuple[Job, Parcel]] = deque()
-        self._parcels: OrderedDict[int, tuple[Model, Parcel]] = OrderedDict()
+        self._waiting: deque[tuple[Job, bytes]] = deque()
+        self._packed: OrderedDict[int, tuple[Model, bytes]] = OrderedDict()
         self._woken: queue.SimpleQueue[None] = queue.SimpleQueue()
         self._looked, self._last_useful = 0.0, time.monotonic()
         self._client = connected(self._address, patience)
@@ -103,7 +93,7 @@ class DaskWorkers:
 
     def start(self, job: Job, model: Model | None) -> None:
         """Take a job; it waits where all processes are busy."""
-        self._waiting.append((job, self._parcel(model)))
+        self._waiting.append((job, b"" if model is None else self._pack(model)))
         self._place()
 
     def ended(self, timeout: float) -> list[Ended]:
@@ -200,20 +190,12 @@ class DaskWorkers:
         """Give jobs that wait to processes that do nothing, rather to one that has the model."""
         free = [process for process in self._processes.values() if process.useful and process.job is None]
         while free and self._waiting:
-            job, parcel = self._waiting.popleft()
-            process = next((free_process for free_process in free if parcel.key in free_process.models), free[0])
+            job, model = self._waiting.popleft()
+            process = next((each for each in free if each.model is model), free[0])
             free.remove(process)
-            process.job, process.parcel = job, parcel
-            self._send(process)
-
-    def _send(self, process: Process) -> None:
-        assert process.job is not None
-        parcel = process.parcel
-        content = b"" if parcel.key in process.models else parcel.content
-        if parcel.key:
-            process.models.add(parcel.key)
-        date = os.environ.get("SOURCE_DATE_EPOCH", "")
-        process.future = self._task(process.address, do_job, pack(process.job.work), parcel.key, content, date)
+            process.job, process.model = job, model
+            date = os.environ.get("SOURCE_DATE_EPOCH", "")
+            process.future = self._task(process.address, do_job, pack(job.work), model, date)
 
     def _task(self, address: str, function: Any, *values: Any) -> Any:
         """A future of what a function gives in one process; the scheduler is never to repeat it elsewhere."""
@@ -239,10 +221,6 @@ class DaskWorkers:
                 outcome = process.future.result(timeout=FETCH)
             except Exception as error:
                 lost = f"{type(error).__name__}: {' '.join(str(error).split())}"
-            if outcome is None and not lost:  # a process that was started anew at the address of another
-                process.models.clear()
-                self._send(process)
-                return None
         elif process.there:
             return None
         if outcome is None and (not process.there or process.future.status in ("cancelled", "lost")):
@@ -250,7 +228,7 @@ class DaskWorkers:
         with suppress(Exception):
             process.future.cancel()
         ended = Ended(process.job, outcome, lost)
-        process.job, process.parcel, process.future = None, Parcel(), None
+        process.job = process.future = None
         return ended
 
     def _reason(self, process: Process) -> str:
@@ -260,13 +238,10 @@ class DaskWorkers:
                 return f"over its memory, {process.memory / 1e9:.1f} GB"
         return "killed, cut off or ended"
 
-    def _parcel(self, model: Model | None) -> Parcel:
+    def _pack(self, model: Model) -> bytes:
         """The model as bytes, made once."""
-        if model is None:
-            return Parcel()
-        if id(model) not in self._parcels:
-            content = pack(model)
-            self._parcels[id(model)] = model, Parcel(hashlib.sha256(content).hexdigest(), content)
-            while len(self._parcels) > KEPT:
-                self._parcels.popitem(last=False)
-        return self._parcels[id(model)][1]
+        if id(model) not in self._packed:
+            self._packed[id(model)] = model, pack(model)
+            while len(self._packed) > KEPT:
+                self._packed.popitem(last=False)
+        return self._packed[id(model)][1]

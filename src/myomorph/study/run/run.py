@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import partial
+from graphlib import TopologicalSorter
 from pathlib import Path
 from typing import Any, cast
 
@@ -35,10 +36,7 @@ class _Models:
 
     def __init__(self, jobs: Iterable[Job], read: Callable[[Path], tuple[Model, str]]):
         self.read, self.open = read, dict[Path, tuple[Model, str]]()
-        self.wanted: dict[Path, int] = {}
-        for job in jobs:
-            if job.model is not None:
-                self.wanted[job.model] = self.wanted.get(job.model, 0) + 1
+        self.wanted = Counter(job.model for job in jobs)
 
     def of(self, job: Job) -> tuple[Model | None, str]:
         """The model of a job, and the hash of its file."""
@@ -50,10 +48,9 @@ class _Models:
 
     def done(self, job: Job) -> None:
         """A job has ended for good."""
-        if job.model is not None:
-            self.wanted[job.model] -= 1
-            if not self.wanted[job.model]:
-                self.open.pop(job.model, None)
+        self.wanted[job.model] -= 1
+        if job.model is not None and not self.wanted[job.model]:
+            self.open.pop(job.model, None)
 
 
 def run_jobs(
@@ -64,33 +61,27 @@ def run_jobs(
     watcher: StudyWatcher,
 ) -> dict[Key, Outcome]:
     """Do all jobs, each once what it needs has ended well; `read` gives the model of a file, and its hash."""
-    return _Loop(tuple(jobs), homes, workers, read, watcher).run()
+    jobs = tuple(jobs)
+    return _Loop({job.key: job for job in jobs}, _Models(jobs, read), homes, workers, watcher).run()
 
 
+@dataclass
 class _Loop:
-    def __init__(
-        self,
-        jobs: tuple[Job, ...],
-        homes: Mapping[Key, Path],
-        workers: Workers,
-        read: Callable[[Path], tuple[Model, str]],
-        watcher: StudyWatcher,
-    ):
-        self.homes, self.workers, self.watcher = homes, workers, watcher
-        self.jobs = {job.key: job for job in jobs}
-        self.models = _Models(jobs, read)
-        self.outcomes: dict[Key, Outcome] = {}
-        self.losses: dict[Key, int] = {}
-        self.running = 0
-        self.full = False
-        self.missing = {job.key: len({*job.needs, *job.after} & self.jobs.keys()) for job in jobs}
-        self.later: dict[Key, list[Key]] = {}
-        for job in jobs:
-            for key in {*job.needs, *job.after} & self.jobs.keys():
-                self.later.setdefault(key, []).append(job.key)
-        self.ready = deque(job.key for job in jobs if not self.missing[job.key])
+    jobs: dict[Key, Job]
+    models: _Models
+    homes: Mapping[Key, Path]
+    workers: Workers
+    watcher: StudyWatcher
+    outcomes: dict[Key, Outcome] = field(default_factory=dict)
+    losses: Counter[Key] = field(default_factory=Counter)
+    running: int = 0
+    full: bool = False
 
     def run(self) -> dict[Key, Outcome]:
+        keys = self.jobs.keys()
+        self.order = TopologicalSorter({job.key: {*job.needs, *job.after} & keys for job in self.jobs.values()})
+        self.order.prepare()
+        self.ready = deque(self.order.get_ready())
         while self.ready or self.running:
             until, free = time.monotonic() + PATIENCE, max(1, self.workers.count)
             while self.ready and self.running < free and time.monotonic() < until:
@@ -122,7 +113,7 @@ class _Loop:
             return
         # Jobs with a model also take the hash of its file, so that they see where it has changed since.
         options = {"read": read} if read else {}
-        reused = None if job.reused is None else partial(cast(Any, job.reused), **options)(model)
+        reused = None if job.reused is None else cast(Any, job.reused)(model, **options)
         if reused is not None:
             self._end(job, reused)
             return
@@ -138,7 +129,7 @@ class _Loop:
         if no_space(self.homes[job.key]):
             # A process that cannot write may end of it: nothing is gained by beginning another.
             self.full = True
-        self.losses[job.key] = self.losses.get(job.key, 0) + 1
+        self.losses[job.key] += 1
         again = self.losses[job.key] < 2 and not self.full
         self.watcher.lost(job, ended.lost, again)
         if again:
@@ -152,10 +143,8 @@ class _Loop:
         self.outcomes[job.key] = outcome
         self.models.done(job)
         self.watcher.ended(outcome)
-        for key in self.later.get(job.key, ()):
-            self.missing[key] -= 1
-            if not self.missing[key]:
-                self.ready.append(key)
+        self.order.done(job.key)
+        self.ready.extend(self.order.get_ready())
 
 
 def run_study(

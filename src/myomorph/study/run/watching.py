@@ -9,11 +9,12 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING
 
 from myomorph import __version__
 from myomorph.io.parsing.text import csv_text
 from myomorph.model.errors import BadFile
+from myomorph.store.locks import write_whole
 from myomorph.store.outcome import GATHERED, Key, Outcome
 from myomorph.store.progress import PATIENCE, silence
 from myomorph.store.results import fixed_date
@@ -106,63 +107,14 @@ class StudyProgress:
             silence(False)
 
 
-class StudyLog:
-    """The log of a study, to which every run adds; that it cannot be written stops nothing."""
-
-    def __init__(self, folder: Path):
-        self._log = _appended(folder / LOG)
-        self._timings = _appended(folder / TIMINGS)
-        if self._timings is not None and not self._timings.tell():
-            self._put(self._timings, HEADING)
-
-    def say(self, text: str) -> None:
-        """Add a line."""
-        now = datetime.now().astimezone().isoformat(timespec="seconds")
-        self._put(self._log, f"{now} {' '.join(text.split())}")
-
-    def time(self, outcome: Outcome, compiled: bool = False) -> None:
-        """Add how long the steps of a trial took now; `compiled` if kernels were, once on this machine."""
-        names = ",".join(_quoted(name) for name in (outcome.subject, outcome.trial))
-        lines = [f"{names},{step},{outcome.frames},{seconds:.3f},{compiled:d}" for step, seconds in outcome.timed]
-        if lines:
-            self._put(self._timings, "\n".join(lines))
-
-    def close(self) -> None:
-        """Close the files."""
-        for file in (self._log, self._timings):
-            if file is not None:
-                with suppress(OSError):
-                    file.close()
-
-    @staticmethod
-    def _put(file: TextIO | None, text: str) -> None:
-        if file is not None:
-            with suppress(OSError):
-                file.write(text + "\n")
-                file.flush()
-
-
-def _appended(path: Path) -> TextIO | None:
-    """A file open at its end, on a line of its own although an earlier run may have been cut off in one."""
-    try:
-        cut = path.is_file() and path.stat().st_size > 0 and not _ends_with_line(path)
-        file = path.open("a", encoding="utf-8", newline="\n")
-        if cut:
-            file.write("\n")
-        return file
-    except OSError:
-        return None
-
-
-def _ends_with_line(path: Path) -> bool:
-    with path.open("rb") as stream:
-        stream.seek(-1, os.SEEK_END)
-        return stream.read(1) == b"\n"
-
-
-def _quoted(name: str) -> str:
-    """A name as a field of a table."""
-    return '"' + name.replace('"', '""') + '"' if set(name) & set(',"\n\r') else name
+def _add(path: Path, text: str, heading: str = "") -> None:
+    """Add lines to a file, after one in which an earlier run was cut off; that it cannot be written stops nothing."""
+    with suppress(OSError), path.open("ab+") as file:
+        if not file.seek(0, os.SEEK_END):
+            text = heading + text
+        elif file.seek(-1, os.SEEK_END) and file.read() != b"\n":
+            text = f"\n{text}"
+        file.write(f"{text}\n".encode())
 
 
 class StudyWatcher:
@@ -174,37 +126,42 @@ class StudyWatcher:
         out: Path,
         workers: Workers,
         said: Callable[[Outcome], None],
-        learning: Learning | None = None,
+        learning: Learning,
     ) -> None:
         self._out, self._said, self._learning = out, said, learning
         self._order: dict[Key, int] = {work.key: index for index, work in enumerate(graph.works)}
         self._found: dict[Key, Outcome] = {}
         self._written = time.monotonic()
-        self._log = StudyLog(out)
         self._progress = StudyProgress(graph.name or "study", len(graph.works), workers.count)
         memory = "" if workers.memory is None else f", {workers.memory / 2**30:.2f} GiB of memory each"
         count = f"{workers.count} worker{'s' if workers.count != 1 else ''}"
-        self._log.say(f"begin: Myomorph {__version__}, {len(graph.works)} jobs, {count}{memory}")
+        self._say(f"begin: Myomorph {__version__}, {len(graph.works)} jobs, {count}{memory}")
+
+    def _say(self, text: str) -> None:
+        """Add a line to the log."""
+        now = datetime.now().astimezone().isoformat(timespec="seconds")
+        _add(self._out / LOG, f"{now} {' '.join(text.split())}")
 
     def started(self, job: Job) -> None:
         """A worker has taken a job."""
-        if self._learning is not None:
-            self._learning.started(job)
-        self._log.say(f"start {named(job.key)}")
+        self._learning.started(job)
+        self._say(f"start {named(job.key)}")
 
     def lost(self, job: Job, why: str, again: bool) -> None:
         """Its worker is lost; the job is done again, or given up."""
-        self._log.say(f"lost {named(job.key)}: {why}; {'done again' if again else 'given up'}")
+        self._say(f"lost {named(job.key)}: {why}; {'done again' if again else 'given up'}")
 
     def ended(self, outcome: Outcome) -> None:
         """A job has ended, or could not begin."""
-        if self._learning is not None:
-            self._learning.ended(outcome)
+        self._learning.ended(outcome)
         self._found[outcome.key] = outcome
         if outcome.key in self._order:
             self._progress.ended(outcome)
-        self._log.say(f"{outcome_line(outcome)} ({self._progress})")
-        self._log.time(outcome, self._learning is not None and outcome.key in self._learning.compiled)
+        self._say(f"{outcome_line(outcome)} ({self._progress})")
+        compiled = int(outcome.key in self._learning.compiled)
+        rows = [(*outcome.key, step, outcome.frames, f"{took:.3f}", compiled) for step, took in outcome.timed]
+        if rows:
+            _add(self._out / TIMINGS, csv_text(rows[0], rows[1:]).rstrip(), f"{HEADING}\n")
         if outcome.key != GATHERED or outcome.error:
             self._said(outcome)
         if time.monotonic() - self._written > RARELY:
@@ -217,7 +174,7 @@ class StudyWatcher:
 
     def interrupted(self, error: BaseException) -> None:
         """The run ends before its time."""
-        self._log.say(f"interrupted: {type(error).__name__} {error}")
+        self._say(f"interrupted: {type(error).__name__} {error}")
 
     def outcomes(self) -> list[Outcome]:
         """Those that are known, in the order of the study file, and those of tables and groups after them."""
@@ -233,7 +190,7 @@ class StudyWatcher:
         """Write what is known; raises `BadFile` where that is not possible."""
         self._progress.close()
         failures = sum(1 for outcome in self._found.values() if outcome.error)
-        self._log.say(f"end: {len(self._found)} jobs ended, {failures} of them with an error")
+        self._say(f"end: {len(self._found)} jobs ended, {failures} of them with an error")
         try:
             self._write()
         except OSError as error:
@@ -241,8 +198,6 @@ class StudyWatcher:
             lacking = len(self._order) - sum(1 for outcome in self._found.values() if not outcome.error)
             hint = f"make room, then run again: {lacking} of {len(self._order)} jobs are not done"
             raise BadFile(self._out / TABLE, problem, hint) from None
-        finally:
-            self._log.close()
 
 
 def outcome_line(outcome: Outcome) -> str:
@@ -273,12 +228,4 @@ def write_table(outcomes: Sequence[Outcome], path: Path) -> None:
         numbers = (outcome.frames, outcome.rms, outcome.largest, seconds)
         rows.append((*outcome.key, " ".join(outcome.done), *numbers, outcome.error, outcome.condition))
     head = ("subject", "trial", "steps", "frames", "marker_rms_m", "marker_largest_m", "seconds", "error", "condition")
-    text = csv_text(head, rows)
-    temporary = path.with_name(f".{path.name}.part")
-    try:
-        temporary.write_text(text, encoding="utf-8")
-        os.replace(temporary, path)
-    except OSError:
-        with suppress(OSError):
-            temporary.unlink(missing_ok=True)
-        raise
+    write_whole(path, csv_text(head, rows))

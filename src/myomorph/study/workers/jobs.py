@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import os
 import pickle
-import struct
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import IO, Protocol
 
 from myomorph.model.model import Model
 from myomorph.store.outcome import Key, Outcome
 
-LENGTH = struct.Struct("<Q")
-BLOCK = 1 << 20
 PROTOCOL = 5
 """Of pickle: from this one on, arrays that are read-only stay so, and kernels are not compiled for both kinds."""
 
@@ -68,20 +64,11 @@ class Workers(Protocol):
 
 
 @dataclass(frozen=True)
-class Begin:
-    """The first message: where modules are found."""
-
-    path: tuple[str, ...]
-
-
-@dataclass(frozen=True)
 class Do:
-    """A job's packed `work`, the number of its model (0 for none), that model where not held yet, models to forget."""
+    """A job's packed `work` and model, None for that of the job before."""
 
     work: bytes
-    model: int = 0
-    packed: bytes | None = None
-    forget: tuple[int, ...] = ()
+    model: bytes | None
 
 
 @dataclass(frozen=True)
@@ -102,29 +89,7 @@ def pack(value: object) -> bytes:
     return pickle.dumps(value, PROTOCOL)
 
 
-def send(descriptor: int, message: object) -> None:
-    """Write a message into a pipe; raises `OSError` where nobody reads it any more."""
-    content = pack(message)
-    view = memoryview(LENGTH.pack(len(content)) + content)
-    while view:
-        view = view[os.write(descriptor, view[:BLOCK]) :]
-
-
-def receive(descriptor: int) -> Any:
-    """The next message of a pipe, None at its end."""
-    head = _exactly(descriptor, LENGTH.size)
-    if head is None:
-        return None
-    content = _exactly(descriptor, LENGTH.unpack(head)[0])
-    return None if content is None else pickle.loads(content)
-
-
-def _exactly(descriptor: int, size: int) -> bytes | None:
-    parts, lacking = [], size
-    while lacking:
-        part = os.read(descriptor, min(BLOCK, lacking))
-        if not part:
-            return None
-        parts.append(part)
-        lacking -= len(part)
-    return b"".join(parts)
+def send(stream: IO[bytes], message: object) -> None:
+    """Write a message into a pipe; raises `OSError` where nobody reads it any more. `pickle.load` takes it out."""
+    stream.write(pack(message))
+    stream.flush()

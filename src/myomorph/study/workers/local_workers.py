@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-import itertools
 import os
+import pickle
 import queue
 import signal
 import subprocess
@@ -12,8 +12,8 @@ import sys
 import tempfile
 import threading
 import time
-from collections import OrderedDict, deque
-from dataclasses import dataclass, field
+from collections import deque
+from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
 
@@ -22,7 +22,7 @@ import psutil
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.study.workers.ahead import motion_cached
-from myomorph.study.workers.jobs import Begin, Do, Done, Ended, Job, Stop, Workers, pack, receive, send
+from myomorph.study.workers.jobs import Do, Done, Ended, Job, Stop, Workers, pack, send
 
 GROUP = Path("/sys/fs/cgroup")
 """Where Linux tells what a group of processes may take; absent elsewhere."""
@@ -30,8 +30,6 @@ LOOK = 0.25
 """How often the memory of the processes is looked at [s]."""
 GRACE = 5.0
 """How long processes may tidy up when they are asked to end [s]."""
-HELD = 4
-"""Models that a process holds at a time."""
 NEEDED = 1 << 30
 """Memory below which a process is not begun unless asked for [bytes]."""
 SHARE = 0.8
@@ -39,6 +37,8 @@ SHARE = 0.8
 GIB = 2.0**30
 FIRST = 90.0
 """How long the others wait, on a new machine, for the first process to compile what all use [s]."""
+NOTHING = object()
+"""In the place of a model, None among them, before the first job."""
 ONE_THREAD = ("OPENBLAS", "OMP", "MKL", "NUMEXPR", "VECLIB_MAXIMUM")
 
 
@@ -97,22 +97,22 @@ class InProcess:
 
 @dataclass(eq=False)
 class _Process:
-    """A process beside this one: what it writes on its standard error, for the reason where it is lost; numbers of the
-    models that it holds, the one used last at the end; why it was ended from here.
+    """A process beside this one: what it writes on its standard error, for the reason where it is lost; the model of
+    its last job; why it was ended from here.
     """
 
     child: subprocess.Popen[bytes]
     seen: psutil.Process
     errors: IO[bytes]
     job: Job | None = None
-    models: OrderedDict[int, None] = field(default_factory=OrderedDict)
+    model: object = NOTHING
     over: str = ""
 
     @property
-    def given(self) -> int:
-        """Descriptor of its input."""
+    def given(self) -> IO[bytes]:
+        """Its input."""
         assert self.child.stdin is not None
-        return self.child.stdin.fileno()
+        return self.child.stdin
 
 
 class LocalWorkers:
@@ -124,8 +124,7 @@ class LocalWorkers:
         self.count, self.memory, self.threads = count, memory, threads
         self._all: list[_Process] = []
         self._answers: queue.SimpleQueue[tuple[_Process, Any]] = queue.SimpleQueue()
-        self._packed: OrderedDict[int, tuple[Model, int, bytes]] = OrderedDict()
-        self._numbers = itertools.count(1)
+        self._packed: tuple[object, bytes] = NOTHING, b""
         self._looked = 0.0
         self._compiles_until: float | None = None
         self._later: deque[tuple[Job, Model | None]] = deque()
@@ -147,42 +146,21 @@ class LocalWorkers:
         self._give(job, model)
 
     def _give(self, job: Job, model: Model | None) -> None:
-        process = self._idle()
-        process.job = job
-        number, packed, forget = 0, None, []
-        if model is not None:
-            number, content = self._pack(model)
-            if number not in process.models:
-                packed = content
-            process.models[number] = None
-            process.models.move_to_end(number)
-            while len(process.models) > HELD:
-                forget.append(process.models.popitem(last=False)[0])
-        try:
-            send(process.given, Do(pack(job.work), number, packed, tuple(forget)))
-        except OSError:
-            # It has just ended: its reader tells so.
-            return
-
-    def _pack(self, model: Model) -> tuple[int, bytes]:
-        """Number and bytes of a model; those used last are kept."""
-        if id(model) not in self._packed:
-            self._packed[id(model)] = (model, next(self._numbers), pack(model))
-            while len(self._packed) > HELD:
-                self._packed.popitem(last=False)
-        self._packed.move_to_end(id(model))
-        _, number, content = self._packed[id(model)]
-        return number, content
-
-    def _idle(self) -> _Process:
-        for process in self._all:
-            if process.job is None and process.child.poll() is None:
-                return process
-        return self._begin()
+        idle = [process for process in self._all if process.job is None and process.child.poll() is None]
+        holding = [process for process in idle if process.model is model]
+        process = (holding or idle or [self._begin()])[0]
+        if self._packed[0] is not model:
+            self._packed = model, pack(model)
+        packed = None if process.model is model else self._packed[1]
+        process.job, process.model = job, model
+        # Where it has just ended, its reader tells so.
+        with contextlib.suppress(OSError):
+            send(process.given, Do(pack(job.work), packed))
 
     def _begin(self) -> _Process:
         environment = os.environ | {f"{name}_NUM_THREADS": "1" for name in ONE_THREAD}
-        environment["MYOMORPH_THREADS"] = str(self.threads)
+        # Modules are found where this process finds them.
+        environment |= {"MYOMORPH_THREADS": str(self.threads), "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
         errors = tempfile.TemporaryFile()  # noqa: SIM115 - closed when the process ends
         child = subprocess.Popen(
             [sys.executable, "-m", "myomorph.study.workers.worker_process"],
@@ -190,13 +168,10 @@ class LocalWorkers:
             stdout=subprocess.PIPE,
             stderr=errors,
             env=environment,
-            bufsize=0,
         )
         process = _Process(child, psutil.Process(child.pid), errors)
         self._all.append(process)
         threading.Thread(target=self._read, args=(process,), daemon=True).start()
-        with contextlib.suppress(OSError):
-            send(process.given, Begin(tuple(sys.path)))
         return process
 
     def _read(self, process: _Process) -> None:
@@ -205,7 +180,7 @@ class LocalWorkers:
         message: Any = True
         while message is not None:
             try:
-                message = receive(process.child.stdout.fileno())
+                message = pickle.load(process.child.stdout)
             except Exception:
                 # Whatever is wrong with its answers, it is of no use any more.
                 message = None

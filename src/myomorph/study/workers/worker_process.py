@@ -12,16 +12,15 @@ import os
 import pickle
 import queue
 import signal
-import sys
 import threading
 import warnings
 from collections.abc import Callable
 from types import FrameType
-from typing import Any
+from typing import IO, Any
 
 from myomorph.model.model import Model
 from myomorph.store.outcome import Outcome
-from myomorph.study.workers.jobs import Begin, Do, Done, Stop, receive, send
+from myomorph.study.workers.jobs import Do, Done, Stop, send
 
 
 class _Stopping:
@@ -46,28 +45,24 @@ class _Stopping:
             _thread.interrupt_main()
 
 
-def _read(descriptor: int, messages: queue.SimpleQueue[Any], stopping: _Stopping) -> None:
+def _read(stream: IO[bytes], messages: queue.SimpleQueue[Any], stopping: _Stopping) -> None:
     """Take messages as they come; runs in a thread, so that the end of the other process is seen at any time."""
     while True:
         try:
-            message = receive(descriptor)
-        except (OSError, pickle.UnpicklingError):
-            message = None
-        if message is None:
+            message = pickle.load(stream)
+        except (OSError, EOFError, pickle.UnpicklingError):
             os._exit(1)
         messages.put(message)
         if isinstance(message, Stop):
             stopping.stop()
 
 
-def _do(message: Do, models: dict[int, Model]) -> Done:
+def _do(message: Do, held: list[Model | None]) -> Done:
     try:
-        for number in message.forget:
-            models.pop(number, None)
-        if message.packed is not None:
-            models[message.model] = pickle.loads(message.packed)
+        if message.model is not None:
+            held[0] = pickle.loads(message.model)
         work: Callable[[Model | None], Outcome] = pickle.loads(message.work)
-        return Done(work(models.get(message.model)))
+        return Done(work(*held))
     except Exception as error:
         return Done(None, f"{type(error).__name__}: {' '.join(str(error).split())}")
 
@@ -76,13 +71,7 @@ def main() -> None:
     """Do jobs until the other process asks for the end, or ends."""
     faulthandler.enable()
     warnings.simplefilter("ignore")
-    messages_in, answers = os.dup(0), os.dup(1)
-    if sys.platform == "win32":
-        # Windows only.
-        import msvcrt
-
-        for descriptor in (messages_in, answers):
-            msvcrt.setmode(descriptor, os.O_BINARY)
+    messages_in, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
     # Whatever else reads or prints must not meddle with the messages.
     nothing = os.open(os.devnull, os.O_RDONLY)
     os.dup2(nothing, 0)
@@ -99,20 +88,17 @@ def main() -> None:
     os._exit(status)
 
 
-def _work(messages: queue.SimpleQueue[Any], answers: int) -> None:
+def _work(messages: queue.SimpleQueue[Any], answers: IO[bytes]) -> None:
     # After the messages are taken: what the process prints must not meddle with them.
     from myomorph.store.progress import silence
 
     silence()
-    models: dict[int, Model] = {}
+    held: list[Model | None] = [None]
     while True:
         message = messages.get()
-        if isinstance(message, Begin):
-            sys.path[:] = message.path
-        elif isinstance(message, Do):
-            send(answers, _do(message, models))
-        else:
+        if not isinstance(message, Do):
             return
+        send(answers, _do(message, held))
 
 
 if __name__ == "__main__":
