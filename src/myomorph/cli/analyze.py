@@ -6,27 +6,18 @@ import shlex
 import sys
 from pathlib import Path
 
-from myomorph.cli.options import (
-    DrawCount,
-    Threads,
-    documented,
-    inputs_class,
-    inputs_of_flags,
-    options_class,
-    settings_by_step,
-    use_threads,
-)
+from myomorph.cli import options as flags
 from myomorph.cli.output import said
 from myomorph.study.step.step import step_of
 from myomorph.study.trial.uncertainty_file import drawn_settings
 
 INPUTS = ("imu", "tasks", "laboratory", "loads", "emg", "contacts", "contact points", "actuators", "time")
 STEPS = tuple(map(step_of, ("ik", "id", "muscles", "tension")))
-AnalyzeInputs = inputs_class(*INPUTS)
-AnalyzeOptions = options_class(*(kind for step in STEPS for kind in step.options))
+AnalyzeInputs = flags.inputs_class(*INPUTS)
+AnalyzeOptions = flags.options_class(*(kind for step in STEPS for kind in step.options))
 
 
-@documented
+@flags.documented
 def analyze_command(
     recordings: tuple[Path, ...],
     /,
@@ -39,9 +30,9 @@ def analyze_command(
     protocol: Path | None = None,
     inputs: AnalyzeInputs | None = None,  # type: ignore[valid-type]
     options: AnalyzeOptions | None = None,  # type: ignore[valid-type]
-    draws: DrawCount = None,
+    draws: flags.DrawCount = None,
     out: Path = Path("analysis"),
-    threads: Threads = None,
+    threads: flags.Threads = None,
     workers: int | None = None,
     prepare: bool = False,
     dry_run: bool = False,
@@ -74,7 +65,7 @@ def analyze_command(
         raise BadData("no recording: give one or more recordings (.c3d, .trc, .mvnx, ...) or folders of them")
     if mass is not None and not mass > 0.0:
         raise BadData(f"--mass {mass:g}: expected the subject's mass [kg]")
-    use_threads(threads)
+    flags.use_threads(threads)
     request = AnalyzeRequest(
         recordings,
         mass,
@@ -83,8 +74,8 @@ def analyze_command(
         model,
         arms,
         None if protocol is None else read_protocols(protocol),
-        inputs_of_flags(inputs, near=True),
-        settings_by_step(options, STEPS) | drawn_settings(draws, None),
+        flags.inputs_of_flags(inputs, near=True),
+        flags.settings_by_step(options, STEPS) | drawn_settings(draws, None),
         shlex.join(["myomorph", *sys.argv[1:]]),
     )
     prepared = prepare_request(request, out)

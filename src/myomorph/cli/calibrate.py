@@ -5,35 +5,26 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from myomorph.cli.options import (
-    ModelFile,
-    Threads,
-    documented,
-    inputs_class,
-    inputs_of_flags,
-    options_class,
-    settings_dict,
-    use_threads,
-)
+from myomorph.cli import options as flags
 from myomorph.cli.output import made
 from myomorph.model.errors import BadData
 from myomorph.motion.calibration import CalibrationOptions
 
-CalibrateSettings = options_class(CalibrationOptions)
-CalibrateInputs = inputs_class("tasks", "labels", "time")
+CalibrateSettings = flags.options_class(CalibrationOptions)
+CalibrateInputs = flags.inputs_class("tasks", "labels", "time")
 
 
-@documented
+@flags.documented
 def calibrate_command(
     *,
-    model: ModelFile,
+    model: flags.ModelFile,
     out: Path,
     markers: tuple[Path, ...] = (),
     static: Path | None = None,
     marker_set: Path | None = None,
     inputs: CalibrateInputs | None = None,  # type: ignore[valid-type]
     options: CalibrateSettings | None = None,  # type: ignore[valid-type]
-    threads: Threads = None,
+    threads: flags.Threads = None,
 ) -> int:
     """Link lengths and marker positions of the body that the recordings show.
 
@@ -56,11 +47,11 @@ def calibrate_command(
     from myomorph.study.subject.subjects import check_out_model, tables_folder
     from myomorph.study.trial.trial_inputs import TrialFiles
 
-    use_threads(threads)
+    flags.use_threads(threads)
     if not markers and static is None:
         raise BadData("no recording to calibrate from: give --markers FILE, --static FILE or both")
     check_out_model(out, read=(model,))
-    shared, settings = inputs_of_flags(inputs), settings_dict(options)
+    shared, settings = flags.inputs_of_flags(inputs), flags.settings_dict(options)
     tasks, labels = shared.or_default(TasksFile).tasks, shared.or_default(Labels).labels
     body, chosen = open_model(model), with_settings(CalibrationOptions(), settings)
     if marker_set is not None:

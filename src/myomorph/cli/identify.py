@@ -6,17 +6,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Literal
 
-from myomorph.cli.options import (
-    Loads,
-    ModelFile,
-    Threads,
-    documented,
-    inputs_class,
-    inputs_of_flags,
-    options_class,
-    settings_dict,
-    use_threads,
-)
+from myomorph.cli import options as flags
 from myomorph.cli.output import made
 from myomorph.identify.recordings import RecordingOptions
 from myomorph.identify.subject import IdentificationOptions
@@ -24,17 +14,17 @@ from myomorph.live.identification import LiveOptions
 from myomorph.store.settings import ForceOptions, with_settings
 from myomorph.study.subject.subject_files import BodyOptions
 
-IdentifySettings = options_class(ForceOptions, RecordingOptions, IdentificationOptions, BodyOptions, LiveOptions)
-IdentifyInputs = inputs_class("loads", "time", leave_out=("loads",))
+IdentifySettings = flags.options_class(ForceOptions, RecordingOptions, IdentificationOptions, BodyOptions, LiveOptions)
+IdentifyInputs = flags.inputs_class("loads", "time", leave_out=("loads",))
 
 
-@documented
+@flags.documented
 def identify_command(
     *,
-    model: ModelFile,
+    model: flags.ModelFile,
     out: Path,
     motion: tuple[Path, ...] = (),
-    loads: Loads = (),
+    loads: flags.Loads = (),
     mass: float | None = None,
     skin: Path | None = None,
     landmarks: Path | None = None,
@@ -47,7 +37,7 @@ def identify_command(
     inputs: IdentifyInputs | None = None,  # type: ignore[valid-type]
     live: bool = False,
     options: IdentifySettings | None = None,  # type: ignore[valid-type]
-    threads: Threads = None,
+    threads: flags.Threads = None,
 ) -> int:
     """Masses, mass centers and inertias of every body from motions, their forces and the body's shape.
 
@@ -74,12 +64,12 @@ def identify_command(
     from myomorph.study.subject.subject_files import BodyShape
     from myomorph.study.subject.subjects import check_out_model, tables_folder
 
-    use_threads(threads)
+    flags.use_threads(threads)
     check_out_model(out, read=(model,))
-    settings = settings_dict(options)
+    settings = flags.settings_dict(options)
     shape = BodyShape(skin, landmarks, height, chest, sex, age)
     scaled = open_model(model)
-    shared = inputs_of_flags(inputs)
+    shared = flags.inputs_of_flags(inputs)
     named, time = shared.or_default(LoadsFile), shared.or_default(TimeSpan).time
     force_settings = {field.name: settings.pop(field.name) for field in fields(ForceOptions) if field.name in settings}
     forces = with_settings(ForceOptions(), force_settings)

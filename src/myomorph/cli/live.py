@@ -6,15 +6,7 @@ import sys
 from pathlib import Path
 from typing import Literal
 
-from myomorph.cli.options import (
-    ModelFile,
-    UncertaintyFile,
-    documented,
-    inputs_class,
-    inputs_of_flags,
-    options_class,
-    settings_dict,
-)
+from myomorph.cli import options as flags
 from myomorph.cli.output import said, warn
 from myomorph.live.chain import ChainOptions
 from myomorph.live.limits import LimitOptions
@@ -23,14 +15,14 @@ from myomorph.study.inputs.imu import ImuFiles
 from myomorph.study.inputs.labels import Labels
 from myomorph.tension.tension import TensionOptions
 
-LiveSettings = options_class(ChainOptions, TensionOptions, LimitOptions, leave_out=("draw_seed", "widened"))
-LiveInputs = inputs_class("labels", "imu")
+LiveSettings = flags.options_class(ChainOptions, TensionOptions, LimitOptions, leave_out=("draw_seed", "widened"))
+LiveInputs = flags.inputs_class("labels", "imu")
 
 
-@documented
+@flags.documented
 def live_command(
     *,
-    model: ModelFile,
+    model: flags.ModelFile,
     markers: Path | None = None,
     loads: Path | None = None,
     inputs: LiveInputs | None = None,  # type: ignore[valid-type]
@@ -42,7 +34,7 @@ def live_command(
     web: int | None = None,
     lsl_out: str = "",
     out: Path | None = None,
-    uncertainty: UncertaintyFile = None,
+    uncertainty: flags.UncertaintyFile = None,
     options: LiveSettings | None = None,  # type: ignore[valid-type]
 ) -> int:
     """Joint angles, torques and muscle activations while frames arrive.
@@ -66,7 +58,7 @@ def live_command(
     from myomorph.study.trial.uncertainty_file import read_sizes
     from myomorph.uncertainty.sources import Sources
 
-    given = inputs_of_flags(inputs, near=True)
+    given = flags.inputs_of_flags(inputs, near=True)
     sensors, labels = given.or_default(ImuFiles), given.or_default(Labels).labels
     if sum(map(bool, (markers, lsl_markers, sensors.imu, lsl_imu))) != 1:
         raise BadData(
@@ -84,7 +76,7 @@ def live_command(
         frames = LiveFiles(markers, loads, speed, labels)
     elif lsl_markers:
         frames = LiveStreams(lsl_markers, lsl_forces, up)
-    settings = settings_dict(options)
+    settings = flags.settings_dict(options)
     sizes = {} if uncertainty is None else read_sizes(uncertainty)
     drawn = sizes | ({"draws": settings["draws"]} if settings.get("draws") else {})
     if sizes and not drawn.get("draws"):

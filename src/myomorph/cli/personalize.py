@@ -4,40 +4,30 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from myomorph.cli.options import (
-    Loads,
-    ModelFile,
-    Threads,
-    documented,
-    inputs_class,
-    inputs_of_flags,
-    options_class,
-    settings_dict,
-    use_threads,
-)
+from myomorph.cli import options as flags
 from myomorph.cli.output import made
 from myomorph.report.trial.personalized import personal_lines
 from myomorph.store.settings import Differentiation, ForceOptions
 from myomorph.study.subject import personalizing
 
-PersonalSettings = options_class(Differentiation, ForceOptions, *personalizing.STEP.options)
-PersonalInputs = inputs_class("loads", "emg", "time", leave_out=("loads", "emg"))
+PersonalSettings = flags.options_class(Differentiation, ForceOptions, *personalizing.STEP.options)
+PersonalInputs = flags.inputs_class("loads", "emg", "time", leave_out=("loads", "emg"))
 
 
-@documented
+@flags.documented
 def personalize_command(
     *,
-    model: ModelFile,
+    model: flags.ModelFile,
     out: Path,
     motion: tuple[Path, ...] = (),
-    loads: Loads = (),
+    loads: flags.Loads = (),
     torques: tuple[Path, ...] = (),
     emg: tuple[Path, ...] = (),
     passive: tuple[Path, ...] = (),
     generic: Path | None = None,
     inputs: PersonalInputs | None = None,  # type: ignore[valid-type]
     options: PersonalSettings | None = None,  # type: ignore[valid-type]
-    threads: Threads = None,
+    threads: flags.Threads = None,
 ) -> int:
     """Fiber lengths, tendon slack lengths and strengths of a person's muscles, from torques and EMG.
 
@@ -54,12 +44,12 @@ def personalize_command(
     from myomorph.study.inputs.reading import open_model
     from myomorph.study.subject.subjects import check_out_model, tables_folder
 
-    use_threads(threads)
+    flags.use_threads(threads)
     check_out_model(out, read=(model, generic))
     recordings = (motion, loads, torques, emg, passive)
-    files = personalizing.PersonalFiles(model, *recordings, generic, inputs_of_flags(inputs))
+    files = personalizing.PersonalFiles(model, *recordings, generic, flags.inputs_of_flags(inputs))
     scaled = open_model(model)
-    personalized = personalizing.personalize_files(files, settings_dict(options), scaled)
+    personalized = personalizing.personalize_files(files, flags.settings_dict(options), scaled)
     lost = personalizing.write_personalized(personalized, out)
     tables = tables_folder(out, personalizing.STEP.tables)
     notes = (*personalized.found.notes, *personalized.warnings, *lost)

@@ -5,36 +5,26 @@ from __future__ import annotations
 from dataclasses import fields, replace
 from pathlib import Path
 
-from myomorph.cli.options import (
-    Loads,
-    ModelFile,
-    Threads,
-    documented,
-    inputs_class,
-    inputs_of_flags,
-    options_class,
-    settings_dict,
-    use_threads,
-)
+from myomorph.cli import options as flags
 from myomorph.cli.output import made
 from myomorph.identify.refine.options import RefineOptions
 from myomorph.store.settings import ForceOptions, with_settings
 
-RefineSettings = options_class(ForceOptions, RefineOptions)
-RefineInputs = inputs_class("loads", "tasks", "labels", "laboratory", "time", leave_out=("loads",))
+RefineSettings = flags.options_class(ForceOptions, RefineOptions)
+RefineInputs = flags.inputs_class("loads", "tasks", "labels", "laboratory", "time", leave_out=("loads",))
 
 
-@documented
+@flags.documented
 def refine_command(
     *,
-    model: ModelFile,
+    model: flags.ModelFile,
     out: Path,
     markers: tuple[Path, ...] = (),
-    loads: Loads = (),
+    loads: flags.Loads = (),
     mass: float | None = None,
     inputs: RefineInputs | None = None,  # type: ignore[valid-type]
     options: RefineSettings | None = None,  # type: ignore[valid-type]
-    threads: Threads = None,
+    threads: flags.Threads = None,
 ) -> int:
     """Motions, link lengths, marker positions and masses that agree with markers and force plates at once.
 
@@ -51,16 +41,16 @@ def refine_command(
     from myomorph.study.subject.subjects import check_out_model, tables_folder
     from myomorph.study.trial.trial_inputs import TrialFiles
 
-    use_threads(threads)
+    flags.use_threads(threads)
     check_out_model(out, read=(model,))
     if not markers or len(markers) != len(loads):
         raise BadData(
             f"{len(markers)} recordings of markers and {len(loads)} files of forces: give one of each for every "
             "recording, in the same order"
         )
-    settings = settings_dict(options)
+    settings = flags.settings_dict(options)
     forces = {field.name: settings.pop(field.name) for field in fields(ForceOptions) if field.name in settings}
-    shared = inputs_of_flags(inputs)
+    shared = flags.inputs_of_flags(inputs)
     named = shared.or_default(LoadsFile)
     names = [path.stem for path in markers]
     if len(set(names)) < len(names):

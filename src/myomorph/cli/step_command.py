@@ -7,21 +7,7 @@ from inspect import Parameter, signature
 from pathlib import Path
 from typing import Any, Optional
 
-from myomorph.cli.options import (
-    DrawCount,
-    DrawProcesses,
-    ModelFile,
-    MotionFile,
-    OutFile,
-    OutFolder,
-    Threads,
-    UncertaintyFile,
-    inputs_class,
-    inputs_of_flags,
-    options_class,
-    settings_dict,
-    use_threads,
-)
+from myomorph.cli import options as flags
 from myomorph.cli.output import folder_with, said, table_beside, warn
 from myomorph.model.errors import BadData
 from myomorph.study.inputs.motion import MotionFile as Coordinates
@@ -51,23 +37,23 @@ def step_command(name: str) -> Callable[..., int]:
 
     def command(
         *,
-        model: ModelFile,
+        model: flags.ModelFile,
         motion: Path | None = None,
         out: Path,
         inputs: Any = None,
-        draws: DrawCount = None,
-        uncertainty: UncertaintyFile = None,
-        workers: DrawProcesses = None,
+        draws: flags.DrawCount = None,
+        uncertainty: flags.UncertaintyFile = None,
+        workers: flags.DrawProcesses = None,
         options: Any = None,
-        threads: Threads = None,
+        threads: flags.Threads = None,
     ) -> int:
-        use_threads(threads)
-        settings = inputs_of_flags(inputs)
+        flags.use_threads(threads)
+        settings = flags.inputs_of_flags(inputs)
         files = TrialFiles(model, inputs=settings if motion is None else settings.having(Coordinates(motion)))
         if files.recording is None:
             raise BadData("no recording: give markers (--markers FILE), inertial sensors (--imu FILE ...), or both")
         drawn = drawn_settings(draws, uncertainty, workers) if own.draws else {}
-        trial = open_trial(files, {name: settings_dict(options), **drawn})
+        trial = open_trial(files, {name: flags.settings_dict(options), **drawn})
         results = StepResults() if begins else StepResults(recorded_poses(trial))
         written = table_beside(out, name, own.table) if own.table else folder_with(out, name)
         with written as (folder, writer):
@@ -91,10 +77,10 @@ def _sign(command: Any, step: Step[Any], parts: list[Step[Any]], begins: bool) -
     lacking = {"motion"} if begins else set()
     lacking |= set() if step.command.draws else {"draws", "uncertainty", "workers"}
     own = {
-        "motion": MotionFile,
-        "out": OutFile if step.command.table else OutFolder,
-        "inputs": Optional[inputs_class(*names)],  # noqa: UP045
-        "options": Optional[options_class(*step.options, leave_out=step.not_settings)],  # noqa: UP045
+        "motion": flags.MotionFile,
+        "out": flags.OutFile if step.command.table else flags.OutFolder,
+        "inputs": Optional[flags.inputs_class(*names)],  # noqa: UP045
+        "options": Optional[flags.options_class(*step.options, leave_out=step.not_settings)],  # noqa: UP045
     }
     signed = signature(command, eval_str=True)
     parameters = [part for part in signed.parameters.values() if part.name not in lacking]

@@ -9,20 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
+from myomorph.io.sto import read_sto
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadFile
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model, index_of
 from myomorph.model.series import Emg, Series, Table
-from myomorph.motion.emg_checks import (
-    BEYOND_ONE,
-    envelope_faults,
-    fast_share,
-    noise_faults,
-    rate_against,
-    raw_faults,
-    without_faults,
-)
+from myomorph.motion import emg_checks
 from myomorph.motion.envelope import EnvelopeOptions, envelopes, largest
 from myomorph.store.results import file_source, value_source
 from myomorph.store.settings import plain_settings
@@ -55,9 +48,8 @@ def opened(settings: EmgFiles, opening: Opening) -> Opened:
     if settings.emg_muscles or settings.emg_side:
         muscles = sorted(settings.emg_muscles.items())
         sources.append(value_source("emg", "muscles of channels", muscles, settings.emg_side))
-    used = (("emg mvc", path) for path in settings.emg_mvc)
-    gains_file = (("emg gains", settings.emg_gains_file),) if settings.emg_gains_file else ()
-    sources += [file_source(role, path) for role, path in (*used, *gains_file)]
+    sources += [file_source("emg mvc", path) for path in settings.emg_mvc]
+    sources += [file_source("emg gains", settings.emg_gains_file)] if settings.emg_gains_file else []
     if settings.emg is None:
         return Opened(sources=tuple(sources))
     options = opening.options[EnvelopeOptions]
@@ -68,8 +60,10 @@ def opened(settings: EmgFiles, opening: Opening) -> Opened:
         gains = read_gains(settings.emg_gains_file)
         emg = rescaled(recorded.emg, recorded.scale, gains.scale)
         recorded = replace(recorded, emg=emg, scale=gains.scale, gains=gains.calibration)
-    time = _time(opening)
-    rate = "" if time is None else rate_against(recorded.emg, time)
+    motion = opening.values.get(RecordedMotion)
+    markers = (opening.values.get(Recording) or NO_RECORDING).trial.markers
+    clocked = markers if motion is None else motion.motion
+    rate = "" if clocked is None else emg_checks.rate_against(recorded.emg, clocked.time)
     # Options of EMG count wherever a recording has EMG.
     return Opened(
         (recorded,),
@@ -78,14 +72,6 @@ def opened(settings: EmgFiles, opening: Opening) -> Opened:
         f"EMG from {settings.emg.name}",
         options=(opening.options[EmgOptions],),
     )
-
-
-def _time(opening: Opening) -> Array | None:
-    """Clock of the motion (frames,) [s]."""
-    motion, recording = opening.values.get(RecordedMotion), opening.values.get(Recording) or NO_RECORDING
-    if motion is not None:
-        return motion.motion.time
-    return None if recording.markers is None else recording.markers.time
 
 
 def open_emg(
@@ -102,7 +88,7 @@ def open_emg(
     are; a table whose largest value is over 1.5 has every channel scaled to its own. `named` channels have the muscles
     that a user tells, others find theirs by name, on `side` where that has none.
     """
-    found = channels_of(path)
+    found, name = channels_of(path), Path(path).name
     for channel, muscles in named.items():
         index_of("EMG channel", channel, found.names, str(path))
         for muscle in muscles:
@@ -111,28 +97,29 @@ def open_emg(
         measured_on = muscles_of_channels(found.names, model, side) | dict(named)
         # A channel with an empty list takes no part.
         measured_on = {channel: muscles for channel, muscles in measured_on.items() if muscles}
-        mended = (*_mended(found, path), *_left_out(path, found.names, measured_on))
+        mended = tuple(f"{name}: {text}" for text in found.warnings) if isinstance(found, Table) else ()
+        mended += _left_out(path, found.names, measured_on)
         if Path(path).suffix.lower() == ".c3d":
             if not measured_on:
                 raise BadFile(path, "has no analog channel that tells a muscle", "name them in emg_muscles")
             found = _picked(found, tuple(measured_on))
         if not _is_raw(found):
-            made = _as_envelopes(found, measured_on, Path(path).name, reference)
+            made = _as_envelopes(found, measured_on, name, reference)
             return _without_noise(replace(made, notes=(*mended, *made.notes)), named)
         maxima = largest([_picked(channels_of(one), found.names) for one in reference], options) if reference else None
         peaks = largest([found], options) if maxima is None else maxima
-        faults = raw_faults(found)
-        whole = without_faults(envelopes(found, options, maxima), faults)
+        faults = emg_checks.raw_faults(found)
+        whole = emg_checks.without_faults(envelopes(found, options, maxima), faults)
     scaled = f"scaled to {'the reference' if reference else 'their own largest value'}"
-    notes = (f"{Path(path).name}: raw EMG, made into envelopes and {scaled}", *(fault.text for fault in faults))
+    notes = (f"{name}: raw EMG, made into envelopes and {scaled}", *(fault.text for fault in faults))
     at_maximum = FrozenMap(dict.fromkeys(whole.names, 1.0) if reference else {})
-    scale = FrozenMap({name: peaks[name] if peaks[name] > 0.0 else 1.0 for name in whole.names})
+    scale = FrozenMap({channel: peaks[channel] if peaks[channel] > 0.0 else 1.0 for channel in whole.names})
     return _without_noise(RecordedEmg(whole, measured_on, (*mended, *notes), at_maximum, scale), named)
 
 
 def _without_noise(opened: RecordedEmg, named: Mapping[str, tuple[str, ...]]) -> RecordedEmg:
     """Channels that are noise throughout take no part, unless a user names their muscles."""
-    found = noise_faults(opened.emg, tuple(opened.muscles))
+    found = emg_checks.noise_faults(opened.emg, tuple(opened.muscles))
     if not found:
         return opened
     left = {one.channel for one in found} - set(named)
@@ -142,11 +129,6 @@ def _without_noise(opened: RecordedEmg, named: Mapping[str, tuple[str, ...]]) ->
     )
     muscles = FrozenMap({name: muscle for name, muscle in opened.muscles.items() if name not in left})
     return replace(opened, muscles=muscles, notes=(*notes, *opened.notes))
-
-
-def _mended(series: Series, path: str | Path) -> tuple[str, ...]:
-    """What a table had to have mended."""
-    return tuple(f"{Path(path).name}: {text}" for text in series.warnings) if isinstance(series, Table) else ()
 
 
 def _left_out(path: str | Path, names: Sequence[str], measured_on: Mapping[str, tuple[str, ...]]) -> tuple[str, ...]:
@@ -169,8 +151,6 @@ def channels_of(path: str | Path) -> Series:
 
         return read_csv_table(Path(path))
     if ending in TABLE_FILES:
-        from myomorph.io.sto import read_sto
-
         return read_sto(path)
     if ending == ".c3d":
         analog = read_recording(path).analog
@@ -202,7 +182,7 @@ def _is_raw(series: Series) -> bool:
 def _swings_about_offset(column: Array, rate: float) -> bool:
     """Whether a channel (samples,) is raw EMG with an offset: fast, and as far below its median as above it."""
     column = column[np.isfinite(column)]
-    if not fast_share(column, rate) > MOSTLY_FAST:
+    if not emg_checks.fast_share(column, rate) > MOSTLY_FAST:
         return False
     low, middle, high = np.percentile(column, [1.0, 50.0, 99.0])
     return bool(middle - low > SYMMETRIC * (high - middle))
@@ -218,14 +198,14 @@ def _as_envelopes(
         scale = np.array([_largest_of(reference, channel) for channel in series.names])
         maxima = FrozenMap(dict.fromkeys(series.names, 1.0))
         notes.append(f"{name}: envelopes scaled to maximum voluntary contractions")
-    elif peak > BEYOND_ONE:
+    elif peak > emg_checks.BEYOND_ONE:
         scale = np.nanmax(values, axis=0).clip(1e-12)
         notes.append(f"{name}: envelopes reach {peak:.3g}: every channel is scaled to its own largest value")
     emg = Emg(series.time, series.names, values / scale)
-    faults = envelope_faults(emg)
+    faults = emg_checks.envelope_faults(emg)
     used = [fault.text for fault in faults if not measured_on or fault.channel in measured_on]
     divided = FrozenMap(dict(zip(series.names, scale.tolist(), strict=True)))
-    return RecordedEmg(without_faults(emg, faults), measured_on, (*notes, *used), maxima, divided)
+    return RecordedEmg(emg_checks.without_faults(emg, faults), measured_on, (*notes, *used), maxima, divided)
 
 
 def _largest_of(reference: Sequence[Path], channel: str) -> float:

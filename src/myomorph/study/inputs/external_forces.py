@@ -49,7 +49,7 @@ def opened(settings: LoadsFile, opening: Opening) -> Opened:
             raise BadData("bodies of forces without forces: give --loads FILE with --plates or --bodies")
         # Torques of a file hold whatever acts from outside.
         named = any(map(_body_on_plate, settings.plates))
-        plates = named if settings.plates else (recording is not None and recording.plates and feet_of(model))
+        plates = named if settings.plates else (recording is not None and recording.trial.plates and feet_of(model))
         if recording is None or not plates or (torques is not None and torques.torques is not None):
             return Opened(sources=tuple(sources))
         nearest = "The force of each plate acts on the foot that is nearest to its center of pressure."

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-from myomorph.model.arrays import Array
-from myomorph.model.series import Event, ForcePlate, Markers, Trial
+from myomorph.model.series import Trial
 from myomorph.store import stored as store
 from myomorph.store.results import ResultWriter, file_source
 from myomorph.study.inputs import reading
@@ -30,30 +29,10 @@ class Recording(Recorded):
 
     trial: Trial
 
-    @property
-    def markers(self) -> Markers | None:
-        """As recorded."""
-        return self.trial.markers
-
-    @property
-    def events(self) -> tuple[Event, ...]:
-        """Of the recording."""
-        return self.trial.events
-
-    @property
-    def plates(self) -> tuple[ForcePlate, ...]:
-        """For pictures, and for feet that share one."""
-        return self.trial.plates
-
-    @property
-    def plate_time(self) -> Array:
-        """Clock of their forces (samples,) [s]."""
-        return self.trial.plate_time
-
     def put(self, writer: ResultWriter) -> None:
         """Write events and outlines of plates."""
-        store.put_events(writer, self.events)
-        store.put_plates(writer, self.plates)
+        store.put_events(writer, self.trial.events)
+        store.put_plates(writer, self.trial.plates)
 
 
 NO_RECORDING = Recording(Trial())

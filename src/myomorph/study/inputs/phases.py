@@ -29,7 +29,7 @@ class Phases(Recorded):
 
 def _open(settings: Phases, opening: Opening) -> Opened:
     """Themselves, with a warning of those outside the recording."""
-    markers = (opening.values.get(Recording) or NO_RECORDING).markers
+    markers = (opening.values.get(Recording) or NO_RECORDING).trial.markers
     if markers is None:
         return Opened((settings,))
     start, stop = float(markers.time[0]), float(markers.time[-1])

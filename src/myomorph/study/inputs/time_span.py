@@ -8,7 +8,7 @@ from typing import Annotated
 from myomorph.study.inputs import reading
 from myomorph.study.inputs.input import Input, Opened, Opening
 from myomorph.study.inputs.keys import Span
-from myomorph.study.inputs.markers import MarkersFile, Recording
+from myomorph.study.inputs.markers import NO_RECORDING, MarkersFile, Recording
 from myomorph.study.inputs.motion import MotionFile, RecordedMotion
 
 
@@ -21,8 +21,9 @@ class TimeSpan:
 
 def _open(settings: TimeSpan, opening: Opening) -> Opened:
     """Itself, held against the recording."""
-    recording, motion = opening.values.get(Recording), opening.values.get(RecordedMotion)
-    series = motion.motion if motion is not None else None if recording is None else recording.markers
+    motion = opening.values.get(RecordedMotion)
+    recorded = (opening.values.get(Recording) or NO_RECORDING).trial.markers
+    series = recorded if motion is None else motion.motion
     if series is None:
         return Opened((settings,))
     files = opening.settings

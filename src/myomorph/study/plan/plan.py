@@ -14,17 +14,10 @@ from myomorph.store.outcome import Conditions, Excluded, Key
 from myomorph.store.results import file_name
 from myomorph.store.study_file import checked, existing, read_toml, refuse
 from myomorph.study.inputs.place import Notes, Place
+from myomorph.study.plan import plan_checks
 from myomorph.study.plan.conditions import Exclusions, with_conditions
 from myomorph.study.plan.groups import GroupPlan, group_members, groups_of, measured_groups
 from myomorph.study.plan.measures import Measures, read_measures
-from myomorph.study.plan.plan_checks import (
-    check_makers,
-    check_masses,
-    check_model_names,
-    check_names,
-    maker_of,
-    makes_model,
-)
 from myomorph.study.plan.subject_tables import (
     Named,
     check_settings,
@@ -104,7 +97,7 @@ class Plan:
 
     def maker(self, subject: str) -> str:
         """The subject whose own steps make the model that this one's trials use, "" where they use a file."""
-        return subject if makes_model(self.steps_of(subject)) else self.begins_with(subject)
+        return subject if plan_checks.makes_model(self.steps_of(subject)) else self.begins_with(subject)
 
 
 def read_plan(path: str | Path) -> Plan:
@@ -190,15 +183,15 @@ def _plan(file: Any, path: Path, notes: Notes) -> Plan:
             f"exclude: nothing is left: {len(exclusions.found)} subjects or trials are excluded, all of them"
         )
     steps = {name: found.steps_of(name) for name in found.subjects}
-    check_masses(found.subjects, problems)
-    check_names(found.trials, steps, [one.name for one in file.together], problems, file.study.flat)
+    plan_checks.check_masses(found.subjects, problems)
+    plan_checks.check_names(found.trials, steps, [one.name for one in file.together], problems, file.study.flat)
     if file.study.flat and (len(found.subjects) != 1 or file.together or file.groups):
         problems.append("study: flat is for one subject, without [[together]] and [groups]")
     before = len(problems)
-    check_makers(found.subjects, steps, problems)
+    plan_checks.check_makers(found.subjects, steps, problems)
     if len(problems) == before:
         _with_makers(found, steps)
-    check_model_names(found.trials, problems)
+    plan_checks.check_model_names(found.trials, problems)
     told = {name: table.table.conditions for name, table in found.tables.items() if table.table.conditions}
     trials, conditions = with_conditions(
         found.trials, file.study.conditions, told, exclusions.found, problems, notes.remarks
@@ -284,7 +277,7 @@ def _add(
 
 def _with_makers(subjects: _Subjects, steps: Mapping[str, Sequence[str]]) -> None:
     """Put who makes a model in the place of who is named, and the file that it began with in that of none."""
-    makers = {name: maker_of(name, subjects.subjects, steps) for name in subjects.subjects}
+    makers = {name: plan_checks.maker_of(name, subjects.subjects, steps) for name in subjects.subjects}
     for name, maker in makers.items():
         if not maker:
             continue

@@ -22,6 +22,7 @@ from myomorph.morph.arm_intervals import DRAWS, with_arm_intervals
 from myomorph.morph.checks.checks import check_morph
 from myomorph.morph.mirror.model import with_other_muscles
 from myomorph.morph.morphed import Morph
+from myomorph.morph.species import masses
 from myomorph.morph.species.architecture import DENSITY, SPECIFIC_TENSION, ArchitectureTable, MuscleRow, ScalingLaw
 from myomorph.morph.species.attachments import RelativeBone
 from myomorph.morph.species.counterparts import (
@@ -33,14 +34,6 @@ from myomorph.morph.species.counterparts import (
     SpeciesTable,
 )
 from myomorph.morph.species.maps import coordinate_table, species_morph
-from myomorph.morph.species.masses import (
-    MarkerTable,
-    SegmentShare,
-    share_notes,
-    with_markers_of,
-    with_possible_inertias,
-    with_segment_shares,
-)
 from myomorph.store.progress import progress
 from myomorph.store.results import file_source, provenance_of
 from myomorph.study.inputs import reading
@@ -105,7 +98,7 @@ def _table(table: Table, name: str) -> SpeciesTable:
         table.get("extra", {}),
         tuple(_architecture(entry) for entry in table.get("architecture", ())),
         _row(ScalingLaw, table["scaling"], "the scaling") if "scaling" in table else None,
-        rows(SegmentShare, "mass", "a mass"),
+        rows(masses.SegmentShare, "mass", "a mass"),
         tuple(_markers(entry) for entry in table.get("markers", ())),
         rows(RelativeBone, "relative", "a relative's bone"),
         tuple(table.get("straight", {}).get("muscles", ())),
@@ -165,8 +158,8 @@ def _muscle(table: Table) -> MuscleRow:
     return MuscleRow(table["name"], tuple(table["sources"]), fiber, float(strength), pennation)
 
 
-def _markers(table: Table) -> MarkerTable:
-    made = _row(MarkerTable, {**table, "places": {}}, "a table of markers")
+def _markers(table: Table) -> masses.MarkerTable:
+    made = _row(masses.MarkerTable, {**table, "places": {}}, "a table of markers")
     places: dict[str, tuple[str, tuple[float, float, float]]] = {}
     for label, place in table["places"].items():
         if len(place["at"]) != 3:
@@ -233,10 +226,10 @@ def species_files(files: SpeciesFiles, settings: MorphSettings) -> tuple[Morphed
         with reading.about(path):
             bones.append(source_bones(models[-1], folder, warnings))
     source, target = models
-    target, replaced = with_possible_inertias(target, bones[1])
+    target, replaced = masses.with_possible_inertias(target, bones[1])
     warnings += replaced
     if files.mass is not None:
-        target, _ = with_segment_shares(target, table.masses, files.mass)
+        target, _ = masses.with_segment_shares(target, table.masses, files.mass)
     with progress("bones", len(table.bones) + 1, "bones") as advance:
         morph = species_morph(
             source,
@@ -270,10 +263,10 @@ def _whole_animal(morph: Morph, files: SpeciesFiles, table: SpeciesTable) -> Mor
         notes += added
     if files.skin is not None:
         model, added = with_skin_masses(model, resized(read_mesh(files.skin), files.unit), files.mass)
-        notes += [*added, *share_notes(model, table.masses)]
+        notes += [*added, *masses.share_notes(model, table.masses)]
     else:
-        notes += share_notes(model, table.masses)
+        notes += masses.share_notes(model, table.masses)
     if files.protocol:
-        model, added = with_markers_of(model, table.markers, files.protocol)
+        model, added = masses.with_markers_of(model, table.markers, files.protocol)
         notes += added
     return replace(morph, model=model, notes=tuple(notes))

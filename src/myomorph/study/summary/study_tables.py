@@ -42,19 +42,8 @@ from myomorph.study.summary.condition_values import (
 from myomorph.study.summary.grouping import PAGE as GROUPS_PAGE
 from myomorph.study.summary.study_inputs import StudyInputs, tables_provenance
 from myomorph.study.summary.value_differences import MeasuredValues, difference_rows, differences
+from myomorph.study.trial import tidy
 from myomorph.study.trial.reporting import REPORT
-from myomorph.study.trial.tidy import (
-    CURVES,
-    NUMBERS,
-    QUALITY,
-    QUALITY_COLUMNS,
-    VALUE_COLUMNS,
-    VALUES,
-    read_curves,
-    read_quality,
-    read_values,
-    value_row,
-)
 from myomorph.study.trial.trial_inputs import Value
 from myomorph.uncertainty.spread import ValueErrors
 
@@ -66,7 +55,7 @@ PAGE, TIDY, PARQUET = "study.html", "results_tidy.csv", "results.parquet"
 TRIAL_QUALITY, OUTLIERS, DIFFERENCES = "quality.csv", "outliers.csv", "differences.csv"
 CONDITION_VALUES, CONDITION_CURVES = "condition_values.csv", "condition_curves.csv"
 VALUE_DIFFERENCES = "value_differences.csv"
-OF_TRIALS = (VALUES, CURVES, QUALITY)
+OF_TRIALS = (tidy.VALUES, tidy.CURVES, tidy.QUALITY)
 """Tables of each trial from which these are made."""
 WHOSE = ("subject", "condition", "trial")
 ROWS = 1 << 16
@@ -139,7 +128,7 @@ class _Trial:
 
     @property
     def has_values(self) -> bool:
-        return bool(self.outcome.trial and self.outcome.done) and (self.outcome.folder / VALUES).is_file()
+        return bool(self.outcome.trial and self.outcome.done) and (self.outcome.folder / tidy.VALUES).is_file()
 
 
 def gather_study(plan: Plan, outcomes: Sequence[Outcome], out: Path, folder: Path) -> None:
@@ -154,28 +143,24 @@ def gather_study(plan: Plan, outcomes: Sequence[Outcome], out: Path, folder: Pat
     lines = _write_quality(plan, trials, out, folder)
     growing = {name: GrowingCondition(name) for name in plan.conditions.names}
     search, signs, measured = OutlierSearch(), SignSearch(), MeasuredValues()
-    with _csv(folder / TIDY, (*WHOSE, *VALUE_COLUMNS)) as table, _parquet(folder / PARQUET) as keep:
-        for trial in trials:
-            if not trial.has_values:
-                continue
-            values = [each for each in read_values(trial.outcome.folder / VALUES) if each.step in trial.outcome.done]
-            table.writerows((*trial.whose, *value_row(each)) for each in values)
+    with _csv(folder / TIDY, (*WHOSE, *tidy.VALUE_COLUMNS)) as table, _parquet(folder / PARQUET) as keep:
+        for trial in (trial for trial in trials if trial.has_values):
+            outcome = trial.outcome
+            values = [each for each in tidy.read_values(outcome.folder / tidy.VALUES) if each.step in outcome.done]
+            table.writerows((*trial.whose, *tidy.value_row(each)) for each in values)
             keep(trial.whose, values)
             condition = growing.setdefault(trial.condition, GrowingCondition(trial.condition))
-            condition.add(
-                trial.outcome.subject, trial.outcome.trial, values, *read_curves(trial.outcome.folder / CURVES)
-            )
+            condition.add(outcome.subject, outcome.trial, values, *tidy.read_curves(outcome.folder / tidy.CURVES))
             search.add(trial.whose, values)
             measured.add(trial.whose, values, trial.drawn)
-            signs.add(trial.outcome.subject, values)
+            signs.add(outcome.subject, values)
     if len([condition for condition in growing.values() if condition.trials]) > 1:
         for condition in growing.values():
             condition.without_whole_trials()
     for trial in trials:
         if trial.has_values:
-            search.add_curves(
-                trial.whose, growing[trial.condition], *read_curves(trial.outcome.folder / CURVES, COMPARED)
-            )
+            curves = tidy.read_curves(trial.outcome.folder / tidy.CURVES, COMPARED)
+            search.add_curves(trial.whose, growing[trial.condition], *curves)
     seen = [condition for condition in growing.values() if condition.trials]
     _write_conditions(plan, trials, lines, seen, search, measured, signs.notes(), folder)
 
@@ -248,8 +233,8 @@ def _write_quality(plan: Plan, trials: Sequence[_Trial], out: Path, folder: Path
     """The table of quality of all trials; also each trial as a line of the page."""
     lines, cells = list[TrialLine](), list[tuple[str, ...]]()
     for trial in trials:
-        rows = read_quality(trial.outcome.folder / QUALITY) if trial.has_values else []
-        cells += [(*trial.whose, *(row[name] for name in QUALITY_COLUMNS)) for row in rows]
+        rows = tidy.read_quality(trial.outcome.folder / tidy.QUALITY) if trial.has_values else []
+        cells += [(*trial.whose, *(row[name] for name in tidy.QUALITY_COLUMNS)) for row in rows]
         if trial.outcome.error:
             cells.append((*trial.whose, "failed", "", "", "", "failed", "", "", trial.outcome.error))
         lines.append(_line(trial, rows, out))
@@ -257,7 +242,7 @@ def _write_quality(plan: Plan, trials: Sequence[_Trial], out: Path, folder: Path
         condition = plan.conditions.trials.get((left.subject, left.trial), "")
         cells.append((left.subject, condition, left.trial, "left out", "", "", "", "left out", "", "", left.reason))
         lines.append(TrialLine(left.subject, left.trial, condition, "left out", reason=left.reason))
-    write_csv(folder / TRIAL_QUALITY, (*WHOSE, *QUALITY_COLUMNS), cells)
+    write_csv(folder / TRIAL_QUALITY, (*WHOSE, *tidy.QUALITY_COLUMNS), cells)
     return lines
 
 
@@ -318,7 +303,7 @@ def _parquet(path: Path) -> Iterator[Callable[[tuple[str, str, str], Sequence[Va
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    kinds = {name: pa.float64() if name in NUMBERS else pa.string() for name in (*WHOSE, *VALUE_COLUMNS)}
+    kinds = {name: pa.float64() if name in tidy.NUMBERS else pa.string() for name in (*WHOSE, *tidy.VALUE_COLUMNS)}
     schema = pa.schema(list(kinds.items()))
     temporary = path.with_name(f".{path.name}.part")
     waiting: list[pa.RecordBatch] = []

@@ -14,42 +14,20 @@ from pathlib import Path
 from typing import Self
 
 from myomorph.model.provenance import Provenance
+from myomorph.store import results as store
 from myomorph.store.netcdf import HeldFile, open_netcdf
 from myomorph.store.outcome import Outcome, failed
-from myomorph.store.results import (
-    STORED,
-    WHOSE,
-    ResultWriter,
-    Stored,
-    file_name,
-    made_from,
-    new_result,
-    read_result,
-    stored_provenance,
-    stored_values,
-    whole_folder,
-)
 from myomorph.study.step.job_steps import JobSteps, run_steps
 from myomorph.study.step.step import StepOutput, large_variables, step_of, trial_steps
 from myomorph.study.step.step_table import REPORT, STEPS
+from myomorph.study.trial import trial_step
 from myomorph.study.trial.reporting import TrialResults, write_report
 from myomorph.study.trial.tidy import write_trial_values
 from myomorph.study.trial.trial_inputs import TrialInputs
-from myomorph.study.trial.trial_step import (
-    KEY,
-    PAGE,
-    StepResults,
-    keep_facts,
-    report_is_made,
-    report_key,
-    run_step,
-    same_report,
-    step_provenance,
-)
 from myomorph.study.workers.ahead import Ahead, compile_ahead, wraps_of
 
 PARTS = ".steps"
-PART = f"step{STORED}"
+PART = f"step{store.STORED}"
 VALUES = "values.csv"
 HELD_FRAMES = 1000
 """Steps of longer recordings go to disk as they are computed, however fast that is: they may not fit in memory."""
@@ -68,15 +46,15 @@ class TrialSteps(JobSteps):
         asked: Sequence[str],
         folder: Path,
         fresh: bool = False,
-        results: StepResults | None = None,
+        results: trial_step.StepResults | None = None,
     ):
         self.trial, self.folder, self.fresh = trial, folder, fresh
         self.outcome = Outcome(trial.subject, trial.name, folder)
         self.steps = tuple(step for step in STEPS["trial"] if step in asked)
         self.reports = REPORT in asked
         self.parts = folder / PARTS
-        self.stored = folder / f"{file_name(trial.name)}{STORED}"
-        self.results = results or StepResults()
+        self.stored = folder / f"{store.file_name(trial.name)}{store.STORED}"
+        self.results = results or trial_step.StepResults()
         self._files, self._made = ({}, {}) if fresh else self._earlier()
         self._waiting: list[str] = []
         self._held = _Held(self.parts, _is_short(trial) and not self._files and not self.stored.exists())
@@ -84,20 +62,19 @@ class TrialSteps(JobSteps):
 
     def _earlier(self) -> tuple[dict[str, Path], dict[str, Provenance]]:
         """The file that holds the result of each step, and what that was made from."""
-        made = {
-            step: provenance for step, provenance in stored_provenance(self.stored).items() if step in STEPS["trial"]
-        }
+        stored = store.stored_provenance(self.stored)
+        made = {step: provenance for step, provenance in stored.items() if step in STEPS["trial"]}
         files = dict.fromkeys(made, self.stored)
         for step in STEPS["trial"]:
             part = self.parts / step / PART
-            provenance = stored_provenance(part).get(step)
+            provenance = store.stored_provenance(part).get(step)
             if provenance is not None:
                 made[step], files[step] = provenance, part
         return files, made
 
     def provenance(self, step: str) -> Provenance:
         """What a step's result would be made from now."""
-        return step_provenance(step_of(step), self.trial)
+        return trial_step.step_provenance(step_of(step), self.trial)
 
     def earlier(self, step: str) -> Provenance | None:
         """What an earlier run made a step's result from."""
@@ -109,30 +86,31 @@ class TrialSteps(JobSteps):
         if REPORT in steps:
             computed = any(reasons.values())
             reason = ("its results are new",) if computed else ("what it contains has changed",)
-            made = not computed and report_is_made(self.folder, self.trial, tuple(reasons))
+            made = not computed and trial_step.report_is_made(self.folder, self.trial, tuple(reasons))
             reasons[REPORT] = () if made else reason
         return reasons
 
     def unchanged(self, steps: Sequence[str]) -> Outcome | None:
         """The outcome of a trial whose folder is what a run would leave it as; its file is opened once."""
-        expected = [VALUES, PAGE] if self.reports else [VALUES]
+        expected = [VALUES, trial_step.PAGE] if self.reports else [VALUES]
         if self.parts.exists() or not all((self.folder / name).is_file() for name in (self.stored.name, *expected)):
             return None
         values = [step_of(step) for step in self.steps]
         with open_netcdf(self.stored) as file:
-            made = made_from(file.attributes)
+            made = store.made_from(file.attributes)
             # A step that nobody asks for now is for a run to keep or to remove.
-            if set(made) != set(self.steps) or file.attributes.get(KEY, "") != report_key(self.trial, self.steps):
+            key = trial_step.report_key(self.trial, self.steps)
+            if set(made) != set(self.steps) or file.attributes.get(trial_step.KEY, "") != key:
                 return None
             if any(made[step].key != self.provenance(step).key for step in self.steps):
                 return None
             telling = [step for step in values if step.outcome is not None]
-            stored = stored_values(
+            stored = store.stored_values(
                 self.stored, file, only=[name for step in telling for name in step.outcome_variables]
             )
         clear_leftovers(self.folder)
         done = (*self.steps, REPORT) if self.reports else self.steps
-        results = StepResults(*(step.read(stored, self.trial.options) for step in telling))
+        results = trial_step.StepResults(*(step.read(stored, self.trial.options) for step in telling))
         return with_results(replace(self.outcome, done=done, reused=done), results)
 
     def __enter__(self) -> Self:
@@ -155,18 +133,18 @@ class TrialSteps(JobSteps):
         self._ahead.wait(step)
         shutil.rmtree(self.parts / step, ignore_errors=True)
         value = step_of(step)
-        with whole_folder(self.parts / step) as temporary, self._held.writer(step, temporary) as writer:
+        with store.whole_folder(self.parts / step) as temporary, self._held.writer(step, temporary) as writer:
             known = self._having(*value.needs, *value.uses)
-            self.results = run_step(value, self.trial, known, StepOutput(writer, temporary))
+            self.results = trial_step.run_step(value, self.trial, known, StepOutput(writer, temporary))
 
     def reuse(self, step: str) -> None:
         """Use what an earlier run found; it is read where a later step needs it."""
         self._waiting.append(step)
 
-    def _having(self, *kinds: type) -> StepResults:
+    def _having(self, *kinds: type) -> trial_step.StepResults:
         """What was found, results of these types included."""
         for step in [name for name in self._waiting if step_of(name).gives in kinds]:
-            stored = read_result(self._files[step], leave_out=large_variables())
+            stored = store.read_result(self._files[step], leave_out=large_variables())
             self.results = self.results.having(step_of(step).read(stored, self.trial.options))
             self._waiting.remove(step)
         return self.results
@@ -192,7 +170,7 @@ class TrialSteps(JobSteps):
             return failed(replace(outcome, done=done, timed=timed), error, "results")
         return _report(self.trial, outcome, shown) if self.reports else outcome
 
-    def _gather(self, outcome: Outcome) -> Stored | None:
+    def _gather(self, outcome: Outcome) -> store.Stored | None:
         """Move the steps' tables up and put their values, and those reused, into one file; returns what it holds, where
         all was in memory.
 
@@ -204,14 +182,14 @@ class TrialSteps(JobSteps):
         fresh = [step for step in outcome.done if step in held.files or (parts / step / PART).is_file()]
         others = [step for step in self._files if step not in self.steps and not self.reasons(step)]
         lost = [step for step in self._files if step not in outcome.done and step not in others]
-        if not fresh and not lost and same_report(self.folder, self.trial, outcome.done):
+        if not fresh and not lost and trial_step.same_report(self.folder, self.trial, outcome.done):
             return None
         whole = HeldFile() if held.allowed else None
-        with new_result(self.stored) as writer:
+        with store.new_result(self.stored) as writer:
             if whole is not None:
-                whole.attributes |= WHOSE
-                at_once = ResultWriter(whole)
-                keep_facts(at_once, self.trial, outcome.done)
+                whole.attributes |= store.WHOSE
+                at_once = store.ResultWriter(whole)
+                trial_step.keep_facts(at_once, self.trial, outcome.done)
                 for step in fresh:
                     at_once.take(held.files[step], (step,))
                 at_once.gather_remarks(fresh, self.trial.warnings)
@@ -219,13 +197,13 @@ class TrialSteps(JobSteps):
                 # Before the file has its name: whoever finds it there finds the tables, too.
                 _move_tables(fresh, parts, self.folder)
             else:
-                keep_facts(writer, self.trial, outcome.done)
+                trial_step.keep_facts(writer, self.trial, outcome.done)
                 every = [step for step in STEPS["trial"] if step in outcome.done or step in others]
                 for step in every:
                     writer.copy(parts / step / PART if step in fresh else self._files[step], (step,))
                 writer.gather_remarks(every, self.trial.warnings)
             # A report and values of the results before must not stand beside those that come now.
-            for name in (PAGE, VALUES):
+            for name in (trial_step.PAGE, VALUES):
                 (self.folder / name).unlink(missing_ok=True)
         if whole is None:
             _move_tables(fresh, parts, self.folder)
@@ -234,11 +212,15 @@ class TrialSteps(JobSteps):
             away = Path(tempfile.mkdtemp(prefix=f"{PARTS}.", dir=self.folder))
             os.replace(parts, away / "steps")
             shutil.rmtree(away, ignore_errors=True)
-        return None if whole is None else stored_values(self.stored, whole)
+        return None if whole is None else store.stored_values(self.stored, whole)
 
 
 def run_trial(
-    trial: TrialInputs, steps: Sequence[str], folder: Path, fresh: bool = False, results: StepResults | None = None
+    trial: TrialInputs,
+    steps: Sequence[str],
+    folder: Path,
+    fresh: bool = False,
+    results: trial_step.StepResults | None = None,
 ) -> Outcome:
     """Run the steps of one recording into a folder: tables, `<trial>.nc`, `values.csv` and `report.html`. A step whose
     inputs, options and version are those of an earlier run is reused. Where a step fails, what the steps before it
@@ -256,20 +238,20 @@ class _Held:
         self.files: dict[str, HeldFile] = {}
 
     @contextmanager
-    def writer(self, step: str, folder: Path) -> Iterator[ResultWriter]:
+    def writer(self, step: str, folder: Path) -> Iterator[store.ResultWriter]:
         """Take what a step finds, for a folder of its own."""
         if not self.allowed:
-            with new_result(folder / PART, step) as writer:
+            with store.new_result(folder / PART, step) as writer:
                 yield writer
             return
         file, started = HeldFile(), time.monotonic()
-        yield ResultWriter(file, step)
+        yield store.ResultWriter(file, step)
         self.files[step] = file
         if time.monotonic() - started > HELD_SECONDS:
             self._store(step, folder)
 
     def _store(self, step: str, folder: Path) -> None:
-        with new_result(folder / PART) as writer:
+        with store.new_result(folder / PART) as writer:
             writer.take(self.files[step], (step,))
 
     def keep(self) -> None:
@@ -312,7 +294,7 @@ def _move_tables(steps: Sequence[str], parts: Path, folder: Path) -> None:
                 os.replace(path, home / path.name)
 
 
-def with_results(outcome: Outcome, results: StepResults) -> Outcome:
+def with_results(outcome: Outcome, results: trial_step.StepResults) -> Outcome:
     """An outcome with what results tell of the trial, as its frames and marker errors."""
     for step in trial_steps():
         result = results.get(step.gives)
@@ -322,7 +304,7 @@ def with_results(outcome: Outcome, results: StepResults) -> Outcome:
 
 
 def _report(trial: TrialInputs, outcome: Outcome, results: TrialResults) -> Outcome:
-    if not outcome.timed and report_is_made(outcome.folder, trial, outcome.done):
+    if not outcome.timed and trial_step.report_is_made(outcome.folder, trial, outcome.done):
         return replace(outcome, done=(*outcome.done, REPORT), reused=(*outcome.reused, REPORT))
     started = time.monotonic()
     try:

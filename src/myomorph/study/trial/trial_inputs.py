@@ -16,7 +16,7 @@ from myomorph.model.arrays import Array, read_only
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.provenance import Source
-from myomorph.model.series import Series
+from myomorph.model.series import Series, Trial
 from myomorph.store import stored as store
 from myomorph.store.results import ResultWriter, file_source
 from myomorph.store.settings import ReportOptions, with_settings
@@ -156,9 +156,9 @@ class TrialInputs:
         return replace(self, inputs=self.inputs.having(*inputs))
 
     @property
-    def recording(self) -> Recording:
+    def recording(self) -> Trial:
         """Markers, events and plates; one without any where the trial begins with coordinates."""
-        return self.inputs.get(Recording) or NO_RECORDING
+        return (self.inputs.get(Recording) or NO_RECORDING).trial
 
     @property
     def time(self) -> tuple[float, float] | None:

@@ -44,17 +44,8 @@ from myomorph.tension.recruitment import KNEES, RecruitmentOptions
 from myomorph.tension.task import TensionTask
 from myomorph.tension.tension import TensionOptions
 from myomorph.tension.terms.contacts import ContactOptions
+from myomorph.uncertainty import drawn_inputs
 from myomorph.uncertainty.bodies import Draw, drawn_subject, stronger
-from myomorph.uncertainty.drawn_inputs import (
-    drawn_activations,
-    drawn_angles,
-    drawn_emg,
-    drawn_markers,
-    drawn_places,
-    drawn_rotations,
-    drawn_sites,
-    drawn_wrenches,
-)
 from myomorph.uncertainty.sources import GROUPS, Sources
 
 Held = TypeVar("Held", Markers, Motion)
@@ -173,13 +164,13 @@ class Chain:
     def _moved(self, trial: TrialInputs, draw: Draw) -> Motion:
         """The motion that inverse kinematics finds under the errors of a draw."""
         if self.markers is None or self.base is None:
-            return drawn_angles(trial.model, self.recorded, draw)
+            return drawn_inputs.drawn_angles(trial.model, self.recorded, draw)
         if self.cutoff is None:
             # What is not filtered holds no noise that a filter would take off.
             draw = replace(draw, sources=replace(draw.sources, marker_noise=0.0))
         every_pose = slice(None, None, self.pose_step)
         markers = self.markers.frames(every_pose)
-        moved = drawn_markers(trial.model, markers, draw, self.residuals)
+        moved = drawn_inputs.drawn_markers(trial.model, markers, draw, self.residuals)
         near = Motion(markers.time, self.base.names, self.base.values[every_pose])
         options = trial.options[InverseKinematicsOptions]
         mounting = None if self.sensors is None else self._mounted(draw)
@@ -210,10 +201,10 @@ class Chain:
         """Options of inverse kinematics with the sensors under the errors of a draw."""
         assert self.sensors is not None
         reported = mounting.body_rotations(self.sensors.sensors, markers.time, self.trial.model)
-        reported = drawn_rotations(reported, mounting.sensors, markers.time, draw)
+        reported = drawn_inputs.drawn_rotations(reported, mounting.sensors, markers.time, draw)
         seen = weights_seen(self.trial.model, markers, options.marker_weights, options.only_weighted)
         tasks = orientation_tasks(mounting, reported, seen, self.trial.options[SensorOptions])
-        return drawn_places(self.sensors.added(options, tasks), self.sensors.spreads, draw)
+        return drawn_inputs.drawn_places(self.sensors.added(options, tasks), self.sensors.spreads, draw)
 
     def _made(
         self, trial: TrialInputs, recorded: Motion, torques: Torques | None, step: int, draw: Draw | None = None
@@ -249,8 +240,8 @@ def _with_contacts(task: TensionTask, draw: Draw) -> TensionTask:
     contact_task = task.setting.task
     changed = replace(
         contact_task,
-        sites=drawn_sites(contact_task.sites, draw),
-        activations=drawn_activations(contact_task.activations, contact_task.sites, draw),
+        sites=drawn_inputs.drawn_sites(contact_task.sites, draw),
+        activations=drawn_inputs.drawn_activations(contact_task.activations, contact_task.sites, draw),
     )
     return replace(task, setting=replace(task.setting, task=changed))
 
@@ -316,12 +307,12 @@ def drawn_trial(chain: Chain, draw: Draw) -> TrialInputs:
     model = drawn_subject(trial.model, draw)
     loads = chain.loads
     if loads is not None and acts(sources, ("forces",)):
-        loads = drawn_wrenches(loads, trial.model.up, draw)
+        loads = drawn_inputs.drawn_wrenches(loads, trial.model.up, draw)
     recorded = trial.get(RecordedEmg)
     return replace(trial, model=model, options=options).having(
         _drawn_points(trial.get(JointPoints), draw),
         None if loads is None else ExternalLoads(lambda motion: loads),
-        None if recorded is None else replace(recorded, emg=drawn_emg(recorded.emg, draw)),
+        None if recorded is None else replace(recorded, emg=drawn_inputs.drawn_emg(recorded.emg, draw)),
     )
 
 
