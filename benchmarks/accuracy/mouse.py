@@ -222,15 +222,13 @@ def _beside_markers(one: Mouse) -> Row:
 
 
 def measure_masses(folder: Path) -> Iterator[Row]:
-    """Shares of the skeleton's parts in its mass, from its file and from envelopes around its bones."""
+    """Shares of the skeleton's parts in its mass."""
     if not (folder / KEYPOINTS).is_file():
         return
-    made = part_masses(folder)
+    masses = part_masses(folder)
     other = with_other_side(mouse_hindlimb_model(folder / FILE)) if (folder / FILE).is_file() else None
-    for part in next(iter(made.values())):
-        row: Row = {"part": part}
-        for how, masses in made.items():
-            row[f"{how} [%]"] = 100.0 * masses[part] / sum(masses.values())
+    for part, mass in masses.items():
+        row: Row = {"part": part, "in the file [%]": 100.0 * mass / sum(masses.values())}
         legs = 0.0 if other is None else sum(one.mass for one in other.bodies if one.name[-2:] in ("_r", "_l"))
         told = other is not None and part == "hindlimbs"
         row["an anatomist's table [%]"] = 100.0 * legs / other.mass if told and other is not None else ""

@@ -260,7 +260,6 @@ PAGES: dict[str, dict[str, str]] = {
         "real_bones_round": "accuracy.morph.real_bones:measure_round",
         "real_bones_clearing": "accuracy.morph.real_bones:measure_clearing",
         "real_bones_pairs": "accuracy.morph.real_bones:measure_pairs",
-        "morph_masses": "accuracy.morph.masses:measure",
         "mirror": "accuracy.morph.mirror:measure",
     },
     "species": {

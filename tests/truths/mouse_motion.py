@@ -24,7 +24,6 @@ from myomorph.model.arrays import Array, runs
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.scale import scale
 from myomorph.morph.maps.linear import procrustes
-from myomorph.morph.species.masses import with_segment_shares
 from myomorph.motion.calibration import Calibration
 from myomorph.motion.crossings import crossings, within_crossings
 from myomorph.motion.ik import KinematicsFit
@@ -32,9 +31,6 @@ from myomorph.motion.measurements import default_markers, place_markers
 from myomorph.muscles.kinematics import default_path_lengths
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
-from myomorph.study.subject.morph_masses import with_envelope_masses
-from myomorph.study.subject.species_morphing import read_species
-from myomorph.study.trial.reporting import surfaces_of
 from myomorph.tension.tension import Tension
 from truths.mouse_recordings import (
     GAIT_LABELS,
@@ -337,31 +333,10 @@ PARTS = FrozenMap(
 """Bodies of the skeleton by what part of the mouse they are."""
 
 
-def part_masses(folder: Path) -> dict[str, dict[str, float]]:
-    """Masses of the skeleton's parts [kg]: as its file has them, and of envelopes grown around its bones."""
-    model = read_mjcf(folder / SKELETON / "mouse_with_meshes.xml")
-    surfaces = surfaces_of(model)
-    bones = {}
-    for body in model.bodies:
-        mesh = next((one for one in body.meshes if one.file in surfaces), None)
-        if mesh is not None:
-            own = surfaces[mesh.file]
-            placed = own.vertices * mesh.scale @ mesh.pose.rotation.T + mesh.pose.translation
-            bones[body.name] = replace(own, vertices=placed)
-    trunk = tuple(name for name in bones if re.search(PARTS["trunk"], name))
-    made = {
-        "in the file": model,
-        "envelope": with_envelope_masses(model, bones, model.mass)[0],
-        "envelope with a belly": with_envelope_masses(model, bones, model.mass, together=(trunk,))[0],
-    }
-    shares = read_species("human-mouse").masses
-    made["envelope with a belly, segments by the species' table"] = with_segment_shares(
-        made["envelope with a belly"], shares
-    )[0]
+def part_masses(folder: Path) -> dict[str, float]:
+    """Masses of the skeleton's parts [kg], as its file has them."""
+    bodies = read_mjcf(folder / SKELETON / "mouse_with_meshes.xml").bodies
     return {
-        name: {
-            part: sum(body.mass for body in one.bodies if re.search(pattern, body.name.removesuffix("_interim_0")))
-            for part, pattern in PARTS.items()
-        }
-        for name, one in made.items()
+        part: sum(body.mass for body in bodies if re.search(pattern, body.name.removesuffix("_interim_0")))
+        for part, pattern in PARTS.items()
     }

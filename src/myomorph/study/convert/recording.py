@@ -18,7 +18,7 @@ from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.series import Analog, Event, Markers, PlateRecording, Table, Wrenches
 from myomorph.motion.sync import cut
 from myomorph.study.inputs.plate_wrenches import recorded_wrenches
-from myomorph.study.inputs.reading import about, faces_z, read_recording
+from myomorph.study.inputs.reading import about, faces_z, read_recording, renamed
 
 TABLES = (".mot", ".sto", ".csv", ".txt")
 """Endings of tables."""
@@ -145,20 +145,9 @@ def labelled(recording: Recording, labels: Mapping[str, str]) -> Recording:
         raise BadData(
             f"none of the {len(labels)} labels is in the recording: it has {', '.join(sorted(known)[:8])}, ..."
         )
-    if markers is not None:
-        names, kept = _renamed(markers.names, labels)
-        markers = replace(markers.columns(kept), names=names)
-    if analog is not None:
-        names, kept = _renamed(analog.names, labels)
-        analog = replace(analog.columns(kept), names=names)
-    emg = tuple(labels.get(name, name) for name in recording.emg if labels.get(name, name))
-    return replace(recording, markers=markers, analog=analog, emg=emg)
-
-
-def _renamed(names: Sequence[str], labels: Mapping[str, str]) -> tuple[tuple[str, ...], list[int]]:
-    kept = [index for index, name in enumerate(names) if labels.get(name, name)]
-    renamed = tuple(labels.get(names[index], names[index]) for index in kept)
-    twice = next((name for name in renamed if renamed.count(name) > 1), "")
-    if twice:
-        raise BadData(f"two labels would be '{twice}'")
-    return renamed, kept
+    return replace(
+        recording,
+        markers=None if markers is None else renamed(markers, labels),
+        analog=None if analog is None else renamed(analog, labels),
+        emg=tuple(filter(None, (labels.get(name, name) for name in recording.emg))),
+    )

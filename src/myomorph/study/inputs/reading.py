@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -14,10 +16,11 @@ from myomorph.io.formats import read_model, read_trial
 from myomorph.io.osim.document import legal
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.arrays import Array
-from myomorph.model.errors import BadData, BadFile, BadModel, UnknownName, listing, quoted
+from myomorph.model.errors import BadData, BadFile, BadModel, MyomorphError, UnknownName, listing, quoted
 from myomorph.model.model import Model
 from myomorph.model.series import Z_UP_TO_Y_UP, ForcePlate, Motion, Series, Trial
 
+Named = TypeVar("Named", bound=Series)
 TABLE_FILES = (".mot", ".sto")
 SIZES = ((1000.0, "millimetres"), (100.0, "centimetres"), (0.001, "metres"), (0.0254, "inches"))
 COUPLED = 0.1
@@ -29,16 +32,11 @@ def about(path: object) -> Iterator[None]:
     """Put the file's name before an error that does not name it."""
     try:
         yield
-    except (BadFile, UnknownName) as error:
-        if str(path) in str(error):
+    except (BadFile, UnknownName, BadData, BadModel, ValueError) as error:
+        if isinstance(error, MyomorphError) and str(path) in str(error):
             raise
-        raise BadData(f"{path}: {error}") from None
-    except (BadData, BadModel) as error:
-        if str(path) in str(error):
-            raise
-        raise type(error)(f"{path}: {error}") from None
-    except ValueError as error:
-        raise BadData(f"{path}: {error}") from None
+        kind = BadModel if isinstance(error, BadModel) else BadData
+        raise kind(f"{path}: {error}") from None
 
 
 def open_model(path: str | Path) -> Model:
@@ -99,14 +97,22 @@ def with_labels(trial: Trial, labels: Mapping[str, str]) -> Trial:
             f"labels: none of its {len(labels)} labels was recorded, which are {listing(next(iter(labels)), recorded)}"
         )
         return replace(trial, warnings=(*trial.warnings, warning))
-    kept = [i for i, name in enumerate(recorded) if labels.get(name, name)]
-    recorded = tuple(recorded[i] for i in kept)
-    names = tuple(labels.get(name, name) for name in recorded)
-    twice = next((name for name in names if names.count(name) > 1), "")
-    if twice:
-        own = [old for old, name in zip(recorded, names, strict=True) if name == twice]
-        raise BadData(f"{trial.source}: {' and '.join(repr(one) for one in own)} would both be called '{twice}'")
-    return replace(trial, markers=replace(trial.markers, names=names, values=trial.markers.values[:, kept]))
+    with about(trial.source):
+        return replace(trial, markers=renamed(trial.markers, labels))
+
+
+def renamed(series: Named, labels: Mapping[str, str]) -> Named:
+    """A series with other names of its columns, without those whose name is "". Raises `BadData` where two would have
+    the same.
+    """
+    kept = [column for column, name in enumerate(series.names) if labels.get(name, name)]
+    series = series.columns(kept)
+    names = tuple(labels.get(name, name) for name in series.names)
+    for name, count in Counter(names).items():
+        if count > 1:
+            same = " and ".join(repr(old) for old, new in zip(series.names, names, strict=True) if new == name)
+            raise BadData(f"{same} would both be called '{name}'")
+    return replace(series, names=names)
 
 
 def check_labels(labels: Mapping[str, str], model: Model) -> None:

@@ -20,7 +20,7 @@ from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, BadFile
 from myomorph.model.model import Model
 from myomorph.model.segments import segments_of
-from myomorph.model.series import Motion
+from myomorph.model.series import DEFAULT_POSE
 from myomorph.model.surface import Surface
 from myomorph.store.progress import progress
 from myomorph.study.inputs.reading import about
@@ -32,9 +32,6 @@ if TYPE_CHECKING:
 
 OWN = "own"
 """Weight map of envelopes: each point belongs to the link whose envelope it fills."""
-
-POSE = Motion(np.zeros(1), (), np.zeros((1, 0)))
-"""The model's default pose."""
 
 
 def weight_maps(model: Model) -> Mapping[str, Callable[[Array, Links], sparse.csr_array]]:
@@ -86,7 +83,7 @@ def body_points(
         raise BadData(f"--spacing {options.spacing:g}: expected a distance in metres from 0.0005 to 0.1, as 0.005")
     if shape.skin is not None or shape.height is not None or shape.chest is not None:
         return _in_skin(model, shape, mass, options, compare)
-    points = own_points(model, POSE, mass, options.spacing, surfaces)
+    points = own_points(model, DEFAULT_POSE, mass, options.spacing, surfaces)
     if options.weights is None:
         return {OWN: points}, None, ()
     weights = _weights(model, points.points, points.links, (options.weights,))
