@@ -46,33 +46,18 @@ def rescaled(emg: Emg, own: Mapping[str, float], wanted: Mapping[str, float]) ->
 
 def write_gains(gains: SubjectGains, path: Path) -> None:
     """Write gains as JSON."""
-    found = gains.calibration
-    numbers = {name: getattr(found, name).tolist() for name in ("delays", "gains", "offsets", "shapes")}
-    data = {
-        "format": FORMAT,
-        "channels": list(found.channels),
-        **numbers,
-        "intervals": _known(found.intervals),
-        "held_out": _known(found.held_out),
-        "by_torque": found.by_torque.tolist(),
-        "weight": found.weight,
-        "others_weight": found.others_weight,
-        "warnings": list(found.warnings),
-        "scale": dict(gains.scale),
-        "synergies": [
-            {
-                "channels": list(synergy.synergies.channels),
-                "scale": synergy.synergies.scale.tolist(),
-                "vectors": synergy.synergies.vectors.tolist(),
-                "explained": synergy.synergies.explained,
-                "muscles": list(synergy.muscles),
-                "weights": synergy.weights.tolist(),
-            }
-            for synergy in found.synergies
-        ],
-    }
+    synergies = [
+        vars(part.synergies) | {"muscles": part.muscles, "weights": part.weights}
+        for part in gains.calibration.synergies
+    ]
+    data = {"format": FORMAT, **vars(gains.calibration), "synergies": synergies, "scale": dict(gains.scale)}
     with written(path) as stream:
-        json.dump(data, stream, indent=1, allow_nan=False)
+        json.dump(data, stream, indent=1, allow_nan=False, default=_plain)
+
+
+def _plain(values: np.ndarray) -> Any:
+    """Numbers for JSON, which has no NaN."""
+    return np.where(np.isfinite(values), values, None).tolist()
 
 
 def read_gains(path: Path) -> SubjectGains:
@@ -90,36 +75,23 @@ def read_gains(path: Path) -> SubjectGains:
 
 
 def _calibration(data: dict[str, Any]) -> EmgCalibration:
-    count = len(data["channels"])
-    synergies = tuple(
-        SynergyWeights(
-            Synergies(
-                tuple(one["channels"]),
-                np.array(one["scale"], dtype=float),
-                np.array(one["vectors"], dtype=float).reshape(-1, len(one["channels"])),
-                float(one["explained"]),
-            ),
-            tuple(one["muscles"]),
-            np.array(one["weights"], dtype=float).reshape(len(one["muscles"]), -1),
-        )
-        for one in data["synergies"]
-    )
+    arrays: dict[str, Any] = {
+        name: np.array(data[name], dtype=float) for name in ("delays", "gains", "offsets", "shapes", "by_torque")
+    }
+    for name in ("intervals", "held_out"):
+        arrays[name] = np.array(data[name], dtype=float).reshape(len(data["channels"]), 2)
     return EmgCalibration(
         tuple(data["channels"]),
-        np.array(data["delays"], dtype=float),
-        np.array(data["gains"], dtype=float),
-        np.array(data["offsets"], dtype=float),
         warnings=tuple(data["warnings"]),
-        shapes=np.array(data["shapes"], dtype=float),
-        intervals=np.array(data["intervals"], dtype=float).reshape(count, 2),
-        by_torque=np.array(data["by_torque"], dtype=bool),
-        synergies=synergies,
+        synergies=tuple(map(_synergies, data["synergies"])),
         weight=float(data["weight"]),
         others_weight=float(data["others_weight"]),
-        held_out=np.array(data["held_out"], dtype=float).reshape(count, 2),
+        **arrays,
     )
 
 
-def _known(values: np.ndarray) -> list[list[float | None]]:
-    """Numbers for JSON, which has no NaN."""
-    return [[float(one) if np.isfinite(one) else None for one in row] for row in values]
+def _synergies(data: dict[str, Any]) -> SynergyWeights:
+    channels, muscles = tuple(data["channels"]), tuple(data["muscles"])
+    vectors = np.array(data["vectors"], dtype=float).reshape(-1, len(channels))
+    synergies = Synergies(channels, np.array(data["scale"], dtype=float), vectors, float(data["explained"]))
+    return SynergyWeights(synergies, muscles, np.array(data["weights"], dtype=float).reshape(len(muscles), -1))

@@ -5,18 +5,16 @@ from __future__ import annotations
 import csv
 import importlib.util
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from myomorph import __version__
 from myomorph.analysis.conditions import compare_conditions
 from myomorph.analysis.groups import GroupOptions
-from myomorph.io.parsing.text import write_csv, written
+from myomorph.io.parsing.text import write_csv
 from myomorph.model.errors import few
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.report.study.study_input import Judged, StudyInput, TrialLine
@@ -58,8 +56,8 @@ VALUE_DIFFERENCES = "value_differences.csv"
 OF_TRIALS = (tidy.VALUES, tidy.CURVES, tidy.QUALITY)
 """Tables of each trial from which these are made."""
 WHOSE = ("subject", "condition", "trial")
-ROWS = 1 << 16
-"""Of a block of the Parquet file: the memory that gathering takes grows with it, not with the trials."""
+BLOCK = 1 << 23
+"""Of the Parquet file [bytes]: the memory that gathering takes grows with it, not with the trials."""
 PERMUTATIONS = 4000
 """Relabellings of a pair of conditions above which random ones are drawn: there may be many pairs."""
 FILES = (
@@ -143,17 +141,19 @@ def gather_study(plan: Plan, outcomes: Sequence[Outcome], out: Path, folder: Pat
     lines = _write_quality(plan, trials, out, folder)
     growing = {name: GrowingCondition(name) for name in plan.conditions.names}
     search, signs, measured = OutlierSearch(), SignSearch(), MeasuredValues()
-    with _csv(folder / TIDY, (*WHOSE, *tidy.VALUE_COLUMNS)) as table, _parquet(folder / PARQUET) as keep:
+    with (folder / TIDY).open("w", encoding="utf-8", newline="") as stream:
+        table = csv.writer(stream, lineterminator="\n")
+        table.writerow((*WHOSE, *tidy.VALUE_COLUMNS))
         for trial in (trial for trial in trials if trial.has_values):
             outcome = trial.outcome
             values = [each for each in tidy.read_values(outcome.folder / tidy.VALUES) if each.step in outcome.done]
             table.writerows((*trial.whose, *tidy.value_row(each)) for each in values)
-            keep(trial.whose, values)
             condition = growing.setdefault(trial.condition, GrowingCondition(trial.condition))
             condition.add(outcome.subject, outcome.trial, values, *tidy.read_curves(outcome.folder / tidy.CURVES))
             search.add(trial.whose, values)
             measured.add(trial.whose, values, trial.drawn)
             signs.add(outcome.subject, values)
+    _write_parquet(folder)
     if len([condition for condition in growing.values() if condition.trials]) > 1:
         for condition in growing.values():
             condition.without_whole_trials()
@@ -222,11 +222,8 @@ def _in_order(plan: Plan, outcomes: Sequence[Outcome]) -> list[_Trial]:
     keys = [key for trial in plan.trials for key in ((trial.subject, ""), (trial.subject, trial.name))]
     keys += [(together.name, together.name) for together in plan.together]
     conditions = {(trial.subject, trial.name): trial.condition for trial in plan.trials} | dict(plan.conditions.trials)
-    return [
-        _Trial(by_key[key], by_key[key].condition or conditions.get(key, ""))
-        for key in dict.fromkeys(keys)
-        if key in by_key
-    ]
+    outcomes = [by_key[key] for key in dict.fromkeys(keys) if key in by_key]
+    return [_Trial(outcome, outcome.condition or conditions.get(outcome.key, "")) for outcome in outcomes]
 
 
 def _write_quality(plan: Plan, trials: Sequence[_Trial], out: Path, folder: Path) -> list[TrialLine]:
@@ -279,55 +276,29 @@ def _changes(trials: Sequence[_Trial]) -> tuple[tuple[str, tuple[str, ...]], ...
     return tuple((text, tuple(names)) for text, names in trials_by_text.items())
 
 
-@contextmanager
-def _csv(path: Path, head: Sequence[str]) -> Iterator[Any]:
-    """A writer of `csv` whose table appears under its name when it is whole."""
-    with written(path) as stream:
-        table = csv.writer(stream, lineterminator="\n")
-        table.writerow(head)
-        yield table
-
-
 def has_parquet() -> bool:
     """Whether tables can be written as Parquet, too."""
     return importlib.util.find_spec("pyarrow") is not None
 
 
-@contextmanager
-def _parquet(path: Path) -> Iterator[Callable[[tuple[str, str, str], Sequence[Value]], None]]:
-    """The same for the values of trials as Parquet, written in blocks; without the extra `parquet`, nothing."""
+def _write_parquet(folder: Path) -> None:
+    """The values of all trials as Parquet, too, in blocks; without the extra `parquet`, nothing."""
     if not has_parquet():
-        yield lambda whose, values: None
         return
     # Takes half a second to import, and only here.
     import pyarrow as pa
-    import pyarrow.parquet as pq
+    from pyarrow import csv as arrow_csv
+    from pyarrow import parquet
 
-    kinds = {name: pa.float64() if name in tidy.NUMBERS else pa.string() for name in (*WHOSE, *tidy.VALUE_COLUMNS)}
-    schema = pa.schema(list(kinds.items()))
-    temporary = path.with_name(f".{path.name}.part")
-    waiting: list[pa.RecordBatch] = []
-
-    def block(writer: Any) -> None:
-        writer.write_table(pa.Table.from_batches(waiting, schema=schema).combine_chunks())
-        waiting.clear()
-
-    def keep(whose: tuple[str, str, str], values: Sequence[Value]) -> None:
-        if not values:
-            return
-        columns = [*([name] * len(values) for name in whose), *map(list, zip(*values, strict=True))]
-        arrays = [pa.array(column, kind) for column, kind in zip(columns, kinds.values(), strict=True)]
-        waiting.append(pa.RecordBatch.from_arrays(arrays, schema=schema))
-        if sum(map(len, waiting)) >= ROWS:
-            block(writer)
-
-    try:
-        with pq.ParquetWriter(temporary, schema) as writer:
-            yield keep
-            block(writer)
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    columns = (*WHOSE, *tidy.VALUE_COLUMNS)
+    kinds = {name: pa.float64() if name in tidy.NUMBERS else pa.string() for name in columns}
+    options = arrow_csv.ReadOptions(block_size=BLOCK), None, arrow_csv.ConvertOptions(column_types=kinds)
+    with (
+        arrow_csv.open_csv(folder / TIDY, *options) as rows,
+        parquet.ParquetWriter(folder / PARQUET, rows.schema) as table,
+    ):
+        for batch in rows:
+            table.write_batch(batch)
 
 
 STEP = Step(
