@@ -3,37 +3,24 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
-from cyclopts import Parameter
+from myomorph.cli.options import documented
 
 
+@documented
 def export_command(
-    source: Annotated[
-        Path,
-        Parameter(
-            help="With --mjcf a model (.osim or .xml), or one of myo-sim by name (myo-sim:myoarm); with --bids the "
-            "folder of results that run or another command wrote."
-        ),
-    ],
-    /,
-    *,
-    mjcf: Annotated[
-        Path | None,
-        Parameter(
-            help="File of MuJoCo to write (.xml); meshes and tables (what differs, the muscles' curves) go beside it."
-        ),
-    ] = None,
-    bids: Annotated[
-        Path | None, Parameter(help="Folder to make: recordings and results as a dataset of BIDS (motion, EMG).")
-    ] = None,
-    geometry: Annotated[
-        Path | None,
-        Parameter(help="Folder of the model's meshes; those beside its file and in Geometry there by default."),
-    ] = None,
+    source: Path, /, *, mjcf: Path | None = None, bids: Path | None = None, geometry: Path | None = None
 ) -> int:
     """A model for MuJoCo 3 and 4, with a certificate: which muscle differs, where and by how much. Or a study's
     recordings and results as a dataset of BIDS.
+
+    Parameters
+    ----------
+    source : with --mjcf a model (.osim or .xml), or one of myo-sim by name (myo-sim:myoarm); with --bids the folder of
+        results that run or another command wrote
+    mjcf : file of MuJoCo to write (.xml); meshes and tables (what differs, the muscles' curves) go beside it
+    bids : folder to make: recordings and results as a dataset of BIDS (motion, EMG)
+    geometry : folder of the model's meshes; those beside its file and in Geometry there by default
     """
     from myomorph.cli.output import said, warn
     from myomorph.model.errors import BadData

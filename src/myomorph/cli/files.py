@@ -9,11 +9,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-from cyclopts import Parameter
-
-from myomorph.cli.options import Threads, use_threads
+from myomorph.cli.options import Threads, documented, use_threads
 from myomorph.cli.output import said, warn
 
 if TYPE_CHECKING:
@@ -21,8 +19,14 @@ if TYPE_CHECKING:
     from myomorph.study.trial.viewing import Recordings
 
 
-def info_command(file: Annotated[Path, Parameter(help="Model, recording or table.")], /) -> int:
-    """What is in a model, C3D, TRC, MOT or STO file, and what is wrong with it."""
+@documented
+def info_command(file: Path, /) -> int:
+    """What is in a model, C3D, TRC, MOT or STO file, and what is wrong with it.
+
+    Parameters
+    ----------
+    file : model, recording or table
+    """
     from myomorph.study.info.inspect import inspect
 
     for line in inspect(file).lines():
@@ -30,28 +34,20 @@ def info_command(file: Annotated[Path, Parameter(help="Model, recording or table
     return 0
 
 
+@documented
 def report_command(
-    folder: Annotated[Path, Parameter(help="Folder of results.")],
-    /,
-    *,
-    preset: Annotated[
-        str,
-        Parameter(help="How to look at the motion: taichi, tap, drum, judo, gait, lift or motion; else as it fits."),
-    ] = "",
-    times: Annotated[
-        tuple[float, ...],
-        Parameter(help="Instants to picture [s]; those of events by default.", consume_multiple=True),
-    ] = (),
-    norms: Annotated[
-        tuple[str, ...],
-        Parameter(
-            help="What gait.html holds a walk against: folders of results of a control group, adults or none; "
-            "by default adults, for a body of their size.",
-            consume_multiple=True,
-        ),
-    ] = (),
+    folder: Path, /, *, preset: str = "", times: tuple[float, ...] = (), norms: tuple[str, ...] = ()
 ) -> int:
-    """Make report.html of a folder of results, and of a walk gait.html, one page for the clinic."""
+    """Make report.html of a folder of results, and of a walk gait.html, one page for the clinic.
+
+    Parameters
+    ----------
+    folder : of results
+    preset : how to look at the motion: taichi, tap, drum, judo, gait, lift or motion; else as it fits
+    times : instants to picture [s]; those of events by default
+    norms : what gait.html holds a walk against: folders of results of a control group, adults or none; by default
+        adults, for a body of their size
+    """
     from myomorph.study.trial.reporting import report_folder
     from myomorph.viscosity.study.results import STORE, remake_report
 
@@ -64,13 +60,14 @@ def report_command(
     return 0
 
 
-def run_tool_command(
-    setup: Annotated[Path, Parameter(help="OpenSim setup file (.xml) of one of the four tools.")],
-    /,
-    *,
-    threads: Threads = None,
-) -> int:
-    """Run an OpenSim setup file: ScaleTool, InverseKinematicsTool, InverseDynamicsTool or AnalyzeTool."""
+@documented
+def run_tool_command(setup: Path, /, *, threads: Threads = None) -> int:
+    """Run an OpenSim setup file: ScaleTool, InverseKinematicsTool, InverseDynamicsTool or AnalyzeTool.
+
+    Parameters
+    ----------
+    setup : OpenSim setup file (.xml) of one of the four tools
+    """
     from myomorph.opensim_tools.run import run_tool
 
     use_threads(threads)
@@ -83,16 +80,16 @@ def run_tool_command(
     return 0
 
 
-def view_command(
-    folders: Annotated[
-        list[Path], Parameter(help="Folder of results; several are shown in one scene, with one clock.")
-    ],
-    /,
-    *,
-    port: Annotated[int | None, Parameter(help="Port of the page; any free one by default.")] = None,
-    browser: Annotated[bool, Parameter(help="Open the page in the browser.")] = True,
-) -> int:
-    """Show results in a web page: the body moves, with its muscles, forces, markers and curves."""
+@documented
+def view_command(folders: list[Path], /, *, port: int | None = None, browser: bool = True) -> int:
+    """Show results in a web page: the body moves, with its muscles, forces, markers and curves.
+
+    Parameters
+    ----------
+    folders : of results; several are shown in one scene, with one clock
+    port : of the page; any free one by default
+    browser : open the page in the browser
+    """
     from myomorph.study.trial.viewing import open_replay
 
     def served(opened: int) -> None:

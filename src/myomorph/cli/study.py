@@ -6,9 +6,7 @@ import sys
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
-
-from cyclopts import Parameter
+from typing import TYPE_CHECKING, Literal
 
 from myomorph.cli.options import OutFolder, Threads, documented, use_threads
 from myomorph.cli.output import said
@@ -78,14 +76,14 @@ def _say_remarks(plan: Plan) -> None:
         said(f"and {len(plan.remarks) - MAX_REMARKS} more: --dry-run lists the files of every trial")
 
 
-def run_command(
-    study: Annotated[Path, Parameter(help="Study file (.toml).")],
-    /,
-    *,
-    out: OutFolder,
-    running: RunOptions = AS_USUAL,
-) -> int:
-    """Run a study file: subjects, models, trials and steps; what has not changed since an earlier run is taken over."""
+@documented
+def run_command(study: Path, /, *, out: OutFolder, running: RunOptions = AS_USUAL) -> int:
+    """Run a study file: subjects, models, trials and steps; what has not changed since an earlier run is taken over.
+
+    Parameters
+    ----------
+    study : study file (.toml)
+    """
     from myomorph.study.plan.plan import read_plan
 
     running.begin()

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 from myomorph.io.frame_count import FrameCount, count_frames
@@ -78,94 +79,58 @@ class DryRun:
 def dry_run(graph: Graph, out: Path, fresh: bool = False, workers: int = 1) -> DryRun:
     """Look at what a run would do; recordings are opened only where there are earlier results to hold against them."""
     check_age(read_mark(out))
-    looked = _Looked(graph, fresh)
-    rows = []
+    count, times, awaited, rows = cache(count_frames), StepTimes(times_file()), set[Key](), []
+
+    @cache
+    def read(path: Path | None) -> Model | MyomorphError | None:
+        try:
+            return None if path is None else graph.open_model(path)
+        except MyomorphError as error:
+            return error
+
     with progress("looking at jobs", len(graph.works), "jobs") as advance:
         for work in graph.works:
-            rows.append(looked.row(work))
+            # What begins with what other jobs would compute cannot be looked at.
+            awaits = not awaited.isdisjoint((*work.needs, *work.after))
+            row = _row(work, read(work.model), fresh, awaits, count, times)
+            awaited |= {work.key} if row.computed else set()
+            rows.append(row)
             advance(1)
     return DryRun(graph.name, out, tuple(rows), workers)
 
 
-@dataclass
-class _Looked:
-    """What was looked at so far: jobs of which something would be computed, counts of the frames of recordings."""
-
-    graph: Graph
-    fresh: bool
-    computed: set[Key] = field(default_factory=set)
-    counts: dict[Path, FrameCount] = field(default_factory=dict)
-    _models: dict[Path, Model | MyomorphError] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        self.times = StepTimes(times_file())
-
-    def row(self, work: Work) -> Row:
-        """What a run would do of one job."""
-        why, problem = self._reasons(work)
-        computed = [step for step, reasons in why.items() if reasons]
-        if computed:
-            self.computed.add(work.key)
-        frames = work.frames(self._count)
-        seconds, unknown = 0.0, list[str]()
-        muscles = self._muscles(work) if computed else None
-        for step in computed:
-            taken = None
-            if muscles is not None:
-                taken = self.times.expected(step, work.settings.get(step, {}), muscles, frames)
-            if taken is None:
-                unknown.append(step)
-            seconds += taken or 0.0
-        unread = None if work.model is None else self._models.get(work.model)
-        if isinstance(unread, MyomorphError) and not self._awaits(work):
-            problem = problem or " ".join(str(unread).split())
-        for recording in work.recordings:
-            if recording.time is not None and self._count(recording.path).within(recording.time) == 0:
-                start, end = recording.time
-                problem = problem or f"{recording.path}: has no frame from {start:g} to {end:g} s, the time asked for"
-        return Row(work, frames, why, seconds, tuple(unknown), problem)
-
-    def _awaits(self, work: Work) -> bool:
-        """Whether it begins with what other jobs would compute."""
-        return any(key in self.computed for key in (*work.needs, *work.after))
-
-    def _reasons(self, work: Work) -> tuple[dict[str, tuple[str, ...]], str]:
-        """Why steps would be computed, and what kept them from being looked at."""
-        there = work.folder.is_dir() and any(work.folder.iterdir())
-        if self.fresh or not there:
-            return dict.fromkeys(work.steps, (FRESH if there else NEVER,)), ""
-        if self._awaits(work):
-            return dict.fromkeys(work.steps, (AFTER_OTHERS,)), ""
+def _row(
+    work: Work,
+    model: Model | MyomorphError | None,
+    fresh: bool,
+    awaits: bool,
+    count: Callable[[Path], FrameCount],
+    times: StepTimes,
+) -> Row:
+    """What a run would do of one job."""
+    frames, problem = work.frames(count), ""
+    there = work.folder.is_dir() and any(work.folder.iterdir())
+    why: Mapping[str, tuple[str, ...]] = dict.fromkeys(work.steps, (AFTER_OTHERS if awaits else NEVER,))
+    if fresh or not there:
+        why = dict.fromkeys(work.steps, (FRESH if there else NEVER,))
+    if isinstance(model, MyomorphError):
+        problem = "" if awaits else " ".join(str(model).split())
+    elif there and not fresh and not awaits:
         try:
-            return work.reasons(None if work.model is None else self._model(work.model)), ""
+            why = work.reasons(model)
         except MyomorphError as error:
-            return dict.fromkeys(work.steps, (NEVER,)), " ".join(str(error).split())
-
-    def _model(self, path: Path) -> Model:
-        """A model, read once; raises what reading it raised the first time."""
-        if path not in self._models:
-            try:
-                self._models[path] = self.graph.open_model(path)
-            except MyomorphError as error:
-                self._models[path] = error
-        result = self._models[path]
-        if isinstance(result, MyomorphError):
-            raise result
-        return result
-
-    def _muscles(self, work: Work) -> int | None:
-        """Muscles of the model that a job is given, None where it cannot be read, or not yet."""
-        if work.model is None:
-            return 0
-        try:
-            return len(self._model(work.model).muscles)
-        except MyomorphError:
-            return None
-
-    def _count(self, path: Path) -> FrameCount:
-        if path not in self.counts:
-            self.counts[path] = count_frames(path)
-        return self.counts[path]
+            problem = " ".join(str(error).split())
+    computed = [step for step, reasons in why.items() if reasons]
+    taken = dict.fromkeys(computed)
+    if not isinstance(model, MyomorphError):
+        muscles = 0 if model is None else len(model.muscles)
+        taken = {step: times.expected(step, work.settings.get(step, {}), muscles, frames) for step in computed}
+    for recording in work.recordings:
+        if recording.time is not None and count(recording.path).within(recording.time) == 0:
+            start, end = recording.time
+            problem = problem or f"{recording.path}: has no frame from {start:g} to {end:g} s, the time asked for"
+    unknown = tuple(step for step, seconds in taken.items() if seconds is None)
+    return Row(work, frames, why, sum(seconds or 0.0 for seconds in taken.values()), unknown, problem)
 
 
 HEADING = ("subject", "trial", "condition", "frames", "reused", "computed", "time", "files")
