@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from myomorph.store.results import read_result
-from myomorph.study.inputs.by_type import OptionSet
+from myomorph.study.inputs.input import OptionSet
 from myomorph.study.inputs.reading import open_model
 from myomorph.study.plan.plan import read_plan
 from myomorph.study.step.step import step_of

@@ -13,7 +13,7 @@ from cyclopts import Parameter
 
 from myomorph.model.errors import BadData
 from myomorph.store.settings import attribute_help, settings_of
-from myomorph.study.inputs.by_type import ByType
+from myomorph.study.inputs.input import ByType
 from myomorph.study.inputs.keys import Key, flag_of
 from myomorph.study.inputs.table import input_of, settings_of_keys
 from myomorph.study.step.step import StepHead

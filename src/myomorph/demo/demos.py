@@ -18,8 +18,8 @@ from myomorph.motion.ik import InverseKinematicsOptions
 from myomorph.store.outcome import Outcome
 from myomorph.store.results import file_source, value_source
 from myomorph.store.settings import Differentiation
-from myomorph.study.inputs.by_type import ByType, OptionSet
 from myomorph.study.inputs.emg import RecordedEmg
+from myomorph.study.inputs.input import ByType, OptionSet
 from myomorph.study.inputs.loads import ExternalLoads
 from myomorph.study.inputs.markers import Recording
 from myomorph.study.inputs.mass import BodyMass

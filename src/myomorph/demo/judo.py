@@ -20,8 +20,8 @@ from myomorph.store.contact_store import get_contact_forces
 from myomorph.store.outcome import Outcome
 from myomorph.store.results import STORED, file_name, read_result, value_source
 from myomorph.store.settings import Differentiation, ReportOptions
-from myomorph.study.inputs.by_type import ByType, OptionSet
 from myomorph.study.inputs.emg import RecordedEmg
+from myomorph.study.inputs.input import ByType, OptionSet
 from myomorph.study.inputs.loads import ExternalLoads
 from myomorph.study.inputs.markers import Recording
 from myomorph.study.inputs.mass import BodyMass

@@ -28,7 +28,7 @@ from myomorph.rigid.kinematics import marker_positions
 from myomorph.rigid.tree import Tree, compile_tree
 from myomorph.store.results import value_source
 from myomorph.store.settings import Differentiation
-from myomorph.study.inputs.by_type import ByType, OptionSet
+from myomorph.study.inputs.input import ByType, OptionSet
 from myomorph.study.inputs.loads import ExternalLoads
 from myomorph.study.inputs.markers import Recording
 from myomorph.study.inputs.mass import BodyMass

@@ -16,7 +16,7 @@ from myomorph.motion.protocols import recognize
 from myomorph.study.analyze.analyze import prepare_request
 from myomorph.study.analyze.recorded_trial import AnalyzeRequest
 from myomorph.study.analyze.unfit_markers import is_arm
-from myomorph.study.inputs.by_type import ByType
+from myomorph.study.inputs.input import ByType
 from myomorph.study.inputs.loads import LoadsFile
 from myomorph.study.inputs.time_span import TimeSpan
 from myomorph.study.plan.plan import read_plan

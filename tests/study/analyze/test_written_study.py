@@ -19,10 +19,10 @@ from myomorph.model.series import Table
 from myomorph.motion.measurements import default_markers
 from myomorph.study.analyze.analyze import prepare_request, prepare_study
 from myomorph.study.analyze.recorded_trial import AnalyzeRequest
-from myomorph.study.inputs.by_type import ByType
 from myomorph.study.inputs.contact_points import ContactPointsFile
 from myomorph.study.inputs.contacts import ContactsFile
 from myomorph.study.inputs.emg import EmgFiles
+from myomorph.study.inputs.input import ByType
 from myomorph.study.inputs.laboratory import Laboratory
 from myomorph.study.inputs.loads import LoadsFile
 from myomorph.study.inputs.mass import BodyMass

@@ -12,7 +12,7 @@ from myomorph.model.series import Series, Table
 from myomorph.report.page.parts import Grid, Section
 from myomorph.report.trial.report_input import ReportInput
 from myomorph.store.results import Stored
-from myomorph.study.inputs.by_type import OptionSet
+from myomorph.study.inputs.input import OptionSet
 from myomorph.study.step.step import Step, StepOutput
 from myomorph.study.trial.steps.id import Torques
 from myomorph.study.trial.trial_inputs import Signals, TrialInputs, all_drawn

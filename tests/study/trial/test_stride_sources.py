@@ -14,7 +14,7 @@ from myomorph.motion.ik import inverse_kinematics
 from myomorph.motion.sync import cut
 from myomorph.store.results import new_result, read_result
 from myomorph.store.stored import put_events, put_motion
-from myomorph.study.inputs.by_type import ByType
+from myomorph.study.inputs.input import ByType
 from myomorph.study.inputs.markers import Recording
 from myomorph.study.trial.steps.id import Torques
 from myomorph.study.trial.steps.ik import Poses

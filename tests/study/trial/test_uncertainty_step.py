@@ -16,10 +16,10 @@ from myomorph.store.results import read_result
 from myomorph.study.plan.plan import read_plan
 from myomorph.study.run.run import run_study
 from myomorph.study.trial.load import load
-from myomorph.study.trial.steps.draw_workers import attempts
 from myomorph.study.trial.steps.drawn_trials import chain_of, drawn_costs, drawn_criterion
 from myomorph.study.trial.steps.id import solve_dynamics
 from myomorph.study.trial.steps.ik import recorded_poses
+from myomorph.study.trial.steps.uncertainty import attempts
 from myomorph.study.trial.trial_inputs import open_trial, trial_files
 from myomorph.study.workers.local_workers import LocalWorkers
 from myomorph.tension.recruitment import RecruitmentOptions

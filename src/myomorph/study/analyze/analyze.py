@@ -41,13 +41,12 @@ from myomorph.study.analyze.recordings import (
 from myomorph.study.analyze.sensor_trials import check_sensors, unmarked_model, unmarked_request, with_pose
 from myomorph.study.analyze.unfit_markers import is_arm, unfit_markers
 from myomorph.study.inputs.assumed import Assumed
-from myomorph.study.inputs.by_type import ByType
-from myomorph.study.inputs.keys import flag_of
+from myomorph.study.inputs.input import ByType
+from myomorph.study.inputs.keys import Notes, Place, flag_of
 from myomorph.study.inputs.labels import Labels
 from myomorph.study.inputs.laboratory import AS_RECORDED
 from myomorph.study.inputs.loads import LoadsFile
 from myomorph.study.inputs.mass import BodyMass
-from myomorph.study.inputs.place import Notes, Place
 from myomorph.study.inputs.reading import cut_to, open_model
 from myomorph.study.inputs.table import all_keys, settings_of_keys
 from myomorph.study.plan.plan import Plan

@@ -18,12 +18,12 @@ from myomorph.study.analyze.plate_cover import LASTS, SHARED, shared_time, uncov
 from myomorph.study.analyze.recordings import Recording, bare
 from myomorph.study.analyze.sensor_recordings import placed_sensors
 from myomorph.study.analyze.unfit_markers import is_arm
-from myomorph.study.inputs.by_type import ByType
 from myomorph.study.inputs.contacts import ContactsFile
 from myomorph.study.inputs.emg import EmgFiles
 from myomorph.study.inputs.emg_names import muscles_of_channels
 from myomorph.study.inputs.external_forces import force_table
 from myomorph.study.inputs.imu import ImuFiles
+from myomorph.study.inputs.input import ByType
 from myomorph.study.inputs.laboratory import AS_RECORDED, Laboratory
 from myomorph.study.inputs.loads import TABLES, LoadsFile
 from myomorph.study.inputs.markers import MarkersFile

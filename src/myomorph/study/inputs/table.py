@@ -6,8 +6,7 @@ from collections.abc import Iterable, Mapping
 from importlib import import_module
 from typing import Any
 
-from myomorph.study.inputs.by_type import ByType
-from myomorph.study.inputs.input import Input
+from myomorph.study.inputs.input import ByType, Input
 from myomorph.study.inputs.keys import Key
 
 INPUTS: dict[str, str] = {

@@ -13,7 +13,7 @@ from myomorph.model.frozen_map import FrozenMap
 from myomorph.store.outcome import Conditions, Excluded, Key
 from myomorph.store.results import file_name
 from myomorph.store.study_file import checked, existing, read_toml, refuse
-from myomorph.study.inputs.place import Notes, Place
+from myomorph.study.inputs.keys import Notes, Place
 from myomorph.study.plan import plan_checks
 from myomorph.study.plan.conditions import Exclusions, with_conditions
 from myomorph.study.plan.groups import GroupPlan, group_members, groups_of, measured_groups

@@ -13,7 +13,7 @@ from pydantic import BaseModel, Field, create_model
 from myomorph.model.errors import MyomorphError
 from myomorph.store.settings import Differentiation, Setting, with_settings
 from myomorph.store.study_file import Strict, StudyTable, globbed, is_pattern, options_table
-from myomorph.study.inputs.place import Notes, Place
+from myomorph.study.inputs.keys import Notes, Place
 from myomorph.study.inputs.table import INPUTS, all_keys
 from myomorph.study.plan.groups import StridesTable
 from myomorph.study.step.step import step_head, trial_steps

@@ -10,9 +10,8 @@ from myomorph.model.errors import listing
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.store.study_file import existing, matching
 from myomorph.study.inputs.beside import plain_stem
-from myomorph.study.inputs.keys import WordOrFile
+from myomorph.study.inputs.keys import Notes, Place, WordOrFile
 from myomorph.study.inputs.laboratory import Laboratory
-from myomorph.study.inputs.place import Notes, Place
 from myomorph.study.inputs.table import INPUTS, all_keys, input_of, settings_of_keys
 from myomorph.study.plan.measures import Measures
 from myomorph.study.plan.subject_tables import Named, SubjectTable, given_options, study_steps, trial_table

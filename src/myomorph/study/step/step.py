@@ -18,7 +18,7 @@ from myomorph.model.provenance import Provenance
 from myomorph.store.outcome import Outcome
 from myomorph.store.results import ResultWriter, Stored
 from myomorph.store.settings import ReportOptions, Setting, settings_of
-from myomorph.study.inputs.by_type import OptionSet
+from myomorph.study.inputs.input import OptionSet
 from myomorph.study.step.step_table import REPORT, STEPS, Scope
 
 if TYPE_CHECKING:

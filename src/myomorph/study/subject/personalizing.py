@@ -22,9 +22,9 @@ from myomorph.store.progress import progress
 from myomorph.store.results import file_source, provenance_of
 from myomorph.store.settings import Differentiation, ForceOptions, plain_settings, with_settings
 from myomorph.study.inputs import reading
-from myomorph.study.inputs.by_type import ByType
 from myomorph.study.inputs.emg import EmgFiles, RecordedEmg
 from myomorph.study.inputs.error_size_tables import write_error_sizes
+from myomorph.study.inputs.input import ByType
 from myomorph.study.inputs.loads import ExternalLoads, LoadsFile
 from myomorph.study.inputs.motion import MotionFile, RecordedMotion
 from myomorph.study.inputs.time_span import TimeSpan

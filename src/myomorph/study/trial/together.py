@@ -22,10 +22,10 @@ from myomorph.store.results import file_source, value_source
 from myomorph.store.settings import Measured
 from myomorph.store.study_file import Strict, existing
 from myomorph.study.inputs import reading
-from myomorph.study.inputs.by_type import ByType
 from myomorph.study.inputs.contact_file import contact_sources, read_contacts
 from myomorph.study.inputs.contacts import ContactsFile
 from myomorph.study.inputs.emg import RecordedEmg
+from myomorph.study.inputs.input import ByType
 from myomorph.study.inputs.loads import ExternalLoads
 from myomorph.study.inputs.markers import Recording
 from myomorph.study.inputs.phases import Phases

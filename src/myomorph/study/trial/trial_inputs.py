@@ -20,9 +20,8 @@ from myomorph.model.series import Series, Trial
 from myomorph.store import stored as store
 from myomorph.store.results import ResultWriter, file_source
 from myomorph.store.settings import ReportOptions, with_settings
-from myomorph.study.inputs.by_type import ByType, OptionSet
 from myomorph.study.inputs.imu import ImuFiles
-from myomorph.study.inputs.input import Opened, Opening, Recorded
+from myomorph.study.inputs.input import ByType, Opened, Opening, OptionSet, Recorded
 from myomorph.study.inputs.markers import NO_RECORDING, MarkersFile, Recording
 from myomorph.study.inputs.mass import BodyMass
 from myomorph.study.inputs.motion import MotionFile

@@ -13,7 +13,7 @@ from myomorph.model.provenance import Provenance
 from myomorph.store.netcdf import open_netcdf
 from myomorph.store.results import DAMAGED, STORED, ResultWriter, file_name, provenance_of, value_source
 from myomorph.store.settings import ReportOptions, plain_settings
-from myomorph.study.inputs.by_type import ByType
+from myomorph.study.inputs.input import ByType
 from myomorph.study.inputs.reading import about
 from myomorph.study.step.step import Step, StepOutput, step_of, trial_steps
 from myomorph.study.trial.trial_inputs import TrialInputs

@@ -26,7 +26,7 @@ from myomorph.store import stored as store
 from myomorph.store.outcome import Outcome
 from myomorph.store.results import Stored, get_findings, put_findings
 from myomorph.store.settings import Differentiation, ForceOptions, TorqueTable
-from myomorph.study.inputs.by_type import ByType, OptionSet
+from myomorph.study.inputs.input import ByType, OptionSet
 from myomorph.study.inputs.loads import ExternalLoads
 from myomorph.study.inputs.reading import has_mass
 from myomorph.study.inputs.refined import RefinedMotion

@@ -28,8 +28,8 @@ from myomorph.store import stored as store
 from myomorph.store.outcome import Outcome
 from myomorph.store.progress import progress
 from myomorph.store.results import STORED, ResultWriter, Stored, get_findings, put_findings, read_result
-from myomorph.study.inputs.by_type import ByType, OptionSet
 from myomorph.study.inputs.imu import RecordedSensors
+from myomorph.study.inputs.input import ByType, OptionSet
 from myomorph.study.inputs.motion import RecordedMotion
 from myomorph.study.inputs.reading import read_motion
 from myomorph.study.inputs.refined import RefinedMotion

@@ -24,7 +24,7 @@ from myomorph.store import stored as store
 from myomorph.store.progress import progress
 from myomorph.store.results import ResultWriter, Stored, file_name
 from myomorph.store.settings import Differentiation
-from myomorph.study.inputs.by_type import ByType, OptionSet
+from myomorph.study.inputs.input import ByType, OptionSet
 from myomorph.study.step.step import Step, StepCommand, StepOutput
 from myomorph.study.trial.steps.id import Torques, filter_summary, with_derivatives
 from myomorph.study.trial.steps.ik import Poses

@@ -32,9 +32,9 @@ from myomorph.store.results import Stored, get_findings, put_findings
 from myomorph.store.settings import Differentiation, EmgUse, ForceOptions, TensionTables
 from myomorph.store.stored import get_conflicts
 from myomorph.study.inputs.actuators import Actuators
-from myomorph.study.inputs.by_type import ByType, OptionSet
 from myomorph.study.inputs.emg import RecordedEmg
 from myomorph.study.inputs.imu import RecordedSensors
+from myomorph.study.inputs.input import ByType, OptionSet
 from myomorph.study.inputs.loads import ExternalLoads
 from myomorph.study.inputs.torques import RecordedTorques
 from myomorph.study.step.step import Step, StepCommand, StepOutput

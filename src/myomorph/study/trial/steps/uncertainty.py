@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass, replace
+from functools import partial
 from hashlib import sha256
 from itertools import islice
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 
@@ -16,18 +20,21 @@ from myomorph.io.sto import write_sto
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.report.trial.report_input import ReportInput
+from myomorph.rigid.frames import thread_count
 from myomorph.store.progress import progress
 from myomorph.store.results import Stored
 from myomorph.store.uncertainty_store import ERRORS, get_uncertainty, put_uncertainty, put_value_errors
+from myomorph.study.inputs.loads import ExternalLoads
 from myomorph.study.step.step import Step, StepOutput
-from myomorph.study.trial.steps.draw_workers import Tables, attempts
 from myomorph.study.trial.steps.drawn_quantities import DrawnGait, Quantity, drawn_values, widened_gait
-from myomorph.study.trial.steps.drawn_trials import COARSE, ShareDraw, alone, chain_of, without
+from myomorph.study.trial.steps.drawn_trials import COARSE, Chain, ShareDraw, alone, chain_of, without
 from myomorph.study.trial.steps.id import Torques
 from myomorph.study.trial.steps.ik import Poses
 from myomorph.study.trial.steps.tension import Tensions, strides_of_trial
 from myomorph.study.trial.trial_inputs import TrialInputs
 from myomorph.study.trial.trial_strides import TrialStrides
+from myomorph.study.workers.jobs import Job
+from myomorph.study.workers.local_workers import LocalWorkers
 from myomorph.uncertainty.bodies import Draw
 from myomorph.uncertainty.normals import Normals
 from myomorph.uncertainty.sources import NOTHING, ErrorSizes, Sources, SourceSize, source_sizes
@@ -45,6 +52,15 @@ from myomorph.uncertainty.spread import (
 TABLE, SOURCE_TABLE = "uncertainty.csv", "uncertainty_sources.csv"
 MAY_FAIL, MAY_BE_WEAK = 0.02, 0.2
 """Shares of draws above which the result is doubted: without a solution, and of bodies too weak for the motion."""
+
+
+Tables = Mapping[str, Array]
+WORTH = 8.0
+"""Processes are begun where what is left would take longer in this one [s]; to begin one takes two or three."""
+AHEAD = 4
+"""Results a process may be ahead of the one that is waited for, so that memory does not grow with draws."""
+PATIENCE = 1.0
+"""Between two looks at processes of which none has answered [s]."""
 
 
 @dataclass(frozen=True)
@@ -269,6 +285,49 @@ def _digest(error_sizes: ErrorSizes) -> str:
 def _show(report_input: ReportInput, stored: Stored) -> ReportInput:
     uncertainty = get_uncertainty(stored)
     return report_input if uncertainty is None else replace(report_input, uncertainty=uncertainty)
+
+
+def attempts(chain: Chain, draws: Sequence[Draw], workers: int | None = None) -> Iterator[Tables | None]:
+    """What draws come to, in order, None for no solution; by default on all threads where worth their start."""
+    count = thread_count() if workers is None else workers
+    if count <= 1 or len(draws) <= 2:
+        yield from (chain.attempt(draw) for draw in draws)
+        return
+    # The first draw may compile kernels; the second tells how long one takes.
+    yield chain.attempt(draws[0])
+    begun = time.monotonic()
+    yield chain.attempt(draws[1])
+    left = draws[2:]
+    if workers is None and len(left) * (time.monotonic() - begun) < WORTH:
+        yield from (chain.attempt(draw) for draw in left)
+        return
+    with closing(LocalWorkers(min(count, len(left)))) as hands:
+        yield from _shared(chain, left, hands)
+
+
+def _shared(chain: Chain, draws: Sequence[Draw], hands: LocalWorkers) -> Iterator[Tables | None]:
+    """The same by processes; what one of them loses, or cannot do, is done in this one."""
+    # What reads the recording's forces is a function of this process; the forces themselves are in the chain.
+    sent: Any = replace(chain, trial=replace(chain.trial, inputs=chain.trial.inputs.without(ExternalLoads)))
+    works = [cast(Any, partial(_attempt, draw)) for draw in draws]
+    jobs = [Job(("draw", str(number)), work) for number, work in enumerate(works)]
+    results: dict[int, Tables | None] = {}
+    begun, running = 0, 0
+    for number in range(len(draws)):
+        while number not in results:
+            while running < hands.count and begun < min(len(draws), number + AHEAD * hands.count):
+                hands.start(jobs[begun], sent)
+                begun, running = begun + 1, running + 1
+            for ended in hands.ended(PATIENCE):
+                running -= 1
+                place, outcome = int(ended.job.key[1]), cast(Any, ended.outcome)
+                results[place] = chain.attempt(draws[place]) if ended.lost else outcome[0]
+        yield results.pop(number)
+
+
+def _attempt(draw: Draw, chain: Any) -> tuple[Tables | None]:
+    """What a draw comes to, in a process that was sent the chain."""
+    return (chain.attempt(draw),)
 
 
 STEP = Step(
