@@ -105,10 +105,6 @@ class ResultWriter:
     def __init__(self, file: NetcdfFile | HeldFile, step: str = ""):
         self._file, self._step = file, step
 
-    def has(self, name: str) -> bool:
-        """Whether a variable is there already."""
-        return name in self._file
-
     def names(self, dimension: str, names: Sequence[str]) -> None:
         """Make a dimension whose entries have names, unless it exists already; none makes none."""
         if dimension in self._file.dimensions or not names:

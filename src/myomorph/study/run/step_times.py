@@ -11,6 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import astuple, dataclass, field, fields
 from pathlib import Path
+from statistics import median_high
 
 from myomorph.io.parsing.text import write_csv
 from myomorph.model.errors import BadFile
@@ -63,17 +64,12 @@ def settings_key(settings: Mapping[str, object]) -> str:
 def read_samples(path: Path | None) -> list[Sample]:
     """Lines of the file in their order; damaged ones are passed over."""
     samples: list[Sample] = []
-    if path is None:
-        return samples
-    try:
-        with path.open(encoding="utf-8", newline="") as stream:
-            for row in csv.DictReader(stream):
-                with suppress(KeyError, TypeError, ValueError):
-                    muscles, frames, seconds = int(row["muscles"]), int(row["frames"]), float(row["seconds"])
-                    if math.isfinite(seconds) and seconds >= 0.0:
-                        samples.append(Sample(row["step"], row["settings"], muscles, frames, seconds))
-    except (OSError, UnicodeDecodeError, csv.Error):
-        return []
+    with suppress(OSError, UnicodeDecodeError, csv.Error):
+        for row in csv.DictReader("" if path is None else path.read_text(encoding="utf-8").splitlines()):
+            with suppress(KeyError, TypeError, ValueError):
+                muscles, frames, seconds = int(row["muscles"]), int(row["frames"]), float(row["seconds"])
+                if math.isfinite(seconds) and seconds >= 0.0:
+                    samples.append(Sample(row["step"], row["settings"], muscles, frames, seconds))
     return samples
 
 
@@ -102,8 +98,7 @@ class StepTimes:
         samples = self._samples.get((step, settings_key(settings), muscles), [])[:MAX_COUNTED]
         if not samples or frames is None:
             return None
-        ratios = sorted(sample.seconds / max(sample.frames, 1) for sample in samples)
-        return ratios[len(ratios) // 2] * max(frames, 1)
+        return median_high(sample.seconds / max(sample.frames, 1) for sample in samples) * max(frames, 1)
 
 
 @dataclass
@@ -121,16 +116,14 @@ class Learning:
 
     def ended(self, outcome: Outcome) -> None:
         """A job has ended."""
-        if self._before.get(outcome.key, -1) != _kernels() and outcome.key in self._before:
+        if outcome.key in self._before and self._before[outcome.key] != _kernels():
             self.compiled.add(outcome.key)
 
     def keep(self, outcomes: Iterable[Outcome]) -> None:
         """Keep what the run took, all its jobs done."""
-        by_key = {outcome.key: outcome for outcome in outcomes}
-        if not any(outcome.error for outcome in by_key.values()):
-            path = times_file()
-            if path is not None:
-                keep_samples(path, [sample for outcome in by_key.values() for sample in self._samples(outcome)])
+        outcomes = list(outcomes)
+        if not any(outcome.error for outcome in outcomes):
+            keep_samples(times_file(), [sample for outcome in outcomes for sample in self._samples(outcome)])
 
     def _samples(self, outcome: Outcome) -> list[Sample]:
         work = self.works.get(outcome.key)
@@ -148,10 +141,7 @@ class Learning:
 
 def _kernels() -> int:
     """How many files the kernels on disk have."""
-    try:
-        return sum(1 for entry in os.scandir(kernel_folder()) if entry.name.endswith(".nbc"))
-    except OSError:
-        return 0
+    return sum(1 for _ in kernel_folder().glob("*.nbc"))
 
 
 def in_words(seconds: float) -> str:

@@ -215,18 +215,12 @@ class TrialSteps(JobSteps):
         return None if whole is None else store.stored_values(self.stored, whole)
 
 
-def run_trial(
-    trial: TrialInputs,
-    steps: Sequence[str],
-    folder: Path,
-    fresh: bool = False,
-    results: trial_step.StepResults | None = None,
-) -> Outcome:
+def run_trial(trial: TrialInputs, steps: Sequence[str], folder: Path, fresh: bool = False) -> Outcome:
     """Run the steps of one recording into a folder: tables, `<trial>.nc`, `values.csv` and `report.html`. A step whose
     inputs, options and version are those of an earlier run is reused. Where a step fails, what the steps before it
     found is kept.
     """
-    job = TrialSteps(trial, steps, folder, fresh, results)
+    job = TrialSteps(trial, steps, folder, fresh)
     return run_steps(job, job.steps)
 
 
