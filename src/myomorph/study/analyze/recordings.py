@@ -198,11 +198,7 @@ def _turn(upright: Laboratory, recognized: Recognized, places: dict[str, Array])
     front, back = _mean(recognized, places, "pelvis.asis"), _mean(recognized, places, "pelvis.psis", "pelvis.sacrum")
     what = "the pelvis faces"
     if front is None or back is None:
-        front = _mean(
-            recognized,
-            places,
-            *FOREFOOT,
-        )
+        front = _mean(recognized, places, *FOREFOOT)
         back = _mean(recognized, places, "foot.heel", "foot.ankle", "shank.lateral_malleolus")
         what = "the feet point"
     if front is None or back is None:

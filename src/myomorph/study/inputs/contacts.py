@@ -27,8 +27,5 @@ class ContactsFile:
 
 
 INPUT = Input(
-    name="contacts",
-    settings=ContactsFile,
-    open=later("myomorph.study.inputs.contact_file:opened"),
-    main="contacts",
+    name="contacts", settings=ContactsFile, open=later("myomorph.study.inputs.contact_file:opened"), main="contacts"
 )

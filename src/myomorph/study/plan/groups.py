@@ -41,10 +41,7 @@ class GroupPlan:
 
 
 def groups_of(
-    groups: Mapping[str, Sequence[str]],
-    strides: StridesTable,
-    trials: Mapping[str, Sequence[str]],
-    problems: list[str],
+    groups: Mapping[str, Sequence[str]], strides: StridesTable, trials: Mapping[str, Sequence[str]], problems: list[str]
 ) -> GroupPlan | None:
     """The tables `[groups]` and `[strides]` as a plan; what is wrong is added to the problems. `groups`: subjects by
     group; `trials`: names of trials by subject, of all subjects of the study.

@@ -13,34 +13,22 @@ from pathlib import Path
 from typing import Literal
 
 from myomorph.model.errors import listing
-from myomorph.model.frozen_map import FrozenMap
 
-UNITS: Mapping[str, Mapping[str, float]] = FrozenMap(
-    {
-        "mass": {"kg": 1.0, "g": 1e-3, "lb": 0.45359237},
-        "height": {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254},
-        "chest": {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254},
-        "age": {
-            "years": 1.0,
-            "year": 1.0,
-            "y": 1.0,
-            "a": 1.0,
-            "months": 1 / 12,
-            "weeks": 7 / 365.25,
-            "days": 1 / 365.25,
-        },
-    }
-)
+LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
+UNITS: Mapping[str, Mapping[str, float]] = {
+    "mass": {"kg": 1.0, "g": 1e-3, "lb": 0.45359237},
+    "height": LENGTHS,
+    "chest": LENGTHS,
+    "age": {"years": 1.0, "year": 1.0, "y": 1.0, "a": 1.0, "months": 1 / 12, "weeks": 7 / 365.25, "days": 1 / 365.25},
+}
 """Units that a heading may name, the first of each meant where it names none."""
 
-LARGEST: Mapping[str, float] = FrozenMap({"mass": 700.0, "height": 3.0, "chest": 3.0, "age": 130.0})
+LARGEST = {"mass": 700.0, "height": 3.0, "chest": 3.0, "age": 130.0}
 """Beyond these [kg, m, m, years] a value is in another unit than its heading says."""
 
 TEXTS = ("subject", "model", "sex", "group")
 COLUMNS = ("subject", "model", "mass", "height", "chest", "sex", "age", "group")
-SEXES: Mapping[str, Literal["female", "male"]] = FrozenMap(
-    {"female": "female", "f": "female", "male": "male", "m": "male"}
-)
+SEXES: Mapping[str, Literal["female", "male"]] = {"female": "female", "f": "female", "male": "male", "m": "male"}
 HEADING = re.compile(r"^\s*(?P<name>[^\[(]*?)\s*(?:[\[(]\s*(?P<unit>[^\])]*?)\s*[\])])?\s*$")
 
 

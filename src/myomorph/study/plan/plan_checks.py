@@ -22,28 +22,11 @@ RESERVED = ("con", "prn", "aux", "nul", *(f"{port}{number}" for port in ("com", 
 """Names that Windows gives to devices, with any ending."""
 
 OF_STUDY = (
-    "results.csv",
-    "results.parquet",
-    "results_tidy.csv",
-    "quality.csv",
-    "condition_curves.csv",
-    "condition_values.csv",
-    "differences.csv",
-    "value_differences.csv",
-    "outliers.csv",
-    "timings.csv",
-    "study.html",
-    "study.json",
-    "study.log",
-    "study.toml",
-    "tables_provenance.json",
-    "groups_provenance.json",
-    "groups.html",
-    "group_parameters.csv",
-    "group_curves.csv",
-    "group_values.csv",
-    "group_strides.csv",
-)
+    "results.csv", "results.parquet", "results_tidy.csv", "quality.csv", "condition_curves.csv", "condition_values.csv",
+    "differences.csv", "value_differences.csv", "outliers.csv", "timings.csv", "study.html", "study.json", "study.log",
+    "study.toml", "tables_provenance.json", "groups_provenance.json", "groups.html", "group_parameters.csv",
+    "group_curves.csv", "group_values.csv", "group_strides.csv",
+)  # fmt: skip
 """Files of the results' folder, whose names no subject can have."""
 
 LONGEST = 100

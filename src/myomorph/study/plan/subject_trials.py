@@ -134,11 +134,7 @@ def _check_steps(table: SubjectTable, where: str, problems: list[str]) -> None:
 
 
 def subject_trials(
-    named: Named,
-    model: Path | None,
-    common: Mapping[str, Any],
-    left_out: Callable[[str, str], bool],
-    notes: Notes,
+    named: Named, model: Path | None, common: Mapping[str, Any], left_out: Callable[[str, str], bool], notes: Notes
 ) -> Iterator[tuple[TrialFiles, dict[str, dict[str, Any]]]]:
     """The trials of a subject, each with what its own table says of the steps. `common`: what the study says of inputs
     of all subjects, by key; `left_out`: whether the study leaves out a trial of a subject; its other files are then not

@@ -121,12 +121,7 @@ class StudyWatcher:
     """Keeps the outcomes of a study; `said` is called with each when its job ends."""
 
     def __init__(
-        self,
-        graph: Graph,
-        out: Path,
-        workers: Workers,
-        said: Callable[[Outcome], None],
-        learning: Learning,
+        self, graph: Graph, out: Path, workers: Workers, said: Callable[[Outcome], None], learning: Learning
     ) -> None:
         self._out, self._said, self._learning = out, said, learning
         self._order: dict[Key, int] = {work.key: index for index, work in enumerate(graph.works)}
