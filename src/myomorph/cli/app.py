@@ -50,12 +50,12 @@ COMMANDS = {
         "files", "What is in a model, C3D, TRC, MOT or STO file, and what is wrong with it.", "myomorph info walk1.c3d"
     ),
     "convert": Command(
-        "convert",
+        "files",
         "A recording as other files: C3D to TRC, MOT with external loads and STO, and back.",
         "myomorph convert walk1.c3d --out walk1",
     ),
     "export": Command(
-        "export",
+        "files",
         "A model for MuJoCo, with a certificate of what differs; or a study as a dataset of BIDS.",
         "myomorph export subject.osim --mjcf subject.xml",
     ),

@@ -1,4 +1,4 @@
-"""Commands that take a file or folder and nothing else: `info`, `report`, `run-tool` and `view`."""
+"""Commands on files and folders of results: `info`, `convert`, `export`, `report`, `run-tool` and `view`."""
 
 from __future__ import annotations
 
@@ -9,14 +9,17 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
-from myomorph.cli.options import Threads, documented, use_threads
+from myomorph.cli.options import Threads, documented, inputs_class, inputs_of_flags, use_threads
 from myomorph.cli.output import said, warn
 
 if TYPE_CHECKING:
     from myomorph.model.model import Model
     from myomorph.study.trial.viewing import Recordings
+
+
+ConvertInputs = inputs_class("loads", "time", leave_out=("loads", "bodies"))
 
 
 @documented
@@ -31,6 +34,95 @@ def info_command(file: Path, /) -> int:
 
     for line in inspect(file).lines():
         said(line)
+    return 0
+
+
+@documented
+def convert_command(
+    files: list[Path],
+    /,
+    *,
+    out: Path,
+    up: Literal["", "y", "z", "keep"] = "",
+    forward: Literal["", "x", "-x", "y", "-y", "z", "-z"] = "",
+    axes: str = "",
+    units: Literal["mm", "cm", "m"] = "mm",
+    labels: Path | None = None,
+    inputs: ConvertInputs | None = None,  # type: ignore[valid-type]
+) -> int:
+    """A recording as other files: C3D to TRC, MOT with external loads and STO, and back.
+
+    Parameters
+    ----------
+    files : recording (.c3d, .trc, .mat), tables of forces and EMG (.mot, .sto, .csv), or several of them
+    out : file to write, by its ending: .trc markers, .mot forces with external loads (.xml) beside it, .sto or .csv EMG
+        or a table, .c3d all of it; or a folder for all that there is
+    up : axis that points up: y by default, as OpenSim has it; kept where a C3D file is written
+    forward : axis that the walk goes along, by right angles; kept by default
+    axes : instead of both, the new axes in the old frame: x,z,-y turns z up to y up
+    units : of lengths in a TRC file
+    labels : table of names (.csv: label, new name; an empty new name drops the marker or channel)
+    """
+    from myomorph.io.labels import read_labels
+    from myomorph.study.convert.convert import ConvertOptions, convert
+    from myomorph.study.inputs.loads import LoadsFile
+    from myomorph.study.inputs.time_span import TimeSpan
+
+    names = {} if labels is None else read_labels(labels)
+    named = inputs_of_flags(inputs)
+    plates, time = named.or_default(LoadsFile).plates, named.or_default(TimeSpan).time
+    options = ConvertOptions(up, forward, axes, units, names, plates, time)
+    made = convert(files, out, options)
+    warn(made.notes, "'myomorph info FILE' lists those of the file")
+    for path, held in made.files:
+        said(f"wrote {path}: {held}")
+    return 0
+
+
+@documented
+def export_command(
+    source: Path, /, *, mjcf: Path | None = None, bids: Path | None = None, geometry: Path | None = None
+) -> int:
+    """A model for MuJoCo 3 and 4, with a certificate: which muscle differs, where and by how much. Or a study's
+    recordings and results as a dataset of BIDS.
+
+    Parameters
+    ----------
+    source : with --mjcf a model (.osim or .xml), or one of myo-sim by name (myo-sim:myoarm); with --bids the folder of
+        results that run or another command wrote
+    mjcf : file of MuJoCo to write (.xml); meshes and tables (what differs, the muscles' curves) go beside it
+    bids : folder to make: recordings and results as a dataset of BIDS (motion, EMG)
+    geometry : folder of the model's meshes; those beside its file and in Geometry there by default
+    """
+    from myomorph.model.errors import BadData
+
+    if mjcf is not None and bids is None:
+        return _mjcf(source, mjcf, geometry)
+    if bids is None or mjcf is not None:
+        which = "both --mjcf and --bids are" if bids is not None else "neither --mjcf nor --bids is"
+        raise BadData(f"{which} given: a model takes --mjcf FILE.xml, a folder of results --bids FOLDER")
+    from myomorph.study.convert.bids_dataset import export_bids
+
+    warn(export_bids(source, bids), "recordings are looked for where results name them")
+    said(f"wrote {bids}")
+    return 0
+
+
+def _mjcf(model: Path, mjcf: Path, geometry: Path | None) -> int:
+    from myomorph.io.formats import read_model
+    from myomorph.model.errors import BadFile
+    from myomorph.mujoco_tools.export import write_mjcf, write_tables
+
+    if mjcf.suffix.lower() != ".xml":
+        raise BadFile(mjcf, f"is no name for MuJoCo's file: it ends in '{mjcf.suffix}'", "expected .xml")
+    if geometry is not None and not geometry.is_dir():
+        raise BadFile(geometry, "is not a folder", "give the folder of the model's meshes")
+    read = read_model(model)
+    certificate = write_mjcf(read, mjcf, () if geometry is None else (geometry,))
+    for line in certificate.lines:
+        said(line)
+    tables = write_tables(read, certificate, mjcf)
+    said(f"wrote {mjcf}, {', '.join(path.name for path in tables)}")
     return 0
 
 
