@@ -13,8 +13,7 @@ from myomorph.motion.turns import floating_coordinates
 from myomorph.muscles.path import compile_paths
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
-from myomorph.study.analyze.generic_model import generic_model, legs_and_trunk, placed
-from myomorph.study.analyze.opensim_wraps import in_opensim_form
+from myomorph.study.analyze.generic_model import generic_model, in_opensim_form, legs_and_trunk, placed
 
 pytest.importorskip("myo_sim")
 
