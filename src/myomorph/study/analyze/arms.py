@@ -8,14 +8,12 @@ from itertools import chain
 
 import numpy as np
 
-from myomorph.model.arrays import Array
-from myomorph.model.model import Body, Joint, Mesh, Model
+from myomorph.model.model import Body, Joint, Model
 from myomorph.model.paths import Muscle, PathPoint, TendonWrap, WrapObject
 from myomorph.model.sides import split_side
 from myomorph.model.spatial import Transform
 from myomorph.motion.protocols import Site
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
+from myomorph.rigid.kinematics import standing_poses
 
 WHOLE = "myofullbody"
 SHOULDERS = "cervical_spine"
@@ -108,17 +106,8 @@ def _with_one_hand(model: Model, side: str, bodies: set[str]) -> Model:
     hand = f"{HAND}_{side}"
     fingers = _below(model, (hand,))
     bodies -= fingers
-    tree = compile_tree(model)
-    poses = forward_kinematics(tree, tree.defaults[None])
-    root = tree.body_index[hand]
-    turn, origin = poses.rotations[0, root], poses.origins[0, root]
-    moved = {
-        name: Transform(
-            turn.T @ poses.rotations[0, tree.body_index[name]],
-            turn.T @ (poses.origins[0, tree.body_index[name]] - origin),
-        )
-        for name in (hand, *fingers)
-    }
+    poses = standing_poses(model)
+    moved = {name: poses[hand].inverse() @ poses[name] for name in (hand, *fingers)}
     parts = [body for body in model.bodies if body.name in moved]
     return replace(
         model,
@@ -142,38 +131,25 @@ def _coordinates(joints: Collection[Joint], children: Collection[str]) -> set[st
 def _joined(name: str, parts: Collection[Body], moved: Mapping[str, Transform]) -> Body:
     """Bodies as one, in the frame that `moved` leads to."""
     mass = sum(part.mass for part in parts)
-    centers = [_at(moved[part.name], part.mass_center) for part in parts]
+    centers = [moved[part.name].apply(part.mass_center) for part in parts]
     center = sum((part.mass * own for part, own in zip(parts, centers, strict=True)), np.zeros(3)) / mass
     inertia = np.zeros((3, 3))
     for part, own in zip(parts, centers, strict=True):
         turn, away = moved[part.name].rotation, own - center
         inertia += turn @ part.inertia @ turn.T + part.mass * (away @ away * np.eye(3) - np.outer(away, away))
-    meshes = tuple(
-        Mesh(mesh.file, _of(moved[part.name], mesh.pose), mesh.scale, mesh.shape)
-        for part in parts
-        for mesh in part.meshes
-    )
-    return Body(name, mass, center, inertia, meshes)
-
-
-def _at(pose: Transform, place: Array) -> Array:
-    result: Array = pose.rotation @ place + pose.translation
-    return result
-
-
-def _of(pose: Transform, inner: Transform) -> Transform:
-    return Transform(pose.rotation @ inner.rotation, _at(pose, inner.translation))
+    meshes = (replace(mesh, pose=moved[part.name] @ mesh.pose) for part in parts for mesh in part.meshes)
+    return Body(name, mass, center, inertia, tuple(meshes))
 
 
 def _on_hand(muscle: Muscle, hand: str, moved: Mapping[str, Transform]) -> Muscle:
     points = tuple(
-        replace(point, body=hand, location=_at(moved[point.body], point.location))
+        replace(point, body=hand, location=moved[point.body].apply(point.location))
         if isinstance(point, PathPoint) and point.body in moved
         else point
         for point in muscle.path.points
     )
     wraps = tuple(
-        replace(wrap, side_body=hand, side=_at(moved[wrap.side_body], wrap.side))
+        replace(wrap, side_body=hand, side=moved[wrap.side_body].apply(wrap.side))
         if wrap.side is not None and wrap.side_body in moved
         else wrap
         for wrap in muscle.path.wraps
@@ -183,4 +159,4 @@ def _on_hand(muscle: Muscle, hand: str, moved: Mapping[str, Transform]) -> Muscl
 
 
 def _wrap_on_hand(wrap: WrapObject, hand: str, moved: Mapping[str, Transform]) -> WrapObject:
-    return replace(wrap, body=hand, pose=_of(moved[wrap.body], wrap.pose)) if wrap.body in moved else wrap
+    return replace(wrap, body=hand, pose=moved[wrap.body] @ wrap.pose) if wrap.body in moved else wrap

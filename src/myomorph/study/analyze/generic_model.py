@@ -20,8 +20,7 @@ from myomorph.model.sides import split_side
 from myomorph.model.spatial import Transform
 from myomorph.motion.protocols import Site
 from myomorph.muscles.kinematics import default_path_lengths
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import Tree, compile_tree
+from myomorph.rigid.kinematics import standing_poses
 from myomorph.study.analyze.anatomy import (
     HEIGHT,
     strength_of,
@@ -159,10 +158,8 @@ def legs_and_trunk() -> Model:
     from myomorph.io.mjcf.read import composed_model
 
     model = renamed_model(composed_model(NAME), lambda name: COORDINATES.get(name, name))
-    tree = compile_tree(model)
-    poses = forward_kinematics(tree, tree.defaults[None])
-    root = model.joints[0]
-    start = poses.rotations[0, tree.body_index[root.child]].T @ poses.rotations[0, tree.body_index["pelvis"]]
+    poses, root = standing_poses(model), model.joints[0]
+    start = (poses[root.child].inverse() @ poses["pelvis"]).rotation
     joint, coordinates = _pelvis_joint(root.child, start)
     return with_anatomical_knees(
         replace(
@@ -199,31 +196,25 @@ def in_opensim_form(model: Model) -> Model:
     surface on the side of a site. OpenSim's surfaces have a constrained half instead: each becomes one whose x axis
     points to the site, and whose positive half counts, once for every site that it is used with.
     """
-    tree = compile_tree(model)
-    poses = forward_kinematics(tree, tree.defaults[None])
-    objects = {item.name: item for item in model.wrap_objects}
+    poses, objects = standing_poses(model), {item.name: item for item in model.wrap_objects}
     made: dict[str, WrapObject] = {}
-    muscles = tuple(
-        _muscle(muscle, objects, made, tree, poses.rotations[0], poses.origins[0]) for muscle in model.muscles
-    )
+    muscles = tuple(_muscle(muscle, objects, made, poses) for muscle in model.muscles)
     used = {wrap.wrap_object for muscle in muscles for wrap in muscle.path.wraps}
     kept = tuple(item for item in model.wrap_objects if item.name in used and item.name not in made)
     return replace(model, muscles=muscles, wrap_objects=(*kept, *made.values()))
 
 
 def _muscle(
-    muscle: Muscle, objects: dict[str, WrapObject], made: dict[str, WrapObject], tree: Tree, R: Array, origins: Array
+    muscle: Muscle, objects: dict[str, WrapObject], made: dict[str, WrapObject], poses: dict[str, Transform]
 ) -> Muscle:
     wraps = []
     for wrap in muscle.path.wraps:
         if not isinstance(wrap, TendonWrap):
             return muscle
         own = objects[wrap.wrap_object]
-        body = tree.body_index[own.body]
         toward = None
         if wrap.side is not None:
-            other = tree.body_index[wrap.side_body]
-            place = R[body].T @ (origins[other] + R[other] @ wrap.side - origins[body])
+            place = poses[own.body].inverse().apply(poses[wrap.side_body].apply(wrap.side))
             toward = place - own.pose.translation
         name = own.name if wrap.side is None else f"{own.name}_{wrap.side_body}_{_digits(wrap.side)}"
         made.setdefault(name, _sided(own, name, toward))

@@ -15,8 +15,7 @@ from myomorph.analysis.gait_parameters import UNITS
 from myomorph.analysis.gait_scores import GaitNorm, control_norm
 from myomorph.model.errors import BadFile, listing
 from myomorph.model.model import Model
-from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
+from myomorph.rigid.kinematics import standing_poses
 
 ADULTS, NO_NORM = "adults", "none"
 SOURCE = (
@@ -76,15 +75,8 @@ def norm_of(
 
 def _leg(model: Model) -> float:
     """Length of thigh and shank, from hip to ankle [m]; the length of an adult's where the model has no such joints."""
-    tree = compile_tree(model)
-    origins = forward_kinematics(tree, tree.defaults[None]).origins[0]
-    chain = next(
-        (joint for joint in model.joints if any(name.startswith("ankle_") for name in joint.coordinates)), None
-    )
-    hip = next(
-        (joint for joint in model.joints if any(name.startswith("hip_flexion") for name in joint.coordinates)), None
-    )
-    if chain is None or hip is None:
-        return LEG * ADULT
-    ankle, top = (origins[tree.body_index[joint.child]] for joint in (chain, hip))
-    return float(np.linalg.norm(top - ankle))
+    poses, places = standing_poses(model), []
+    for beginning in ("ankle_", "hip_flexion"):
+        moved = (joint.child for joint in model.joints if any(name.startswith(beginning) for name in joint.coordinates))
+        places += [poses[child].translation for child in list(moved)[:1]]
+    return float(np.linalg.norm(places[1] - places[0])) if len(places) == 2 else LEG * ADULT
