@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -138,69 +138,65 @@ def _peaks(values: np.ndarray) -> list[float]:
 
 PEAKS = ("maximum", "mean")
 LOADS = ("total_", "medial_", "lateral_")
-
-
-@read_only
-@dataclass(frozen=True)
-class _Columns:
-    """Columns of a table whose numbers are kept, as the step's signals have them, with factors to their units."""
-
-    step: str
-    columns: tuple[int, ...]
-    names: tuple[str, ...]
-    endings: tuple[str, ...]
-    statistics: tuple[str, ...]
-    factors: Array
-
-    def quantities(self, in_stride: bool) -> list[tuple[str, str]]:
-        """Step and quantity, in the order of `of`."""
-        where = ("", f" {IN_STRIDE}") if in_stride else ("",)
-        return [
-            (self.step, f"{name}{ending}, {what}{words}")
-            for words in where
-            for what in self.statistics
-            for name, ending in zip(self.names, self.endings, strict=True)
-        ]
-
-    def of(self, time: Array, values: Array, strides: TrialStrides | None) -> Array:
-        """Numbers of a table (frames, columns)."""
-        series = Series(time, self.names, values[:, self.columns] * self.factors)
-        whole = statistics_of(series.values)
-        statistics = [whole[what] for what in self.statistics]
-        cycles = None if strides is None else by_side(series, strides)
-        if cycles is not None:
-            each = statistics_of(cycles.values, axis=1)
-            statistics += [statistics_of(each[what])["mean"] for what in self.statistics]
-        return np.concatenate(statistics)
+KEPT: dict[str, tuple[str, tuple[str, ...], dict[str, str]]] = {
+    "coordinates": ("ik", EXTREMES, {}),
+    "torques": ("id", EXTREMES, {"N m": "_moment", "N": "_force"}),
+    "activations": ("tension", PEAKS, {"1": "_activation"}),
+    "forces": ("tension", PEAKS, {"N": "_force"}),
+    "joint_contact_forces": ("tension", PEAKS, {"N, N m or m": JOINT_CONTACT}),
+}
+"""Tables whose numbers are kept as the step's signals have them: step, statistics, ends of names by unit."""
 
 
 @read_only
 class DrawnValues:
-    """What is kept of each draw: columns of its tables at their times, and step, quantity and table of each number."""
+    """Which numbers of tables are kept of each draw: step and quantity, and the table of each; `columns` of tables."""
 
-    times: Mapping[str, Array]
-    kept: Mapping[str, _Columns]
-    strides: TrialStrides | None
     names: tuple[tuple[str, str], ...]
     tables: tuple[str, ...]
+    columns: tuple[tuple[Quantity, tuple[int, ...]], ...]
+    strides: TrialStrides | None
 
     def of(self, tables: Mapping[str, Array]) -> Array:
         """All numbers of a draw (names,)."""
-        parts = [kept.of(self.times[name], tables[name], self.strides) for name, kept in self.kept.items()]
-        return np.concatenate(parts) if parts else np.zeros(0)
+        parts = [np.zeros(0)]
+        for quantity, columns in self.columns:
+            statistics = KEPT[quantity.name][1]
+            for numbers in _statistics(quantity, columns, tables[quantity.name], self.strides):
+                parts += [numbers[what] for what in statistics]
+        return np.concatenate(parts)
+
+
+def _statistics(
+    quantity: Quantity, columns: tuple[int, ...], values: Array, strides: TrialStrides | None
+) -> Iterator[dict[str, Array]]:
+    """Statistics of columns of a table (frames, columns) over the whole, and means of those of strides if there are."""
+    factors, names = quantity.factors[list(columns)], tuple(quantity.names[column] for column in columns)
+    series = Series(quantity.time, names, values[:, columns] * factors)
+    yield statistics_of(series.values)
+    cycles = None if strides is None else by_side(series, strides)
+    if cycles is not None:
+        each = statistics_of(cycles.values, axis=1)
+        yield {what: statistics_of(numbers)["mean"] for what, numbers in each.items()}
 
 
 def drawn_values(quantities: Sequence[Quantity], strides: TrialStrides | None) -> DrawnValues:
     """Which numbers of tables (at the frames that are drawn) are kept: those that the steps' tables of values have."""
-    kept = {quantity.name: columns for quantity in quantities if (columns := _columns(quantity)) is not None}
-    times = {quantity.name: quantity.time for quantity in quantities}
-    names, tables = [], list[str]()
-    for name, columns in kept.items():
-        walks = strides is not None and by_side(_first(columns, times[name]), strides) is not None
-        named_values = columns.quantities(walks)
-        names += named_values
-        tables += [name] * len(named_values)
-    return DrawnValues(times, kept, strides, tuple(names), tuple(tables))
+    names, tables, kept = list[tuple[str, str]](), list[str](), []
+    for quantity in (quantity for quantity in quantities if quantity.name in KEPT):
+        step, statistics, endings = KEPT[quantity.name]
+        every = enumerate(quantity.names)
+        loads = quantity.name == "joint_contact_forces"
+        columns = tuple(column for column, name in every if not loads or name.startswith(LOADS))
+        count = len(names)
+        wheres = ("", f" {IN_STRIDE}")
+        for where, _ in zip(wheres, _statistics(quantity, columns, quantity.values, strides), strict=False):
+            for what in statistics:
+                ends = ((quantity.names[column], endings.get(quantity.units[column], "")) for column in columns)
+                names += [(step, f"{name}{ending}, {what}{where}") for name, ending in ends]
+        tables += [quantity.name] * (len(names) - count)
+        kept.append((quantity, columns))
+    return DrawnValues(tuple(names), tuple(tables), tuple(kept), strides)
 
 
 @read_only
@@ -229,25 +225,3 @@ def widened_gait(errors: Mapping[str, Array], factors: Mapping[str, float]) -> d
     kinds = {"angle": factors.get("coordinates", 1.0), "force": 1.0}
     factor = np.array([kinds.get(variable.kind, factors.get("torques", 1.0)) for variable in VARIABLES])
     return {side: factor * values for side, values in errors.items()}
-
-
-def _first(columns: _Columns, time: Array) -> Series:
-    return Series(time, columns.names, np.zeros((len(time), len(columns.names))))
-
-
-def _columns(quantity: Quantity) -> _Columns | None:
-    count = len(quantity.names)
-    every = tuple(range(count))
-    if quantity.name == "coordinates":
-        return _Columns("ik", every, quantity.names, ("",) * count, EXTREMES, quantity.factors)
-    if quantity.name == "torques":
-        endings = tuple("_moment" if unit == "N m" else "_force" for unit in quantity.units)
-        return _Columns("id", every, quantity.names, endings, EXTREMES, np.ones(count))
-    if quantity.name in ("activations", "forces"):
-        ending = "_activation" if quantity.name == "activations" else "_force"
-        return _Columns("tension", every, quantity.names, (ending,) * count, PEAKS, np.ones(count))
-    if quantity.name == "joint_contact_forces":
-        loads = tuple(index for index, name in enumerate(quantity.names) if name.startswith(LOADS))
-        names = tuple(quantity.names[index] for index in loads)
-        return _Columns("tension", loads, names, (JOINT_CONTACT,) * len(loads), PEAKS, np.ones(len(loads)))
-    return None
