@@ -35,10 +35,12 @@ from myomorph.model.segments import joint_labels
 from myomorph.motion.sync import cut
 from myomorph.rigid.kinematics import marker_positions
 from myomorph.store.results import Stored, read_result
-from myomorph.study.inputs.loads import ExternalLoads
+from myomorph.study.inputs.input import ByType
+from myomorph.study.inputs.loads import ExternalLoads, LoadsFile
+from myomorph.study.inputs.motion import MotionFile
 from myomorph.study.trial.steps.drawn_trials import drawn_costs, drawn_criterion
 from myomorph.study.trial.steps.ik import recorded_poses
-from myomorph.study.trial.trial_inputs import open_trial, trial_files
+from myomorph.study.trial.trial_inputs import TrialFiles, open_trial
 from myomorph.tension.recruitment import RecruitmentOptions, recruitment_terms
 from myomorph.uncertainty.bodies import Draw, drawn_subject
 from myomorph.uncertainty.drawn_inputs import drawn_markers, drawn_wrenches
@@ -154,12 +156,9 @@ def _apart(folder: Path, motion: str, span: tuple[float, float], errors: Sources
 def _recorded(folder: Path, motion: str, span: tuple[float, float]) -> tuple[mm.Model, mm.Motion, mm.Wrenches]:
     """A model, a smooth motion without derivatives, and the forces on it, each on the foot that it acts on."""
     home = folder / HOME
-    files = trial_files(
-        home / "models" / "manually_scaled.osim",
-        motion=home / "ik_manual_scaling" / f"{motion}_ik.mot",
-        loads=home / "grf" / f"{motion}_external_forces.xml",
-    )
-    trial = open_trial(files, {})
+    coordinates = MotionFile(home / "ik_manual_scaling" / f"{motion}_ik.mot")
+    forces = LoadsFile(home / "grf" / f"{motion}_external_forces.xml")
+    trial = open_trial(TrialFiles(home / "models" / "manually_scaled.osim", inputs=ByType(coordinates, forces)), {})
     poses, loads = recorded_poses(trial), trial.inputs[ExternalLoads]
     model, given = trial.model, poses.recorded
     wrenches = loads.of(given)

@@ -35,7 +35,7 @@ from myomorph.model.findings import Finding
 from myomorph.motion.marker_checks import checked_kinematics
 from myomorph.store.results import get_findings
 from myomorph.study.analyze.recordings import Recording, bare, look_at
-from myomorph.study.subject.calibrating import stored_findings
+from myomorph.study.subject.calibrating import FINDINGS as BEFORE
 from myomorph.study.trial.steps.ik import FINDINGS
 
 Row = dict[str, object]
@@ -219,5 +219,7 @@ def analyzed(folder: Path, markers: mm.Markers, static: str) -> Result:
             line = said.rpartition("\n")[2]
             return Result(None, None, (Finding("refused", "recording", line),), said)
         ((_, trial),) = mm.load(out).items()
-        findings = (*stored_findings(out / "calibration"), *get_findings(trial.stored, FINDINGS))
+        before = out / "calibration" / BEFORE
+        findings = findings_of(before.read_text(encoding="utf-8")) if before.is_file() else ()
+        findings += get_findings(trial.stored, FINDINGS)
         return Result(mm.read_model(out / "calibrated.osim"), trial.motion, findings, said)

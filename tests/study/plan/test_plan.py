@@ -209,9 +209,3 @@ def test_keys_where_they_stood_are_read_and_it_is_said_where_they_belong(folder)
     assert old.trials[0].inputs == plan.trials[0].inputs
     for key in ("measured", "contact_points"):
         assert f"subject 's01': '{key}' belongs to [options.tension]; it is still read here" in old.remarks
-
-
-def test_a_choice_of_drawing_that_is_gone_is_said(folder):
-    plan = plan_of(folder, SMALLEST + '[uncertainty]\ndraws = 20\nmethod = "linear"\n')
-    assert plan.settings["uncertainty"] == {"draws": 20}
-    assert sum("'method' is not used" in remark for remark in plan.remarks) == 1

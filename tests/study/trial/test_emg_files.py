@@ -12,8 +12,9 @@ from myomorph.motion.envelope import envelopes
 from myomorph.study.inputs.emg_files import open_emg
 from myomorph.study.inputs.emg_names import muscles_of_channels
 from myomorph.study.inputs.reading import open_model
+from myomorph.study.inputs.table import settings_of_keys
 from myomorph.study.step.step import step_of
-from myomorph.study.trial.trial_inputs import open_trial, trial_files
+from myomorph.study.trial.trial_inputs import TrialFiles, open_trial
 from myomorph.study.trial.trial_step import step_provenance
 
 WALK = "rajagopal-walk-emg"
@@ -38,7 +39,10 @@ def raw(tmp_path):
 def test_settings_of_envelopes_belong_to_what_tensions_are_made_from(data, walker, raw):
     """So that a run which is taken up again sees that they changed."""
     path, _ = raw
-    files = trial_files(data(f"{WALK}/subject_walk_scaled.osim"), motion=data(f"{WALK}/coordinates.sto"), emg=path)
+    files = TrialFiles(
+        data(f"{WALK}/subject_walk_scaled.osim"),
+        inputs=settings_of_keys({"motion": data(f"{WALK}/coordinates.sto"), "emg": path}),
+    )
 
     def key(step, **given):
         return step_provenance(step_of(step), open_trial(files, {"tension": given}, walker)).key

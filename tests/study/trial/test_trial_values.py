@@ -18,6 +18,7 @@ from myomorph.model.series import Wrenches
 from myomorph.store.outcome import Outcome
 from myomorph.store.results import value_source
 from myomorph.study.inputs.loads import ExternalLoads
+from myomorph.study.inputs.table import settings_of_keys
 from myomorph.study.plan.plan import read_plan
 from myomorph.study.run.run import run_study
 from myomorph.study.trial import reporting
@@ -35,7 +36,7 @@ from myomorph.study.trial.tidy import (
     read_values,
     write_trial_values,
 )
-from myomorph.study.trial.trial_inputs import open_trial, trial_files
+from myomorph.study.trial.trial_inputs import TrialFiles, open_trial
 
 ANGLE, TORQUE = "joint angle [°]", "joint torque [N·m/kg]"
 
@@ -188,7 +189,9 @@ def test_strides_and_the_report_are_worked_out_once(walk, tmp_path, monkeypatch)
     while not (home / "walker.osim").is_file():
         home = home.parent
     settings = {"id": {"cutoff": 6.0}}
-    trial = open_trial(trial_files(home / "walker.osim", subject="s", markers=home / "walk.trc"), settings)
+    trial = open_trial(
+        TrialFiles(home / "walker.osim", subject="s", inputs=settings_of_keys({"markers": home / "walk.trc"})), settings
+    )
     outcome = run_trial(trial, ("ik", "id", "muscles", "report"), tmp_path)
     assert outcome.error == ""
     assert sorted(calls) == ["find_strides", "prepare"]
@@ -203,7 +206,9 @@ def test_what_every_step_found_doubtful_is_kept(tmp_path):
     body = walker()
     write_osim(body, tmp_path / "walker.osim")
     write_trc(recording(body, np.random.default_rng(5), 0.5), tmp_path / "walk.trc")
-    trial = open_trial(trial_files(tmp_path / "walker.osim", markers=tmp_path / "walk.trc"), {})
+    trial = open_trial(
+        TrialFiles(tmp_path / "walker.osim", inputs=settings_of_keys({"markers": tmp_path / "walk.trc"})), {}
+    )
 
     def loads(motion):
         none = np.zeros((len(motion), 1, 3))

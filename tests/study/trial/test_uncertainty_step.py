@@ -13,6 +13,7 @@ from myomorph.io.formats import read_model
 from myomorph.io.sto import read_sto
 from myomorph.model.errors import BadFile
 from myomorph.store.results import read_result
+from myomorph.study.inputs.table import settings_of_keys
 from myomorph.study.plan.plan import read_plan
 from myomorph.study.run.run import run_study
 from myomorph.study.trial.load import load
@@ -20,7 +21,7 @@ from myomorph.study.trial.steps.drawn_trials import chain_of, drawn_costs, drawn
 from myomorph.study.trial.steps.id import solve_dynamics
 from myomorph.study.trial.steps.ik import recorded_poses
 from myomorph.study.trial.steps.uncertainty import attempts
-from myomorph.study.trial.trial_inputs import open_trial, trial_files
+from myomorph.study.trial.trial_inputs import TrialFiles, open_trial
 from myomorph.study.workers.local_workers import LocalWorkers
 from myomorph.tension.recruitment import RecruitmentOptions
 from myomorph.tension.tension import TensionOptions
@@ -45,7 +46,7 @@ trials = [{{ markers = "reach.trc", loads = "reach_grf.xml" }}]
 
 
 def opened(arm, thin, **sizes):
-    files = trial_files(arm.model, motion=arm.motion, loads=arm.loads)
+    files = TrialFiles(arm.model, inputs=settings_of_keys({"motion": arm.motion, "loads": arm.loads}))
     trial = open_trial(files, {"id": {"cutoff": 6.0}, "uncertainty": NONE | sizes})
     poses = recorded_poses(trial)
     torques = solve_dynamics(trial, poses.recorded)
@@ -75,7 +76,7 @@ def test_an_error_of_the_force_comes_out_as_its_moment(arm):
     """Torques are linear in the force: their standard deviation is the gain's share of the moment of the force."""
     chain, torques, sources = opened(arm, False, plate_gain=0.02)
     values = np.stack([chain.drawn(Draw(k, sources, Normals(100)))["torques"] for k in range(100)])
-    files = trial_files(arm.model, motion=arm.motion)
+    files = TrialFiles(arm.model, inputs=settings_of_keys({"motion": arm.motion}))
     trial = open_trial(files, {"id": {"cutoff": 6.0}})
     poses = recorded_poses(trial)
     moment = torques.torques.values - solve_dynamics(trial, poses.recorded).torques.values

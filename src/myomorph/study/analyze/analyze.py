@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from myomorph.io.osim.write import write_osim
-from myomorph.model.errors import BadData, BadFile, UnknownName, listing
+from myomorph.model.errors import BadData, BadFile, UnknownName, few, listing
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.series import Markers
@@ -22,7 +22,6 @@ from myomorph.study.analyze.plate_cover import weighed
 from myomorph.study.analyze.proposed_protocol import proposed_sites, proposed_table
 from myomorph.study.analyze.recorded_trial import (
     AnalyzeRequest,
-    in_a_row,
     laboratory_of,
     protocol_sentences,
     recorded_trial,
@@ -365,7 +364,7 @@ def _model(
         if request.arms and not seen:
             text += " It has no arms, for no markers show two segments of one (--arms)."
         if without:
-            text += f" Without a place on it: {in_a_row(without)}."
+            text += f" Without a place on it: {few(without)}."
         return model, path, {label: bare(label) for label in recorded if bare(label) != label}, [text]
     model = open_model(request.model)
     names = model.marker_names
@@ -384,7 +383,7 @@ def _model(
         )
     texts = [f"{len(known)} labels are markers of {request.model.name}."]
     if labels:
-        shown = in_a_row([f"{old} as {new}" for old, new in labels.items()])
+        shown = few([f"{old} as {new}" for old, new in labels.items()])
         texts.append(f"{len(labels)} labels lie on the landmark of a marker of another name: {shown}.")
     texts += [f"{request.model.name}: {line}." for line in arm_warnings(model)]
     return model, request.model, labels, texts

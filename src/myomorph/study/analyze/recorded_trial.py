@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from myomorph.model.errors import BadFile
+from myomorph.model.errors import BadFile, few
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.segments import feet_of
@@ -177,14 +177,14 @@ def _emg(recording: Recording, model: Model, asked: EmgFiles) -> tuple[EmgFiles,
     if alive and (len(analog) < EMG_SAMPLES or analog.rate < EMG_RATE):
         short = f"EMG of {len(analog)} samples at {analog.rate:.0f} Hz is too little for envelopes: not used."
         return asked, [short]
-    texts = [f"EMG of {len(alive)} analog channels: {in_a_row(alive)}."] if alive else []
+    texts = [f"EMG of {len(alive)} analog channels: {few(alive)}."] if alive else []
     dead = [name for name in used if name not in alive]
     if dead:
-        texts.append(f"Analog channels without a signal, which take no part: {in_a_row(dead)}.")
+        texts.append(f"Analog channels without a signal, which take no part: {few(dead)}.")
     sideless = [] if asked.emg_side else list(muscles_of_channels(analog.names, model, "right"))
     lost = [name for name in sideless if name not in used]
     if lost:
-        texts.append(f"EMG without a side in its name is not used: {in_a_row(lost)} (--emg-side left or right).")
+        texts.append(f"EMG without a side in its name is not used: {few(lost)} (--emg-side left or right).")
     if not alive:
         return asked, texts
     muscles = FrozenMap(dict.fromkeys(dead, ()) | dict(asked.emg_muscles))
@@ -203,15 +203,9 @@ def protocol_sentences(moving: Sequence[Recording], of_model: Sequence[str] = ()
         own = [one for one in moving if (one.found.protocol.title if one.found.protocol else "") == title]
         known = own[0].found
         what = f"marker protocol {title}" if title else "no known marker protocol, but labels in common use"
-        text = f"{in_a_row([one.path.name for one in own])}: {what}; {len(known.sites)} labels lie on known landmarks"
+        text = f"{few([one.path.name for one in own])}: {what}; {len(known.sites)} labels lie on known landmarks"
         if title and known.common:
-            text += f", {len(known.common)} of them by common names ({in_a_row(known.common)})"
+            text += f", {len(known.common)} of them by common names ({few(known.common)})"
         unknown = [label for label in known.unknown if label not in of_model and bare(label) not in of_model]
-        texts.append(text + (f"; not used: {in_a_row(unknown)}." if unknown else "."))
+        texts.append(text + (f"; not used: {few(unknown)}." if unknown else "."))
     return texts
-
-
-def in_a_row(names: Sequence[str], count: int = 8) -> str:
-    """Names in a row, the first ones."""
-    more = f" and {len(names) - count} more" if len(names) > count else ""
-    return ", ".join(names[:count]) + more

@@ -131,13 +131,12 @@ def read_plan(path: str | Path) -> Plan:
     raw = read_toml(path)
     if "specimen" in raw and "subject" not in raw:
         raise BadFile(path, "describes specimens, not subjects", "run it with 'myomorph viscosity'")
-    tables, remarks = with_uncertainty(raw, usual_steps())
-    found, problems = checked(study_tables(), tables)
+    found, problems = checked(study_tables(), with_uncertainty(raw, usual_steps()))
     absent = [one for one in lacking(raw) if one not in problems]
     problems = [*problems, *absent]
     if found is None or absent:
         refuse(path, problems)
-    notes = Notes(problems, remarks)
+    notes = Notes(problems)
     plan = _plan(found, path, notes)
     refuse(path, list(dict.fromkeys(notes.problems)))
     return plan

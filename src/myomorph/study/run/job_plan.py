@@ -26,8 +26,7 @@ from myomorph.study.step.folder_steps import FolderSteps
 from myomorph.study.step.job_steps import JobSteps
 from myomorph.study.step.step import large_variables, step_of
 from myomorph.study.step.step_table import REPORT, STEPS
-from myomorph.study.subject.subject_files import MadeModel, SubjectFiles, carried_trial, made_model
-from myomorph.study.subject.subjects import subject_steps
+from myomorph.study.subject.subject_files import MadeModel, SubjectFiles, SubjectInputs, carried_trial, made_model
 from myomorph.study.summary.study_inputs import StudyInputs
 from myomorph.study.trial.run_trial import TrialSteps
 from myomorph.study.trial.steps import ik
@@ -59,7 +58,9 @@ def open_subject_steps(
     model: Model | None, read: str, fresh: bool, *, files: SubjectFiles, settings: Settings, folder: Path
 ) -> JobSteps:
     """A subject's own steps, which make the model of its trials."""
-    return subject_steps(files, settings, folder, fresh, model)
+    assert model is not None
+    inputs = SubjectInputs(files, settings, files.model, model)
+    return FolderSteps("subject", inputs, Outcome(files.name, "", folder), fresh)
 
 
 def open_pair_steps(

@@ -25,7 +25,7 @@ from myomorph.muscles.kinematics import default_path_lengths
 from myomorph.report.trial.summary_lines import calibration_line
 from myomorph.rigid.tree import compile_tree
 from myomorph.store.progress import progress
-from myomorph.store.results import findings_of, findings_text
+from myomorph.store.results import findings_text
 from myomorph.store.settings import with_settings
 from myomorph.study.inputs import reading
 from myomorph.study.step.folder_steps import NOTES, FolderOutput
@@ -79,12 +79,6 @@ def standing_markers(path: Path, files: SubjectFiles, model: Model) -> tuple[Mar
     standing = reading.fitted_to(model, reading.with_labels(recorded, files.labels))
     assert standing.markers is not None
     return standing.markers, [f"{path.name}: {text}" for text in standing.warnings]
-
-
-def stored_findings(tables: Path) -> tuple[Finding, ...]:
-    """What checks of the markers found before a calibration, as it left them in its tables."""
-    path = tables / FINDINGS
-    return findings_of(path.read_text(encoding="utf-8")) if path.is_file() else ()
 
 
 def _checked(name: str, markers: Markers, model: Model, findings: list[Finding]) -> Markers:

@@ -14,10 +14,7 @@ from myomorph.io.parsing.text import write_csv
 from myomorph.model.errors import BadFile
 from myomorph.model.model import Model
 from myomorph.model.provenance import Provenance
-from myomorph.store.outcome import Outcome
-from myomorph.study.step.folder_steps import FolderSteps, result_folder
-from myomorph.study.subject.subject_files import SubjectFiles, SubjectInputs, made_model
-from myomorph.study.trial.trial_inputs import Settings
+from myomorph.study.step.folder_steps import result_folder
 
 Found = TypeVar("Found")
 
@@ -67,12 +64,3 @@ def write_made_model(
             fill(folder)
         os.replace(path, out)
     return lost
-
-
-def subject_steps(
-    files: SubjectFiles, settings: Settings, folder: Path, fresh: bool = False, model: Model | None = None
-) -> FolderSteps[SubjectInputs]:
-    """Steps on a subject, whose results go into a folder: `calibrated.osim`, `identified.osim`, and their tables."""
-    begun = made_model(files, (), folder).open() if model is None else model
-    inputs = SubjectInputs(files, settings, files.model, begun)
-    return FolderSteps("subject", inputs, Outcome(files.name, "", folder), fresh)

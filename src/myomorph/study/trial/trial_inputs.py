@@ -26,7 +26,7 @@ from myomorph.study.inputs.markers import NO_RECORDING, MarkersFile, Recording
 from myomorph.study.inputs.mass import BodyMass
 from myomorph.study.inputs.motion import MotionFile
 from myomorph.study.inputs.reading import open_model
-from myomorph.study.inputs.table import INPUTS, input_of, inputs_of, settings_of_keys
+from myomorph.study.inputs.table import INPUTS, input_of, inputs_of
 from myomorph.study.inputs.time_span import TimeSpan
 from myomorph.study.step.step import step_head
 from myomorph.study.step.step_table import REPORT, STEPS
@@ -88,13 +88,6 @@ class TrialFiles:
             for key in input_of(name).keys
             for path in key.kind.files(getattr(settings, key.name))
         )
-
-
-def trial_files(model: Path, name: str = "", subject: str = "", **values: object) -> TrialFiles:
-    """The files of a trial from values of the keys of its inputs, as a study file names them:
-    `trial_files(Path("arm.osim"), motion=Path("reach.mot"), time=(0.0, 0.5))`.
-    """
-    return TrialFiles(model, name, subject, settings_of_keys(values))
 
 
 @dataclass(frozen=True)

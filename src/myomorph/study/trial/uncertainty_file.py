@@ -14,8 +14,6 @@ from myomorph.study.trial.trial_step import StepResults
 from myomorph.uncertainty.spread import Uncertainty
 
 STEP = "uncertainty"
-RETIRED = "method"
-"""Key by which studies chose between draws and a linear way."""
 
 
 def read_sizes(path: Path) -> dict[str, Any]:
@@ -52,20 +50,15 @@ def limits_summary(results: StepResults) -> str:
     return "" if uncertainty is None else f"; {uncertainty.summary}"
 
 
-def with_uncertainty(raw: Mapping[str, Any], default_steps: tuple[str, ...]) -> tuple[Mapping[str, Any], list[str]]:
-    """Tables of a study file with `[uncertainty]` where it means: among the options, and as a step of all subjects; and
-    remarks on keys of version 0.1 that are gone.
-    """
+def with_uncertainty(raw: Mapping[str, Any], default_steps: tuple[str, ...]) -> Mapping[str, Any]:
+    """Tables of a study file with `[uncertainty]` where it means: among the options, and as a step of all subjects."""
     sizes = raw.get(STEP)
     if not isinstance(sizes, dict):
-        return raw, []
-    remarks = [f"[{STEP}]: '{RETIRED}' is not used: inputs are drawn, whatever it says"] if RETIRED in sizes else []
-    sizes = {name: size for name, size in sizes.items() if name != RETIRED}
+        return raw
     options = dict(raw.get("options", {}))
     options[STEP] = sizes | options.get(STEP, {})
     subjects = []
     for subject in raw.get("subject", []):
         steps = subject.get("steps", list(default_steps)) if isinstance(subject, dict) else None
         subjects.append(subject | {"steps": [*steps, STEP]} if isinstance(steps, list) else subject)
-    tables = {name: table for name, table in raw.items() if name != STEP} | {"options": options, "subject": subjects}
-    return tables, remarks
+    return {name: table for name, table in raw.items() if name != STEP} | {"options": options, "subject": subjects}
