@@ -137,12 +137,16 @@ class ReportOptions:
     muscles: tuple[str, ...] = ()
 
 
-@cache
 def settings_of(options: type) -> tuple[Setting, ...]:
     """Settings of an option dataclass: every field that a number, a text or a switch can give. Fields of other types
     (mappings, motions) are not settings: they come from files. Where a dataclass has a `SETTING_PREFIX`, names begin
     with it, so that they are told from those of other steps.
     """
+    return _settings_of(options)
+
+
+@cache
+def _settings_of(options: type) -> tuple[Setting, ...]:
     hints, helps = get_type_hints(options), attribute_help(options)
     return tuple(
         Setting(prefix_of(options) + field.name, hints[field.name], field.default, helps.get(field.name, ""))

@@ -57,7 +57,7 @@ def write_gains(gains: SubjectGains, path: Path) -> None:
 
 def _plain(values: np.ndarray) -> Any:
     """Numbers for JSON, which has no NaN."""
-    return np.where(np.isfinite(values), values, None).tolist()
+    return np.where(np.isfinite(values), values, np.array(None)).tolist()
 
 
 def read_gains(path: Path) -> SubjectGains:
