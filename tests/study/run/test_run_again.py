@@ -183,7 +183,7 @@ def test_results_do_not_outlive_the_steps_that_now_fail(arm):
     (outcome,) = run(arm)
     assert outcome.reused == ("ik",)
     assert outcome.error.startswith("id: ")
-    stored = module.stored_provenance(arm.out / "s01" / "reach0" / "reach0.nc")
+    stored = module.store.stored_provenance(arm.out / "s01" / "reach0" / "reach0.nc")
     assert set(stored) == {"ik"}
 
 
@@ -325,7 +325,7 @@ def test_steps_whose_values_found_no_room_are_not_said_to_be_done(arm, monkeypat
         raise OSError(errno.ENOSPC, "No space left on device")
 
     with monkeypatch.context() as patch:
-        patch.setattr(module, "new_result", full)
+        patch.setattr(module.store, "new_result", full)
         first = run(arm)[0]
     assert "no space is left" in first.error
     assert (first.done, first.timed) == ((), ())
