@@ -173,7 +173,9 @@ def check_time(time: tuple[float, float] | None, where: str, problems: list[str]
 
 def _sentence(error: Any, file: type[BaseModel]) -> str:
     """One validation error: where it is, what was given, what exists."""
-    where = [part for part in error["loc"] if isinstance(part, int) or not _is_kind(part)]
+    # Without parts that are no key, but one of the types that a key may have.
+    kinds = [part for part in error["loc"] if part in ("str", "float", "int") or str(part).startswith("_")]
+    where = [part for part in error["loc"] if part not in kinds and "[" not in str(part)]
     name = ".".join(f"{part + 1}" if isinstance(part, int) else str(part) for part in where)
     if error["type"] == "extra_forbidden":
         elsewhere = dict.fromkeys(_tables_with(str(where[-1]), file))
@@ -192,11 +194,6 @@ def _shown(value: Any) -> str:
         # Hexadecimal numbers may have more digits than Python writes as decimals.
         return "a number of thousands of digits"
     return text if len(text) <= MAX_CHARACTERS else f"{text[:MAX_CHARACTERS]} ..."
-
-
-def _is_kind(part: str) -> bool:
-    """Whether a part of a place is no key, but one of the types that a key may have."""
-    return part in ("str", "float", "int") or part.startswith("_") or "[" in part
 
 
 def _keys(file: type[BaseModel], where: Sequence[Any]) -> tuple[str, ...]:

@@ -179,7 +179,8 @@ class _Dataset:
         if emg is not None:
             home = self.folder / place / "emg"
             home.mkdir(parents=True, exist_ok=True)
-            write_emg(home / stem, emg, _units(emg), told)
+            units = getattr(emg, "units", ()) or ("",) * len(emg.names)
+            write_emg(home / stem, emg, tuple(unit or "n/a" for unit in units), told)
 
     def finish(self) -> None:
         """Write what describes the whole."""
@@ -248,11 +249,6 @@ def _raw_emg(path: Path, stored: Stored) -> Series:
         return channels
     used = stored.names.get("emg_channel", ()) or emg_channels(read_recording(path))
     return channels.columns([channels.names.index(name) for name in used if name in channels.names])
-
-
-def _units(emg: Series) -> tuple[str, ...]:
-    """Units of channels, n/a where a file has none."""
-    return tuple(unit or "n/a" for unit in getattr(emg, "units", ()) or ("",) * len(emg.names))
 
 
 def _study_name(home: Path) -> str:

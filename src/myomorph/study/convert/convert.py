@@ -18,7 +18,7 @@ from myomorph.io.trc import METERS, write_trc
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, BadFile
 from myomorph.model.frozen_map import FrozenMap
-from myomorph.model.series import Analog, Event, Markers, PlateRecording, Table, Trial, Wrenches
+from myomorph.model.series import Analog, Markers, PlateRecording, Table, Trial, Wrenches
 from myomorph.model.sides import other_side, split_side
 from myomorph.study.convert.axes import Forward, Up, turned, vertical
 from myomorph.study.convert.recording import Recording, between, labelled, read_parts
@@ -79,7 +79,9 @@ def convert(paths: Sequence[Path], out: Path, options: ConvertOptions | None = N
     if options.time is not None:
         recording = between(recording, *options.time)
     recording = labelled(recording, options.labels)
-    recording = turned(recording, _up(recording, options, ending), options.forward, options.axes)
+    # OpenSim's y where nothing is asked for and the vertical is known.
+    up: Up = options.up or ("y" if ending != ".c3d" and vertical(recording) == "z" else "keep")
+    recording = turned(recording, up, options.forward, options.axes)
     if ending == ".c3d":
         write_trial(out, c3d_trial(recording))
         held = [f"{len(recording.markers.names)} markers" if recording.markers else "no markers"]
@@ -88,13 +90,6 @@ def convert(paths: Sequence[Path], out: Path, options: ConvertOptions | None = N
     if ending:
         return _one_file(recording, out, options)
     return _folder(recording, out, options)
-
-
-def _up(recording: Recording, options: ConvertOptions, ending: str) -> Up:
-    """Axis that is to point up: OpenSim's y where nothing is asked for and the vertical is known."""
-    if options.up:
-        return options.up
-    return "y" if ending != ".c3d" and vertical(recording) == "z" else "keep"
 
 
 def _folder(recording: Recording, out: Path, options: ConvertOptions) -> Converted:
@@ -113,10 +108,13 @@ def _folder(recording: Recording, out: Path, options: ConvertOptions) -> Convert
         notes = (*notes, *wrenches.notes)
     if recording.analog is not None and recording.emg:
         path = out / f"{recording.name}_emg.sto"
-        files.append((path, _write_channels(_emg(recording), path)))
+        write_sto(table := _emg(recording), path)
+        files.append((path, f"EMG: {', '.join(table.names)}"))
     if recording.events:
         path = out / f"{recording.name}_events.csv"
-        files.append((path, _write_events(recording.events, path)))
+        rows = ((f"{event.time:.10g}", event.label, event.side) for event in recording.events)
+        write_csv(path, ("time", "event", "side"), rows)
+        files.append((path, f"{len(recording.events)} events"))
     for name, table in recording.tables.items():
         path = out / f"{name}.sto"
         files.append((path, _write_table(table, path)))
@@ -172,23 +170,12 @@ def _emg(recording: Recording) -> Table:
     return Table(emg.time, emg.names, emg.values, facts=FrozenMap({"name": "EMG"}))
 
 
-def _write_channels(table: Table, path: Path) -> str:
-    write_sto(table, path)
-    return f"EMG: {', '.join(table.names)}"
-
-
 def _write_table(table: Table, path: Path) -> str:
     if path.suffix.lower() == ".csv":
         write_csv(path, ("time", *table.names), np.column_stack([table.time, table.values]).tolist(), digits=10)
     else:
         write_sto(table, path)
     return f"{len(table.names)} columns, {len(table)} rows"
-
-
-def _write_events(events: Sequence[Event], path: Path) -> str:
-    rows = ((f"{event.time:.10g}", event.label, event.side) for event in events)
-    write_csv(path, ("time", "event", "side"), rows)
-    return f"{len(events)} events"
 
 
 def c3d_trial(recording: Recording) -> Trial:

@@ -14,7 +14,7 @@ from myomorph.io.sto import read_sto
 from myomorph.model.errors import BadFile
 from myomorph.model.model import Model
 from myomorph.model.series import Table
-from myomorph.study.info.inspect_recording import Inspection
+from myomorph.study.info.inspect_recording import Inspection, listed
 
 TABLES = (".mot", ".sto")
 EXPECTED = "expected a model (.osim, .xml), markers (.trc, .c3d, .mat, .h5) or a table (.mot, .sto)"
@@ -73,7 +73,7 @@ def _inspect_xml(path: Path) -> Inspection:
     if inner.tag == "ExternalLoads":
         return _inspect_loads(path)
     named = [child.tag for child in inner if isinstance(child.tag, str)]
-    facts = (("name", str(inner.get("name", ""))), ("settings", _list(sorted(set(named)))))
+    facts = (("name", str(inner.get("name", ""))), ("settings", listed(sorted(set(named)))))
     return Inspection(f"OpenSim settings: {inner.tag}", facts, file.warnings)
 
 
@@ -110,17 +110,17 @@ def inspect_model(model: Model) -> Inspection:
         ("muscles", _counted([muscle.kind for muscle in model.muscles])),
         ("wrap objects", str(len(model.wrap_objects))),
         ("actuators", _counted([actuator.kind for actuator in model.actuators])),
-        ("coordinate names", _list(model.coordinate_names)),
-        ("body names", _list(model.body_names)),
+        ("coordinate names", listed(model.coordinate_names)),
+        ("body names", listed(model.body_names)),
     ]
     if model.loops:
-        facts.append(("closed loops", _list([loop.name for loop in model.loops])))
+        facts.append(("closed loops", listed([loop.name for loop in model.loops])))
     passive = [*(torque.name for torque in model.passive_torques), *(bushing.name for bushing in model.bushings)]
     if passive:
-        facts.append(("springs, limits and bushings", _list(passive)))
+        facts.append(("springs, limits and bushings", listed(passive)))
     viscous = [muscle.name for muscle in model.muscles if muscle.viscosity]
     if viscous:
-        facts.append(("muscles with viscosity", _list(viscous)))
+        facts.append(("muscles with viscosity", listed(viscous)))
     modelled = {name.removesuffix("_upper").removesuffix("_lower") for name in passive}
     kept = [part.kind for part in model.kept if part.name not in modelled]
     if kept:
@@ -153,7 +153,7 @@ def _model_warnings(model: Model) -> list[str]:
     if not np.isfinite(model.mass) or model.mass <= 0:
         result.append("the bodies have no mass: inverse dynamics and tensions would be zero")
     elif light:
-        result.append(f"{len(light)} bodies have no mass: {_list(light)}")
+        result.append(f"{len(light)} bodies have no mass: {listed(light)}")
     for body in model.bodies:
         moments = np.sort(np.linalg.eigvalsh(0.5 * (body.inertia + body.inertia.T)))
         if body.mass > 0 and (moments[0] < -1e-9 or moments[2] > (moments[0] + moments[1]) * (1 + 1e-6) + 1e-12):
@@ -173,7 +173,3 @@ def _counted(kinds: Sequence[str]) -> str:
     """'3 PinJoint, 1 FreeJoint' of a list of kinds."""
     counts = Counter(kinds).most_common()
     return f"{len(kinds)}" + (f": {', '.join(f'{count} {kind}' for kind, count in counts)}" if counts else "")
-
-
-def _list(names: Sequence[str], most: int = 400) -> str:
-    return ", ".join(names[:most]) + (f", ... ({len(names)} in all)" if len(names) > most else "")

@@ -32,7 +32,7 @@ def inspect_trial(trial: Trial, kind: str) -> Inspection:
     else:
         warnings.append("no markers")
     if trial.other_points is not None:
-        facts.append(("computed quantities", f"{len(trial.other_points.names)}: {_names(trial.other_points.names)}"))
+        facts.append(("computed quantities", f"{len(trial.other_points.names)}: {listed(trial.other_points.names)}"))
     if trial.plate_recordings or trial.plates:
         _plate_findings(trial, size, facts, warnings)
     if trial.analog is not None:
@@ -46,7 +46,7 @@ def inspect_trial(trial: Trial, kind: str) -> Inspection:
 
 def _marker_findings(markers: Markers, facts: list[tuple[str, str]], warnings: list[str]) -> float:
     """Facts and warnings of markers; returns the size of the marker cloud [m]."""
-    facts.append(("markers", f"{len(markers.names)}: {_names(markers.names)}"))
+    facts.append(("markers", f"{len(markers.names)}: {listed(markers.names)}"))
     facts.append(("frames", _clock(markers)))
     warnings += _time_gaps(markers)
     hidden = np.isnan(markers.values.sum(axis=2))
@@ -54,7 +54,7 @@ def _marker_findings(markers: Markers, facts: list[tuple[str, str]], warnings: l
     facts.append(("missing", f"{100 * hidden.mean():.1f} % of positions, {np.count_nonzero(share)} markers with gaps"))
     never = [name for name, part in zip(markers.names, share, strict=True) if part == 1.0]
     if never:
-        warnings.append(f"{len(never)} markers are never seen: {_names(never)}")
+        warnings.append(f"{len(never)} markers are never seen: {listed(never)}")
     if SELDOM < hidden.mean() < 1.0:
         spans = crossings(markers)
         shown = ", ".join(f"{start:.2f} to {end:.2f}" for start, end in spans[:SHOWN])
@@ -178,13 +178,13 @@ def _analog_findings(trial: Trial, facts: list[tuple[str, str]], warnings: list[
     facts.append(
         ("analog", f"{len(analog.names)} channels at {analog.rate:.5g} Hz, in {', '.join(units) or 'no unit'}")
     )
-    facts.append(("channels", _names(analog.names)))
+    facts.append(("channels", listed(analog.names)))
     emg = emg_channels(trial)
     if emg:
-        facts.append(("probably EMG", _names(emg)))
+        facts.append(("probably EMG", listed(emg)))
     flat = [name for name, column in zip(analog.names, analog.values.T, strict=True) if _flat(column)]
     if flat:
-        warnings.append(f"{len(flat)} analog channels never change: {_names(flat)}")
+        warnings.append(f"{len(flat)} analog channels never change: {listed(flat)}")
 
 
 def _flat(column: Array) -> bool:
@@ -195,7 +195,7 @@ def _flat(column: Array) -> bool:
 def inspect_table(table: Table) -> Inspection:
     """Rows, names, units and oddities of a MOT or STO table."""
     facts = [
-        ("columns", f"{len(table.names)}: {_names(table.names)}"),
+        ("columns", f"{len(table.names)}: {listed(table.names)}"),
         ("rows", _clock(table)),
         ("angles", "degrees" if table.in_degrees else "radians, or none"),
     ]
@@ -207,7 +207,7 @@ def inspect_table(table: Table) -> Inspection:
         worst = [table.names[column] for column in np.argsort(-missing, kind="stable")[:SHOWN] if missing[column]]
         warnings.append(
             f"{missing.sum()} values are NaN ({100 * missing.sum() / table.values.size:.1f} %), "
-            f"in {np.count_nonzero(missing)} columns: {_names(worst)}"
+            f"in {np.count_nonzero(missing)} columns: {listed(worst)}"
         )
     warnings += _unit_warnings(table)
     return Inspection("table", tuple(facts), tuple(warnings))
@@ -242,7 +242,8 @@ def _count(number: int, what: str) -> str:
     return f"{number} {what}" + ("" if number == 1 else "s")
 
 
-def _names(names: Sequence[str], most: int = 400) -> str:
+def listed(names: Sequence[str], most: int = 400) -> str:
+    """Names in a row, the first ones where there are very many."""
     return ", ".join(names[:most]) + (f", ... ({len(names)} in all)" if len(names) > most else "")
 
 

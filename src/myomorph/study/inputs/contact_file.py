@@ -173,7 +173,9 @@ def read_contacts(source: str | Path, model: Model, measured: Measured | None = 
     for one in () if found is None else found.site:
         try:
             sites.append(_site(one, model))
-            _check_spans(one)
+            for start, stop in () if isinstance(one.intervals, str) else one.intervals:
+                if not start <= stop:
+                    raise BadData(f"intervals = [[{start:g}, {stop:g}]]: expected a start before an end [s]")
         except MyomorphError as error:
             problems.append(f"site '{one.name}': {error}")
     try:
@@ -244,12 +246,6 @@ def _site(site: _Site, model: Model) -> Site:
     numbers = (site.frame, site.friction, site.torsion, site.grip, site.cone_generators, site.max_force)
     cone = law(direction, *numbers, **options)
     return Site(site.name, site.body, np.array(site.points), cone, site.against, site.group)
-
-
-def _check_spans(site: _Site) -> None:
-    for start, stop in () if isinstance(site.intervals, str) else site.intervals:
-        if not start <= stop:
-            raise BadData(f"intervals = [[{start:g}, {stop:g}]]: expected a start before an end [s]")
 
 
 def _surfaces(contact_file: _ContactFile) -> dict[str, float | None]:
@@ -338,24 +334,19 @@ def read_stairs(path: str | Path, model: Model, trial: Path | None = None) -> St
 
 def _step(one: _Step, stairs: _Stairs) -> Step:
     pose = Transform.from_euler_xyz(np.radians(one.orientation), one.position)
-    matrix = None if one.matrix is None else _matrix(one)
+    if one.matrix is not None and len({len(row) for row in one.matrix}) != 1:
+        raise BadData(f"the matrix of step '{one.name}' has rows of several lengths")
     step = Step(
         one.name,
         pose,
         one.size,
         tuple(name.lower() for name in one.measures),
         tuple(one.channels),
-        matrix,
+        None if one.matrix is None else np.array(one.matrix, dtype=np.float64),
         np.array(one.origin),
         1 if stairs.force_on == "animal" else -1,
     )
     return step.rotated(Z_UP_TO_Y_UP) if stairs.up == "z" else step
-
-
-def _matrix(step: _Step) -> Array:
-    if len({len(row) for row in step.matrix or ()}) != 1:
-        raise BadData(f"the matrix of step '{step.name}' has rows of several lengths")
-    return np.array(step.matrix, dtype=np.float64)
 
 
 def _recording(given: str | None, path: Path, trial: Path | None, problems: list[str]) -> Path | None:

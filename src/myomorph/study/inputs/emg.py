@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.series import Emg, Trial
@@ -76,10 +76,6 @@ def emg_by_name(recording: Path) -> Path | None:
     return companion(recording, WORDS, ENDINGS)
 
 
-def _beside(recording: Path, values: Mapping[str, Any]) -> Beside:
-    return Beside(emg_by_name(recording))
-
-
 def _near(recording: Path, trial: Trial) -> Path | None:
     """By its name, or the only one that is called EMG."""
     path = emg_by_name(recording)
@@ -98,6 +94,6 @@ INPUT = Input(
     settings=EmgFiles,
     open=later("myomorph.study.inputs.emg_files:opened"),
     main="emg",
-    beside=_beside,
+    beside=lambda recording, values: Beside(emg_by_name(recording)),
     near=_near,
 )

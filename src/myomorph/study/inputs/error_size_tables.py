@@ -6,11 +6,12 @@ import csv
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from glob import escape
 from pathlib import Path
 
 from myomorph.io.parsing.text import write_csv
 from myomorph.model.errors import BadFile
-from myomorph.study.inputs.input import Input, Opened, Opening
+from myomorph.study.inputs.input import Input, Opened
 from myomorph.uncertainty.sources import GROUPS, NOTHING, ErrorSizes, ItemSize
 
 
@@ -19,13 +20,6 @@ class ErrorSizeTables:
     """Tables of sizes of errors, in the order of the steps that found them; () for those beside the model."""
 
     paths: tuple[Path, ...] = ()
-
-
-def _open(settings: ErrorSizeTables, opening: Opening) -> Opened:
-    return Opened((read_error_sizes(settings.paths or tables_beside(opening.model_file)),))
-
-
-INPUT = Input(name="error sizes", settings=ErrorSizeTables, open=_open)
 
 
 TABLE = "error_sizes.csv"
@@ -78,9 +72,11 @@ def _item(path: Path, number: int, row: Sequence[str]) -> ItemSize:
 
 def tables_beside(model: Path) -> tuple[Path, ...]:
     """Tables of sizes in the folders that a command left beside a model of its own."""
-    return tuple(sorted(model.parent.glob(f"{_plain(model.stem)}_*/{TABLE}")))
+    return tuple(sorted(model.parent.glob(f"{escape(model.stem)}_*/{TABLE}")))
 
 
-def _plain(name: str) -> str:
-    """A name in which no character stands for others."""
-    return "".join(f"[{one}]" if one in "[*?" else one for one in name)
+INPUT = Input(
+    name="error sizes",
+    settings=ErrorSizeTables,
+    open=lambda settings, opening: Opened((read_error_sizes(settings.paths or tables_beside(opening.model_file)),)),
+)

@@ -20,7 +20,7 @@ class Labels:
 
 
 def _open(settings: Labels, opening: Opening) -> Opened:
-    """The markers are renamed where they are read."""
+    # The markers are renamed where they are read.
     return Opened(sources=(value_source("markers", "labels of markers", sorted(settings.labels.items())),))
 
 

@@ -58,7 +58,9 @@ def nearest_feet(wrenches: Wrenches, model: Model, motion: Motion, checked: bool
             f"the forces run from {wrenches.time[0]:g} to {wrenches.time[-1]:g} s, the motion from {motion.time[0]:g} "
             f"to {motion.time[-1]:g} s: they have no time in common; are they of one recording, on one clock?"
         )
-    wrenches = _without_noise(_during(wrenches, motion), model, motion)
+    # As long before and after the motion as filters reach.
+    near = (wrenches.time >= motion.time[0] - MARGIN) & (wrenches.time <= motion.time[-1] + MARGIN)
+    wrenches = _without_noise(wrenches.frames(near), model, motion)
     poses = PosesBy(model, motion)
     places = {}
     for foot in feet:
@@ -74,12 +76,6 @@ def nearest_feet(wrenches: Wrenches, model: Model, motion: Motion, checked: bool
     during = {foot: place[inside] for foot, place in places.items()}
     unknown = undetermined_loads(carried.frames(inside), during, model.weight, np.asarray(model.up))
     return replace(carried, findings=(*carried.findings, *unknown))
-
-
-def _during(wrenches: Wrenches, motion: Motion) -> Wrenches:
-    """Forces during a motion, and as long before and after as filters reach."""
-    near = (wrenches.time >= motion.time[0] - MARGIN) & (wrenches.time <= motion.time[-1] + MARGIN)
-    return wrenches.frames(near)
 
 
 def _without_noise(wrenches: Wrenches, model: Model, motion: Motion) -> Wrenches:

@@ -13,7 +13,7 @@ from myomorph.model.frozen_map import FrozenMap
 from myomorph.store.outcome import Conditions, Excluded, Key
 from myomorph.store.results import file_name
 from myomorph.store.study_file import checked, existing, read_toml, refuse
-from myomorph.study.inputs.keys import Notes, Place
+from myomorph.study.inputs.keys import Notes, Place, WordOrFile
 from myomorph.study.plan import plan_checks
 from myomorph.study.plan.conditions import Exclusions, with_conditions
 from myomorph.study.plan.groups import GroupPlan, group_members, groups_of, measured_groups
@@ -28,7 +28,7 @@ from myomorph.study.plan.subject_tables import (
     study_steps,
     study_tables,
 )
-from myomorph.study.plan.subject_trials import contacts_file, located, measured, subject_files, subject_trials
+from myomorph.study.plan.subject_trials import located, measured, subject_files, subject_trials
 from myomorph.study.step.step_table import STEPS, usual_steps
 from myomorph.study.subject.subject_files import SubjectFiles
 from myomorph.study.trial.together import Together, together_of
@@ -293,7 +293,7 @@ def _together(file: Any, trials: Sequence[TrialFiles], home: Path, notes: Notes)
     """Trials of several subjects that are solved as one."""
     result = []
     for one in file.together:
-        contacts = contacts_file(one.contacts, home, f"together '{one.name}'", notes)
+        contacts = WordOrFile().located("contacts", one.contacts, Place(home, f"together '{one.name}'", notes))
         result.append(together_of(one, trials, home, contacts, notes.problems))
     return result
 

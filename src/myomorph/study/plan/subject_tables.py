@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any, Literal
@@ -260,7 +260,8 @@ def named_subjects(tables: Sequence[SubjectTable], home: Path, problems: list[st
             problems.append(f"subject '{one.name}' is there twice: folders {twice} and {one.folder}")
         else:
             kept.append(one)
-    return [Named(one.name, one.folder, _filled(one.table, one.name), one.matched) for one in kept]
+    filled = (_put(one.table.model_dump(exclude_unset=True), one.name) for one in kept)
+    return [replace(one, table=type(one.table).model_validate(table)) for one, table in zip(kept, filled, strict=True)]
 
 
 def _of(table: SubjectTable, home: Path, problems: list[str]) -> Iterator[Named]:
@@ -287,10 +288,6 @@ def _of(table: SubjectTable, home: Path, problems: list[str]) -> Iterator[Named]
 def _is_result(folder: Path) -> bool:
     """Whether a folder is hidden, or one that a study wrote."""
     return folder.name.startswith(".") or (folder / "results.csv").is_file()
-
-
-def _filled(table: SubjectTable, name: str) -> SubjectTable:
-    return type(table).model_validate(_put(table.model_dump(exclude_unset=True), name))
 
 
 def _put(value: Any, name: str) -> Any:

@@ -10,7 +10,7 @@ from myomorph.model.errors import listing
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.store.study_file import existing, matching
 from myomorph.study.inputs.beside import plain_stem
-from myomorph.study.inputs.keys import Notes, Place, WordOrFile
+from myomorph.study.inputs.keys import Notes, Place
 from myomorph.study.inputs.laboratory import Laboratory
 from myomorph.study.inputs.table import INPUTS, all_keys, input_of, settings_of_keys
 from myomorph.study.plan.measures import Measures
@@ -155,7 +155,7 @@ def subject_trials(
             continue
         own = located(trial, "trial", place, leave_out=BEGINS)
         if trial.markers or trial.motion:
-            own[_begins(trial)] = recording
+            own["markers" if trial.markers else "motion"] = recording
         values = shared | own
         values |= {key: (*shared[key], *own[key]) for key in own if key in shared and all_keys()[key][1].kind.adds}
         if own.get("torques") is not None and own.get("loads") is not None:
@@ -211,7 +211,11 @@ def _recordings(table: SubjectTable, folder: Path, where: str, problems: list[st
     """
     trial: Any
     for given in table.trials:
-        trial = _of_text(given) if isinstance(given, str) else given
+        trial = given
+        if isinstance(given, str):
+            # A name or a pattern: of coordinates where it ends as tables do, else of markers.
+            key = "motion" if Path(given).suffix.lower() in COORDINATES else "markers"
+            trial = trial_table()(**{key: given})
         if not (trial.markers or trial.motion) and trial.imu:
             sensors = [path for text in trial.imu for path in matching(folder, text, where, problems)]
             yield from ((trial, path) for path in sensors[:1])
@@ -221,19 +225,3 @@ def _recordings(table: SubjectTable, folder: Path, where: str, problems: list[st
             continue
         for recording in matching(folder, trial.markers or trial.motion, where, problems):
             yield trial, recording
-
-
-def _begins(trial: Any) -> str:
-    """Which of `BEGINS` a trial has."""
-    return "markers" if trial.markers else "motion"
-
-
-def _of_text(given: str) -> Any:
-    """A trial that is a name or a pattern: of coordinates where it ends as tables do, else of markers."""
-    key = "motion" if Path(given).suffix.lower() in COORDINATES else "markers"
-    return trial_table()(**{key: given})
-
-
-def contacts_file(given: str, folder: Path, where: str, notes: Notes) -> str:
-    """What tells of contacts: "auto", or a file as a path that can be opened."""
-    return WordOrFile().located("contacts", given, Place(folder, where, notes))

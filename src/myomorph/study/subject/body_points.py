@@ -28,7 +28,6 @@ from myomorph.study.subject.subject_files import WEIGHTS, BodyOptions, BodyShape
 
 if TYPE_CHECKING:
     from myomorph.identify.body.shape import Shape
-    from myomorph.identify.body.skin import Skin
 
 OWN = "own"
 """Weight map of envelopes: each point belongs to the link whose envelope it fills."""
@@ -114,7 +113,8 @@ def _in_skin(
     from myomorph.identify.body.fit_pose import pose_model_to_skin
 
     if shape.skin is not None:
-        skin = _read_skin(shape.skin, shape.height)
+        with about(shape.skin):
+            skin = check_skin(read_mesh(shape.skin), shape.height)
         landmarks = None if shape.landmarks is None else read_landmarks(shape.landmarks)
         with about(shape.landmarks or shape.skin):
             fitted = pose_model_to_skin(model, skin, landmarks)
@@ -141,11 +141,6 @@ def _regions(model: Model, weights: sparse.csr_array) -> np.ndarray:
     segments = segments_of(model)
     names = np.array([segments[body].name for body in model.body_names])
     return names[np.asarray(weights.argmax(axis=1)).ravel()]
-
-
-def _read_skin(path: Path, height: float | None) -> Skin:
-    with about(path):
-        return check_skin(read_mesh(path), height)
 
 
 def _statistical(shape: BodyShape, mass: float) -> Shape:

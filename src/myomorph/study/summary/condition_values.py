@@ -188,7 +188,7 @@ class GrowingCondition:
     def _animal(self, name: str, subject: _Subject, moving: set[Curve]) -> Animal:
         """A subject: parameters of strides (else of the trial) and the means of its curves that move."""
         scalars = {
-            _with_unit(quantity, self.units[quantity]): subject.values.mean[:, column]
+            quantity + ("" if (unit := self.units[quantity]) == "1" else f" [{unit}]"): subject.values.mean[:, column]
             for quantity, column in subject.values.columns.items()
             if quantity.rpartition(", ")[0] in PER_STRIDE
         }
@@ -202,10 +202,6 @@ class GrowingCondition:
                 tuple(kept), means[None][:, :, [subject.curves.columns[family, each] for each in kept]]
             )
         return Animal(name, scalars, curves, int(subject.strides))
-
-
-def _with_unit(quantity: str, unit: str) -> str:
-    return quantity if unit == "1" else f"{quantity} [{unit}]"
 
 
 def joined_curves(curves: Mapping[str, Series]) -> tuple[tuple[Curve, ...], Array]:

@@ -110,14 +110,11 @@ def write_fibers(tension: Tension, model: Model, strides: Strides | None, output
         write_sto(Table(tension.time, tension.muscles, values, facts=facts), output.folder / f"{name}.sto")
     optimal = {muscle.name: muscle.optimal_fiber_length for muscle in model.muscles}
     work = fiber_work(tension.time, tension.muscles, fibers, optimal, strides)
-    head = (f"{field.name}{_unit(field.name)}" for field in fields(FiberWork))
+    names = [field.name for field in fields(FiberWork)]
+    units = (UNITS.get(name.rpartition("_")[2], "") for name in names)
+    head = (f"{name}_{unit}" if unit else name for name, unit in zip(names, units, strict=True))
     write_csv(output.folder / WORK, head, map(astuple, work))
     return fiber_notes(tension, model)
-
-
-def _unit(name: str) -> str:
-    unit = UNITS.get(name.rpartition("_")[2], "")
-    return f"_{unit}" if unit else ""
 
 
 def fiber_notes(tension: Tension, model: Model) -> tuple[str, ...]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -237,15 +238,11 @@ def all_drawn(
 
 def statistics_of(values: Array, axis: int = 0) -> dict[str, Array]:
     """`EXTREMES` of values along an axis, NaN where none is known."""
-    known = np.isfinite(values)
-    if known.size and known.all():
-        low, high = values.min(axis=axis), values.max(axis=axis)
-        return {"minimum": low, "maximum": high, "range": high - low, "mean": values.mean(axis=axis)}
-    some = known.any(axis=axis)
-    low = np.where(some, np.min(np.where(known, values, np.inf), axis=axis), np.nan)
-    high = np.where(some, np.max(np.where(known, values, -np.inf), axis=axis), np.nan)
-    count = np.maximum(known.sum(axis=axis), 1)
-    mean = np.where(some, np.where(known, values, 0.0).sum(axis=axis) / count, np.nan)
+    values = np.where(np.isfinite(values), values, np.nan)
+    with warnings.catch_warnings():
+        # Of columns in which nothing is known.
+        warnings.simplefilter("ignore", RuntimeWarning)
+        low, high, mean = (of(values, axis=axis) for of in (np.nanmin, np.nanmax, np.nanmean))
     return {"minimum": low, "maximum": high, "range": high - low, "mean": mean}
 
 

@@ -39,17 +39,12 @@ def steps_before(step: Step[Any]) -> tuple[Step[Any], ...]:
     return tuple(before)
 
 
-def hashed_options(step: Step[Any], trial: TrialInputs) -> dict[str, object]:
-    """Options that the result of a step depends on, by name."""
-    values = [trial.options[kind] for kind in step.options] if step.hashed is None else step.hashed(trial)
-    return {f"{step.name}.{name}": value for options in values for name, value in plain_settings(options).items()}
-
-
 def step_provenance(step: Step[Any], trial: TrialInputs) -> Provenance:
     """What a step's result is made from: its inputs, and the options of this step and those before it."""
     options: dict[str, object] = {"time": None if trial.time is None else list(trial.time)}
     for each in (*steps_before(step), step):
-        options |= hashed_options(each, trial)
+        hashed = [trial.options[kind] for kind in each.options] if each.hashed is None else each.hashed(trial)
+        options |= {f"{each.name}.{name}": one for part in hashed for name, one in plain_settings(part).items()}
     sources = [source for source in trial.sources if step.roles is None or source.role in step.roles]
     return provenance_of(step.name, sources, options)
 

@@ -115,19 +115,19 @@ def error_table(fit: KinematicsFit) -> Table:
     return Table(fit.motion.time, ("rms", "largest", *fit.marker_names), values)
 
 
-def sensor_table(fit: KinematicsFit) -> Table:
-    """Angles between sensors and their bodies [deg]."""
-    return Table(fit.motion.time, fit.sensor_names, np.degrees(fit.sensor_errors), in_degrees=True)
-
-
 def _run(trial: TrialInputs, output: StepOutput) -> Poses:
     if trial.get(RecordedMotion) is not None:
-        return _given(trial, trial_motion(trial), output)
+        used = trial_motion(trial)
+        write_sto(table_from_motion(used, trial.model), output.folder / "coordinates.mot")
+        store.put_motion(output.writer, used, trial.model)
+        return Poses(used)
     checked, writer = solve_kinematics(trial), output.writer
     notes = tuple(map(str, checked.findings))
     if checked.sensors is not None:
         notes = (*notes, *checked.sensors.mounting.notes)
-        write_sto(sensor_table(checked.fit), output.folder / "sensor_errors.sto")
+        names, angles = checked.fit.sensor_names, np.degrees(checked.fit.sensor_errors)
+        table = Table(checked.fit.motion.time, names, angles, in_degrees=True)
+        write_sto(table, output.folder / "sensor_errors.sto")
     refined, recorded = trial.get(RefinedMotion), trial.recording.markers
     if refined is not None:
         from myomorph.study.inputs.refined_motion import refined_fit
@@ -151,13 +151,6 @@ def _run(trial: TrialInputs, output: StepOutput) -> Poses:
 def recorded_poses(trial: TrialInputs) -> Poses:
     """Coordinates that a trial begins with; raises `KeyError` where it begins with markers."""
     return Poses(trial.inputs[RecordedMotion].motion)
-
-
-def _given(trial: TrialInputs, used: Motion, output: StepOutput) -> Poses:
-    """Coordinates of a file in the place of inverse kinematics."""
-    write_sto(table_from_motion(used, trial.model), output.folder / "coordinates.mot")
-    store.put_motion(output.writer, used, trial.model)
-    return Poses(used)
 
 
 def _read(stored: Stored, options: OptionSet) -> Poses | None:

@@ -42,7 +42,6 @@ from myomorph.uncertainty.spread import (
     FACTORS,
     Draws,
     Shares,
-    Spread,
     Uncertainty,
     ValueErrors,
     widened,
@@ -165,7 +164,9 @@ def _run(
     curves_errors = widened_gait(gait, factors)
     uncertainty = Uncertainty(spreads, shares, chosen.draws, failed + weak, notes, factors, used, curves_errors)
     for quantity in whole:
-        _write_limits(quantity, spreads[quantity.name], output.folder)
+        ending, spread = ".mot" if quantity.name == "coordinates" else ".sto", spreads[quantity.name]
+        for limit, limits in (("low", spread.low), ("high", spread.high)):
+            write_sto(quantity.table(limits), output.folder / f"{quantity.name}_{limit}{ending}")
     _write_table(whole, uncertainty, output.folder / TABLE)
     _write_sources(used, output.folder / SOURCE_TABLE)
     put_uncertainty(output.writer, uncertainty, {quantity.name: quantity.unit for quantity in quantities})
@@ -238,13 +239,6 @@ def _notes(failed: int, weak: int, draws: int) -> tuple[str, ...]:
     return notes
 
 
-def _write_limits(quantity: Quantity, spread: Spread, folder: Path) -> None:
-    """Tables of the limits beside the table itself."""
-    ending = ".mot" if quantity.name == "coordinates" else ".sto"
-    for name, values in (("low", spread.low), ("high", spread.high)):
-        write_sto(quantity.table(values), folder / f"{quantity.name}_{name}{ending}")
-
-
 def _write_table(quantities: tuple[Quantity, ...], uncertainty: Uncertainty, path: Path) -> None:
     """One row a column: how wide its limits are, and what contributes to that."""
     groups = next((share.groups for share in uncertainty.shares.values()), ())
@@ -274,12 +268,8 @@ def _hashed(trial: TrialInputs) -> Sequence[object]:
     """Options, sizes, and what steps on the subject found, where they found anything."""
     chosen = (trial.options[DrawOptions], trial.options[Sources])
     sizes = trial.get(ErrorSizes) or NOTHING
-    return chosen if sizes == NOTHING else (*chosen, _FoundHash(_digest(sizes)))
-
-
-def _digest(error_sizes: ErrorSizes) -> str:
-    rows = sorted(size for item in error_sizes.items.values() for size in item.values())
-    return sha256(repr(rows).encode()).hexdigest()[:16]
+    rows = sorted(size for item in sizes.items.values() for size in item.values())
+    return chosen if sizes == NOTHING else (*chosen, _FoundHash(sha256(repr(rows).encode()).hexdigest()[:16]))
 
 
 def _show(report_input: ReportInput, stored: Stored) -> ReportInput:
