@@ -131,21 +131,12 @@ Open = Callable[[Any, Opening], Opened]
 
 @dataclass(frozen=True, kw_only=True)
 class Input:
-    """One input of a trial, or a few that belong together.
+    """One input of a trial, or a few that belong together; docs/adding.md says what its fields are for. Flags of
+    commands, keys of study files and their checks, what `analyze` writes, hashes, notes of the report and files of the
+    dry run follow from it.
 
-    Flags of commands, keys of study files and their checks, what `analyze` writes, hashes, notes of the report and
-    files of the dry run follow from it.
-
-    Attributes
-    ----------
-    name : by which steps name it
-    settings : frozen dataclass; its fields with a `KeyKind` are keys of study files and flags of commands
-    open : from settings and what is open already to what it gives; `later` names a function of a module that is
-        imported when a trial has such an input
-    main : field without which the others mean nothing on a command line, "" where each stands alone
-    beside : from a recording and the trial's keys to the file that belongs to it by the rule of names, for `main`
-    near : the same for `analyze`, which looks further; from a recording and what it holds
-    holds : inputs that may come with it: opened after it, with their defaults where nothing else is said
+    `open` may be that of `later`; `beside` takes the recording and the trial's keys, `near`, which looks further for
+    `analyze`, the recording and what it holds.
     """
 
     name: str

@@ -69,44 +69,18 @@ class StepCommand:
 
 @dataclass(frozen=True, kw_only=True)
 class Step(StepHead, Generic[Result]):
-    """One step.
+    """One step; docs/adding.md says what its fields are for.
 
-    What a step of a trial gives is a value with a type, kept among those of the trial's other steps in one result
-    file. What a step of another scope gives is a folder, with files that later steps and jobs read.
+    What a step of a trial gives is a value with a type, kept among those of the trial's other steps in one result file;
+    it may have `notes`, what was done about doubtful input, one line each. What a step of another scope gives is a
+    folder, with files that later steps and jobs read: `leaves`, as paths in the folder of the subject, specimen or
+    study; a result is there when they are. `tables` is in that folder, too, "" for it itself.
 
-    Attributes
-    ----------
-    scope : what it is done once for
-    run : of a trial: from the trial, the output and the results of `needs` and `uses` (None where absent) to its own;
-        it writes tables and values. Else from the inputs of its scope and where it writes (`FolderOutput`)
-    tables : folder of its tables in that of its trial, subject, specimen or study; "" for that one itself
-
-    Of a trial:
-
-    gives : type of its result; a result may have `notes`, what was done about doubtful input, one line each
-    needs : types of earlier results that it cannot do without
-    uses : types of earlier results that it takes where they are there
-    read : its result as stored, given the options of all steps; None where the file has none
-    inputs : names of the trial's inputs that it reads, see `study.inputs.table`; its command has their flags
-    roles : of the sources that its result depends on, None for all
-    hashed : from the trial to values of options that its result depends on; by default all of `options`
-    show : adds what a result file has of this step to what the report shows
-    signals : what it has over time (`Signals`), for tables of values and curves; from the file, the model and the
-        mass [kg]
-    numbers : its scalar results (`Value`), for tables of values; from the file, the model and the strides, None where
-        it is no walk
-    numbers_last : they come after the statistics of the signals of all steps
-    large : variables that are not read back, since nothing in a study or a page needs them
-    outcome : adds what the result tells of a trial to its outcome
-    outcome_variables : that must be read for this
-    command : what its command is like
-
-    Of other scopes:
-
-    applies : whether there is anything to do, from the inputs of its scope
-    made_from : from the inputs of its scope to what its result is derived from
-    leaves : files that later steps and jobs read, from what they are used as to their path in the folder of the
-        subject, specimen or study; a result is there when they are
+    `inputs`: names of the trial's inputs that it reads (`study.inputs.table`), whose flags its command has; `signals`
+    take the mass [kg], `numbers` the strides, None where it is no walk; with `numbers_last` they come after the
+    statistics of the signals of all steps; `large`: variables that are not read back, since nothing needs them;
+    `outcome` adds what the result tells of a trial to its outcome, for which `outcome_variables` are read; `applies`:
+    whether there is anything to do, from the inputs of its scope.
     """
 
     run: Callable[..., Result]
