@@ -18,12 +18,7 @@ from myomorph.study.inputs.keys import File
 
 @dataclass(frozen=True)
 class HeartFile:
-    """Times of heartbeats.
-
-    Attributes
-    ----------
-    heart : times of heartbeats, one a line [s]
-    """
+    """Times of heartbeats, one a line [s]."""
 
     heart: Annotated[Path | None, File(per="trial")] = None
 
