@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import fields, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
@@ -93,7 +93,12 @@ def viscosity_command(
     time = inputs_of_flags(inputs).or_default(TimeSpan).time
     if study is not None:
         plan = read_viscosity_plan(study)
-        refuse_files(model, intact, removed, changed(options))
+        if model is not None or intact or removed:
+            raise BadData("give a study file, or --model with --intact and --removed, but not both")
+        for field in fields(options) if options is not None else ():
+            if getattr(options, field.name) != field.default:
+                name = field.name.replace("_", "-")
+                raise BadData(f"--{name} is for --model: write it into the table [options] of the study file")
     else:
         files = {"without": (removed, removed_loads), "with": (intact, intact_loads)}
         plan = fixed_plan(model, files, base, first, muscle_mass, time, settings_dict(options))
@@ -116,22 +121,6 @@ def ended(outcomes: Sequence[Outcome], out: Path) -> int:
     said(f"{sum(1 for outcome in specimens if not outcome.error)} of {len(specimens)} specimens done")
     said(f"report: {(out / REPORT).resolve()}")
     return status_of(outcomes)
-
-
-def changed(options: Any) -> list[str]:
-    """Names of the options that are not as by default."""
-    if options is None:
-        return []
-    return [field.name for field in fields(options) if getattr(options, field.name) != field.default]
-
-
-def refuse_files(model: Path | None, intact: Sequence[Path], without: Sequence[Path], options: Sequence[str]) -> None:
-    """Raise `BadData` where a study file is given together with what it says itself."""
-    if model is not None or intact or without:
-        raise BadData("give a study file, or --model with --intact and --removed, but not both")
-    if options:
-        name = options[0].replace("_", "-")
-        raise BadData(f"--{name} is for --model: write it into the table [options] of the study file")
 
 
 def print_specimen(outcome: Outcome) -> None:

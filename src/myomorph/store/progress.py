@@ -43,7 +43,7 @@ def progress(title: str, total: int, unit: str = "frames") -> Iterator[Advance]:
         if bar is not None:
             bar.update(bar.task_ids[0], completed=done)
         elif interactive and time.monotonic() - started > PATIENCE:
-            bar = _bar(title, total, done)
+            bar = shown_bar(title, total, done)
 
     try:
         yield advance
@@ -58,16 +58,19 @@ def progress(title: str, total: int, unit: str = "frames") -> Iterator[Advance]:
         sys.stderr.write(f"{title}: {total} {unit} in {took:.1f} s\n")
 
 
-def _bar(title: str, total: int, done: float) -> Progress:
+def shown_bar(title: str, total: int, done: float = 0.0) -> Progress:
+    """A bar on standard error with the time left."""
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
     bar = Progress(
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(),
         MofNCompleteColumn(),
         TimeRemainingColumn(elapsed_when_finished=True),
         console=Console(stderr=True),
+        # Lines of results go above the bar, but stay where they are told to go where that is a file.
+        redirect_stdout=sys.stdout.isatty(),
     )
     bar.update(bar.add_task(title, total=total), completed=done)
     bar.start()

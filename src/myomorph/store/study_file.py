@@ -106,26 +106,17 @@ def existing(folder: Path, name: str | None, what: str, problems: list[str]) -> 
     if name is None:
         return None
     path = folder / name
-    if is_file(path):
+    # Of a name that no system can have, `Path.is_file` would raise an error.
+    if os.path.isfile(path):
         return path
-    near = [file.name for file in path.parent.glob(f"*{path.suffix}")] if is_folder(path.parent) else []
+    near = [file.name for file in path.parent.glob(f"*{path.suffix}")] if os.path.isdir(path.parent) else []
     problems.append(f"{what} file '{name}' does not exist: {path.parent} has {listing(path.name, near)}")
     return None
 
 
-def is_file(path: Path) -> bool:
-    """Whether there is such a file; of a name that no system can have `Path.is_file` would raise an error."""
-    return os.path.isfile(path)
-
-
-def is_folder(path: Path) -> bool:
-    """Whether there is such a folder, as `is_file`."""
-    return os.path.isdir(path)
-
-
 def matching(folder: Path, pattern: str, where: str, problems: list[str]) -> list[Path]:
     """The files that a name or a pattern stands for."""
-    if is_pattern(pattern) and not is_file(folder / pattern):
+    if is_pattern(pattern) and not os.path.isfile(folder / pattern):
         result = [path for path in globbed(folder, pattern) if path.is_file()]
         if not result:
             problems.append(f"{where}: no file matches '{pattern}' in {folder}")

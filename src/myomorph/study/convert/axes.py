@@ -11,6 +11,7 @@ import numpy as np
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.series import Z_UP_TO_Y_UP
+from myomorph.model.spatial import axis_rotation
 from myomorph.study.convert.recording import Recording
 
 Up: TypeAlias = Literal["", "y", "z", "keep"]
@@ -101,10 +102,7 @@ def _facing(recording: Recording, forward: Forward) -> Recording:
     quarter = int(np.round(angle / (0.5 * np.pi))) % 4
     if not quarter:
         return recording
-    cosine, sine = (1.0, 0.0, -1.0, 0.0)[quarter], (0.0, 1.0, 0.0, -1.0)[quarter]
-    cross = np.cross(np.eye(3), level)
-    # Rodrigues' formula; `cross` holds e x level in its rows, so its transpose turns to the left.
-    matrix = cosine * np.eye(3) + sine * cross + (1.0 - cosine) * np.outer(level, level)
+    matrix = np.round(axis_rotation(level, 0.5 * np.pi * quarter)) + 0.0
     return rotated(
         recording, matrix, f"turned by {90 * quarter if quarter < 3 else -90} degrees: the walk goes along {forward}"
     )

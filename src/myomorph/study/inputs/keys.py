@@ -18,7 +18,7 @@ from myomorph.io.labels import read_labels
 from myomorph.model.errors import BadData, BadFile
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.store.settings import attribute_help
-from myomorph.store.study_file import check_time, existing, is_folder, matching
+from myomorph.store.study_file import check_time, existing, matching
 
 
 @dataclass
@@ -145,7 +145,7 @@ class WordOrFile(KeyKind):
         """The word, or the path of the file."""
         if given in ("", *self.words):
             return str(given)
-        if is_folder(place.folder / given):
+        if os.path.isdir(place.folder / given):
             return str(place.folder / given)
         path = existing(place.folder, given, f"{place.where}: {key}", place.notes.problems)
         return "" if path is None else str(path)

@@ -1,13 +1,25 @@
-"""Coordinates that agree with markers and forces, in the place of those of inverse kinematics."""
+"""Coordinates that agree with markers and forces, in the place of those of inverse kinematics, and these forces."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from myomorph.model.arrays import read_only
-from myomorph.model.series import Motion
-from myomorph.study.inputs.input import Input, later
+import numpy as np
+
+from myomorph.model.arrays import Array, read_only
+from myomorph.model.errors import BadData, BadFile
+from myomorph.model.model import Model
+from myomorph.model.series import Markers, Motion, Wrenches
+from myomorph.store.results import file_source
+from myomorph.study.inputs.input import Input, Opened, Opening
+from myomorph.study.inputs.loads import ExternalLoads
+from myomorph.study.inputs.reading import read_motion
+
+if TYPE_CHECKING:
+    from myomorph.motion.marker_checks import CheckedFit
 
 
 @dataclass(frozen=True)
@@ -30,4 +42,76 @@ class RefinedMotion:
     cutoff: float
 
 
-INPUT = Input(name="refined", settings=RefinedFile, open=later("myomorph.study.inputs.refined_motion:opened"))
+def _open(settings: RefinedFile, opening: Opening) -> Opened:
+    """The refined motion, and external forces filtered as they were when it was refined. Raises `BadFile` where it is
+    of another model.
+    """
+    path, loads = settings.path, opening.values.get(ExternalLoads)
+    if not path.is_file():
+        return Opened()
+    from myomorph.motion.sync import resample_wrenches
+
+    motion = read_motion(path, opening.model)
+    if motion.names != opening.model.coordinate_names:
+        raise BadFile(path, "is no refined motion of this model", "run the study again with --fresh")
+
+    def filtered(moved: Motion) -> Wrenches:
+        assert loads is not None
+        wrenches = loads.of(moved)
+        return resample_wrenches(wrenches, wrenches.time, settings.cutoff)
+
+    return Opened(
+        (RefinedMotion(motion, settings.cutoff), None if loads is None else ExternalLoads(filtered)),
+        (file_source("refined motion", path),),
+        real="coordinates refined together with body, masses and forces",
+    )
+
+
+INPUT = Input(name="refined", settings=RefinedFile, open=_open)
+
+
+def refined_fit(
+    name: str, model: Model, refined: RefinedMotion, checked: CheckedFit
+) -> tuple[CheckedFit, tuple[str, ...]]:
+    """Refined coordinates in the place of those of inverse kinematics, with their marker errors, and notes. Raises
+    `BadData` where they are of other frames than the recording.
+    """
+    fit, time = checked.fit, refined.motion.time
+    step = float(np.median(np.diff(fit.motion.time)))
+    rows = (fit.motion.time > time[0] - 0.5 * step) & (fit.motion.time < time[-1] + 0.5 * step)
+    if rows.sum() != len(time) or np.abs(fit.motion.time[rows] - time).max() > 0.1 * step:
+        raise BadData(f"{name}: its refined motion is of other frames than its markers: run again with --fresh")
+    markers = replace(checked.markers, time=fit.motion.time[rows], values=checked.markers.values[rows])
+    seen = np.isfinite(fit.motion.values[rows]).all(axis=1)
+    values = np.where(seen[:, None], refined.motion.values, np.nan)
+    motion = Motion(markers.time, refined.motion.names, values)
+    errors = marker_distances(model, fit.marker_names, markers, motion)
+    lost = len(fit.motion) - int(rows.sum())
+    notes = (
+        (f"coordinates are refined from {time[0]:.2f} to {time[-1]:.2f} s, where forces were recorded; {lost} frames "
+         "of markers before and after are not used",) if lost > 1 else ()
+    )  # fmt: skip
+    fit = replace(
+        fit,
+        motion=motion,
+        errors=errors,
+        converged=fit.converged[rows],
+        iterations=fit.iterations[rows],
+        closure=None if fit.closure is None else fit.closure[rows],
+    )
+    return replace(checked, fit=fit, markers=markers), notes
+
+
+def marker_distances(model: Model, names: Sequence[str], markers: Markers, motion: Motion) -> Array:
+    """(frames, names) distance of markers on a model in motion from those recorded [m], NaN where unseen."""
+    from myomorph.rigid.kinematics import forward_kinematics
+    from myomorph.rigid.tree import compile_tree
+
+    tree = compile_tree(model)
+    known = np.isfinite(motion.values).all(axis=1)
+    distances = np.full((len(motion), len(names)), np.nan)
+    poses = forward_kinematics(tree, tree.coordinates_of(motion)[known])
+    points = poses.markers([model.marker(name) for name in names])
+    recorded = markers.values[:, [markers.names.index(name) for name in names]]
+    distances[known] = np.linalg.norm(points - recorded[known], axis=2)
+    return distances

@@ -68,7 +68,8 @@ def _subject(plan: Plan, files: SubjectFiles, shared: Mapping[str, Any], folder:
     _put_inputs(table, shared, folder)
     trials = tomlkit.aot()
     for trial in plan.trials:
-        own = {name: value for name, value in _values(trial).items() if value != shared.get(name, _default(name))}
+        usual = {name: key.default for name, (_, key) in all_keys().items()} | dict(shared)
+        own = {name: value for name, value in _values(trial).items() if value != usual[name]}
         for name in [name for name in own if all_keys()[name][1].kind.adds]:
             own[name] = own[name][len(shared.get(name, ())) :]
         entry = tomlkit.table()
@@ -103,10 +104,6 @@ def _values(trial: TrialFiles) -> dict[str, Any]:
         for name, (declared, _) in all_keys().items()
         if name != "mass"
     }
-
-
-def _default(name: str) -> Any:
-    return all_keys()[name][1].default
 
 
 def _beginning(values: Sequence[tuple[Any, ...]]) -> tuple[Any, ...]:

@@ -16,7 +16,7 @@ from myomorph.io.parsing.text import csv_text
 from myomorph.model.errors import BadFile
 from myomorph.store.locks import write_whole
 from myomorph.store.outcome import GATHERED, Key, Outcome
-from myomorph.store.progress import PATIENCE, silence
+from myomorph.store.progress import PATIENCE, shown_bar, silence
 from myomorph.store.results import fixed_date
 from myomorph.study.run.step_times import Learning, in_words
 from myomorph.study.run.work import Graph
@@ -72,32 +72,9 @@ class StudyProgress:
         if self._bar is None:
             if not self._shown or time.monotonic() - self._started < PATIENCE:
                 return
-            self._bar = self._begin()
+            self._bar = shown_bar(self.title, self.total)
         failed = f", {self.failed} failed" if self.failed else ""
-        left = self.left()
-        left_text = "" if left is None else f"{in_words(left)} left"
-        self._bar.update(
-            self._bar.task_ids[0], completed=self.done, left=left_text, description=f"{self.title}{failed}"
-        )
-
-    def _begin(self) -> Progress:
-        from rich.console import Console
-        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-
-        bar = Progress(
-            TextColumn("{task.description}", markup=False),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TextColumn("{task.fields[left]}"),
-            TimeElapsedColumn(),
-            console=Console(stderr=True),
-            refresh_per_second=2,
-            # Lines of results go above the bar, but stay where they are told to go where that is a file.
-            redirect_stdout=sys.stdout.isatty(),
-        )
-        bar.add_task(self.title, total=self.total, left="")
-        bar.start()
-        return bar
+        self._bar.update(self._bar.task_ids[0], completed=self.done, description=f"{self.title}{failed}")
 
     def close(self) -> None:
         """Leave the bar as it is."""

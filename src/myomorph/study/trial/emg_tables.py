@@ -19,12 +19,6 @@ from myomorph.tension.tension import Tension
 EMG_TABLE, EMG_CONFLICTS = "emg_channels.csv", "emg_conflicts.csv"
 
 
-def write_calibration(targets: EmgTargets, muscles: Mapping[str, Sequence[str]], path: Path) -> None:
-    """Delay, gain and muscles of each channel as a table, where there are any."""
-    if targets.calibration is not None:
-        write_channels(targets.calibration, muscles, path)
-
-
 def write_channels(emg_calibration: EmgCalibration, muscles: Mapping[str, Sequence[str]], path: Path) -> None:
     """Delay, gain and muscles of each channel as a table."""
     head = ("channel", "delay_s", "gain", "gain_low", "gain_high", "gain_from", "offset", "shape", "weight")

@@ -50,23 +50,19 @@ class Ahead:
 
     def wait(self, step: str) -> None:
         """Return when the kernels of a step are compiled; where the child has failed, they compile here."""
-        if step in MUSCLE_STEPS:
-            if self.works:
-                with compiling():
-                    self.join()
-            self.join()
+        if step in MUSCLE_STEPS and self.works:
+            with compiling():
+                self.join()
 
     def join(self) -> None:
         """Return when the child has ended."""
         if self._child is not None:
             self._child.wait()
-            self._child = None
 
     def stop(self) -> None:
         """End the child, if it still runs."""
         if self._child is not None:
             self._child.terminate()
-            self._child = None
 
 
 def compile_ahead(steps: Sequence[str], wraps: frozenset[str] = frozenset()) -> Ahead:

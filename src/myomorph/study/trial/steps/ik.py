@@ -32,7 +32,7 @@ from myomorph.study.inputs.imu import RecordedSensors
 from myomorph.study.inputs.input import ByType, OptionSet
 from myomorph.study.inputs.motion import RecordedMotion
 from myomorph.study.inputs.reading import read_motion
-from myomorph.study.inputs.refined import RefinedMotion
+from myomorph.study.inputs.refined import RefinedMotion, refined_fit
 from myomorph.study.step.step import Step, StepCommand, StepOutput
 from myomorph.study.trial.trial_inputs import EXTREMES, Signals, TrialInputs, Value
 
@@ -130,8 +130,6 @@ def _run(trial: TrialInputs, output: StepOutput) -> Poses:
         write_sto(table, output.folder / "sensor_errors.sto")
     refined, recorded = trial.get(RefinedMotion), trial.recording.markers
     if refined is not None:
-        from myomorph.study.inputs.refined_motion import refined_fit
-
         write_sto(table_from_motion(checked.fit.motion, trial.model), output.folder / "coordinates_ik.mot")
         checked, more = refined_fit(trial.name, trial.model, refined, checked)
         notes = (*notes, *more)

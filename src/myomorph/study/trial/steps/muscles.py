@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import groupby
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -76,15 +78,11 @@ def _variables(writer: ResultWriter, model: Model, motion: Motion, crossing: Seq
 def _arm_tables(motion: Motion, crossing: Sequence[tuple[str, str]], arms: Any, folder: Path) -> None:
     """One table a coordinate, its columns the muscles that cross it; pairs are in order of coordinates."""
     start = 0
-    while start < len(crossing):
-        coordinate = crossing[start][1]
-        stop = start
-        while stop < len(crossing) and crossing[stop][1] == coordinate:
-            stop += 1
-        names = tuple(muscle for muscle, _ in crossing[start:stop])
+    for coordinate, pairs in groupby(crossing, key=itemgetter(1)):
+        names = tuple(muscle for muscle, _ in pairs)
+        columns = slice(start, start := start + len(names))
         title = f"Moment arms about {coordinate}"
-        _table(motion, names, arms[:, start:stop], title, folder / f"moment_arms_{file_name(coordinate)}.sto")
-        start = stop
+        _table(motion, names, arms[:, columns], title, folder / f"moment_arms_{file_name(coordinate)}.sto")
 
 
 def _table(motion: Motion, names: tuple[str, ...], values: Array, title: str, path: Path) -> None:

@@ -39,7 +39,7 @@ from myomorph.study.inputs.loads import ExternalLoads
 from myomorph.study.inputs.torques import RecordedTorques
 from myomorph.study.step.step import Step, StepCommand, StepOutput
 from myomorph.study.trial.determined import determined
-from myomorph.study.trial.emg_tables import EMG_TABLE, write_calibration, write_conflicts
+from myomorph.study.trial.emg_tables import EMG_TABLE, write_channels, write_conflicts
 from myomorph.study.trial.fiber_step import fiber_numbers, fiber_signals, write_fibers
 from myomorph.study.trial.joint_contact_step import joint_contact_numbers, joint_contact_signals, write_joint_contacts
 from myomorph.study.trial.steps.id import Torques, cutoff_of, filter_summary, put_dynamics, solve_dynamics, torque_table
@@ -103,8 +103,8 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques 
     strides = strides_of_trial(trial, poses, torques) if tension.fibers is not None or points else None
     notes += write_fibers(tension, trial.model, strides, output)
     if task.emg is not None:
-        recorded = trial.get(RecordedEmg)
-        write_calibration(task.emg, {} if recorded is None else recorded.muscles, output.folder / EMG_TABLE)
+        if task.emg.calibration is not None:
+            write_channels(task.emg.calibration, trial.inputs[RecordedEmg].muscles, output.folder / EMG_TABLE)
         notes = (*write_conflicts(trial.model, tension, task.emg, output), *task.emg.notes, *notes)
     frame = trial.options[TensionTables].reactions
     if frame != "none":
