@@ -12,7 +12,7 @@ from myomorph.cli.output import folder_with, said, table_beside, warn
 from myomorph.model.errors import BadData
 from myomorph.study.inputs.motion import MotionFile as Coordinates
 from myomorph.study.step.step import Step, StepOutput, step_of
-from myomorph.study.trial.steps.ik import Poses, put_fit_beside, recorded_poses
+from myomorph.study.trial.steps.ik import Poses, recorded_poses
 from myomorph.study.trial.trial_inputs import TrialFiles, open_trial
 from myomorph.study.trial.trial_step import StepResults, run_step, steps_before
 from myomorph.study.trial.uncertainty_file import STEP as UNCERTAINTY
@@ -59,8 +59,6 @@ def step_command(name: str) -> Callable[..., int]:
         with written as (folder, writer):
             for part in (*before, step, *((step_of(UNCERTAINTY),) if drawn else ())):
                 results = run_step(part, trial, results, StepOutput(writer, folder))
-            if own.times is not None and motion is not None:
-                put_fit_beside(writer, motion, trial.model, own.times(results[step.gives]))
         where = () if own.table else (f"the report lists them ('myomorph report {out}')",)
         warn((*results.notes, *trial.warnings), *where)
         line = f"{step.title}: {len(results[Poses].recorded)} frames" if own.line is None else own.line(trial, results)

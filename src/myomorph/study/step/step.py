@@ -57,14 +57,13 @@ class StepCommand:
     """The command of a step of a trial. `line`: what it prints, from the trial and the results, None for the step's
     title and its frames; `table`: which of the step's tables is the file that it writes, "" for a folder of all;
     `draws`: it is computed anew with errors where asked for; `after`: earlier steps that it uses are run first, else it
-    does without them; `times`: of its result, at which a fit of markers that lies beside the motion is kept.
+    does without them.
     """
 
     line: Callable[[Any, Any], str] | None = None
     table: str = ""
     draws: bool = False
     after: bool = False
-    times: Callable[[Any], Any] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from myomorph.contact.site_motion import root_places, walked
 from myomorph.io.sto import table_from_motion, write_sto
-from myomorph.model.arrays import Array
-from myomorph.model.errors import BadData, MyomorphError
+from myomorph.model.errors import BadData
 from myomorph.model.findings import Finding
 from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion, Series, Table
@@ -27,11 +25,10 @@ from myomorph.report.trial.summary_lines import kinematics_line
 from myomorph.store import stored as store
 from myomorph.store.outcome import Outcome
 from myomorph.store.progress import progress
-from myomorph.store.results import STORED, ResultWriter, Stored, get_findings, put_findings, read_result
+from myomorph.store.results import Stored, get_findings, put_findings
 from myomorph.study.inputs.imu import RecordedSensors
 from myomorph.study.inputs.input import ByType, OptionSet
 from myomorph.study.inputs.motion import RecordedMotion
-from myomorph.study.inputs.reading import read_motion
 from myomorph.study.inputs.refined import RefinedMotion, refined_fit
 from myomorph.study.step.step import Step, StepCommand, StepOutput
 from myomorph.study.trial.trial_inputs import EXTREMES, Signals, TrialInputs, Value
@@ -246,43 +243,3 @@ STEP = Step(
     ),
     command=StepCommand(_line, "coordinates.mot", draws=True),
 )
-
-
-SAME = 1e-5
-"""Coordinates of a table and of the result beside it differ by less: the table is rounded [rad or m]."""
-
-
-def put_fit_beside(writer: ResultWriter, motion: Path, model: Model, time: Array) -> bool:
-    """Write the marker errors of `NAME_ik.nc` beside `NAME.mot` at some times [s], if its coordinates are these."""
-    beside = motion.with_name(f"{motion.stem}_ik{STORED}")
-    if not beside.is_file():
-        return False
-    try:
-        stored = read_result(beside)
-        fit, table = store.get_fit(stored), read_motion(motion, model)
-    except (MyomorphError, OSError, KeyError, ValueError):
-        return False
-    if fit is None or len(fit.motion) != len(table) or set(fit.motion.names) != set(table.names):
-        return False
-    columns = [fit.motion.names.index(name) for name in table.names]
-    if not np.allclose(fit.motion.values[:, columns], table.values, atol=SAME, equal_nan=True):
-        # The table was changed, or is of another recording.
-        return False
-    frames = np.searchsorted(fit.motion.time, time - 1e-6)
-    if len(frames) == 0 or frames[-1] >= len(fit.motion) or not np.allclose(fit.motion.time[frames], time, atol=1e-6):
-        return False
-    order = [fit.motion.names.index(name) for name in model.coordinate_names]
-    coordinates = Motion(time, model.coordinate_names, fit.motion.values[frames][:, order])
-    shown = replace(
-        fit,
-        motion=coordinates,
-        errors=fit.errors[frames],
-        converged=fit.converged[frames],
-        iterations=fit.iterations[frames],
-        closure=None if fit.closure is None else fit.closure[frames],
-    )
-    store.put_fit(writer, shown, model)
-    markers = store.get_markers(stored)
-    if markers is not None:
-        store.put_markers(writer, replace(markers, time=time, values=markers.values[frames]))
-    return True

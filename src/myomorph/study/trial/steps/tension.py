@@ -378,5 +378,5 @@ STEP = Step(
         *("time", "muscle", "activation", "muscle_force", "balanced_coordinate", "balanced_torque", "tension_status"),
         *("equilibrium_residual", "tension_iterations", "activation_lower", "activation_upper", "muscle_overstretched"),
     ),
-    command=StepCommand(_line, draws=True, times=lambda tensions: tensions.tension.time),
+    command=StepCommand(_line, draws=True),
 )
