@@ -16,7 +16,8 @@ from myomorph.study.trial.steps.ik import Poses, recorded_poses
 from myomorph.study.trial.trial_inputs import TrialFiles, open_trial
 from myomorph.study.trial.trial_step import StepResults, run_step, steps_before
 from myomorph.study.trial.uncertainty_file import STEP as UNCERTAINTY
-from myomorph.study.trial.uncertainty_file import drawn_settings, limits_summary
+from myomorph.study.trial.uncertainty_file import drawn_settings
+from myomorph.uncertainty.spread import Uncertainty
 
 
 def __getattr__(name: str) -> Callable[..., int]:
@@ -62,7 +63,8 @@ def step_command(name: str) -> Callable[..., int]:
         where = () if own.table else (f"the report lists them ('myomorph report {out}')",)
         warn((*results.notes, *trial.warnings), *where)
         line = f"{step.title}: {len(results[Poses].recorded)} frames" if own.line is None else own.line(trial, results)
-        said(f"{line}{limits_summary(results) if drawn else ''}; wrote {out}")
+        limits = f"; {results[Uncertainty].summary}" if drawn else ""
+        said(f"{line}{limits}; wrote {out}")
         return 0
 
     _sign(command, step, [*before, step], begins)

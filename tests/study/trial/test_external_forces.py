@@ -16,7 +16,7 @@ from myomorph.motion.sync import clock_shift, resample_wrenches
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.regressor import sum_of_wrenches
 from myomorph.store.settings import ForceOptions
-from myomorph.study.inputs.external_forces import read_loads, recording_wrenches
+from myomorph.study.inputs.external_forces import on_feet, plate_wrenches, read_loads
 from myomorph.study.inputs.keys import keys_of
 from myomorph.study.inputs.loads import LoadsFile, loads_by_name
 from myomorph.study.inputs.reading import open_model, read_motion
@@ -181,7 +181,7 @@ def test_an_idle_plate_of_a_recording_does_not_end_inverse_dynamics(walk) -> Non
     plates = [plate_of(named, k) for k in range(2)]
     still = replace(plates[0], name="idle", forces=0.0 * plates[0].forces, points=np.nan * plates[0].points)
     recording = Trial(plates=(*plates, still), plate_time=named.time, source="walk.c3d")
-    found = recording_wrenches(recording, model, motion)
+    found = on_feet(plate_wrenches(recording), model, motion)
     assert set(found.bodies) == {"calcn_r", "calcn_l"}
     assert [one.kind for one in found.findings] == ["idle plate"]
     some = differentiate(motion, 6.0)

@@ -10,7 +10,7 @@ from myomorph.model.segments import feet_of
 from myomorph.model.series import ForcePlate, Markers, Trial
 from myomorph.motion.measurements import default_markers
 from myomorph.study.inputs import reading
-from myomorph.study.inputs.external_forces import read_loads, recording_wrenches
+from myomorph.study.inputs.external_forces import on_feet, plate_wrenches, read_loads
 from myomorph.study.inputs.reading import fitted_to, open_model, read_motion
 
 
@@ -63,7 +63,7 @@ def test_plates_go_to_the_feet_that_stand_on_them(walker, data):
         corners = middle + np.array([[1, 0, 1], [-1, 0, 1], [-1, 0, -1], [1, 0, -1]]) * 0.3
         force = np.where(rest, 0.0, known.forces[:, i])
         plates.append(ForcePlate(f"plate {i + 1}", 2, corners, force, point, torque))
-    found = recording_wrenches(Trial(plates=tuple(plates), plate_time=known.time), walker, motion)
+    found = on_feet(plate_wrenches(Trial(plates=tuple(plates), plate_time=known.time)), walker, motion)
     assert feet_of(walker) == ("calcn_r", "calcn_l")
     inside = (known.time >= motion.time[0]) & (known.time <= motion.time[-1])
     during = (found.time >= motion.time[0]) & (found.time <= motion.time[-1])

@@ -37,7 +37,7 @@ from myomorph.study.analyze.recordings import (
     stands_still,
     static_beside,
 )
-from myomorph.study.analyze.sensor_trials import check_sensors, unmarked_model, unmarked_request, with_pose
+from myomorph.study.analyze.sensor_trials import MIN_FRAMES, check_sensors, unmarked_model, unmarked_request, with_pose
 from myomorph.study.analyze.unfit_markers import is_arm, unfit_markers
 from myomorph.study.inputs.assumed import Assumed
 from myomorph.study.inputs.input import ByType
@@ -56,8 +56,6 @@ from myomorph.study.trial.uncertainty_file import STEP as UNCERTAINTY
 
 STUDY, GENERIC, SUBJECT, PROPOSED = "study.toml", "generic.osim", "subject", "protocol.toml"
 STEPS = ("calibrate", "ik", "id", "muscles", "tension", "report")
-MIN_FRAMES = 6
-"""Frames in a row that derivatives need."""
 MIN_MARKERS = 6
 """Fewer markers on a body's bones say too little of a motion."""
 NEEDED = ("pelvis", "thigh", "shank")

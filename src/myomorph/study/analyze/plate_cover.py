@@ -7,14 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
-from myomorph.io.force_table import read_forces
 from myomorph.io.loads import read_load_entries
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, MyomorphError
 from myomorph.motion.sync import clock_shift
 from myomorph.store.settings import ForceOptions
 from myomorph.study.analyze.recordings import FOREFOOT, Recording, mean_place
-from myomorph.study.inputs.external_forces import layout_of
+from myomorph.study.inputs.external_forces import force_table
 
 GRAVITY = 9.80665
 LIGHT, HEAVY = 8.0, 300.0
@@ -142,7 +141,7 @@ def _plate_forces(recording: Recording, options: ForceOptions) -> tuple[Array, A
         forces, points = (np.stack([getattr(plate, part) for plate in plates], axis=1) for part in ("forces", "points"))
     else:
         try:
-            wrenches = [read_forces(path, layout=layout_of(options)) for path in _tables(loads)]
+            wrenches = [force_table(path, None, options) for path in _tables(loads)]
         except (MyomorphError, OSError):
             return None
         if not wrenches:

@@ -10,7 +10,7 @@ from pathlib import Path
 from myomorph.contact.force_checks import checked_forces
 from myomorph.contact.force_inspection import LOAD
 from myomorph.contact.plan import ContactPlan
-from myomorph.io.force_table import ForceLayout, force_layout, read_forces
+from myomorph.io.force_table import force_layout, read_forces
 from myomorph.io.formats import trial_format
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, BadFile, UnknownName
@@ -53,12 +53,11 @@ def opened(settings: LoadsFile, opening: Opening) -> Opened:
         if recording is None or not plates or (torques is not None and torques.torques is not None):
             return Opened(sources=tuple(sources))
         nearest = "The force of each plate acts on the foot that is nearest to its center of pressure."
-        loads = partial(
-            recording_wrenches, recording.trial, model, plates=settings.plates, options=_force_options(opening)
-        )
+        plated, options = recording.trial, _force_options(opening)
+        of_plates = ExternalLoads(lambda moved: on_feet(plate_wrenches(plated, settings.plates), model, moved, options))
         contacts = opening.values.get(ContactPlan)
         assumed = () if settings.plates or (contacts and contacts.measured == "shared") else (nearest,)
-        return Opened((ExternalLoads(loads),), tuple(sources), real="external forces of the plates", assumed=assumed)
+        return Opened((of_plates,), tuple(sources), real="external forces of the plates", assumed=assumed)
     path, markers = settings.loads, opening.settings.or_default(MarkersFile)
     loads = partial(
         read_loads,
@@ -256,21 +255,8 @@ def force_table(
     of each force's columns ("ground_force_", "1_ground_force_", "ground_force_r_"), and its body; `options`: columns,
     rate and origins that the table does not say.
     """
-    return read_forces(Path(path), bodies, layout_of(options or ForceOptions()))
-
-
-def layout_of(options: ForceOptions) -> ForceLayout:
-    """What options say of the layout of a table of forces."""
-    return force_layout(options.force_columns, options.force_rate, options.force_origins)
-
-
-def recording_wrenches(
-    trial: Trial, model: Model, motion: Motion, plates: Sequence[str] = (), options: ForceOptions | None = None
-) -> Wrenches:
-    """Forces of a recording's plates on the bodies that are named, or on the feet that are nearest. Raises `BadData`
-    where there is no plate, more bodies than plates, or no foot to be found.
-    """
-    return on_feet(plate_wrenches(trial, plates), model, motion, options)
+    told = options or ForceOptions()
+    return read_forces(Path(path), bodies, force_layout(told.force_columns, told.force_rate, told.force_origins))
 
 
 def plate_wrenches(trial: Trial, plates: Sequence[str] = ()) -> Wrenches:

@@ -156,10 +156,14 @@ def identify_subject(
             advance=advance,
         )
     force_notes = (f"{motion.name}: {text}" for motion in motions for text in motion.wrenches.notes)
-    # What identification says of itself comes first: whether its masses may be believed.
-    identification = replace(
-        identification, notes=(*identification.notes, *force_notes, *notes_of_points, *_option_warnings(options))
+    unfiltered = (
+        "no low-pass filter: noise of markers grows with the square of frequency in accelerations; where the motion "
+        "is not filtered already, give a cutoff, as 6 Hz for walking",
     )
+    # What identification says of itself comes first: whether its masses may be believed.
+    notes = (*identification.notes, *force_notes, *notes_of_points)
+    notes += unfiltered if options.recording.cutoff is None else ()
+    identification = replace(identification, notes=notes)
     models = {
         name: with_inertial_parameters(model, identification.parameters[name])
         for name in (identification.identified, SHAPE, GENERIC)
@@ -173,15 +177,6 @@ def identify_subject(
     }
     made = provenance_of("identify", sources, {"mass": mass, **options.plain()})
     return Identified(identification, made, validation=FrozenMap(validation))
-
-
-def _option_warnings(options: IdentifyOptions) -> tuple[str, ...]:
-    if options.recording.cutoff is not None:
-        return ()
-    return (
-        "no low-pass filter: noise of markers grows with the square of frequency in accelerations; where the motion "
-        "is not filtered already, give a cutoff, as 6 Hz for walking",
-    )
 
 
 def input_sources(model: Path, motions: Sequence[Path], loads: Sequence[Path], shape: BodyShape) -> list[Source]:

@@ -49,9 +49,7 @@ def refine_files(
     model = open_model(model_file)
     mass = check_mass(model, mass)
     trials = [open_trial(recording, settings, model) for recording in recordings]
-    sources = dict.fromkeys(source for trial in trials for source in trial.sources)
-    made = provenance_of("refine", sources, plain_settings(options) | {"mass": mass})
-    return replace(refined(trials, mass, options, model_file.name), provenance=made)
+    return refined(trials, mass, options, model_file.name)
 
 
 def refined(trials: Sequence[TrialInputs], mass: float | None, options: RefineOptions, name: str) -> Made[Refinement]:
@@ -73,7 +71,8 @@ def refined(trials: Sequence[TrialInputs], mass: float | None, options: RefineOp
     pieces = 1 + (max(2, len(recordings)) if options.check and (options.body or options.masses) else 0)
     with progress(f"{name}: refinement", pieces * options.iterations, "steps") as advance:
         refinement = refine(model, recordings, mass, options, default_path_lengths, lambda: advance(1))
-    made = provenance_of("refine", [], plain_settings(options) | {"mass": mass})
+    sources = dict.fromkeys(source for trial in trials for source in trial.sources)
+    made = provenance_of("refine", sources, plain_settings(options) | {"mass": mass})
     return Made(refinement, made, tuple(dict.fromkeys(warnings)))
 
 

@@ -12,7 +12,6 @@ import numpy as np
 
 from myomorph import __version__
 from myomorph.analysis.gait_curves import GaitCurves
-from myomorph.analysis.gait_scores import GaitNorm
 from myomorph.analysis.length_analysis import RANGE_HEAD, curve_rows, range_row
 from myomorph.analysis.phases import Phase
 from myomorph.analysis.presets import preset_of
@@ -119,7 +118,8 @@ def write_report(home: Path, prepared: Prepared, norms: GaitNorms | None = None)
     texts = {REPORT: prepared_page(prepared)}
     if prepared.gait is not None and prepared.results.model is not None:
         person = prepared.results.recorded.subject
-        norm, note = (norms or GaitNorms()).for_person(prepared.results.model, person)
+        against = norms or GaitNorms()
+        norm, note = norm_of(against.names, prepared.results.model, person, against.controls)
         texts[GAIT_PAGE] = gait_page(prepared, prepared.gait, norm, note)
     analysis = prepared.lengths
     if analysis is not None and analysis.ranges:
@@ -149,10 +149,6 @@ class GaitNorms:
             if results.prepared.gait is not None:
                 controls.setdefault(stored.facts.get("subject", path.stem), []).append(results.prepared.gait)
         return cls(names, FrozenMap({person: tuple(parts) for person, parts in controls.items()}))
-
-    def for_person(self, model: Model, person: str) -> tuple[GaitNorm | None, str]:
-        """The norm for a person, and a note where there is none."""
-        return norm_of(self.names, model, person, self.controls)
 
 
 class TrialResults:

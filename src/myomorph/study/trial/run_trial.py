@@ -57,7 +57,9 @@ class TrialSteps(JobSteps):
         self.results = results or trial_step.StepResults()
         self._files, self._made = ({}, {}) if fresh else self._earlier()
         self._waiting: list[str] = []
-        self._held = _Held(self.parts, _is_short(trial) and not self._files and not self.stored.exists())
+        markers = trial.recording.markers
+        short = markers is not None and len(markers) <= HELD_FRAMES
+        self._held = _Held(self.parts, short and not self._files and not self.stored.exists())
         self._ahead: Ahead | None = None
 
     def _earlier(self) -> tuple[dict[str, Path], dict[str, Provenance]]:
@@ -260,10 +262,6 @@ class _Held:
     def lost(self) -> tuple[str, ...]:
         """Steps that are nowhere but here, although they were to be kept: nothing more can be written."""
         return tuple(step for step in self.files if not (self.parts / step / PART).is_file())
-
-
-def _is_short(trial: TrialInputs) -> bool:
-    return (markers := trial.recording.markers) is not None and len(markers) <= HELD_FRAMES
 
 
 def clear_leftovers(folder: Path) -> None:

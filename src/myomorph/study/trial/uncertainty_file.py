@@ -10,8 +10,6 @@ from myomorph.model.errors import BadData, BadFile, unknown
 from myomorph.store.settings import settings_of
 from myomorph.store.study_file import read_toml
 from myomorph.study.step.step import step_head
-from myomorph.study.trial.trial_step import StepResults
-from myomorph.uncertainty.spread import Uncertainty
 
 STEP = "uncertainty"
 
@@ -42,12 +40,6 @@ def drawn_settings(draws: int | None, path: Path | None, workers: int | None = N
     if workers is not None and workers < 1:
         raise BadData(f"--workers {workers}: expected 1 or more")
     return {STEP: ({} if path is None else read_sizes(path)) | settings}
-
-
-def limits_summary(results: StepResults) -> str:
-    """How limits of results were found, as the end of a line; "" where nothing was drawn."""
-    uncertainty = results.get(Uncertainty)
-    return "" if uncertainty is None else f"; {uncertainty.summary}"
 
 
 def with_uncertainty(raw: Mapping[str, Any], default_steps: tuple[str, ...]) -> Mapping[str, Any]:
