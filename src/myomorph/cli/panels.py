@@ -12,8 +12,7 @@ if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions
 
 ALL_FLAG = "--help-all"
-MAX_SHOWN = 16
-"""A command with no more options than these shows them all by `--help`."""
+MAX_SHOWN = 16  # A command with no more options than these shows them all by `--help`.
 METHOD = "Method"
 PANELS = {
     "Inputs and outputs": (
@@ -49,8 +48,7 @@ PANELS = {
     ),
 }  # fmt: skip
 """Panels in their order and the options that stand in each; any other option is a setting of the command's method."""
-FAMILIES = {"EMG": "emg", "Inertial sensors": "imu"}
-"""Panels that have all options whose first word is this."""
+FAMILIES = {"EMG": "emg", "Inertial sensors": "imu"}  # Panels that have all options whose first word is this.
 
 FIRST = {
     "tension": (

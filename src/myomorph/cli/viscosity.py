@@ -22,8 +22,7 @@ from myomorph.viscosity.trust.cutoff import FilterOptions
 if TYPE_CHECKING:
     from myomorph.store.outcome import Outcome
 
-MAX_NOTES = 4
-"""Notes of a specimen that are printed; findings come first, clocks that were set right stay out."""
+MAX_NOTES = 4  # Notes of a specimen that are printed; findings come first, clocks that were set right stay out.
 
 ViscositySettings = options_class(FilterOptions, TrackingOptions, ViscosityOptions)
 

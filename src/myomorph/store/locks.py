@@ -19,12 +19,10 @@ from filelock import FileLock, Timeout
 from myomorph import __version__
 from myomorph.model.errors import BadData, BadFile
 
-FORMAT = 1
-"""Of the folders that a study writes; one higher where older versions would misread them."""
+FORMAT = 1  # Of the folders that a study writes; one higher where older versions would misread them.
 MARK = "study.json"
 LOCK = ".study.lock"
-PATIENCE = 600.0
-"""How long a trial waits for a process that still writes into its folder [s]."""
+PATIENCE = 600.0  # How long a trial waits for a process that still writes into its folder [s].
 
 
 @dataclass(frozen=True)

@@ -11,13 +11,10 @@ from myomorph.model.errors import MyomorphError
 
 Key = tuple[str, str]
 """Subject and trial; ("s01", "") is what is done once for a subject, ("", "") what is done once for the study."""
-GATHERED = ("", "")
-"""Key of the job that makes the tables of a study."""
+GATHERED = ("", "")  # Key of the job that makes the tables of a study.
 FULL = tuple(getattr(errno, name) for name in ("ENOSPC", "EDQUOT") if hasattr(errno, name))
-WINDOWS_FULL = (39, 112)
-"""ERROR_HANDLE_DISK_FULL and ERROR_DISK_FULL."""
-LITTLE = 1 << 20
-"""Less free space than this is none: no result fits in it [bytes]."""
+WINDOWS_FULL = (39, 112)  # ERROR_HANDLE_DISK_FULL and ERROR_DISK_FULL.
+LITTLE = 1 << 20  # Less free space than this is none: no result fits in it [bytes].
 
 
 @dataclass(frozen=True)

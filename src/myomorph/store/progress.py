@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from rich.progress import Progress
 
-PATIENCE = 2.0
-"""Work shorter than this says nothing [s]."""
+PATIENCE = 2.0  # Work shorter than this says nothing [s].
 
 Advance = Callable[[float], None]
 

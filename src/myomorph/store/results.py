@@ -31,8 +31,7 @@ PROVENANCE, REMARKS = "provenance_", "warnings_"
 """What facts of a single step begin with: what its values were made from, and what it found doubtful."""
 STEP = "step"
 BLOCK_ROWS, BLOCK_COLUMNS = 512, 64
-WHOSE = {"Conventions": "CF-1.10", "source": f"myomorph {__version__}"}
-"""What every result file tells first."""
+WHOSE = {"Conventions": "CF-1.10", "source": f"myomorph {__version__}"}  # What every result file tells first.
 SETTLED = 10.0
 """A file is taken to be the same while its size and times are, if it has not been touched for so long [s]."""
 LARGE, MAX_HASHES = 1 << 16, 256

@@ -21,8 +21,7 @@ Measured: TypeAlias = Literal["exact", "shared", "hidden"]
 Preset: TypeAlias = Literal["", "taichi", "tap", "drum", "judo", "gait", "lift", "motion"]
 """A kind of motion that reports know (`report.presets`), "" for the one that fits."""
 
-Side: TypeAlias = Literal["", "right", "left"]
-"""Side of a body, "" where it is not specified."""
+Side: TypeAlias = Literal["", "right", "left"]  # Side of a body, "" where it is not specified.
 
 SIMPLE = (bool, int, float, str)
 

@@ -30,8 +30,7 @@ FIBER_MEANINGS = {
 }
 """Of the variables of fibers and tendons over time."""
 
-CERTIFICATE = ("residual", "equilibrium", "steps", "second_activations", "second_forces")
-"""Fields of `Certificate`."""
+CERTIFICATE = ("residual", "equilibrium", "steps", "second_activations", "second_forces")  # Fields of `Certificate`.
 
 CONFLICT = "emg_conflict"
 CONFLICT_NUMBERS = {

@@ -37,8 +37,7 @@ def options_table(settings: Mapping[str, Sequence[Setting]]) -> type[BaseModel]:
     return create_model("StepOptions", __base__=Strict, **tables)
 
 
-MAX_PROBLEMS, MAX_CHARACTERS = 200, 200
-"""Problems of a file that are told, and signs of a value."""
+MAX_PROBLEMS, MAX_CHARACTERS = 200, 200  # Problems of a file that are told, and signs of a value.
 
 
 def read_toml(path: Path) -> dict[str, Any]:

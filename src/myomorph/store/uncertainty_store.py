@@ -16,11 +16,9 @@ from myomorph.uncertainty.spread import Shares, Spread, Uncertainty, ValueErrors
 DIMENSIONS = {"coordinates": "coordinate", "torques": "coordinate", "activations": "muscle", "forces": "muscle"}
 """Dimension of a table's columns in a result file; of the others one of their own."""
 ENDINGS = {"low": "lower limit of 90 %", "high": "upper limit of 90 %", "sd": "standard deviation of the draws"}
-GAIT = "gait_error_"
-"""Begins the names of the errors of gait curves, before the side."""
+GAIT = "gait_error_"  # Begins the names of the errors of gait curves, before the side.
 GROUP, VALUE, ERRORS = "error_group", "drawn_value", "value_error"
-SEPARATOR = ": "
-"""Between a step and its quantity in a result file."""
+SEPARATOR = ": "  # Between a step and its quantity in a result file.
 
 
 def put_uncertainty(writer: ResultWriter, uncertainty: Uncertainty, units: dict[str, str]) -> None:

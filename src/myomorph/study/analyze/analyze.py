@@ -56,16 +56,11 @@ from myomorph.study.trial.uncertainty_file import STEP as UNCERTAINTY
 
 STUDY, GENERIC, SUBJECT, PROPOSED = "study.toml", "generic.osim", "subject", "protocol.toml"
 STEPS = ("calibrate", "ik", "id", "muscles", "tension", "report")
-MIN_MARKERS = 6
-"""Fewer markers on a body's bones say too little of a motion."""
-NEEDED = ("pelvis", "thigh", "shank")
-"""Segments that must have a marker, ..."""
-OF_ARMS = ("trunk", "upper_arm", "forearm")
-"""... and where there are markers of arms alone."""
-OF_MUSCLES = ("muscles", "tension")
-"""Steps that a model without muscles does not take."""
-HEIGHT_TOLERANCE = 0.1
-"""A height that the markers show lies within this share of the true one."""
+MIN_MARKERS = 6  # Fewer markers on a body's bones say too little of a motion.
+NEEDED = ("pelvis", "thigh", "shank")  # Segments that must have a marker, ...
+OF_ARMS = ("trunk", "upper_arm", "forearm")  # ... and where there are markers of arms alone.
+OF_MUSCLES = ("muscles", "tension")  # Steps that a model without muscles does not take.
+HEIGHT_TOLERANCE = 0.1  # A height that the markers show lies within this share of the true one.
 
 
 @dataclass(frozen=True)

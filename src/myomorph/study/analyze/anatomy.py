@@ -43,8 +43,7 @@ of the patellar tendon is 0.68 at 75 degrees and stays at 0.6 from 90 on, as the
 """
 SPECIFIC_TENSION, OF_ARMS = 60.0, 50.8
 """Maximum isometric force of a cross-section of legs (Rajagopal et al. 2016), of arms (Saul et al. 2015) [N/cm^2]."""
-MASS, HEIGHT = 75.0, 1.70
-"""Of the body whose cross-sections the table has [kg], [m]."""
+MASS, HEIGHT = 75.0, 1.70  # Of the body whose cross-sections the table has [kg], [m].
 
 
 class Cylinder(NamedTuple):

@@ -49,8 +49,7 @@ JOINTS = {
     "mtp_angle": "mtp",
 }
 """Joints, which MuJoCo has no names for, by the body or coordinate that they are called after, without the side."""
-SIDED = ("femur", "tibia", "talus", "calcn", "scapula", "humerus", "ulna", "radius", "lunate")
-"""Bodies of either side."""
+SIDED = ("femur", "tibia", "talus", "calcn", "scapula", "humerus", "ulna", "radius", "lunate")  # Bodies of either side.
 LOCKED = ("mtp_angle_r", "mtp_angle_l")
 WIDENED = tuple(
     f"{name}_{side}"
@@ -60,8 +59,7 @@ WIDENED = tuple(
 FURTHER = np.radians(30.0)
 """People go beyond the model's ranges of these, by so much at most [rad]: free, ankle and subtalar joint turn over."""
 
-LONG = 1.0
-"""Length of a cylinder that MuJoCo has without an end [m]."""
+LONG = 1.0  # Length of a cylinder that MuJoCo has without an end [m].
 MUSCLE = "Millard2012EquilibriumMuscle"
 
 

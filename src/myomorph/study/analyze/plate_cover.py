@@ -16,12 +16,9 @@ from myomorph.study.analyze.recordings import FOREFOOT, Recording, mean_place
 from myomorph.study.inputs.external_forces import force_table
 
 GRAVITY = 9.80665
-LIGHT, HEAVY = 8.0, 300.0
-"""A person weighs between these [kg]."""
-STEADY = 0.02
-"""Halves of what is weighed agree within this share, and somebody who stands still varies by no more."""
-SECONDS = 1.5
-"""A gait weighs its body in the mean over so long at least, whatever the steps at its ends carry [s]."""
+LIGHT, HEAVY = 8.0, 300.0  # A person weighs between these [kg].
+STEADY = 0.02  # Halves of what is weighed agree within this share, and somebody who stands still varies by no more.
+SECONDS = 1.5  # A gait weighs its body in the mean over so long at least, whatever the steps at its ends carry [s].
 
 
 def weighed(static: Recording | None, moving: Sequence[Recording], options: ForceOptions) -> tuple[float, str]:
@@ -57,19 +54,14 @@ def _mass(recording: Recording, options: ForceOptions) -> float | None:
     return mass if covered and time[-1] - time[0] > SECONDS else None
 
 
-STANDS, NEAR = 0.03, 0.35
-"""A foot stands whose marker is so near its lowest height [m], and is slower than this [m/s]."""
-CARRIES = 0.5
-"""Feet that stand on plates carry together at least this share of the weight."""
+STANDS, NEAR = 0.03, 0.35  # A foot stands whose marker is so near its lowest height [m], and is slower than this [m/s].
+CARRIES = 0.5  # Feet that stand on plates carry together at least this share of the weight.
 SIDES = ("right", "left")
-BETWEEN = 0.2
-"""Share of the way between the feet at whose ends a center of pressure is one foot's."""
-SHARED = 0.3
-"""Two feet that share a plate for so long are more than a step from one half of it to the other [s]."""
+BETWEEN = 0.2  # Share of the way between the feet at whose ends a center of pressure is one foot's.
+SHARED = 0.3  # Two feet that share a plate for so long are more than a step from one half of it to the other [s].
 ANKLES = ("shank.lateral_malleolus", "shank.medial_malleolus", "foot.ankle")
 """What shows a foot that has no marker on a landmark."""
-LASTS = 0.05
-"""Share of a recording in which feet stand without a force, from which on it counts."""
+LASTS = 0.05  # Share of a recording in which feet stand without a force, from which on it counts.
 
 
 def uncovered_share(recording: Recording, weight: float, options: ForceOptions | None = None) -> float:

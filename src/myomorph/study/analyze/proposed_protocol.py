@@ -28,15 +28,12 @@ LANDMARKS = (
 """Where laboratories put markers; the others lie so near to these that geometry does not tell them apart."""
 SKIN = tuple(f"{part}.{place}" for part in ("thigh", "shank") for place in ("upper", "lateral", "front", "lower"))
 MIDLINE = ("sacrum", "c7", "t10", "jugular_notch", "xiphoid")
-SIZES = np.arange(0.6, 1.3, 0.08)
-"""Heights of bodies over that of the generic model that are tried."""
+SIZES = np.arange(0.6, 1.3, 0.08)  # Heights of bodies over that of the generic model that are tried.
 HEADINGS = np.radians(np.arange(0.0, 360.0, 15.0))
 CAP = 0.10
 """Farther from every landmark, a marker is on an arm, on the head or on no body [m]; of a body as tall as the model."""
-NEAR = 0.06
-"""So far from where the model has it a landmark is offered [m]; of a body as tall as the model."""
-FOOT = 0.12
-"""Markers below this height are on feet [m]; of a body as tall as the model."""
+NEAR = 0.06  # So far from where the model has it a landmark is offered [m]; of a body as tall as the model.
+FOOT = 0.12  # Markers below this height are on feet [m]; of a body as tall as the model.
 TRIED, ROUNDS, MIN_FIT = 10, 8, 6
 PELVIS, LEG = 3, ("thigh", "shank", "foot")
 """Landmarks on the pelvis, and segments of either leg, without which nothing is offered."""

@@ -46,10 +46,8 @@ def read_protocols(path: Path) -> ProtocolTable:
     return protocol_table(text, str(path), protocols())
 
 
-EMG_SAMPLES, EMG_RATE = 300, 100.0
-"""Less than so many samples, or a lower rate [Hz], does not show raw EMG."""
-DEAD = 0.05
-"""An EMG channel whose spread is below this share of the median of all has no electrode on a muscle."""
+EMG_SAMPLES, EMG_RATE = 300, 100.0  # Less than so many samples, or a lower rate [Hz], does not show raw EMG.
+DEAD = 0.05  # An EMG channel whose spread is below this share of the median of all has no electrode on a muscle.
 
 
 @dataclass(frozen=True)

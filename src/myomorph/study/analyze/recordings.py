@@ -25,8 +25,7 @@ from myomorph.study.inputs.laboratory import AS_RECORDED, Laboratory, Up
 from myomorph.study.inputs.reading import read_recording
 from myomorph.study.inputs.table import INPUTS, input_of
 
-STILL = 0.03
-"""Markers of somebody who stands still stay within so much, the farthest tenth of the frames left out [m]."""
+STILL = 0.03  # Markers of somebody who stands still stay within so much, the farthest tenth of the frames left out [m].
 STATIC_WORDS = ("static", "stand", "neutral", "calibration", "tpose", "t-pose", "t_pose", "anatomical")
 SHARED, ALIKE = 0.6, 0.08
 """A static trial of the same body has this share of the markers, and distances that differ by less than this."""
@@ -38,8 +37,7 @@ RIGID = (
 FOREFOOT = tuple(f"foot.{one}" for one in ("mt1_head", "mt2_head", "mt5_head", "big_toe", "small_toe", "toe_tip"))
 SHOULDERS = tuple(f"trunk.{one}" for one in ("c7", "t2", "jugular_notch", "acromion"))
 CHEST = tuple(f"trunk.{one}" for one in ("t8", "t10", "t12", "xiphoid"))
-RIGHT_ANGLE = 20.0
-"""A laboratory's axes are taken to be along the walk where they are by less [degrees]."""
+RIGHT_ANGLE = 20.0  # A laboratory's axes are taken to be along the walk where they are by less [degrees].
 
 
 @dataclass(frozen=True, eq=False)

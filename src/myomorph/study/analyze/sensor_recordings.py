@@ -20,8 +20,7 @@ from myomorph.motion.sensors.mounting import named_bodies
 from myomorph.motion.sensors.sensor_kinematics import STILL, STILL_TIME
 from myomorph.study.inputs.imu import ImuFiles
 
-QUIET = 90.0
-"""Percentile of the speeds of rotation that are slow while somebody stands still."""
+QUIET = 90.0  # Percentile of the speeds of rotation that are slow while somebody stands still.
 
 
 def speeds_of_rotation(sensors: InertialSensors) -> Array:

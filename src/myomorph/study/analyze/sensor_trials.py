@@ -23,8 +23,7 @@ from myomorph.study.trial.uncertainty_file import STEP as UNCERTAINTY
 BY_HEIGHT = 0.013
 """Standard deviation of a joint's place where the height alone is known [m]: stature follows from the femur within
 3.3 cm, 2.4 cm for each of its own (Trotter and Gleser 1952)."""
-MIN_FRAMES = 6
-"""Frames that derivatives need."""
+MIN_FRAMES = 6  # Frames that derivatives need.
 
 
 def unmarked_request(request: AnalyzeRequest) -> tuple[AnalyzeRequest, str]:

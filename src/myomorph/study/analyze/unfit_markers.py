@@ -8,8 +8,7 @@ from collections.abc import Sequence
 from myomorph.motion.protocols import Recognized
 
 TABLE = "say what they lie on in a table (--protocol TABLE.toml), or give a model with such markers (--model)"
-NUMBERED = re.compile(r"^(?P<stem>\D*?)[\s_.-]*\d+$")
-"""A label that only counts: `Point 12`, `unnamed_3`, `M7`."""
+NUMBERED = re.compile(r"^(?P<stem>\D*?)[\s_.-]*\d+$")  # A label that only counts: `Point 12`, `unnamed_3`, `M7`.
 ARM_WORDS = re.compile(
     r"fore_?arm|(^|[^a-z])l?arm|epic|styl|wrist|elbow|humer|clav|scap|acro|glove|olecr|(^|[_. ])(hand|finger)"
 )
@@ -20,12 +19,9 @@ ARM_SHORT = frozenset(
 """Labels of the recommendation of the International Society of Biomechanics for arms (Wu et al. 2005)."""
 ARM_SEGMENTS = frozenset(("upper_arm", "forearm", "hand"))
 LEG_SEGMENTS = frozenset(("thigh", "shank", "foot"))
-MIN_ARM = 4
-"""So many labels on arms, none on a leg, make a recording of an arm, ..."""
-MIN_SHARE = 0.2
-"""... and so large a share of all labels."""
-MOSTLY = 0.8
-"""Share of labels that makes all of them of a kind."""
+MIN_ARM = 4  # So many labels on arms, none on a leg, make a recording of an arm, ...
+MIN_SHARE = 0.2  # ... and so large a share of all labels.
+MOSTLY = 0.8  # Share of labels that makes all of them of a kind.
 
 
 def unfit_markers(recognized: Recognized, lacking: Sequence[str]) -> str:

@@ -17,8 +17,7 @@ from myomorph.study.convert.recording import Recording
 Up: TypeAlias = Literal["", "y", "z", "keep"]
 Forward: TypeAlias = Literal["", "x", "-x", "y", "-y", "z", "-z"]
 
-WALKED = 0.5
-"""Way of the markers' middle from which a recording has a walking direction [m]."""
+WALKED = 0.5  # Way of the markers' middle from which a recording has a walking direction [m].
 
 
 def axes_of_text(text: str) -> Array:

@@ -54,8 +54,7 @@ from myomorph.study.inputs.reading import read_recording
 from myomorph.study.step.step import large_variables
 from myomorph.study.trial.reporting import source_file
 
-VERSION = "1.11.1"
-"""Of the specification that is written."""
+VERSION = "1.11.1"  # Of the specification that is written.
 DERIVED = Path("derivatives", "myomorph")
 PARTICIPANTS = "participants.tsv"
 GENERATED = {"Name": "Myomorph", "Version": __version__}

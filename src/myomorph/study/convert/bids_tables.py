@@ -20,8 +20,7 @@ from myomorph.store.results import Stored
 from myomorph.store.uncertainty_store import get_uncertainty
 from myomorph.uncertainty.spread import LEVEL
 
-INTERVALS = "Intervals"
-"""Ends the name of a table of limits."""
+INTERVALS = "Intervals"  # Ends the name of a table of limits.
 SPREADS = {"coordinates": "angles", "forces": "tensions"}
 """Names of tables of `Uncertainty` that are called otherwise here."""
 TABLES = {

@@ -23,11 +23,9 @@ from myomorph.model.sides import other_side, split_side
 from myomorph.study.convert.axes import Forward, Up, turned, vertical
 from myomorph.study.convert.recording import Recording, between, labelled, read_parts
 
-KINDS = (".trc", ".mot", ".sto", ".csv", ".c3d")
-"""Endings of files that can be written."""
+KINDS = (".trc", ".mot", ".sto", ".csv", ".c3d")  # Endings of files that can be written.
 
-SAME = 1e-6
-"""Times that differ by less are the same: files round them [s]."""
+SAME = 1e-6  # Times that differ by less are the same: files round them [s].
 
 
 @dataclass(frozen=True)
@@ -267,8 +265,7 @@ FOOT_MARKER = re.compile(r"heel|hee|calc|toe|mt_?[1-5p]|mtp|meta|foot|hallux|hal
 FEET = {"right": "calcn_r", "left": "calcn_l"}
 """Bodies that forces are given to, as OpenSim's models call the heel bones."""
 
-LOADED = 20.0
-"""Force from which a plate carries somebody [N]."""
+LOADED = 20.0  # Force from which a plate carries somebody [N].
 
 
 def on_feet(wrenches: Wrenches, markers: Markers | None, bodies: Sequence[str] = ()) -> Wrenches:

@@ -20,8 +20,7 @@ from myomorph.motion.sync import cut
 from myomorph.study.inputs.plate_wrenches import recorded_wrenches
 from myomorph.study.inputs.reading import about, faces_z, read_recording, renamed
 
-TABLES = (".mot", ".sto", ".csv", ".txt")
-"""Endings of tables."""
+TABLES = (".mot", ".sto", ".csv", ".txt")  # Endings of tables.
 
 
 @read_only

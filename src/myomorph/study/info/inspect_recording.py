@@ -14,8 +14,7 @@ from myomorph.model.series import Markers, Series, Table, Trial
 from myomorph.motion.crossings import crossings
 
 SHOWN = 12
-SELDOM = 0.2
-"""Share of positions that are missing above which the parts worth using are told."""
+SELDOM = 0.2  # Share of positions that are missing above which the parts worth using are told.
 
 POINT = re.compile(r"force.*p[xyz]$", re.IGNORECASE)
 ANGLE = re.compile(r"flexion|angle|adduction|rotation|tilt|list|bending|elev|pro_sup|/value$|abd|_rot_", re.IGNORECASE)

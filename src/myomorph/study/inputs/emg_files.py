@@ -36,8 +36,7 @@ OTHER_SENSORS = re.compile(
 """Analog channels that are no EMG by their names."""
 SWINGS = 0.3
 """Share of negative samples from which on a channel is raw EMG: it swings about zero, an envelope does not."""
-MOSTLY_FAST = 0.5
-"""Share of the variance above 20 Hz from which on a channel is no envelope."""
+MOSTLY_FAST = 0.5  # Share of the variance above 20 Hz from which on a channel is no envelope.
 SYMMETRIC = 0.55
 """How far raw EMG goes below its median at least, over how far above; rectified EMG goes 0.35 times as far."""
 

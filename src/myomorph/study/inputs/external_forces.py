@@ -31,8 +31,7 @@ from myomorph.study.inputs.plate_wrenches import nearest_feet, recorded_wrenches
 from myomorph.study.inputs.reading import PosesBy, about, faces_z, read_recording
 from myomorph.study.inputs.torques import TorquesFile
 
-NOBODY = ("", "-", "none")
-"""What stands for a plate on which nobody steps."""
+NOBODY = ("", "-", "none")  # What stands for a plate on which nobody steps.
 
 
 def opened(settings: LoadsFile, opening: Opening) -> Opened:

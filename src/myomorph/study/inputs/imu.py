@@ -44,8 +44,7 @@ class ImuFiles:
     imu_heading: Annotated[Mapping[str, str], Pairs(shown="SENSOR=AXIS")] = field(default_factory=lambda: FrozenMap({}))
 
 
-WORDS = ("imu", "IMU", "sensors", "orientations")
-"""In the name of a file of sensors that belongs to a recording."""
+WORDS = ("imu", "IMU", "sensors", "orientations")  # In the name of a file of sensors that belongs to a recording.
 ENDINGS = (".sto", ".mvnx", ".h5", ".csv", ".txt")
 
 
@@ -60,8 +59,7 @@ def _near(recording: Path, trial: Trial) -> Path | None:
     return path if path is not None and path != recording and sensor_files(path) else None
 
 
-NONE = ("", "-", "none")
-"""In the place of a body: the sensor is left out."""
+NONE = ("", "-", "none")  # In the place of a body: the sensor is left out.
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,8 +16,7 @@ from myomorph.study.inputs.keys import File, Names, Pairs
 
 WORDS = ("grf", "GRF", "external_loads", "external_forces", "externalforces", "ExternalLoads", "loads", "forces")
 """In the name of a file of forces that belongs to a recording."""
-TABLES = (".mot", ".sto", ".csv", ".txt")
-"""Endings of tables of forces."""
+TABLES = (".mot", ".sto", ".csv", ".txt")  # Endings of tables of forces.
 FOLDERS = ("grf", "grfs", "forces", "force", "forcedata", "loads", "forceplates")
 """Names of folders of forces, in small letters without underscores."""
 

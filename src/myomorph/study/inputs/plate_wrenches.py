@@ -17,11 +17,9 @@ from myomorph.model.segments import feet_of
 from myomorph.model.series import Motion, Trial, Wrenches
 from myomorph.study.inputs.reading import PosesBy
 
-MARGIN = 1.0
-"""Time before and after a motion that its forces keep, for filters [s]."""
+MARGIN = 1.0  # Time before and after a motion that its forces keep, for filters [s].
 
-NOISE = 0.03
-"""Share of the weight that a foot on a plate puts down at least."""
+NOISE = 0.03  # Share of the weight that a foot on a plate puts down at least.
 
 
 def recorded_wrenches(trial: Trial, bodies: Sequence[str] | None = None) -> Wrenches:

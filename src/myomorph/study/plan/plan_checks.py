@@ -29,8 +29,7 @@ OF_STUDY = (
 )  # fmt: skip
 """Files of the results' folder, whose names no subject can have."""
 
-LONGEST = 100
-"""Signs of a name: it is there twice in the path of a result, and Windows takes 260 in all."""
+LONGEST = 100  # Signs of a name: it is there twice in the path of a result, and Windows takes 260 in all.
 
 
 def folder_key(name: str) -> str:

@@ -23,10 +23,8 @@ from myomorph.study.trial.together import TogetherTable
 
 BEFORE_IK = ("morph", "calibrate", "transfer")
 """Steps on subjects that make the model whose coordinates the others use."""
-Patterns = str | list[str]
-"""One pattern or several."""
-PLACE = "{subject}"
-"""What stands for the subject's name in the texts of its table."""
+Patterns = str | list[str]  # One pattern or several.
+PLACE = "{subject}"  # What stands for the subject's name in the texts of its table.
 
 
 def study_steps() -> tuple[str, ...]:

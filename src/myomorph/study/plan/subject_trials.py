@@ -20,12 +20,9 @@ from myomorph.study.subject.morph_files import bones_of
 from myomorph.study.subject.subject_files import BodyShape, SubjectFiles
 from myomorph.study.trial.trial_inputs import TrialFiles
 
-BEGINS = ("markers", "motion")
-"""Keys of what a trial begins with."""
-COORDINATES = (".mot", ".sto")
-"""Endings of tables of coordinates, with which a trial may begin."""
-NEEDS_MASS = ("refine", "identify")
-"""Steps that hold what they find against the mass of the subject."""
+BEGINS = ("markers", "motion")  # Keys of what a trial begins with.
+COORDINATES = (".mot", ".sto")  # Endings of tables of coordinates, with which a trial may begin.
+NEEDS_MASS = ("refine", "identify")  # Steps that hold what they find against the mass of the subject.
 
 
 def measured(named: Named, measures: Measures | None, source: str, notes: Notes) -> tuple[SubjectTable, Path | None]:

@@ -26,17 +26,13 @@ from myomorph.model.model import Model
 from myomorph.store.outcome import Outcome
 from myomorph.store.progress import silence
 
-KEPT = 8
-"""Models that a process keeps, as many as the compiled forms of it that are kept."""
+KEPT = 8  # Models that a process keeps, as many as the compiled forms of it that are kept.
 
-WATCH = 0.5
-"""How often a process looks whether its job is still wanted [s]."""
+WATCH = 0.5  # How often a process looks whether its job is still wanted [s].
 
-FAILED = 70
-"""Exit status of a process whose job is no longer wanted."""
+FAILED = 70  # Exit status of a process whose job is no longer wanted.
 
-_opened = lru_cache(KEPT)(pickle.loads)
-"""A model of its bytes, the same while it is kept."""
+_opened = lru_cache(KEPT)(pickle.loads)  # A model of its bytes, the same while it is kept.
 MARK = ".seen-by-workers-"
 """Beginning of the name of a file that tells whether a worker sees the folder of the results."""
 SCHEMES = ("tcp", "tls", "ucx", "ws", "wss", "inproc")

@@ -18,17 +18,13 @@ from myomorph.store.outcome import Outcome
 from myomorph.study.run.dask_cluster import KEPT, connected, do_job, fitness, leave_mark, scheduler_address, unfit
 from myomorph.study.workers.jobs import Ended, Job, pack
 
-PATIENCE = 12.0
-"""How long a scheduler may take to answer, and its first worker to come [s]."""
+PATIENCE = 12.0  # How long a scheduler may take to answer, and its first worker to come [s].
 
-ALONE = 600.0
-"""How long a study waits for workers once all are gone [s]."""
+ALONE = 600.0  # How long a study waits for workers once all are gone [s].
 
-LOOK = 1.0
-"""How often the scheduler is asked which workers there are [s]."""
+LOOK = 1.0  # How often the scheduler is asked which workers there are [s].
 
-FETCH = 10.0
-"""How long an outcome may take to come from its process [s]."""
+FETCH = 10.0  # How long an outcome may take to come from its process [s].
 
 
 @dataclass

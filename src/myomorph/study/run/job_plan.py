@@ -34,8 +34,7 @@ from myomorph.study.trial.together import Part, Together, join_trials, object_pa
 from myomorph.study.trial.trial_inputs import Settings, TrialFiles, open_trial
 from myomorph.study.trial.trial_step import StepResults
 
-TABLES = "tables"
-"""The step of a study that gathers the values of its trials; it is not told of where it ends well."""
+TABLES = "tables"  # The step of a study that gathers the values of its trials; it is not told of where it ends well.
 
 
 def open_trial_steps(

@@ -24,10 +24,8 @@ from myomorph.study.run.work import Graph, Work, not_run
 from myomorph.study.workers.jobs import Ended, Job, Workers
 from myomorph.study.workers.local_workers import InProcess
 
-PATIENCE = 0.5
-"""How often the loop looks round although nothing has ended [s]."""
-AT_ONCE = 0.001
-"""How long it waits where there is more to begin [s]."""
+PATIENCE = 0.5  # How often the loop looks round although nothing has ended [s].
+AT_ONCE = 0.001  # How long it waits where there is more to begin [s].
 FULL = "no space is left where the results go: make room, then run again"
 
 

@@ -20,15 +20,12 @@ from myomorph.store.outcome import Key, Outcome
 from myomorph.study.run.work import Work
 from myomorph.study.workers.jobs import Job
 
-VARIABLE = "MYOMORPH_STEP_TIMES"
-"""Names another file, or none where it is empty."""
+VARIABLE = "MYOMORPH_STEP_TIMES"  # Names another file, or none where it is empty.
 
 FILE = "step_times.csv"
-MAX_SAMPLES = 3000
-"""Lines that are kept, the last ones."""
+MAX_SAMPLES = 3000  # Lines that are kept, the last ones.
 
-MAX_COUNTED = 9
-"""Samples that count, the latest."""
+MAX_COUNTED = 9  # Samples that count, the latest.
 
 
 @dataclass(frozen=True)

@@ -28,8 +28,7 @@ if TYPE_CHECKING:
 LOG, TIMINGS = "study.log", "timings.csv"
 HEADING = "subject,trial,step,frames,seconds,compiled"
 TABLE = "results.csv"
-RARELY = 1.0
-"""The table is not written more often than this, so that many short trials do not wait for it [s]."""
+RARELY = 1.0  # The table is not written more often than this, so that many short trials do not wait for it [s].
 
 
 class StudyProgress:

@@ -20,8 +20,7 @@ from myomorph.study.step.step import WHOLE_STUDY, Step, step_of
 from myomorph.study.step.step_table import Scope
 
 PROVENANCE = "provenance.json"
-NOTES = "notes.txt"
-"""What may not be believed of a step's result, one line each, in the folder of its tables."""
+NOTES = "notes.txt"  # What may not be believed of a step's result, one line each, in the folder of its tables.
 RESULT = "result"
 """Role of a step's own files, where its folder holds others too: one that was altered makes the step run again."""
 

@@ -13,8 +13,7 @@ from pathlib import PurePath
 from myomorph.model.provenance import Provenance, Source
 from myomorph.store.outcome import Outcome, failed
 
-NEVER = "is not computed yet"
-"""Why a step is computed of which there is no result."""
+NEVER = "is not computed yet"  # Why a step is computed of which there is no result.
 AFTER_OTHERS = "what it begins with is made anew"
 """Why a step is computed that begins with files of one that is computed."""
 
@@ -99,8 +98,7 @@ def run_steps(job: JobSteps, steps: Sequence[str], check: Callable[[], None] = l
         return job.end(outcome)
 
 
-LONGEST = 60
-"""Longest value that is reported whole [characters]."""
+LONGEST = 60  # Longest value that is reported whole [characters].
 
 
 def changes(before: Provenance, after: Provenance) -> tuple[str, ...]:

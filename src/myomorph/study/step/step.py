@@ -107,8 +107,7 @@ class Step(StepHead, Generic[Result]):
     leaves: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
 
 
-WHOLE_STUDY: tuple[Scope, ...] = ("cohort", "study")
-"""Scopes whose results lie in the folder of the study itself."""
+WHOLE_STUDY: tuple[Scope, ...] = ("cohort", "study")  # Scopes whose results lie in the folder of the study itself.
 
 REPORT_STEP = StepHead(name=REPORT, title="report", options=(ReportOptions,))
 

@@ -33,11 +33,9 @@ STEPS: dict[Scope, dict[str, str]] = {
 """By scope, in the order in which they run: a step's name, and the module whose `STEP` it is, imported when first
 needed. Those of a pair are steps of a trial, whose recording is joined of several."""
 
-ON_REQUEST = ("uncertainty",)
-"""Steps that run only where somebody names them."""
+ON_REQUEST = ("uncertainty",)  # Steps that run only where somebody names them.
 
-REPORT = "report"
-"""The last step of a trial; it reads what the others stored, and its page is no result."""
+REPORT = "report"  # The last step of a trial; it reads what the others stored, and its page is no result.
 
 
 def usual_steps() -> tuple[str, ...]:

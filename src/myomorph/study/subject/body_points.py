@@ -29,8 +29,7 @@ from myomorph.study.subject.subject_files import WEIGHTS, BodyOptions, BodyShape
 if TYPE_CHECKING:
     from myomorph.identify.body.shape import Shape
 
-OWN = "own"
-"""Weight map of envelopes: each point belongs to the link whose envelope it fills."""
+OWN = "own"  # Weight map of envelopes: each point belongs to the link whose envelope it fills.
 
 
 def weight_maps(model: Model) -> Mapping[str, Callable[[Array, Links], sparse.csr_array]]:

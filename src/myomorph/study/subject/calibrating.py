@@ -34,8 +34,7 @@ from myomorph.study.subject.subject_files import SubjectFiles, SubjectInputs, re
 from myomorph.study.subject.subjects import Made, tables_folder, write_made_model, write_rows
 from myomorph.study.trial.steps.ik import used_markers
 
-FINDINGS = "findings.json"
-"""What checks of the markers found, in the folder of tables."""
+FINDINGS = "findings.json"  # What checks of the markers found, in the folder of tables.
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -14,8 +14,7 @@ from myomorph.morph.morphed import Morph
 from myomorph.tension.personal.personalize import FIBER, FORCE, SLACK, Personalized
 from myomorph.uncertainty.sources import ItemSize
 
-NINETY = 1.645
-"""Standard deviations of a 90 % interval."""
+NINETY = 1.645  # Standard deviations of a 90 % interval.
 IN_SPACE = 2.5003
 """Standard deviations of each axis within which 90 % of points of an isotropic normal distribution lie."""
 

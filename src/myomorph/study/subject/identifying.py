@@ -41,8 +41,7 @@ from myomorph.study.trial.steps.ik import trial_motion
 MAPS = {"bone": "w_b", "cog": "w_d", "nearest": "w_n", OWN: "own link"}
 """Weight maps as the command names them, and as [D] and the tables do."""
 
-LIGHTEST, HEAVIEST = 1e-3, 1e4
-"""Masses of a body that is not mistyped [kg]: from a mouse to an elephant."""
+LIGHTEST, HEAVIEST = 1e-3, 1e4  # Masses of a body that is not mistyped [kg]: from a mouse to an elephant.
 
 
 @dataclass(frozen=True)

@@ -15,14 +15,11 @@ from myomorph.model.model import Model
 from myomorph.model.surface import Surface
 from myomorph.morph.morphed import Morph
 
-DENSITY = 1050.0
-"""Of a body without the air in its lungs, where its mass is not known [kg/m^3]."""
+DENSITY = 1050.0  # Of a body without the air in its lungs, where its mass is not known [kg/m^3].
 
-CELLS = 160
-"""Mass points along the longest side of a skin."""
+CELLS = 160  # Mass points along the longest side of a skin.
 
-LIKE = 3.0
-"""A skin that holds so many times more or less than the body's mass is not this body's."""
+LIKE = 3.0  # A skin that holds so many times more or less than the body's mass is not this body's.
 
 
 def with_morphed_masses(

@@ -36,10 +36,8 @@ from myomorph.study.trial.steps.ik import solve_kinematics
 from myomorph.study.trial.trial_inputs import Settings, TrialFiles, TrialInputs, open_trial
 
 Rows = Sequence[Mapping[str, object]]
-MOTIONS = "motions"
-"""Folder of refined coordinates."""
-NOT_USED = {"frames": "", "frames_with_plates": ""}
-"""Of predictions, whose frames nothing was fitted to."""
+MOTIONS = "motions"  # Folder of refined coordinates.
+NOT_USED = {"frames": "", "frames_with_plates": ""}  # Of predictions, whose frames nothing was fitted to.
 
 
 def refine_files(

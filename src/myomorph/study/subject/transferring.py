@@ -24,8 +24,7 @@ from myomorph.study.subject.subjects import Made, tables_folder, write_made_mode
 from myomorph.study.trial.steps.ik import trial_motion
 
 Rows = Sequence[Mapping[str, object]]
-MOTIONS = "motions"
-"""Folder of carried motions."""
+MOTIONS = "motions"  # Folder of carried motions.
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -22,18 +22,14 @@ from myomorph.study.trial.tidy import OF_STRIDE
 from myomorph.study.trial.trial_inputs import IN_STRIDE, Value
 from myomorph.study.trial.trial_strides import PARAMETERS
 
-Curve = tuple[str, str]
-"""Family and name."""
+Curve = tuple[str, str]  # Family and name.
 Name = TypeVar("Name", bound=Hashable)
 PER_STRIDE = tuple(name for name, *_ in PARAMETERS)
-COMPARED = ("joint angle", "joint torque")
-"""Curves whose distance to the mean of the condition is looked at."""
+COMPARED = ("joint angle", "joint torque")  # Curves whose distance to the mean of the condition is looked at.
 DISTANCE = "distance of its curve from the mean, RMS"
-_Key = tuple[str, str, str]
-"""Condition, quantity and unit."""
+_Key = tuple[str, str, str]  # Condition, quantity and unit.
 Row = tuple[str, ...]
-EFFECT = attrgetter("difference", "low", "high", "g", "g_low", "g_high")
-"""Of a parameter or a curve in two conditions."""
+EFFECT = attrgetter("difference", "low", "high", "g", "g_low", "g_high")  # Of a parameter or a curve in two conditions.
 
 
 class RunningMeans(Generic[Name]):

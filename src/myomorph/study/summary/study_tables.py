@@ -53,13 +53,10 @@ PAGE, TIDY, PARQUET = "study.html", "results_tidy.csv", "results.parquet"
 TRIAL_QUALITY, OUTLIERS, DIFFERENCES = "quality.csv", "outliers.csv", "differences.csv"
 CONDITION_VALUES, CONDITION_CURVES = "condition_values.csv", "condition_curves.csv"
 VALUE_DIFFERENCES = "value_differences.csv"
-OF_TRIALS = (tidy.VALUES, tidy.CURVES, tidy.QUALITY)
-"""Tables of each trial from which these are made."""
+OF_TRIALS = (tidy.VALUES, tidy.CURVES, tidy.QUALITY)  # Tables of each trial from which these are made.
 WHOSE = ("subject", "condition", "trial")
-BLOCK = 1 << 23
-"""Of the Parquet file [bytes]: the memory that gathering takes grows with it, not with the trials."""
-PERMUTATIONS = 4000
-"""Relabellings of a pair of conditions above which random ones are drawn: there may be many pairs."""
+BLOCK = 1 << 23  # Of the Parquet file [bytes]: the memory that gathering takes grows with it, not with the trials.
+PERMUTATIONS = 4000  # Relabellings of a pair of conditions above which random ones are drawn: there may be many pairs.
 FILES = (
     (TIDY, "every value of every trial"),
     (PARQUET, "the same as Parquet"),

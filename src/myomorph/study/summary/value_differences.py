@@ -17,8 +17,7 @@ from myomorph.study.summary.condition_values import RunningMeans
 from myomorph.study.trial.trial_inputs import Value
 from myomorph.uncertainty.spread import ValueErrors, of_subject
 
-CONFIDENCE = 0.95
-"""Of the intervals, as of those of curves and of parameters of strides."""
+CONFIDENCE = 0.95  # Of the intervals, as of those of curves and of parameters of strides.
 KEPT_DRAWS = 100
 """Of each trial so many draws at most are kept for differences, which know their deviation to 7 % by them."""
 Row = tuple[str, ...]
@@ -26,8 +25,7 @@ NAMES = attrgetter("first", "second", "step", "quantity", "unit")
 NUMBERS = attrgetter("difference", "low", "high", "measured_sd", "low_all", "high_all")
 _Pair = tuple[bool, str, tuple[int, int], tuple[float, float], float, float, float, float, float]
 """What two conditions come to in one quantity: `ValueDifference` from `paired` on."""
-_Name = tuple[str, str]
-"""Step and quantity."""
+_Name = tuple[str, str]  # Step and quantity.
 
 
 @read_only

@@ -27,11 +27,9 @@ WORK = "fiber_work.csv"
 UNITS = {"start": "s", "stop": "s", "peak": "W", "done": "J", "absorbed": "J", "returned": "J", "stored": "J"}
 """Of the columns of the table of work, by the last word of their names."""
 
-LARGE_STRAIN = 0.1
-"""Strain at which tendons tear: where it is passed, the model's tendon does not fit."""
+LARGE_STRAIN = 0.1  # Strain at which tendons tear: where it is passed, the model's tendon does not fit.
 
-MAX_NAMED = 8
-"""Muscles that a note names one by one."""
+MAX_NAMED = 8  # Muscles that a note names one by one.
 
 
 @dataclass(frozen=True)

@@ -21,10 +21,8 @@ from myomorph.tension.joint_contact import JointContactForces, JointPoints
 TABLE, STRIDES = "joint_contact_forces.sto", "joint_contact_strides.csv"
 COLUMNS = ("load", "stride", "start_s", "stop_s", "peak_N", "peak_body_weights", "peak_percent", "impulse_N_s")
 
-LOADED = 0.25
-"""Of body weight: a joint that bears less may rest on any of its points without a word."""
-LEFT = 0.25
-"""Of the force times half the distance of the points: a moment left that is said."""
+LOADED = 0.25  # Of body weight: a joint that bears less may rest on any of its points without a word.
+LEFT = 0.25  # Of the force times half the distance of the points: a moment left that is said.
 ENDING = " contact force"
 
 

@@ -38,11 +38,9 @@ from myomorph.study.trial.gait_norms import ADULTS, NO_NORM, checked_norms, norm
 from myomorph.study.trial.together import object_model
 
 REPORT = "report.html"
-DEMO = "demo:"
-"""Begins the name of a model that a demo makes."""
+DEMO = "demo:"  # Begins the name of a model that a demo makes.
 
-ModelMaker = Callable[[str], Model]
-"""Makes a model by a name."""
+ModelMaker = Callable[[str], Model]  # Makes a model by a name.
 
 NOT_IN_TABLES = ("coordinate_velocity", "coordinate_acceleration", "muscle_velocity")
 """Variables of results that no table of values comes from."""

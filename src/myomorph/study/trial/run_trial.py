@@ -31,8 +31,7 @@ PART = f"step{store.STORED}"
 VALUES = "values.csv"
 HELD_FRAMES = 1000
 """Steps of longer recordings go to disk as they are computed, however fast that is: they may not fit in memory."""
-HELD_SECONDS = 1.0
-"""Steps that took longer go to disk at once, so that a process that is killed leaves them."""
+HELD_SECONDS = 1.0  # Steps that took longer go to disk at once, so that a process that is killed leaves them.
 
 _LEFTOVER = re.compile(r"^\..+\.([a-z0-9_]{8}|part)$")
 

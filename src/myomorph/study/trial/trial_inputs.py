@@ -33,15 +33,12 @@ from myomorph.study.step.step import step_head
 from myomorph.study.step.step_table import REPORT, STEPS
 
 Held = TypeVar("Held")
-Settings = Mapping[str, Mapping[str, Any]]
-"""The settings of each step, by step and setting."""
-IN_STRIDE = "in a stride"
-"""With which quantities end that are the mean over strides of each stride's own."""
+Settings = Mapping[str, Mapping[str, Any]]  # The settings of each step, by step and setting.
+IN_STRIDE = "in a stride"  # With which quantities end that are the mean over strides of each stride's own.
 NO_FACTS = {"mass": "", "phases": "{}", "parts": "{}", "emg_muscles": "{}"}
 """Facts of a recording without these inputs, as result files of every version have them."""
 EXTREMES = ("minimum", "maximum", "range", "mean")
-LOADED = 0.05
-"""Of body weight: a foot that never carries more in a cycle did not stand on a plate."""
+LOADED = 0.05  # Of body weight: a foot that never carries more in a cycle did not stand on a plate.
 
 
 @dataclass(frozen=True)

@@ -26,13 +26,10 @@ from myomorph.store.results import Stored
 from myomorph.study.trial.trial_inputs import Value
 
 ANGLES, TORQUES, LENGTHS, TENSIONS = "joint angle [°]", "joint torque [N·m]", "muscle length [mm]", "muscle tension [N]"
-PHASE = "phase, "
-"""With which the names of parameters begin that are shares of a turn."""
+PHASE = "phase, "  # With which the names of parameters begin that are shares of a turn.
 
-LONGEST_HIDDEN = 0.25
-"""A recording in which the body is not seen for longer is cut there [s]."""
-SHORTEST_PART = 16
-"""Frames of a part from which strides are looked for."""
+LONGEST_HIDDEN = 0.25  # A recording in which the body is not seen for longer is cut there [s].
+SHORTEST_PART = 16  # Frames of a part from which strides are looked for.
 PARAMETERS = (
     ("stride duration", "s", "duration"),
     ("stride length", "m", "length"),

@@ -16,15 +16,12 @@ if TYPE_CHECKING:
     from myomorph.study.trial.reporting import ModelMaker
     from myomorph.viewer.replay import Replay
 
-MOTIONS = ("coordinate_value", "coordinate_filtered")
-"""Variables of result files that hold a motion."""
+MOTIONS = ("coordinate_value", "coordinate_filtered")  # Variables of result files that hold a motion.
 
-LARGE = ("moment_arm",)
-"""Variables that a page does not show."""
+LARGE = ("moment_arm",)  # Variables that a page does not show.
 
 
-Recordings = Mapping[str, Callable[[], "ReportInput"]]
-"""By name, each opened when it is called."""
+Recordings = Mapping[str, Callable[[], "ReportInput"]]  # By name, each opened when it is called.
 
 
 def open_replay(

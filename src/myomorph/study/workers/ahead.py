@@ -31,10 +31,8 @@ from myomorph.store.progress import progress
 MUSCLE_STEPS = ("muscles", "tension")
 SURFACES, TENDONS = "surfaces", "tendons"
 """By whose rules muscle paths wrap, OpenSim's or MuJoCo's: each is a kernel of its own."""
-KERNELS = 86
-"""About how many files the kernels of all steps have, for the bar."""
-PERIOD = 0.3
-"""Between two looks at those files [s]."""
+KERNELS = 86  # About how many files the kernels of all steps have, for the bar.
+PERIOD = 0.3  # Between two looks at those files [s].
 
 
 class Ahead:

@@ -24,21 +24,14 @@ from myomorph.model.model import Model
 from myomorph.study.workers.ahead import motion_cached
 from myomorph.study.workers.jobs import Do, Done, Ended, Job, Stop, Workers, pack, send
 
-GROUP = Path("/sys/fs/cgroup")
-"""Where Linux tells what a group of processes may take; absent elsewhere."""
-LOOK = 0.25
-"""How often the memory of the processes is looked at [s]."""
-GRACE = 5.0
-"""How long processes may tidy up when they are asked to end [s]."""
-NEEDED = 1 << 30
-"""Memory below which a process is not begun unless asked for [bytes]."""
-SHARE = 0.8
-"""Part of the free memory that the processes may take together."""
+GROUP = Path("/sys/fs/cgroup")  # Where Linux tells what a group of processes may take; absent elsewhere.
+LOOK = 0.25  # How often the memory of the processes is looked at [s].
+GRACE = 5.0  # How long processes may tidy up when they are asked to end [s].
+NEEDED = 1 << 30  # Memory below which a process is not begun unless asked for [bytes].
+SHARE = 0.8  # Part of the free memory that the processes may take together.
 GIB = 2.0**30
-FIRST = 90.0
-"""How long the others wait, on a new machine, for the first process to compile what all use [s]."""
-NOTHING = object()
-"""In the place of a model, None among them, before the first job."""
+FIRST = 90.0  # How long the others wait, on a new machine, for the first process to compile what all use [s].
+NOTHING = object()  # In the place of a model, None among them, before the first job.
 ONE_THREAD = ("OPENBLAS", "OMP", "MKL", "NUMEXPR", "VECLIB_MAXIMUM")
 
 

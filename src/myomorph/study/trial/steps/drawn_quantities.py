@@ -90,8 +90,7 @@ def quantity_of(name: str, time: Array, names: tuple[str, ...], values: Array, u
 
 LARGE = 0.3
 """Share of the largest torque from which a coordinate's muscles are judged: those of toes are weak in every model."""
-BEYOND = 0.2
-"""Share of a coordinate's largest torque that its reserve may give beyond its share in the result."""
+BEYOND = 0.2  # Share of a coordinate's largest torque that its reserve may give beyond its share in the result.
 
 
 class TooWeak(MyomorphError):

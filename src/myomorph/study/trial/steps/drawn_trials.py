@@ -59,10 +59,8 @@ BESIDE = 1.0
 """Of a motion that was given, so much before and after the time that is used is drawn, for the filter's sake [s]."""
 STRONGER = (1.4, 1.4, 1.4)
 """Factors by which all muscles of a body grow, one after the other, until it can do what was recorded."""
-POSES, TENSIONS = 50.0, 25.0
-"""Poses and tensions that are drawn a second."""
-COARSE = 4
-"""Of so many tensions one is drawn for contributions, which are means over all frames."""
+POSES, TENSIONS = 50.0, 25.0  # Poses and tensions that are drawn a second.
+COARSE = 4  # Of so many tensions one is drawn for contributions, which are means over all frames.
 
 
 @dataclass(frozen=True)

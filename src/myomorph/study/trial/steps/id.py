@@ -39,8 +39,7 @@ if TYPE_CHECKING:
     from myomorph.study.trial.trial_strides import TrialStrides
 
 
-FINDINGS = "force_findings"
-"""Findings about external forces in a result file."""
+FINDINGS = "force_findings"  # Findings about external forces in a result file.
 
 
 MAX_EFFECT = 0.25

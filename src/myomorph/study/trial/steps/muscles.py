@@ -32,8 +32,7 @@ from myomorph.study.trial.steps.id import Torques, filter_summary, with_derivati
 from myomorph.study.trial.steps.ik import Poses
 from myomorph.study.trial.trial_inputs import EXTREMES, Signals, TrialInputs, all_drawn
 
-BLOCK = 512
-"""Frames that are in memory at a time."""
+BLOCK = 512  # Frames that are in memory at a time.
 
 
 def write_muscles(

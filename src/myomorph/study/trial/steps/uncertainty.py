@@ -56,10 +56,8 @@ MAY_FAIL, MAY_BE_WEAK = 0.02, 0.2
 Tables = Mapping[str, Array]
 WORTH = 8.0
 """Processes are begun where what is left would take longer in this one [s]; to begin one takes two or three."""
-AHEAD = 4
-"""Results a process may be ahead of the one that is waited for, so that memory does not grow with draws."""
-PATIENCE = 1.0
-"""Between two looks at processes of which none has answered [s]."""
+AHEAD = 4  # Results a process may be ahead of the one that is waited for, so that memory does not grow with draws.
+PATIENCE = 1.0  # Between two looks at processes of which none has answered [s].
 
 
 @dataclass(frozen=True)
