@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import fields, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
@@ -94,9 +94,10 @@ def viscosity_command(
         plan = read_viscosity_plan(study)
         if model is not None or intact or removed:
             raise BadData("give a study file, or --model with --intact and --removed, but not both")
-        for field in fields(options) if options is not None else ():
-            if getattr(options, field.name) != field.default:
-                name = field.name.replace("_", "-")
+        given: Any = options
+        for option in () if given is None else fields(given):
+            if getattr(given, option.name) != option.default:
+                name = option.name.replace("_", "-")
                 raise BadData(f"--{name} is for --model: write it into the table [options] of the study file")
     else:
         files = {"without": (removed, removed_loads), "with": (intact, intact_loads)}
