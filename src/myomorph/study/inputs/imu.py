@@ -75,8 +75,8 @@ def _open(settings: ImuFiles, opening: Opening) -> Opened:
     """
     if not settings.imu:
         return Opened()
-    from myomorph.motion.sensors.sensor_kinematics import SensorRecording
     from myomorph.motion.sensors.mounting import bodies_of_sensors
+    from myomorph.motion.sensors.sensor_kinematics import SensorRecording
 
     sensors = _read(settings.imu)
     pose = _read(settings.imu_pose) if settings.imu_pose else None
