@@ -78,8 +78,6 @@ def _force_options(opening: Opening) -> ForceOptions:
     options, contacts = opening.options[ForceOptions], opening.settings.get(ContactsFile)
     if contacts is None or not contacts.contacts:
         return options
-    from myomorph.contact.plan import ContactPlan
-
     return replace(options, force_checks="none") if opening.values[ContactPlan].measured == "shared" else options
 
 
@@ -143,35 +141,7 @@ def read_loads(
     >>> loads.bodies, loads.forces[0, 0].tolist()
     (('fore',), [0.0, -10.0, 0.0])
     """
-    ending = Path(path).suffix.lower()
-    _refuse_wrong_kind(path, ending, bodies, plates)
-    if ending in TABLES:
-        with about(path):
-            wrenches = laboratory.wrenches(force_table(path, bodies, options))
-    elif ending == ".xml":
-        from myomorph.io.loads import read_external_loads
-
-        with about(path):
-            wrenches = laboratory.wrenches(read_external_loads(path, poses=PosesBy(model, motion)))
-    elif ending == ".toml":
-        from myomorph.contact.feet_on_steps import stairs_wrenches
-        from myomorph.study.inputs.contact_file import read_stairs
-
-        wrenches = stairs_wrenches(read_stairs(path, model, trial), model, motion)
-    elif trial_format(path) is not None:
-        with about(path):
-            recording = laboratory.trial(read_recording(path))
-            wrenches = plate_wrenches(upright(recording, model), plates)
-    else:
-        raise BadFile(
-            path,
-            f"holds no external loads: its name ends in '{ending}'",
-            "expected .xml, a table of forces (.mot, .sto, .csv), a recording with force plates (.c3d), or .toml of "
-            "force-measuring stairs",
-        )
-    for body in wrenches.bodies:
-        if body and body not in model.body_names and body != "ground":
-            raise BadData(f"{path}: {UnknownName('body', body, model.body_names)}")
+    wrenches = raw_loads(path, model, motion, bodies, trial, plates, laboratory, options)
     with about(path):
         return on_feet(wrenches, model, motion, options)
 
@@ -234,6 +204,52 @@ def on_clock(wrenches: Wrenches, time: Array, mend: bool = True) -> Wrenches:
     moved = replace(wrenches, time=wrenches.time + shift) if mend else wrenches
     findings = (Finding("clock zero", ", ".join(wrenches.names), text, (), mend), *wrenches.findings)
     return replace(moved, notes=(text, *wrenches.notes), findings=findings)
+
+
+def raw_loads(
+    path: str | Path,
+    model: Model,
+    motion: Motion,
+    bodies: Mapping[str, str] | None = None,
+    trial: Path | None = None,
+    plates: Sequence[str] = (),
+    laboratory: Laboratory = AS_RECORDED,
+    options: ForceOptions | None = None,
+) -> Wrenches:
+    """External forces as a file has them, unchecked; "" for a body that neither it nor the caller names.
+
+    Parameters and errors as in `read_loads`.
+    """
+    ending = Path(path).suffix.lower()
+    _refuse_wrong_kind(path, ending, bodies, plates)
+    if ending in TABLES:
+        with about(path):
+            wrenches = laboratory.wrenches(force_table(path, bodies, options))
+    elif ending == ".xml":
+        from myomorph.io.loads import read_external_loads
+
+        with about(path):
+            wrenches = laboratory.wrenches(read_external_loads(path, poses=PosesBy(model, motion)))
+    elif ending == ".toml":
+        from myomorph.contact.feet_on_steps import stairs_wrenches
+        from myomorph.study.inputs.contact_file import read_stairs
+
+        wrenches = stairs_wrenches(read_stairs(path, model, trial), model, motion)
+    elif trial_format(path) is not None:
+        with about(path):
+            recording = laboratory.trial(read_recording(path))
+            wrenches = plate_wrenches(upright(recording, model), plates)
+    else:
+        raise BadFile(
+            path,
+            f"holds no external loads: its name ends in '{ending}'",
+            "expected .xml, a table of forces (.mot, .sto, .csv), a recording with force plates (.c3d), or .toml of "
+            "force-measuring stairs",
+        )
+    for body in wrenches.bodies:
+        if body and body not in model.body_names and body != "ground":
+            raise BadData(f"{path}: {UnknownName('body', body, model.body_names)}")
+    return wrenches
 
 
 def _refuse_wrong_kind(path: str | Path, ending: str, bodies: Mapping[str, str] | None, plates: Sequence[str]) -> None:
