@@ -6,9 +6,9 @@ import pytest
 from benchmarks.house import CHECKOUT, checkout_texts, count
 
 LIMITS = {
-    ("lines", "src"): 123_924,
-    ("lines", "benchmarks"): 26_626,
-    ("words", "documentation"): 100_001,
+    ("lines", "src"): 122_186,
+    ("lines", "benchmarks"): 26_545,
+    ("words", "documentation"): 99_741,
     ("vague", "src"): 6.5,
 }
 
