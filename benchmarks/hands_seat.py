@@ -12,7 +12,7 @@ import myomorph as mm
 from benchmarks.hands_lift_forces import Task, soles_of
 from benchmarks.recordings import read_markers
 from myomorph.contact.assign import assign_bodies
-from myomorph.contact.held_objects import needed_wrench, raised_contacts
+from myomorph.contact.held_objects import raised_contacts
 from myomorph.contact.site_motion import site_motion
 from myomorph.contact.sites import body_sites
 from myomorph.contact.states import hysteresis
@@ -22,6 +22,7 @@ from myomorph.model.contacts import Site
 from myomorph.model.scale import scale
 from myomorph.tension.tension import Tension
 from myomorph.tension.terms.contacts import ContactOptions, ContactTask
+from truths.carried_bodies import needed_wrench
 
 FOLDER = "opencap-subject4-multitask"
 CUTOFF = 6.0

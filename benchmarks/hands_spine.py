@@ -10,10 +10,10 @@ import numpy as np
 import myomorph as mm
 from benchmarks.hands_lift import Recorded, lifter, man, recorded
 from benchmarks.hands_lift_forces import Lift, plate_on_feet
-from myomorph.contact.held_objects import needed_wrench
 from myomorph.model.arrays import Array
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
+from truths.carried_bodies import needed_wrench
 
 REGRESSED = (-0.335, -0.032)
 """L5/S1 of men from between the front spines of the pelvis, forward and up, over their distance (Dumas and Wojtusch

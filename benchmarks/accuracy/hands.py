@@ -192,7 +192,8 @@ def measure_seat_open(folder: Path) -> Iterator[Row]:
     truth = one.newton[frames]
     for words, plates in (("feet known", True), ("feet hidden", False)):
         intervals = left_open(seat_task(folder, plates), frames)
-        forces, low, high = intervals.of("seat")
+        seat = intervals.groups.index("seat")
+        forces, low, high = (part[:, seat] for part in (intervals.forces, intervals.low, intervals.high))
         near = intervals.near_high[:, 0] - intervals.near_low[:, 0]
         row: Row = {"seat by": words, "frames": len(frames)}
         for k, axis in ((1, "up"), (0, "forward"), (2, "sideways")):

@@ -209,9 +209,9 @@ def _calibrated(folder: Path, plain: bool) -> Path:
         if plain:
             for name in names:
                 stack.enter_context(patch.object(shipped, name, lambda model: model))
-        shipped._legs.cache_clear()
+        shipped._generic.cache_clear()
         files = (here / "markers/walking1.trc", "--static", here / "markers/static1.trc")
         loads = ("--loads", here / "grf/walking1_external_forces.xml", "--mass", MASS)
         command("analyze", *files, *loads, "--out", out)
-    shipped._legs.cache_clear()
+    shipped._generic.cache_clear()
     return out / "calibrated.osim"

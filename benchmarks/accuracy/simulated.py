@@ -16,7 +16,7 @@ import numpy as np
 import myomorph as mm
 from benchmarks.errors import rms
 from data_collection import data_folder
-from myomorph.identify import base_parameters as base
+from myomorph.identify import base, least_squares
 from myomorph.identify.recordings import RecordingOptions, Usable, usable
 from myomorph.identify.subject import GENERIC, SHAPE, IdentificationOptions
 from myomorph.model.arrays import Array
@@ -121,7 +121,7 @@ def with_known_kinematics(case: Case, folder: Path, size: Size) -> Facts:
     yield "our base wrench less the engine's, largest [N m]", float(gap[:3].max()), ""
     yield "our base wrench less the engine's, largest [N]", float(gap[3:].max()), ""
     options = base.BaseOptions(reference=tuple(map(float, one.center)))
-    fit = base.fit_base(person, [base.Recording(one.motion, one.wrenches)], options=options)
+    fit = base.fit_base(person, [least_squares.Recording(one.motion, one.wrenches)], options=options)
     yield from _base_facts("motion known", fit, inertial_parameters(person))
     error = predicted(person, other.motion, other.center, standard_of(fit)) - other.exact_wrench
     ratio = np.sqrt(np.mean(error**2, axis=0)) / other.sigma
@@ -238,7 +238,7 @@ def _base_facts(name: str, fit: base.BaseFit, truth: Array) -> Facts:
     yield f"{name}: error / standard deviation, RMS", rms(error), ""
 
 
-def _held_out_facts(got: Trials, model: mm.Model, tables: Mapping[str, Array], other: base.Recording) -> Facts:
+def _held_out_facts(got: Trials, model: mm.Model, tables: Mapping[str, Array], other: least_squares.Recording) -> Facts:
     """The first table is the truth, whose error is that of the kinematics and the plate."""
     center, sigma = got.held_out.center, got.held_out.sigma
     measured = base_wrench(model, other.motion, other.wrenches, center)[other.use]

@@ -33,6 +33,7 @@ from benchmarks.accuracy.unseen_faults import Raw as RawForces
 from myomorph.model.arrays import Array
 from myomorph.model.findings import Finding
 from myomorph.motion.marker_checks import checked_kinematics
+from myomorph.store import results
 from myomorph.store.results import get_findings
 from myomorph.study.analyze.recordings import Recording, bare, look_at
 from myomorph.study.subject.calibrating import FINDINGS as BEFORE
@@ -220,6 +221,6 @@ def analyzed(folder: Path, markers: mm.Markers, static: str) -> Result:
             return Result(None, None, (Finding("refused", "recording", line),), said)
         ((_, trial),) = mm.load(out).items()
         before = out / "calibration" / BEFORE
-        findings = findings_of(before.read_text(encoding="utf-8")) if before.is_file() else ()
+        findings = results.findings_of(before.read_text(encoding="utf-8")) if before.is_file() else ()
         findings += get_findings(trial.stored, FINDINGS)
         return Result(mm.read_model(out / "calibrated.osim"), trial.motion, findings, said)

@@ -130,9 +130,9 @@ def draw_lift(file: Path) -> None:
                     label = words.replace("found", "ours, from above")
                     moment.plot(time, -told[:, 2], color=color, ls=style, lw=1.1, label=label)
             held = np.flatnonzero(holding(folder, lift)[1].any(axis=1))[::2]
-            _, greatest, least = (
-                -one[:, 1] for one in left_open(task(folder, lift, "hidden"), held.tolist()).of("hands")
-            )
+            intervals = left_open(task(folder, lift, "hidden"), held.tolist())
+            hands = intervals.groups.index("hands")
+            greatest, least = (-part[:, hands, 1] for part in (intervals.low, intervals.high))
             force.fill_between(
                 time[held], least, greatest, color="#b2182b", alpha=0.12, lw=0, label="left open, no plate"
             )
