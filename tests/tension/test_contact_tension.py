@@ -321,6 +321,7 @@ def test_a_frame_that_contacts_cannot_carry_is_marked_and_the_rest_goes_on(walke
             "infeasible": 1,
             "not converged": 0,
             "missing input": 0,
+            "not determined": 0,
         }
         assert found.equilibrium_residual[4] > 100.0
 

@@ -21,7 +21,7 @@ def test_a_run_takes_the_links_of_its_own_frames_and_fills_them_only(monkeypatch
         penalties.append(given.penalties)
         return [SimpleNamespace(solved=solved, steps=9)]
 
-    monkeypatch.setattr(problem, "drawn", lambda own, links, x, separable: f"{own} and linked")
+    monkeypatch.setattr(problem.windows, "drawn", lambda own, links, x, separable: f"{own} and linked")
     one = SimpleNamespace(
         _frames=lambda given, begin, part, good: (frames, np.full(5, OPTIMAL)),
         smooth=SimpleNamespace(links=lambda start, stop: links.append((start, stop))),

@@ -56,7 +56,8 @@ def carry_motion(
     options, higher = options or TransferOptions(), transfer.model
     if np.cross(lower.gravity, higher.gravity).any():
         raise BadData(
-            f"'{lower.name}' and '{higher.name}' have other verticals: {lower.gravity} and {higher.gravity} m/s^2"
+            f"models '{lower.name}' and '{higher.name}' have other verticals ({lower.gravity} and {higher.gravity} "
+            "m/s^2): a motion is carried only in one laboratory"
         )
     points, places = _points(lower, transfer, options)
     tree = compile_tree(lower)

@@ -336,7 +336,8 @@ def _weight_note(name: str, weighs: float, mass: float) -> tuple[str, ...]:
     if not abs(weighs / mass - 1.0) > MASS_TOLERANCE:
         return ()
     return (
-        f"{name}: forces correspond to {weighs:.1f} kg, specified are {mass:.1f}: zero, gain, a load, or the mass?",
+        f"{name}: the forces correspond to {weighs:.1f} kg, but the specified mass is {mass:.1f}: a plate's zero or "
+        "gain is off, a load is carried, or the mass is wrong",
     )
 
 

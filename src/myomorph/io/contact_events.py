@@ -156,7 +156,8 @@ def _paired(path: Path, marks: Sequence[_Mark]) -> tuple[list[Touch], list[str]]
             begun = mark if mark.touches else None
         if begun is not None:
             add(begun, last)
-            warnings.append(f"{path.name}: '{site}' touches at {begun.time:g} s without an end: taken until {last:g} s")
+            text = f"'{site}' touches at {begun.time:g} s and never leaves: taken until {last:g} s"
+            warnings.append(f"{path.name}: {text}")
     return touches, warnings
 
 

@@ -72,7 +72,9 @@ def read_landmarks(path: str | os.PathLike[str], body: str = "") -> dict[str, Ar
             raise UnknownName("body", body, sorted(body_landmarks), str(path))
         return body_landmarks[body] if body in body_landmarks else body_landmarks[""]
     if len(body_landmarks) > 1:
-        raise BadFile(path, f"is of {len(body_landmarks)} bodies", f"say which: {quoted(sorted(body_landmarks))}")
+        raise BadFile(
+            path, f"has landmarks of {len(body_landmarks)} bodies", f"say which: {quoted(sorted(body_landmarks))}"
+        )
     return next(iter(body_landmarks.values()))
 
 

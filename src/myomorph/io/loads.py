@@ -171,7 +171,8 @@ def _poses(body: str, poses: PosesOf | None, time: Array, entry: LoadEntry) -> t
         return np.broadcast_to(np.eye(3), (len(time), 3, 3)), np.zeros((len(time), 3))
     if poses is None:
         raise BadModel(
-            f"external force '{entry.name}' is in the frame (or at the origin) of '{body}', whose motion is not given"
+            f"external force '{entry.name}' is given in the frame (or at the origin) of body '{body}': "
+            "its place in ground needs the motion of that body"
         )
     return poses(body, time)
 

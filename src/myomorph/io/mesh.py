@@ -57,7 +57,8 @@ def read_surfaces(
         warnings.append(f"mesh files outside the model's folder are not opened: {quoted(refused, 4)}")
     if missing:
         where = ", ".join(str(folder) for folder in folders) or "no folder"
-        warnings.append(f"{len(missing)} of {len(dict.fromkeys(wanted))} meshes not in {where}: {quoted(missing, 4)}")
+        count = len(dict.fromkeys(wanted))
+        warnings.append(f"{len(missing)} of {count} mesh files are not in {where}: {quoted(missing, 4)}")
     return surfaces, tuple(warnings)
 
 

@@ -148,7 +148,8 @@ def _positions(group: Any, path: Path, kind: str) -> Array:
         raise BadFile(path, f"its {kind} trajectories are no numbers", HINT) from None
     data = data[None] if data.ndim == 2 else data
     if data.ndim != 3 or data.shape[1] not in (3, 4):
-        raise BadFile(path, f"its {kind} trajectories are {data.shape}", "expected (trajectories, 3 or 4, frames)")
+        shape = f"its {kind} trajectories have the shape {data.shape}"
+        raise BadFile(path, shape, "expected (trajectories, 3 or 4, frames)")
     places = data[:, :3].transpose(0, 2, 1)
     return np.where(np.isfinite(places).all(axis=2, keepdims=True), places, np.nan)
 

@@ -83,7 +83,6 @@ def base_fit() -> BaseFit:
         ("I_xx tibia_l",),
         {},
         2,
-        2,
         np.zeros((2, 0)),
     )
     six = np.ones(6)

@@ -70,7 +70,8 @@ def check_skin(surface: Surface, height: float | None = None) -> Skin:
     doubled = _doubled(skin)
     if doubled > 0.0:
         notes.append(
-            f"the skin passes through itself: {100 * doubled:.1f} % of what it encloses is enclosed twice, counted once"
+            f"the skin passes through itself: {100 * doubled:.1f} % of what it encloses is enclosed more than once, "
+            "which counts once"
         )
     return replace(skin, crossing=doubled > 0.0, notes=tuple(notes))
 
@@ -121,7 +122,7 @@ def _check_units(vertices: Array, faces: np.ndarray, height: float | None) -> No
         # Arms held out make a body longer than it is tall, bent knees shorter.
         fitting = [unit for unit, factor in (("meters", 1.0), *UNITS) if 0.75 < longest / factor / height < 1.34]
         if not fitting:
-            raise BadData(f"the skin is {longest:.4g} long and the body {height:g} m tall: expected meters")
+            raise BadData(f"the skin is {longest:.4g} long, the body {height:g} m tall: expected its skin in meters")
         guess = fitting[0]
     elif longest <= TALLEST:
         guess = "meters"

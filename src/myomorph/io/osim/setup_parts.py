@@ -121,7 +121,7 @@ def output_of(node: Node, tag: str) -> Path | None:
     """The file that a property wants written, None for none; its ending is checked, as it may come from anybody."""
     path = path_of(node, tag)
     if path is not None and path.suffix.lower() not in OUTPUTS:
-        raise node.bad(f"'{tag}' is '{path.name}'", f"expected it to end in {', '.join(OUTPUTS)}", node.find(tag))
+        raise node.bad(f"'{tag}' is '{path.name}'", f"expected a name ending in {', '.join(OUTPUTS)}", node.find(tag))
     return path
 
 

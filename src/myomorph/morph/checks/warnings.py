@@ -134,8 +134,9 @@ def bone_warnings(
         if penetration.increase > options.deeper * longest:
             value = _mm(penetration.value) if penetration.coordinate in sliding else _value(penetration.value)
             where = f" at {penetration.coordinate} = {value}" if penetration.coordinate else " in the default pose"
-            depths = f"{_mm(penetration.target)} through {penetration.body}{where}, source {_mm(penetration.source)}"
-            text, size = f"{penetration.muscle}: runs {depths}", penetration.increase / longest
+            depths = f"{_mm(penetration.target)} deep through {penetration.body}{where}"
+            text = f"{penetration.muscle}: runs {depths}, source {_mm(penetration.source)}"
+            size = penetration.increase / longest
             yield Finding("bone", penetration.muscle, text, size=size)
 
 

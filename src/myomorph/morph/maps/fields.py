@@ -154,7 +154,8 @@ def feature_warnings(features: FeaturePoints) -> tuple[str, ...]:
         warnings.append("four feature points do not distinguish scaling from picking errors: pick a fifth")
     if len(unknown_directions(merged.source)):
         warnings.append(
-            f"the {len(merged)} feature points lie in a plane: across it scale is as along it; pick one beside it"
+            f"the {len(merged)} feature points lie in a plane: across it the bone is scaled as along it; "
+            "pick one beside it"
         )
     return tuple(warnings)
 

@@ -137,7 +137,8 @@ def _found_by_rules(
     if source is None or target is None or placed is None:
         lacking = " and ".join(whose for whose, known in (("source", source), ("target", target)) if known is None)
         raise BadData(
-            f"'{body}': no surface in the {lacking}, no landmarks: give one (or the meshes' folder, --geometry)"
+            f"'{body}': the {lacking} has no surface of this bone, and there are no landmarks: give one or the other "
+            "(the source's meshes may lie in another folder, see --geometry)"
         )
     result = automatic_landmarks(source, target, placed.similarity)
     notes.append(f"{len(result)} landmarks of '{body}' were found by rules: {', '.join(result.names)}")
@@ -147,7 +148,10 @@ def _found_by_rules(
 def _check_side(body: str, placed: PlacedBone, notes: list[str]) -> None:
     if not placed.mirrored < DOUBTED_SIDE:
         return
-    text = f"the bone of '{body}' is nearer to the source's mirrored ({placed.mirrored:.2f} times): of the other side?"
+    text = (
+        f"the bone of '{body}' is nearer to the mirrored bone of the source ({placed.mirrored:.2f} times the "
+        "distance): is it one of the other side?"
+    )
     if placed.mirrored < WRONG_SIDE:
         raise BadData(f"{text} Give the bone of this side, or mirror the model first")
     notes.append(text)

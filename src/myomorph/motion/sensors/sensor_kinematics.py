@@ -229,8 +229,11 @@ class _Finder:
         return replace(found, notes=(*notes, *_of_mounting(found, by_pose)))
 
     def _apart(self) -> tuple[str, ...]:
-        """What is said of sensors of legs that turn about another axis than the others."""
-        segments = segments_of(self.model)
+        """What is said of sensors of legs that turn about another axis than the others; nothing without human legs."""
+        try:
+            segments = segments_of(self.model)
+        except BadData:
+            return ()
         legs = [index for index, body in enumerate(self.bodies) if segments[body].name in LEGS]
         sensors = self.recording.sensors
         earth = rotations_at(sensors, sensors.time, self.model)[:, legs]
