@@ -6,9 +6,9 @@ import pytest
 from benchmarks.house import CHECKOUT, checkout_texts, count
 
 LIMITS = {
-    ("lines", "src"): 122_186,
-    ("lines", "benchmarks"): 26_545,
-    ("words", "documentation"): 99_741,
+    ("lines", "src"): 122_204,
+    ("lines", "benchmarks"): 26_548,
+    ("words", "documentation"): 99_756,
     ("vague", "src"): 6.5,
 }
 
