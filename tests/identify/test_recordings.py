@@ -170,7 +170,7 @@ def test_a_mass_so_wrong_that_no_frame_is_left_is_told(opencap):
     model, trial = opencap
     found = usable(model, *trial("walking1"), mass=80.0, name="walk", options=OPTIONS)
     assert not found.use.any()
-    with pytest.raises(BadData, match=r"forces correspond to 6\d\.\d kg, specified are 80"):
+    with pytest.raises(BadData, match=r"forces correspond to 6\d\.\d kg, but the specified mass is 80"):
         check_excited(model, (found,))
 
 
