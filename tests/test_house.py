@@ -8,7 +8,7 @@ from benchmarks.house import CHECKOUT, checkout_texts, count
 LIMITS = {
     ("lines", "src"): 122_204,
     ("lines", "benchmarks"): 26_548,
-    ("words", "documentation"): 99_756,
+    ("words", "documentation"): 99_767,
     ("vague", "src"): 6.5,
 }
 
