@@ -6,9 +6,9 @@ import pytest
 from benchmarks.house import CHECKOUT, checkout_texts, count
 
 LIMITS = {
-    ("lines", "src"): 122_204,
+    ("lines", "src"): 122_249,
     ("lines", "benchmarks"): 26_548,
-    ("words", "documentation"): 99_767,
+    ("words", "documentation"): 99_800,
     ("vague", "src"): 6.5,
 }
 

@@ -40,7 +40,7 @@ def with_passive_dynamics(
     for what, values in (("damping", damping), ("stiffness", stiffness), ("viscosity", viscosity)):
         for name, value in values.items():
             if not (np.isfinite(value) and value >= 0.0):
-                raise BadData(f"{what} of '{name}' is {value:g}: it cannot give energy: expected 0 or more")
+                raise BadData(f"{what} of '{name}' is {value:g}: expected 0 or more, as it cannot give energy")
     springless = [name for name in rest if name not in stiffness]
     if springless:
         raise BadData(f"a rest position is given for '{springless[0]}', but no stiffness")

@@ -28,9 +28,11 @@ from myomorph.muscles.path_arrays import (
     SIDE,
     SIDE_BODY,
 )
-from myomorph.muscles.wrap_cylinder import INSIDE, MANDATORY, NO_WRAP, WRAPPED, wrap_cylinder, wrap_sphere, wrap_torus
+from myomorph.muscles.wrap_cylinder import INSIDE, MANDATORY, NO_WRAP, WRAPPED, wrap_cylinder
 from myomorph.muscles.wrap_ellipsoid import wrap_ellipsoid
+from myomorph.muscles.wrap_sphere import wrap_sphere
 from myomorph.muscles.wrap_tendon import NO_SIDE, wrap_tendon
+from myomorph.muscles.wrap_torus import wrap_torus
 from myomorph.rigid.kernels import inner
 
 CYLINDER, SPHERE, ELLIPSOID, TORUS = range(4)

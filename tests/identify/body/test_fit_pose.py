@@ -116,7 +116,7 @@ def test_landmarks_that_cannot_be(data):
     point = np.zeros(3)
     with pytest.raises(UnknownName, match=r"landmark 'right kneee'.*'right knee'"):
         pose_model_to_skin(model, skin, {"right kneee": point})
-    with pytest.raises(BadData, match="expected three"):
+    with pytest.raises(BadData, match="expected at least three"):
         pose_model_to_skin(model, skin, {"right knee": point, "left knee": point})
     with pytest.raises(BadData, match="three finite coordinates"):
         pose_model_to_skin(model, skin, {"right knee": np.array([np.nan, 0, 0])})

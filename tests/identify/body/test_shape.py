@@ -186,7 +186,7 @@ def test_traits_do_what_their_names_say():
     [
         ((182, 0.87), r"182 centimeters are 1\.82 m"),
         ((1.82, 87), r"87 centimeters are 0\.87 m"),
-        ((1.82, 0.87, 668.0), "no body's of height"),
+        ((1.82, 0.87, 668.0), "implausible for height"),
         ((1.82, 0.87, 66.8, "m"), "expected 'female' or 'male'"),
         ((0.1, 0.05), "expected 0.3 to 2.6"),
     ],

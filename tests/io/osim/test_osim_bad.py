@@ -104,7 +104,7 @@ def test_one_line_says_what_and_where(rod, tmp_path, old, new, words):
 
 
 def test_unknown_classes_are_refused_by_name(rod):
-    with pytest.raises(BadModel, match=r"joint 'pin' is a RubberJoint, not built: .*PinJoint"):
+    with pytest.raises(BadModel, match=r"joint 'pin' is a RubberJoint: expected one of .*PinJoint"):
         rod(("<PinJoint", "<RubberJoint"), ("</PinJoint", "</RubberJoint"))
     with pytest.raises(BadModel, match="path point 'b' is a FancyPathPoint"):
         rod(("ConditionalPathPoint", "FancyPathPoint"))

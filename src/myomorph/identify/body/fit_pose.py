@@ -86,7 +86,8 @@ def pose_model_to_skin(model: Model, body: Shape | Skin, landmarks: Mapping[str,
     targets, markers, missed = _paired(model, centers, body, landmarks)
     if len(targets) < 3:
         raise BadData(
-            f"model '{model.name}' and the body share {len(targets)} points: expected three markers or joint centers"
+            f"model '{model.name}' and the body share {len(targets)} points: expected at least three markers or joint "
+            "centers, as 'right knee'"
         )
     seen = np.array(list(targets.values()))
     virtual = replace(model, markers=tuple(markers))

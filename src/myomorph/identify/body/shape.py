@@ -174,11 +174,12 @@ def _check(height: float, chest: float, mass: float | None, sex: str | None) -> 
         units = {"centimeters": 100.0, "millimeters": 1000.0}
         fitting = [f"; {chest:g} {unit} are {chest / f:.4g} m" for unit, f in units.items() if low <= chest / f <= high]
         raise BadData(
-            f"chest {chest:g} m is no body's of height {height:g} m: expected {low:.2f} to {high:.2f}{''.join(fitting)}"
+            f"a chest of {chest:g} m is implausible for height {height:g} m: expected {low:.2f} to {high:.2f}"
+            f"{''.join(fitting)}"
         )
     if mass is not None and not 8.0 * height**2 <= mass <= 70.0 * height**2:
         raise BadData(
-            f"{mass:g} kg is no body's of height {height:g} m: expected {8 * height**2:.0f} to {70 * height**2:.0f}"
+            f"{mass:g} kg is implausible for height {height:g} m: expected {8 * height**2:.0f} to {70 * height**2:.0f}"
         )
     if sex not in (None, "female", "male"):
         raise BadData(f"a sex of '{sex}': expected 'female' or 'male', or none")

@@ -289,7 +289,7 @@ def _plate(raw: RawC3d, group: str, index: int, kind: int, meters: float, notes:
         texts = [units[column] if column < len(units) else "" for column in columns]
         samples = samples * _factors(kind, texts, meters, name, notes)
         if kind == 2 and _in_millimeters(samples, corners):
-            notes.append(f"moments of {name}, in '{texts[3]}' by the file, put its force far off it: taken as N mm")
+            notes.append(f"moments of {name}, in '{texts[3]}' by the file, put forces far off the plate: taken as N mm")
             samples[:, 3:] *= 1e-3
     polynomial = raw.numbers(group, "FPCOPPOLY")[12 * index : 12 * index + 12]
     return PlateRecording(

@@ -57,7 +57,7 @@ def read_joint(node: Node, frames: Frames, old_child: str = "") -> ReadJoint:
     """A joint with its axes and coordinates. `old_child`: before 4.0, the body that the joint stands in."""
     kind = node.kind
     if kind not in KINDS:
-        raise BadModel(f"{node.document.path}: joint '{node.name}' is a {kind}, not built: {', '.join(KINDS)} are")
+        raise BadModel(f"{node.document.path}: joint '{node.name}' is a {kind}: expected one of {', '.join(KINDS)}")
     coordinates = _coordinates(node)
     if kind == "CustomJoint":
         axes, coordinates = _custom(node, coordinates)
@@ -115,10 +115,11 @@ def _coordinate(node: Node) -> Coordinate:
     if function is not None and node.flag("prescribed", False):
         prescribed = read_function(function, node)
     if prescribed is not None and node.flag("is_free_to_satisfy_constraints", False):
-        node.document.warn(f"coordinate '{node.name}' is prescribed but free for constraints: read as prescribed")
+        node.document.warn(f"coordinate '{node.name}' is prescribed but free to meet constraints: read as prescribed")
     default, clamped = node.number("default_value", 0.0), node.flag("clamped", False)
     if clamped and not low - 1e-8 < default < high + 1e-8:
-        node.document.warn(f"coordinate '{node.name}' is clamped to {low:g} .. {high:g}, default {default:g}")
+        limits = f"{low:g} .. {high:g}"
+        node.document.warn(f"coordinate '{node.name}' is clamped to {limits}, but its default is {default:g}")
     return Coordinate(
         node.name,
         "rotational",
@@ -217,7 +218,7 @@ def _transform_axis(joint: Node, axis: Node, name: str, usual: Array, names: lis
     else:
         function = constant(0.0)
         if names:
-            joint.document.warn(f"joint '{joint.name}': axis {name} has a coordinate, no function: it does not move")
+            joint.document.warn(f"joint '{joint.name}': axis {name} has a coordinate but no function: it does not move")
     if function.arity > len(names):
         raise joint.bad(f"its axis {name} has a {inner.kind if inner else 'function'} but no coordinate")
     pure = inner is not None and inner.kind == "LinearFunction" and is_unit_line(function)

@@ -202,7 +202,7 @@ def _write_coordinate(parent: etree._Element, coordinate: Coordinate, warnings: 
     low, high = coordinate.range
     outside = coordinate.clamped and not low - 1e-8 < coordinate.default < high + 1e-8
     if outside:
-        warnings.append(f"coordinate '{coordinate.name}' is written without its clamp: its default is outside")
+        warnings.append(f"coordinate '{coordinate.name}' is written without its clamp: its default is not in its range")
     put(element, clamped=coordinate.clamped and not outside, locked=coordinate.locked)
     if coordinate.prescribed is not None:
         holder = child(element, "prescribed_function")

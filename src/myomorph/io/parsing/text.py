@@ -177,7 +177,8 @@ def unique_names(names: Sequence[str], kind: str, notes: list[str]) -> tuple[str
         notes.append(f"the {kind} '{renamed[0][0]}' occurs twice: the second was named '{renamed[0][1]}'")
     elif renamed:
         twice = ", ".join(dict.fromkeys(f"'{name}'" for name, _ in renamed))
-        notes.append(f"{len(renamed)} names of a {kind} occur again ({twice}): later ones are like '{renamed[0][1]}'")
+        example = renamed[0][1]
+        notes.append(f"{len(renamed)} names of a {kind} occur again ({twice}): later ones are named like '{example}'")
     return tuple(unique)
 
 

@@ -110,7 +110,7 @@ def _beyond_interval(points: Iterable[TransferredPoint], shifts: Mapping[tuple[s
             f"'{owner}' ({name}) by {mm(far[owner, name])} where {mm(known[owner, name])} are likely"
             for owner, name in sorted(far, key=lambda name: known[name] - far[name])
         ]
-        lines.append(f"{len(far)} via points came out of bone further than their place is unsure: {_first(named)}")
+        lines.append(f"{len(far)} via points were brought out of bone by more than their intervals: {_first(named)}")
     if unknown:
         named = [
             f"'{owner}' ({name}) by {mm(by)}"

@@ -178,7 +178,8 @@ def _one_arm(
     ratio = rms_target / max(rms, 1e-12)
     unlike = not 1.0 / options.ratio <= ratio <= options.ratio and abs(rms_target - rms) > least
     if max(rms, rms_target) > 2.0 * least and unlike:
-        text = f"{about} is {ratio:.2g} times what bone sizes explain ({_mm(size * rms_target)} rms, source {_mm(rms)})"
+        both = f"{_mm(size * rms_target)} root mean square, source {_mm(rms)}"
+        text = f"{about} is {ratio:.2g} times what the size of the bones explains ({both})"
         yield Finding("arm", muscle, text, size=abs(float(np.log(max(ratio, 1e-6)))))
 
 

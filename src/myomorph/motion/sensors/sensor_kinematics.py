@@ -23,7 +23,6 @@ from myomorph.motion.ik import (
     tracked_markers,
 )
 from myomorph.motion.sensors import first_guess, fit_mounting
-from myomorph.motion.sensors.fit_mounting import LikelyAngles, Seen, joint_angles, likely_angles, undetermined
 from myomorph.motion.sensors.mounting import (
     SensorMounting,
     SensorOptions,
@@ -33,6 +32,7 @@ from myomorph.motion.sensors.mounting import (
     weights_seen,
     with_orientations,
 )
+from myomorph.motion.sensors.undetermined import LikelyAngles, Seen, joint_angles, likely_angles, undetermined
 from myomorph.motion.tasks.coordinates import CoordinateTask
 from myomorph.motion.tasks.orientations import OrientationTask
 from myomorph.motion.turns import floating_coordinates
@@ -229,7 +229,7 @@ class _Finder:
         return replace(found, notes=(*notes, *_of_mounting(found, by_pose)))
 
     def _apart(self) -> tuple[str, ...]:
-        """What is said of sensors of legs that turn about another axis than the others; nothing without human legs."""
+        """A warning of sensors of legs that rotate about another axis than the others; none without human legs."""
         try:
             segments = segments_of(self.model)
         except BadData:
@@ -244,9 +244,9 @@ class _Finder:
         if not apart:
             return ()
         return (
-            f"sensors {few(apart)} turn about other axes than the legs' others: their headings differ, "
-            "as without magnetometer, and joint angles there are wrong, or they move sideways: name each one's "
-            "axis that points forward (--imu-heading SENSOR=AXIS ...), or record markers",
+            f"sensors {few(apart)} rotate about another axis than the other sensors of the legs: either legs moved "
+            "sideways, or headings differ, as without magnetometer, and joint angles are wrong there: name the axis of "
+            "each that points forward (--imu-heading SENSOR=AXIS ...), or record markers",
         )
 
     def _as_modelled(self) -> SensorMounting:

@@ -38,13 +38,13 @@ from myomorph.study.inputs.input import ByType, OptionSet
 from myomorph.study.inputs.loads import ExternalLoads
 from myomorph.study.inputs.torques import RecordedTorques
 from myomorph.study.step.step import Step, StepCommand, StepOutput
-from myomorph.study.trial.determined import determined
 from myomorph.study.trial.emg_tables import EMG_TABLE, write_channels, write_conflicts
 from myomorph.study.trial.fiber_step import fiber_numbers, fiber_signals, write_fibers
 from myomorph.study.trial.joint_contact_step import joint_contact_numbers, joint_contact_signals, write_joint_contacts
 from myomorph.study.trial.steps.id import Torques, cutoff_of, filter_summary, put_dynamics, solve_dynamics, torque_table
 from myomorph.study.trial.steps.ik import Poses
 from myomorph.study.trial.trial_inputs import JoinedParts, Signals, TrialInputs, Value, all_drawn, statistics_of
+from myomorph.study.trial.unmeasured_limbs import without_unmeasured_limbs
 from myomorph.tension.contact_setting import Measurements, during
 from myomorph.tension.dual import INFEASIBLE, STALLED
 from myomorph.tension.emg_targets import EmgOptions
@@ -96,7 +96,7 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques 
     with progress(f"{trial.name}: muscle tensions", len(task.motion)) as advance:
         tension, solution = task.solved(advance)
     if task.setting is None:
-        tension = determined(tension, trial.model, torques.wrenches, _driven(task))
+        tension = without_unmeasured_limbs(tension, trial.model, torques.wrenches, _driven(task))
     notes = (*task.notes(tension), *notes)
     _write_tension(tension, task, output)
     points, plan = trial.get(JointPoints), trial.get(ContactPlan)

@@ -15,7 +15,9 @@ from myomorph.tension.dual import NOT_DETERMINED
 from myomorph.tension.tension import Tension
 
 
-def determined(tension: Tension, model: Model, wrenches: Wrenches | None, driven: Mapping[str, str]) -> Tension:
+def without_unmeasured_limbs(
+    tension: Tension, model: Model, wrenches: Wrenches | None, driven: Mapping[str, str]
+) -> Tension:
     """Tensions without those of muscles of a limb at times at which the load on its foot is not determined.
     There activations, forces, torques and reserves are NaN; a frame in which none is left is "not determined". Limbs do
     not share a joint, so what is left is as solved. `driven`: reserve to the coordinate it drives, "" for none.
