@@ -6,8 +6,8 @@ import pytest
 from benchmarks.house import CHECKOUT, checkout_texts, count
 
 LIMITS = {
-    ("lines", "src"): 122_249,
-    ("lines", "benchmarks"): 26_548,
+    ("lines", "src"): 122_257,
+    ("lines", "benchmarks"): 26_549,
     ("words", "documentation"): 99_800,
     ("vague", "src"): 6.5,
 }

@@ -20,7 +20,8 @@ from benchmarks.hidden_plates import subject_model
 from benchmarks.recordings import RECORDINGS
 from myomorph.io.loads import read_external_loads
 from myomorph.model.arrays import Array
-from myomorph.motion.envelope import ChannelMap, EmgCalibration, EnvelopeOptions
+from myomorph.motion.emg_activation import ChannelMap, EmgCalibration
+from myomorph.motion.envelope import EnvelopeOptions
 from myomorph.motion.filters import lowpass
 from myomorph.motion.sync import cut
 from myomorph.study.trial.emg_tables import EMG_TABLE

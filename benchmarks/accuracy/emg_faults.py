@@ -12,8 +12,8 @@ import myomorph as mm
 from benchmarks.accuracy.emg import WALKS, Walk
 from benchmarks.accuracy.knee import CHANNELS, CUTOFF, STRIDES, STUDY, inputs_of, raw_emg
 from myomorph.model.arrays import Array
+from myomorph.motion.emg_activation import channel_means, shifted
 from myomorph.motion.emg_checks import noise_faults
-from myomorph.motion.envelope import channel_means, shifted
 from myomorph.tension.emg_calibration import calibrate_emg
 from myomorph.tension.emg_held_out import EmgTrial, swapped_channels
 from myomorph.tension.emg_targets import EmgOptions

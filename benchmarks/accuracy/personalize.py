@@ -13,7 +13,7 @@ from scipy.io import loadmat
 import myomorph as mm
 from benchmarks.accuracy.emg import WALKS, Walk
 from benchmarks.errors import rms
-from myomorph.motion.envelope import USUAL
+from myomorph.motion.emg_activation import USUAL
 from myomorph.tension.emg_targets import EmgOptions, emg_targets
 from myomorph.tension.personal.generic_map import map_generic
 from truths.simulated_muscles import (

@@ -19,7 +19,7 @@ from benchmarks.hands_lift_forces import task as lift_task
 from benchmarks.hidden_plates import CASES, Hidden, HiddenCase, feet_of, opened
 from myomorph.contact.states import preferred_directions
 from myomorph.model.arrays import Array
-from myomorph.motion.envelope import USUAL, channel_means, shifted
+from myomorph.motion.emg_activation import USUAL, channel_means, shifted
 from myomorph.tension.recruitment import KNEE_LOAD, RecruitmentOptions, recruitment_terms
 from myomorph.tension.tension import Tension
 from myomorph.tension.terms.contacts import ContactOptions, ContactTask

@@ -9,6 +9,7 @@ from scipy.signal import butter, sosfilt
 from myomorph.io.sto import read_sto
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.series import Emg, Series
+from myomorph.motion.emg_activation import EmgCalibration, channel_means
 from myomorph.motion.emg_checks import (
     envelope_faults,
     noise_faults,
@@ -17,7 +18,7 @@ from myomorph.motion.emg_checks import (
     refuse_unfit,
     without_faults,
 )
-from myomorph.motion.envelope import EmgCalibration, EnvelopeOptions, channel_means, envelopes, largest, linear_envelope
+from myomorph.motion.envelope import EnvelopeOptions, envelopes, largest, linear_envelope
 
 RATE = 2000.0
 TIME = np.arange(6000) / RATE

@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 from myomorph.model.series import Emg
-from myomorph.motion.envelope import EmgCalibration, independent_samples, shaped, shifted
+from myomorph.motion.emg_activation import EmgCalibration, independent_samples, shaped, shifted
 from myomorph.motion.filters import lowpass
 
 

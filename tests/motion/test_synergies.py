@@ -7,7 +7,7 @@ import pytest
 
 from myomorph.model.errors import BadData
 from myomorph.model.series import Emg
-from myomorph.motion.envelope import EmgCalibration, SynergyWeights, _factors, find_synergies
+from myomorph.motion.emg_activation import EmgCalibration, SynergyWeights, _factors, find_synergies
 
 NAMES = tuple("abcdef")
 

@@ -13,7 +13,7 @@ from myomorph.io.osim.read import read_osim
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.series import Emg, Motion, Series
-from myomorph.motion.envelope import DOUBT, EmgCalibration, shaped, uncalibrated
+from myomorph.motion.emg_activation import DOUBT, EmgCalibration, shaped, uncalibrated
 from myomorph.motion.filters import differentiate, lowpass
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.tension import emg_calibration

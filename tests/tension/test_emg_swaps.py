@@ -10,7 +10,7 @@ import pytest
 from myomorph.io.osim.read import read_osim
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.series import Emg, Motion, Series
-from myomorph.motion.envelope import channel_means, shifted
+from myomorph.motion.emg_activation import channel_means, shifted
 from myomorph.motion.filters import differentiate, lowpass
 from myomorph.tension.emg_held_out import Swap, swap_lines, swapped_channels
 from myomorph.tension.solve import solve_tension

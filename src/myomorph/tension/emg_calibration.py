@@ -12,8 +12,8 @@ from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, check_name
 from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Emg
+from myomorph.motion.emg_activation import DOUBT, USUAL, ChannelMap, EmgCalibration, uncalibrated
 from myomorph.motion.emg_checks import envelope_faults, refuse_unfit, without_faults
-from myomorph.motion.envelope import DOUBT, USUAL, ChannelMap, EmgCalibration, uncalibrated
 from myomorph.motion.filters import lowpass
 from myomorph.tension.emg_groups import calibration_of, kept_level, settled_fit, some_names, synergy_groups
 from myomorph.tension.emg_held_out import EmgTrial, HeldOut, swap_lines

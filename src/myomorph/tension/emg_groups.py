@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from myomorph.model.arrays import Array
-from myomorph.motion.envelope import DOUBT, EmgCalibration, Synergies, SynergyWeights, find_synergies
+from myomorph.motion.emg_activation import DOUBT, EmgCalibration, Synergies, SynergyWeights, find_synergies
 from myomorph.tension.emg_tracking import (
     NEAR_MAXIMUM,
     Fit,

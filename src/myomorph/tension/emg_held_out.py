@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_limits
 from myomorph.model.arrays import Array
 from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Emg, Motion, Series
-from myomorph.motion.envelope import ChannelMap, EmgCalibration, channel_means, shifted
+from myomorph.motion.emg_activation import ChannelMap, EmgCalibration, channel_means, shifted
 from myomorph.tension.emg_groups import SAME, calibration_of, kept_level, settled_fit, some_names, synergy_groups
 from myomorph.tension.emg_targets import EmgOptions, emg_targets
 from myomorph.tension.emg_tracking import TorqueTracking, action_cosines, few_frames, gain_prior

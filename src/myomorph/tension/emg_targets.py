@@ -11,8 +11,8 @@ from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model, index_of
 from myomorph.model.series import Emg
+from myomorph.motion.emg_activation import USUAL, ChannelMap, EmgCalibration, uncalibrated
 from myomorph.motion.emg_checks import envelope_faults, refuse_unfit, without_faults
-from myomorph.motion.envelope import USUAL, ChannelMap, EmgCalibration, uncalibrated
 from myomorph.tension.terms.emg import EmgTarget
 
 

@@ -23,7 +23,7 @@ from scipy.optimize import nnls
 
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.series import Emg, Motion, Series
-from myomorph.motion.envelope import Synergies, independent_samples, shaped, shifted
+from myomorph.motion.emg_activation import Synergies, independent_samples, shaped, shifted
 from myomorph.tension.problem import TensionInputs, tension_problem
 from myomorph.tension.terms.actuators import default_reserves
 from myomorph.tension.terms.contacts import ContactTask

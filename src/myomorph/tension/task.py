@@ -12,7 +12,7 @@ from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Actuator, Model
 from myomorph.model.segments import joint_labels
 from myomorph.model.series import Emg, Motion, Series, Table, Wrenches
-from myomorph.motion.envelope import EmgCalibration
+from myomorph.motion.emg_activation import EmgCalibration
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.tension.certificates import CertificateOptions, ContactIntervals, contact_intervals
 from myomorph.tension.contact_setting import ContactSetting, Measurements, all_loads, set_contacts

@@ -10,7 +10,7 @@ import pytest
 from myomorph.io.sto import read_sto, write_sto
 from myomorph.model.errors import BadFile
 from myomorph.model.series import Emg, Table
-from myomorph.motion.envelope import EmgCalibration, Synergies, SynergyWeights
+from myomorph.motion.emg_activation import EmgCalibration, Synergies, SynergyWeights
 from myomorph.study.inputs.emg_gains import SubjectGains, common_scale, read_gains, rescaled, write_gains
 from myomorph.study.plan.plan import read_plan
 from myomorph.study.run.run import run_study

@@ -10,7 +10,7 @@ from typing import Annotated
 
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.series import Emg, Trial
-from myomorph.motion.envelope import EmgCalibration
+from myomorph.motion.emg_activation import EmgCalibration
 from myomorph.store import stored as store
 from myomorph.store.results import ResultWriter
 from myomorph.store.settings import Side

@@ -14,7 +14,7 @@ from myomorph.io.parsing.text import written
 from myomorph.model.errors import BadFile, MyomorphError
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.series import Emg
-from myomorph.motion.envelope import EmgCalibration, Synergies, SynergyWeights
+from myomorph.motion.emg_activation import EmgCalibration, Synergies, SynergyWeights
 
 FORMAT = "myomorph EMG gains 1"
 

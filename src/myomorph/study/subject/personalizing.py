@@ -15,7 +15,7 @@ from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.provenance import Provenance
 from myomorph.model.series import Motion, Series
-from myomorph.motion.envelope import USUAL
+from myomorph.motion.emg_activation import USUAL
 from myomorph.report.page.parts import Note, PageHead
 from myomorph.report.trial.personalized import personalized_page
 from myomorph.store.progress import progress

@@ -9,7 +9,7 @@ import numpy as np
 
 from myomorph.io.parsing.text import write_csv
 from myomorph.model.model import Model
-from myomorph.motion.envelope import EmgCalibration
+from myomorph.motion.emg_activation import EmgCalibration
 from myomorph.store.stored import put_conflicts
 from myomorph.study.step.step import StepOutput
 from myomorph.tension.emg_conflicts import conflict_line
