@@ -26,7 +26,7 @@ from myomorph.motion.crossings import crossings, within_crossings
 from myomorph.motion.ik import KinematicsFit
 from myomorph.motion.lengths import length_unit
 from myomorph.motion.marker_checks import checked_kinematics, time_findings
-from myomorph.muscles.hill_arrays import hill_forces
+from myomorph.muscles.hill import hill_forces
 from myomorph.muscles.kinematics import default_path_lengths
 from myomorph.rigid.tree import compile_tree
 from myomorph.study.inputs.reading import fitted_to

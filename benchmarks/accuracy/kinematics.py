@@ -21,8 +21,9 @@ from myomorph.model.model import Marker, Model
 from myomorph.model.series import Markers
 from myomorph.motion.ik import pose_problem, tracked_markers
 from myomorph.motion.newton import solve_poses
+from myomorph.motion.starts import scout_poses
 from myomorph.motion.sync import cut
-from myomorph.motion.turns import SCOUT, floating_coordinates, scout_poses
+from myomorph.motion.turns import SCOUT, floating_coordinates
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.loops import close_loops, free_coordinates
 from myomorph.rigid.tree import compile_tree

@@ -20,8 +20,9 @@ from benchmarks.accuracy.knee import Row, command
 from myomorph.io.loads import read_external_loads
 from myomorph.io.mjcf.read import composed_model
 from myomorph.model.arrays import Array
-from myomorph.muscles.patella import BANDS, extensors, knee_arms, tendon_arms
+from myomorph.muscles.patella import extensors, tendon_arms
 from myomorph.muscles.path import compile_paths
+from myomorph.muscles.published_arms import BANDS, knee_arms
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.knees import flexion_coordinate, knee_joints
 from myomorph.rigid.tree import compile_tree

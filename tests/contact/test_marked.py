@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from myomorph.contact.plan import camera_clock, on_clock
+from myomorph.contact.clocks import camera_clock, on_clock
 from myomorph.model.contacts import Contacts, Touch
 from myomorph.model.errors import BadData
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from sticks import SITES, rods
 
-from myomorph.contact.plan import sound_clock
+from myomorph.contact.clocks import sound_clock
 from myomorph.contact.sound import HeardImpact, HeardImpacts, Instrument
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.series import Motion

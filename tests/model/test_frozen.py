@@ -35,7 +35,7 @@ EXCEPTIONS: dict[str, str] = {
     "myomorph.muscles.coupled_arms.LoopGroup": KERNELS,
     "myomorph.muscles.fiber_equations.Fibers": KERNELS,
     "myomorph.muscles.fiber_states.FiberStates": KERNELS,
-    "myomorph.muscles.hill_arrays.HillForces": KERNELS,
+    "myomorph.muscles.hill.HillForces": KERNELS,
     "myomorph.muscles.kinematics.MuscleKinematics": KERNELS,
     "myomorph.motion.newton.SolvedFrames": "kernels write its arrays, a frame at a time",
     "myomorph.motion.online.SteadyFrame": KERNELS,

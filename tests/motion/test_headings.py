@@ -7,7 +7,7 @@ import pytest
 
 from myomorph.model.series import Markers
 from myomorph.motion.ik import inverse_kinematics
-from myomorph.motion.turns import _headings
+from myomorph.motion.starts import _headings
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import compile_tree
 from stick_figure import stick_figure

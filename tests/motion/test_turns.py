@@ -17,10 +17,10 @@ from myomorph.model.spatial import Transform, axis_rotation
 from myomorph.motion import ik
 from myomorph.motion.filters import differentiate
 from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics, pose_problem, tracked_markers
+from myomorph.motion.starts import nearest_turns
 from myomorph.motion.turns import (
     floating_coordinates,
     nearest_turn,
-    nearest_turns,
     of_one_branch,
     of_one_turn,
     other_angles,

@@ -20,7 +20,7 @@ from myomorph.mujoco_tools.copy import MujocoCopy
 from myomorph.mujoco_tools.export import in_copy, mujoco_model
 from myomorph.mujoco_tools.joints import mujoco_joints, poses_over_ranges
 from myomorph.mujoco_tools.muscle_forces import mujoco_muscles
-from myomorph.muscles.hill_arrays import hill_forces
+from myomorph.muscles.hill import hill_forces
 from myomorph.muscles.path import compile_paths
 from myomorph.rigid.dynamics import inverse_dynamics, motion_arrays
 from myomorph.rigid.tree import compile_tree

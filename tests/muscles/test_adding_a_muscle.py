@@ -12,7 +12,7 @@ from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.errors import BadModel
 from myomorph.model.series import Motion
 from myomorph.motion.filters import differentiate
-from myomorph.muscles.hill_arrays import MODELS, activation_times, hill_forces
+from myomorph.muscles.hill import MODELS, activation_times, hill_forces
 from myomorph.muscles.kinematics import muscle_kinematics
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.tension.personal.fibers import muscle_shapes

@@ -8,7 +8,7 @@ import pytest
 from myomorph.model.model import Model
 from myomorph.model.paths import Muscle, Path
 from myomorph.muscles.fiber_jets import FLOOR, TONE, fiber_jet, tendon_jet
-from myomorph.muscles.hill_arrays import compile_elastic, has_elastic_tendon, muscle_model
+from myomorph.muscles.hill import compile_elastic, has_elastic_tendon, muscle_model
 from myomorph.muscles.models.thelen import TAKEN_UP
 from myomorph.rigid.kernels import kernel
 

@@ -18,7 +18,7 @@ from myomorph.muscles.curves import (
     Shape,
     spline_curve,
 )
-from myomorph.muscles.hill_arrays import MODELS, muscle_model
+from myomorph.muscles.hill import MODELS, muscle_model
 from myomorph.muscles.models.millard import active_force_length, force_velocity, passive_force_length
 
 X = np.linspace(-1.6, 2.6, 4201)

@@ -9,7 +9,7 @@ import pytest
 
 from myomorph.io.osim.read import read_osim
 from myomorph.model.scale import scale
-from myomorph.muscles.patella import BANDS, MARGIN, arm_warnings, knee_arms
+from myomorph.muscles.published_arms import BANDS, MARGIN, arm_warnings, knee_arms
 from myomorph.study.analyze.generic_model import generic_model
 from myomorph.study.info.inspect import inspect
 

@@ -15,7 +15,7 @@ from myomorph.model.join import part_of
 from myomorph.model.series import Series
 from myomorph.motion.filters import differentiate
 from myomorph.motion.ik import inverse_kinematics
-from myomorph.muscles.hill_arrays import hill_forces
+from myomorph.muscles.hill import hill_forces
 from myomorph.muscles.kinematics import muscle_kinematics
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.kinematics import forward_kinematics

@@ -17,14 +17,15 @@ from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series
 from myomorph.motion.filters import differentiate
 from myomorph.muscles.fiber_jets import FLOOR, SLACKENED, TONE
-from myomorph.muscles.hill_arrays import compile_hill, muscle_model
+from myomorph.muscles.hill import compile_hill, muscle_model
 from myomorph.muscles.kinematics import muscle_kinematics
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.tension.problem import TensionInputs
 from myomorph.tension.reaction import joint_reactions
-from myomorph.tension.recruitment import CoContractionTerm, joint_load_term
+from myomorph.tension.recruitment import joint_load_term
 from myomorph.tension.solve import solve_tension
 from myomorph.tension.tension import TensionOptions
+from myomorph.tension.terms.co_contraction import CoContractionTerm
 from myomorph.tension.terms.emg import EmgTarget
 from myomorph.tension.terms.term import Rows, Term
 

@@ -7,7 +7,7 @@ import pytest
 
 from myomorph.model.model import Model
 from myomorph.model.paths import Muscle, Path
-from myomorph.muscles.hill_arrays import compile_elastic
+from myomorph.muscles.hill import compile_elastic
 from myomorph.tension.elastic.program import elements, integrate
 
 CLASSES = ("DeGrooteFregly2016Muscle", "Millard2012EquilibriumMuscle", "Thelen2003Muscle")

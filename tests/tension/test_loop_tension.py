@@ -14,7 +14,7 @@ from myomorph.model.passive_dynamics import with_passive_dynamics
 from myomorph.model.paths import MovingPathPoint
 from myomorph.model.series import Series
 from myomorph.motion.filters import differentiate
-from myomorph.muscles.hill_arrays import hill_forces
+from myomorph.muscles.hill import hill_forces
 from myomorph.muscles.kinematics import muscle_kinematics
 from myomorph.muscles.passive import passive_generalized_forces
 from myomorph.rigid.dynamics import inverse_dynamics

@@ -16,11 +16,12 @@ from myomorph.rigid.tree import compile_tree
 from myomorph.tension.contact_setting import Measurements
 from myomorph.tension.problem import TensionInputs, tension_problem
 from myomorph.tension.reaction import joint_reactions
-from myomorph.tension.recruitment import CoContractionTerm, RecruitmentOptions, joint_load_term, recruitment_terms
+from myomorph.tension.recruitment import RecruitmentOptions, joint_load_term, recruitment_terms
 from myomorph.tension.solve import solve_tension
 from myomorph.tension.task import tension_task
 from myomorph.tension.tension import TensionOptions
 from myomorph.tension.terms.actuators import default_reserves
+from myomorph.tension.terms.co_contraction import CoContractionTerm
 from truths.recruitment_programs import solve_program
 from truths.recruitment_programs import walk as some_walk
 

@@ -16,7 +16,7 @@ from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Motion, Series
 from myomorph.motion.filters import differentiate
 from myomorph.motion.sync import resample_wrenches
-from myomorph.muscles.hill_arrays import hill_forces
+from myomorph.muscles.hill import hill_forces
 from myomorph.muscles.kinematics import muscle_kinematics
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.rigid.kinematics import forward_kinematics

@@ -16,7 +16,7 @@ import scipy.sparse as sp
 import myomorph as mm
 from myomorph.io.loads import read_external_loads
 from myomorph.model.arrays import Array
-from myomorph.muscles.hill_arrays import hill_forces
+from myomorph.muscles.hill import hill_forces
 from myomorph.tension.recruitment import RecruitmentOptions
 from myomorph.tension.terms.actuators import default_reserves, floating_joints
 

@@ -12,7 +12,7 @@ from myomorph.model.errors import BadData
 from myomorph.model.paths import PathPoint
 from myomorph.model.series import Markers, Motion
 from myomorph.motion.ik import InverseKinematicsOptions, poses_near
-from myomorph.muscles.hill_arrays import compile_hill, compile_hill_as
+from myomorph.muscles.hill import compile_hill, compile_hill_as
 from myomorph.muscles.kinematics import default_path_lengths
 from myomorph.muscles.path import compile_paths, compile_paths_as
 from myomorph.rigid.kinematics import forward_kinematics

@@ -15,13 +15,14 @@ from myomorph.model.series import Markers, Motion
 from myomorph.motion.lengths import coordinate_units
 from myomorph.motion.newton import SCOUT, Settings, frames_shown, solve_poses, task_arrays
 from myomorph.motion.pose_problem import PoseProblem
+from myomorph.motion.starts import scout_poses
 from myomorph.motion.sync import refuse_other_times
 from myomorph.motion.tasks.coordinates import CoordinateTask
 from myomorph.motion.tasks.loops import ties_of
 from myomorph.motion.tasks.markers import MarkerTask
 from myomorph.motion.tasks.orientations import OrientationTask
 from myomorph.motion.tasks.task import TASKS, Task
-from myomorph.motion.turns import floating_coordinates, of_one_branch, of_one_turn, scout_poses
+from myomorph.motion.turns import floating_coordinates, of_one_branch, of_one_turn
 from myomorph.rigid.coordinates import Ints, couple_frames
 from myomorph.rigid.loops import closure, free_coordinates
 from myomorph.rigid.tree import Tree, compile_tree

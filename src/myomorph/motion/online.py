@@ -22,8 +22,9 @@ from myomorph.motion.ik import InverseKinematicsOptions, coordinate_targets, pos
 from myomorph.motion.newton import Settings, frames_shown, solve_poses
 from myomorph.motion.pose_problem import PoseProblem
 from myomorph.motion.sensors.mounting import SensorMounting, SensorOptions, earth_to_ground, orientation_tasks
+from myomorph.motion.starts import scout_poses
 from myomorph.motion.tasks.orientations import OrientationArrays
-from myomorph.motion.turns import floating_coordinates, scout_poses
+from myomorph.motion.turns import floating_coordinates
 from myomorph.rigid.tree import compile_tree
 
 REACH = 4.0  # Half width of the filter's window in standard deviations of its bell

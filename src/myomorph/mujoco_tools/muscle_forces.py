@@ -15,7 +15,7 @@ from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.paths import Muscle
 from myomorph.mujoco_tools.copy import MujocoCopy
-from myomorph.muscles.hill_arrays import hill_forces
+from myomorph.muscles.hill import hill_forces
 
 SHORTEST, LONGEST = RANGE = (0.5, 1.6)  # Normalized fiber lengths that MuJoCo's `lengthrange` stands for.
 

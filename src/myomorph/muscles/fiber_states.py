@@ -22,7 +22,7 @@ from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.paths import Muscle
 from myomorph.muscles.fiber_equations import ACTIVATION, FIBER_LENGTH, TENDON_FORCE, FiberMuscle, Fibers
-from myomorph.muscles.hill_arrays import MODELS, loaded, muscle_model
+from myomorph.muscles.hill import MODELS, loaded, muscle_model
 
 
 @dataclass(frozen=True, eq=False)

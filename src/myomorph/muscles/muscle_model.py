@@ -1,6 +1,6 @@
 """What a class of muscles is: its curves, its parameters, and where OpenSim's static optimization departs from them.
 
-A new class is a subclass of `MuscleModel` in a file of its own and a line in `hill_arrays`: kernels evaluate all curves
+A new class is a subclass of `MuscleModel` in a file of its own and a line in `hill.py`: kernels evaluate all curves
 alike and know no class.
 """
 

@@ -9,7 +9,7 @@ import numpy as np
 from myomorph.model.arrays import Array
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series
-from myomorph.muscles.hill_arrays import viscosities
+from myomorph.muscles.hill import viscosities
 from myomorph.muscles.kinematics import muscle_kinematics
 from myomorph.rigid.bushings import bushing_forces
 from myomorph.rigid.dynamics import rates_of

@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from myomorph.contact.feet_on_steps import Stairs, shared_stairs, stairs_contacts
+from myomorph.contact.heard import heard_contacts
 from myomorph.contact.held_objects import find_holds, raised_contacts
-from myomorph.contact.plan import FOREVER, ContactPlan, heard_contacts
+from myomorph.contact.plan import FOREVER, ContactPlan
 from myomorph.contact.shared import misplaced_forces, shared_wrenches, without_measured
 from myomorph.contact.site_motion import plate_height, rest_on_floor
 from myomorph.contact.sites import foot_sites

@@ -16,7 +16,7 @@ from myomorph.model.errors import BadData
 from myomorph.model.findings import Finding
 from myomorph.model.labelled import Labelled, Variable
 from myomorph.model.model import index_of
-from myomorph.muscles.hill_arrays import Convention
+from myomorph.muscles.hill import Convention
 from myomorph.tension.dual import MISSING as MISSING_INPUT
 from myomorph.tension.dual import NOT_DETERMINED, OPTIMAL, STATUS_NAMES
 

@@ -15,7 +15,7 @@ from myomorph.model.model import Body, Joint, Marker, Model
 from myomorph.model.paths import Muscle, Path, PathPoint, WrapObject
 from myomorph.model.spatial import Transform, axis_rotation, rotation_from_euler_xyz
 from myomorph.motion.turns import floating_coordinates
-from myomorph.muscles.hill_arrays import compile_hill_as
+from myomorph.muscles.hill import compile_hill_as
 from myomorph.muscles.kinematics import default_path_lengths
 from myomorph.muscles.patella import PATELLA
 from myomorph.muscles.path import compile_paths_as

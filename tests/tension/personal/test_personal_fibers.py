@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from myomorph.io.formats import read_model
-from myomorph.muscles.hill_arrays import hill_forces, muscle_model
+from myomorph.muscles.hill import hill_forces, muscle_model
 from myomorph.muscles.kinematics import muscle_kinematics
 from myomorph.tension.personal.fibers import LENGTHS, follow, muscle_shapes
 from myomorph.tension.personal.prior import sizes_of

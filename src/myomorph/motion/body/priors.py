@@ -20,7 +20,7 @@ from myomorph.motion.calibration import CalibrationOptions, Distances
 from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
 from myomorph.motion.lengths import Length, joint_centers, length_unit, mirrored_lengths, segments_that_stretch
 from myomorph.motion.measurements import default_markers
-from myomorph.motion.turns import closed_defaults, root_coordinates
+from myomorph.motion.starts import closed_defaults, root_coordinates
 from myomorph.rigid.coordinates import Ints
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import ROTATION, Tree, compile_tree

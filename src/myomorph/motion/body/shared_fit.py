@@ -25,10 +25,10 @@ from myomorph.motion.body.shared_problem import FrameSet, Point, Reduced, Shared
 from myomorph.motion.calibration import CalibrationOptions, Distances
 from myomorph.motion.newton import solve_poses
 from myomorph.motion.pose_problem import PoseProblem
+from myomorph.motion.starts import closed_defaults, root_coordinates
 from myomorph.motion.stretch import FRAMES_AT_ONCE, Stretch, frame_blocks, tied_markers, with_travel
 from myomorph.motion.tasks.loops import ties_of
 from myomorph.motion.tasks.markers import MarkerArrays
-from myomorph.motion.turns import closed_defaults, root_coordinates
 from myomorph.rigid.frames import over_frames
 from myomorph.rigid.loops import loop_basis
 from myomorph.rigid.tree import Tree, compile_tree

@@ -15,7 +15,7 @@ from myomorph.model.model import Model
 from myomorph.model.series import Markers
 from myomorph.motion.protocols import labels_between
 from myomorph.motion.sync import cut
-from myomorph.muscles.patella import arm_warnings
+from myomorph.muscles.published_arms import arm_warnings
 from myomorph.study.analyze.arms import have_arms
 from myomorph.study.analyze.generic_model import generic_model
 from myomorph.study.analyze.plate_cover import weighed

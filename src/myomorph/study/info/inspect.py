@@ -131,7 +131,7 @@ def inspect_model(model: Model) -> Inspection:
 def _arm_warnings(model: Model) -> tuple[str, ...]:
     if not model.muscles:
         return ()
-    from myomorph.muscles.patella import arm_warnings
+    from myomorph.muscles.published_arms import arm_warnings
 
     return arm_warnings(model)
 

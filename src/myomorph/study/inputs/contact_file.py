@@ -11,7 +11,8 @@ import numpy as np
 from pydantic import Field, FiniteFloat
 
 from myomorph.contact.feet_on_steps import Stairs, Unmeasured
-from myomorph.contact.plan import FOREVER, ContactPlan, Impulse, SoundPlan, When
+from myomorph.contact.heard import Impulse, SoundPlan
+from myomorph.contact.plan import FOREVER, ContactPlan, When
 from myomorph.contact.sites import body_sites, foot_sites
 from myomorph.contact.sound import Instrument, speed_of_sound
 from myomorph.contact.stairs import StairOptions, Step, step_loads

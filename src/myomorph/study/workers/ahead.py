@@ -175,7 +175,7 @@ def compile_motion() -> None:
 @uncollected()
 def compile_curves() -> None:
     """Run the muscle curves once, which need no paths."""
-    from myomorph.muscles.hill_arrays import hill_forces
+    from myomorph.muscles.hill import hill_forces
 
     hill_forces(two_links(), np.full((2, 1), 0.6), np.zeros((2, 1)))
 

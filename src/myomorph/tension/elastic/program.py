@@ -29,7 +29,7 @@ from scipy.linalg.lapack import dpbtrf, dpbtrs
 
 from myomorph.model.arrays import Array
 from myomorph.muscles.fiber_jets import fiber_jet, tendon_jet
-from myomorph.muscles.hill_arrays import ElasticArrays
+from myomorph.muscles.hill import ElasticArrays
 from myomorph.rigid.kernels import kernel
 
 VALUE, FIRST, SECOND, BY_A = 0, 1, 2, 3

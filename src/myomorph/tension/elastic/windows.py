@@ -19,7 +19,7 @@ from scipy.sparse.csgraph import connected_components
 
 from myomorph.model.arrays import Array
 from myomorph.muscles.fiber_jets import tendon_jet
-from myomorph.muscles.hill_arrays import (
+from myomorph.muscles.hill import (
     activation_times,
     compile_elastic,
     fill_hill_forces,

@@ -23,7 +23,7 @@ from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.model import Model
 from myomorph.muscles.curves import Curve
 from myomorph.muscles.fiber_equations import FiberMuscle
-from myomorph.muscles.hill_arrays import muscle_models
+from myomorph.muscles.hill import muscle_models
 from myomorph.muscles.muscle_model import FiberSizes
 from myomorph.rigid.kernels import inner, kernel
 

@@ -22,7 +22,7 @@ from myomorph.model.errors import BadData
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.sides import split_side
-from myomorph.muscles.hill_arrays import MODELS, compile_hill, muscle_model
+from myomorph.muscles.hill import MODELS, compile_hill, muscle_model
 from myomorph.tension.personal.fibers import MuscleShapes, MuscleSizes
 from myomorph.tension.personal.recordings import Windows
 

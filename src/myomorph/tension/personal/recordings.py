@@ -12,7 +12,7 @@ from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series
-from myomorph.muscles.hill_arrays import compile_hill
+from myomorph.muscles.hill import compile_hill
 from myomorph.muscles.kinematics import muscle_kinematics
 from myomorph.tension.problem import TensionInputs, tension_problem
 from myomorph.tension.tension import TensionOptions

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from myomorph.model.arrays import Array
-from myomorph.muscles.hill_arrays import compile_hill, fill_hill_forces, viscosities
+from myomorph.muscles.hill import compile_hill, fill_hill_forces, viscosities
 from myomorph.muscles.path import compile_paths
 from myomorph.rigid.tree import Tree
 from myomorph.tension.tension import TensionOptions
