@@ -74,7 +74,7 @@ def test_a_via_point_comes_out_by_what_the_bone_is_thicker():
 
 
 @pytest.mark.parametrize(
-    ("within", "told"), [(0.01, None), (0.001, "further than their place is unsure"), (np.nan, "give no interval")]
+    ("within", "told"), [(0.01, None), (0.001, "by more than their intervals"), (np.nan, "where maps give no interval")]
 )
 def test_what_goes_further_than_its_interval_is_told(within, told):
     one = model(muscle(*ALONG))

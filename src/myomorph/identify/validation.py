@@ -177,7 +177,7 @@ def consistency(
     if points is not None and len(weighty):
         links = points.links
         if links.names != tuple(names):
-            raise BadData(f"expected parameters of {len(links.names)} links in their order, but got {len(names)} names")
+            raise BadData(f"parameters are of other links, or in another order, than points: {names} and {links.names}")
         test = inside or _near(points)
         centers = table[weighty, 1:4] / table[weighty, :1]
         ground = links.origins[weighty] + np.einsum("lij,lj->li", links.rotations[weighty], centers)
