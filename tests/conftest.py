@@ -25,7 +25,7 @@ COMPILING = (
     "analysis/test_length_analysis.py",
     "motion/test_closed_ik.py",
     "cli/test_commands.py",
-    "demo/test_judo_demo.py",
+    "demo/test_performances.py",
     "cli/test_identify.py",
     "rigid/test_loops.py",
     "cli/test_live_command.py",

@@ -14,7 +14,7 @@ from myomorph.model.functions import linear
 from myomorph.model.model import GROUND, Axis, Body, Coordinate, Joint
 from myomorph.model.spatial import Transform
 from myomorph.motion.filters import lowpass
-from truths.simulated_drums import Scene, Truth, instruments, record
+from myomorph.simulate.drums import Scene, Truth, instruments, record
 
 NEAR = 0.02
 """A stroke is heard where one is found on its drum within this time [s]."""

@@ -21,7 +21,7 @@ from myomorph.contact.sound import (
 )
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.series import Sound
-from truths.simulated_drums import Scene, instruments, record
+from myomorph.simulate.drums import Scene, instruments, record
 
 RATE = 48_000.0
 CLICKS = np.array([0.31234, 0.77777, 1.2, 1.40001])

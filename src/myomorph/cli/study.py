@@ -23,7 +23,7 @@ MAX_REMARKS = 12
 def demo_command(
     *,
     out: Path = Path("demo"),
-    study: Literal["simulated", "jump", "shoulder", "judo", "morph"] = "simulated",
+    study: Literal["simulated", "jump", "shoulder", "judo", "taichi", "tap", "drum", "morph"] = "simulated",
     threads: Threads = None,
 ) -> int:
     """The main job on data that come with the installation, from markers to a report.
@@ -32,8 +32,9 @@ def demo_command(
     ----------
     out : folder to write
     study : a simulated full-body squat with known truth, a recorded countermovement jump with markers on one leg, six
-        virtual shoulders that swing on a force plate, two simulated fighters whose contact forces are found, or a leg's
-        muscles transferred to bones whose deformation is known
+        virtual shoulders that swing on a force plate, contacts simulated as files with a study file (two fighters, Tai
+        Chi on one plate, tap dance, a drum with microphones), or a leg's muscles transferred to bones whose deformation
+        is known
     """
     use_threads(threads)
     if study == "shoulder":
@@ -49,6 +50,8 @@ def demo_command(
             said(line)
         said(f"report: {demo.report.resolve()}")
         return 0
+    if study in ("judo", "taichi", "tap", "drum"):
+        return _perform(study, out)
     from myomorph.demo.demos import run_demo
     from myomorph.study.trial.reporting import REPORT
 
@@ -60,12 +63,25 @@ def demo_command(
         f"{outcome.frames} frames through {', '.join(outcome.done)}; markers' root mean square error "
         f"{100 * outcome.rms:.2f} cm"
     )
-    if study == "judo":
-        from myomorph.demo.judo import ERRORS
-
-        said(f"errors of feet and grips against the true forces: {out / ERRORS}")
     said(f"report: {(out / REPORT).resolve()}")
     return 0
+
+
+def _perform(name: str, out: Path) -> int:
+    """Write the files of a simulated performance, run its study, and lay its contact forces beside the truth."""
+    from myomorph.demo.performances import ERRORS, write_errors, write_performance
+    from myomorph.study.plan.plan import read_plan
+    from myomorph.study.trial.reporting import REPORT
+
+    written = write_performance(name, out)
+    said(f"simulated; to run it again: myomorph run {written.study} --out {out / 'results'}")
+    results = out / "results"
+    status = run_plan(read_plan(written.study), results, AS_USUAL)
+    if status == 0:
+        write_errors(written, results, out / ERRORS)
+        said(f"errors of contact forces against the true ones: {out / ERRORS}")
+        said(f"report: {(results / written.results / REPORT).resolve()}")
+    return status
 
 
 def _say_remarks(plan: Plan) -> None:

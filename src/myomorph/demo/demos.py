@@ -24,19 +24,20 @@ from myomorph.study.inputs.loads import ExternalLoads
 from myomorph.study.inputs.markers import Recording
 from myomorph.study.inputs.mass import BodyMass
 from myomorph.study.inputs.time_span import TimeSpan
+from myomorph.study.inputs.truth import KnownTruth
 from myomorph.study.step.step_table import usual_steps
 from myomorph.study.trial.run_trial import run_trial
-from myomorph.study.trial.trial_inputs import KnownTruth, TrialInputs, TrialNotes
+from myomorph.study.trial.trial_inputs import TrialInputs, TrialNotes
 from myomorph.study.workers.ahead import TENDONS, compile_ahead, compile_curves, compile_motion, compiling
 
-DemoName = Literal["jump", "simulated", "judo"]
+DemoName = Literal["jump", "simulated"]
 DEMO_STEPS = usual_steps()
 
 
 def run_demo(name: str, out: Path) -> Outcome:
     """Run the whole chain on a demo and write tables, NetCDF and `report.html` into a folder."""
     # Making the recording needs all kernels already: on a new machine both processes compile at once.
-    ahead = compile_ahead(DEMO_STEPS, frozenset() if name == "judo" else frozenset({TENDONS}))
+    ahead = compile_ahead(DEMO_STEPS, frozenset({TENDONS}))
     try:
         if ahead.works:
             with compiling():
@@ -45,10 +46,6 @@ def run_demo(name: str, out: Path) -> Outcome:
                 ahead.join()
     finally:
         ahead.stop()
-    if name == "judo":
-        from myomorph.demo.judo import run_judo_demo
-
-        return run_judo_demo(out)
     return run_trial(demo_trial(name), DEMO_STEPS, out, fresh=True)
 
 
@@ -136,11 +133,6 @@ def demo_recording(name: Literal["jump", "simulated"] = "simulated") -> DemoReco
 
 def demo_model(name: str) -> Model:
     """The model of a demo's recording; raises `UnknownName`."""
-    if name == "judo":
-        from myomorph.demo.judo import BOUT
-        from myomorph.simulate.pair import pair_model
-
-        return pair_model(BOUT)
     if name == "jump":
         # Without the rest of its trial, as EMG.
         from myomorph.simulate.jump import jump_study

@@ -107,14 +107,6 @@ def virtual_pair(options: PairOptions | None = None, cutoff: float | None = None
     return _recorded(believed, known, truth, options, random)
 
 
-def pair_model(options: PairOptions | None = None) -> Model:
-    """Both fighters as the laboratory knows them, without a bout."""
-    options = options or PairOptions()
-    with silent_mujoco():
-        believed = _setting(options, np.random.default_rng(options.seed))[2]
-        return join_models({part: fighter_model(part, believed[part]) for part in fighter.PARTS})
-
-
 def _setting(
     options: PairOptions, random: np.random.Generator
 ) -> tuple[Any, dict[str, fighter.Build], dict[str, fighter.Build], Plan, Array, Array]:

@@ -32,7 +32,8 @@ from myomorph.study.inputs.input import ByType, OptionSet
 from myomorph.study.inputs.loads import ExternalLoads
 from myomorph.study.inputs.markers import Recording
 from myomorph.study.inputs.mass import BodyMass
-from myomorph.study.trial.trial_inputs import KnownTruth, TrialInputs, TrialNotes
+from myomorph.study.inputs.truth import KnownTruth
+from myomorph.study.trial.trial_inputs import TrialInputs, TrialNotes
 
 FEET = ("calcn_r", "calcn_l")
 MARKED = (

@@ -93,7 +93,7 @@ class Opened:
     sources : what results depend on
     warnings : what is wrong with it, one line each
     real : what was recorded, as a part of a sentence for the first lines of the report: "EMG from walk_emg.sto"
-    assumed : sentences for the same place
+    assumed, simulated : sentences for the same place
     options : values that take the place of options of the steps
     """
 
@@ -102,6 +102,7 @@ class Opened:
     warnings: tuple[str, ...] = ()
     real: str = ""
     assumed: tuple[str, ...] = ()
+    simulated: tuple[str, ...] = ()
     options: tuple[object, ...] = ()
 
 

@@ -29,6 +29,7 @@ INPUTS: dict[str, str] = {
     "time": "myomorph.study.inputs.time_span",
     "mass": "myomorph.study.inputs.mass",
     "assumed": "myomorph.study.inputs.assumed",
+    "truth": "myomorph.study.inputs.truth",
 }
 """In the order in which they are opened: an input's name, and the module whose `INPUT` it is, imported when needed."""
 

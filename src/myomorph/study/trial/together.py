@@ -15,7 +15,7 @@ from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.inertia import free_object
 from myomorph.model.join import clock_difference, join_models, join_motions, join_series, join_wrenches
 from myomorph.model.model import Model
-from myomorph.model.series import Emg, Motion, Trial, Wrenches
+from myomorph.model.series import Emg, Motion, Series, Trial, Wrenches
 from myomorph.motion.clocks import on_one_clock
 from myomorph.motion.sync import resample_wrenches
 from myomorph.store.results import file_source, value_source
@@ -30,6 +30,7 @@ from myomorph.study.inputs.loads import ExternalLoads
 from myomorph.study.inputs.markers import Recording
 from myomorph.study.inputs.phases import Phases
 from myomorph.study.inputs.torques import RecordedTorques
+from myomorph.study.inputs.truth import KnownTruth
 from myomorph.study.step.step import step_head
 from myomorph.study.step.step_table import REPORT, STEPS
 from myomorph.study.trial.steps.ik import Poses
@@ -171,6 +172,7 @@ def join_trials(together: Together, parts: Mapping[str, Part], settings: Setting
             _emg(parts),
             read_contacts(together.contacts, model, together.measured) if together.contacts else None,
             first.get(Phases),
+            _truth(parts),
             JoinedParts(FrozenMap({name: part.source for name, part in parts.items()})),
         ),
         notes=TrialNotes(
@@ -189,18 +191,32 @@ def _emg(parts: Mapping[str, Part]) -> RecordedEmg | None:
     recorded = {name: emg for name, part in parts.items() if (emg := part.trial.get(RecordedEmg)) is not None}
     if not recorded:
         return None
-    time = next(iter(recorded.values())).emg.time
-    columns = {
-        name: Emg(time, emg.names, np.array([np.interp(time, emg.time, column) for column in emg.values.T]).T)
-        for name, emg in ((name, whole.emg) for name, whole in recorded.items())
-    }
-    joined = join_series(columns)
+    joined = _on_first_clock({name: whole.emg for name, whole in recorded.items()})
     channels = {
         f"{name}_{channel}": tuple(f"{name}_{muscle}" for muscle in muscles)
         for name, whole in recorded.items()
         for channel, muscles in whole.muscles.items()
     }
     return RecordedEmg(Emg(joined.time, joined.names, joined.values), FrozenMap(channels))
+
+
+def _truth(parts: Mapping[str, Part]) -> KnownTruth | None:
+    """What is known of all parts, where they were simulated."""
+    known = {name: truth.series for name, part in parts.items() if (truth := part.trial.get(KnownTruth)) is not None}
+    kinds = set.intersection(*(set(series) for series in known.values())) if len(known) == len(parts) else set()
+    joined = {kind: _on_first_clock({name: series[kind] for name, series in known.items()}) for kind in sorted(kinds)}
+    return KnownTruth(FrozenMap(joined)) if joined else None
+
+
+def _on_first_clock(series: Mapping[str, Series]) -> Series:
+    """All columns at the times of the first, named by their parts."""
+    time = next(iter(series.values())).time
+    return join_series(
+        {
+            name: Series(time, part.names, np.array([np.interp(time, part.time, column) for column in part.values.T]).T)
+            for name, part in series.items()
+        }
+    )
 
 
 class _JoinedLoads:

@@ -18,7 +18,6 @@ from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.provenance import Source
 from myomorph.model.series import Series, Trial
-from myomorph.store import stored as store
 from myomorph.store.results import ResultWriter, file_source
 from myomorph.store.settings import ReportOptions, with_settings
 from myomorph.study.inputs.imu import ImuFiles
@@ -96,17 +95,6 @@ class TrialNotes:
     assumed: tuple[str, ...] = ()
     simulated: tuple[str, ...] = ()
     root: str = ""
-
-
-@dataclass(frozen=True, eq=False)
-class KnownTruth(Recorded):
-    """What is known of a simulated recording: "motion", "torques", "activations"."""
-
-    series: Mapping[str, Series]
-
-    def put(self, writer: ResultWriter) -> None:
-        """Write each on its own clock."""
-        store.put_truth(writer, self.series)
 
 
 @dataclass(frozen=True, eq=False)
@@ -259,7 +247,9 @@ def open_trial(files: TrialFiles, settings: Settings, model: Model | None = None
         options, values = opening.options.having(*opened.options), opening.values.having(*opened.values)
         opening = replace(opening, options=options, values=values)
     real = ", ".join(part.real for part in parts if part.real)
-    assumed = tuple(text for part in parts for text in part.assumed)
+    assumed, simulated = (
+        tuple(text for part in parts for text in getattr(part, kind)) for kind in ("assumed", "simulated")
+    )
     texts = (*(f"{files.model.name}: {text}" for text in model.warnings), *(t for part in parts for t in part.warnings))
     return TrialInputs(
         name=files.name or (files.recording or files.model).stem,
@@ -267,7 +257,7 @@ def open_trial(files: TrialFiles, settings: Settings, model: Model | None = None
         model=model,
         options=opening.options,
         inputs=opening.values,
-        notes=TrialNotes((f"{real[0].upper()}{real[1:]}.",) if real else (), assumed),
+        notes=TrialNotes((f"{real[0].upper()}{real[1:]}.",) if real else (), assumed, simulated),
         sources=(file_source("model", files.model), *(source for part in parts for source in part.sources)),
         warnings=texts,
     )

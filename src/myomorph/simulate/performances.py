@@ -9,8 +9,8 @@ import numpy as np
 from myomorph.model.arrays import Array
 from myomorph.model.spatial import axis_rotation
 from myomorph.simulate import fighter
+from myomorph.simulate.performer import HEIGHT, Blow, Contact, Part, sole
 from myomorph.simulate.plan import Aim
-from truths.performer import HEIGHT, Blow, Contact, Part, sole
 
 WIDE, NARROW = 0.2, 0.12  # Half the distance of the feet [m].
 

@@ -15,9 +15,10 @@ import mujoco
 import numpy as np
 import piqp
 
-import myomorph as mm
 from myomorph.io.mjcf.read import coordinates_from_qpos, model_from_mujoco
 from myomorph.model.arrays import Array
+from myomorph.model.model import Model
+from myomorph.model.series import Motion, Series
 from myomorph.motion.filters import natural_spline
 from myomorph.simulate import fighter
 from myomorph.simulate.bout import mass_matrix, moments, muscle_strength
@@ -69,13 +70,13 @@ class Performance:
     """What truly happened. `body`: the person as the laboratory's model has it, markers where they are by it."""
 
     text: str
-    body: mm.Model
-    motion: mm.Motion
-    forces: mm.Series  # (frames, contacts, 3) in ground [N]
+    body: Model
+    motion: Motion
+    forces: Series  # (frames, contacts, 3) in ground [N]
     wrench: Array  # (frames, 6) of all contacts but blows: moment about the ground's origin, force [N m, N]
-    torques: mm.Series  # (frames, hinges) [N m]
-    activations: mm.Series
-    tensions: mm.Series
+    torques: Series  # (frames, hinges) [N m]
+    activations: Series
+    tensions: Series
     unbalanced: float  # largest torque that no activation gave [N m]
     blows: Sequence[Blow] = field(default=())
 
@@ -100,12 +101,12 @@ def performed(part: Part) -> Performance:
     return Performance(
         text,
         model,
-        mm.Motion(time, model.coordinate_names, values),
-        mm.Series(time, tuple(contact.name for contact in part.contacts), forces),
+        Motion(time, model.coordinate_names, values),
+        Series(time, tuple(contact.name for contact in part.contacts), forces),
         wrench,
-        mm.Series(time, hinges, torques),
-        mm.Series(time, muscles, activations),
-        mm.Series(time, muscles, tensions),
+        Series(time, hinges, torques),
+        Series(time, muscles, activations),
+        Series(time, muscles, tensions),
         left,
         part.blows,
     )
@@ -118,7 +119,7 @@ def with_marker_tuple(text: str) -> str:
     return text.replace("</mujoco>", f'<custom><tuple name="markers">{inside}</tuple></custom></mujoco>')
 
 
-def worn(model: mm.Model, random: np.random.Generator, shift: float = 0.005) -> mm.Model:
+def worn(model: Model, random: np.random.Generator, shift: float = 0.005) -> Model:
     """The model with its markers where they truly are, some millimeters off along each axis."""
     return model.with_markers(
         tuple(replace(one, location=one.location + shift * random.standard_normal(3)) for one in model.markers)

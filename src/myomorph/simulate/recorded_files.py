@@ -7,14 +7,15 @@ from pathlib import Path
 import numpy as np
 from scipy.signal import butter, sosfilt
 
-import myomorph as mm
 from myomorph.io.c3d.write import write_c3d
+from myomorph.io.sto import write_sto
 from myomorph.io.trc import write_trc
 from myomorph.model.arrays import Array
-from myomorph.model.series import PlateRecording
+from myomorph.model.model import Model
+from myomorph.model.series import Markers, Motion, PlateRecording, Series, Table
 from myomorph.simulate.pair import CHANNELS
+from myomorph.simulate.performer import Performance, worn
 from myomorph.simulate.squat import SimulationOptions, measured_markers
-from truths.performer import Performance, worn
 
 EMG_RATE, EMG_LATE = 1000.0, 0.04  # Of raw EMG [Hz], and how much later force comes [s].
 GAIN_SPREAD = 0.5  # Standard deviation of the logarithm of a channel's gain.
@@ -23,7 +24,7 @@ PLATE_RATE, PLATE_DEPTH, PLATE_NOISE = 10, 0.035, 1.0  # Samples a frame, depth 
 AXES = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])  # Columns: of a plate in ground.
 
 
-def skin_markers(model: mm.Model, motion: mm.Motion, random: np.random.Generator) -> mm.Markers:
+def skin_markers(model: Model, motion: Motion, random: np.random.Generator) -> Markers:
     """Markers some millimeters from where the model has them, that slide on the skin, with white noise."""
     return measured_markers(worn(model, random), motion, ON_SKIN, random)
 
@@ -43,12 +44,12 @@ def write_plate_c3d(shown: Performance, path: Path, middle: Array, size: tuple[f
     write_c3d(path, markers, PlateRecording("plate", 2, corners, origin, channels))
 
 
-def write_markers(model: mm.Model, motion: mm.Motion, path: Path, seed: int) -> None:
+def write_markers(model: Model, motion: Motion, path: Path, seed: int) -> None:
     """A TRC file."""
     write_trc(skin_markers(model, motion, np.random.default_rng(seed)), path)
 
 
-def write_raw_emg(activations: mm.Series, path: Path, seed: int) -> tuple[str, ...]:
+def write_raw_emg(activations: Series, path: Path, seed: int) -> tuple[str, ...]:
     """Raw EMG of both sides of [D]'s eight muscles, each channel with a gain that nobody knows; their names."""
     random = np.random.default_rng(seed)
     names = tuple(name for name in activations.names if name.startswith(CHANNELS))
@@ -59,5 +60,5 @@ def write_raw_emg(activations: mm.Series, path: Path, seed: int) -> tuple[str, .
         level = np.interp(time + EMG_LATE, activations.time, activations[name]) + 0.005
         noise = sosfilt(band, random.standard_normal(len(time)))
         columns.append(2e-3 * np.exp(GAIN_SPREAD * random.standard_normal()) * level * noise / noise.std())
-    mm.write_sto(mm.Table(time, names, np.stack(columns, axis=1)), path)
+    write_sto(Table(time, names, np.stack(columns, axis=1)), path)
     return names

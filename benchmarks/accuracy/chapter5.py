@@ -1,0 +1,126 @@
+"""Chapter 5 of [D] by the files that `myomorph demo` writes and `myomorph run` runs, beside the truth."""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import io
+import re
+import tempfile
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+import myomorph as mm
+from benchmarks.errors import rms
+from myomorph.cli.program import main
+from myomorph.demo.performances import Written, contact_rows, write_performance
+from myomorph.io.contact_events import read_events
+from myomorph.io.loads import read_external_loads
+from myomorph.model.arrays import Array
+from myomorph.simulate.performances import STICK_OF
+
+Row = dict[str, object]
+OF_ARMS = re.compile(r"(^|_)(arm|elbow)_")  # In names of coordinates.
+
+
+@cache
+def ran(name: str) -> tuple[Written, Path]:
+    """A demonstration and the folder of its results by default options; raises `RuntimeError` with what was printed."""
+    written = write_performance(name, Path(tempfile.mkdtemp(prefix="chapter5_")))
+    out = written.study.parent / "results"
+    with contextlib.redirect_stdout(io.StringIO()) as said, contextlib.redirect_stderr(io.StringIO()) as told:
+        status = main(["run", str(written.study), "--out", str(out)])
+    if status:
+        raise RuntimeError(f"{name}: {said.getvalue()}{told.getvalue()}")
+    return written, out
+
+
+def measured(name: str) -> Iterator[Row]:
+    """Truth and error of each contact's force; torques and activations once."""
+    written, out = ran(name)
+    rest = compared(out / written.results, written)
+    for index, row in enumerate(contact_rows(written, out)):
+        yield row | (rest if index == 0 else {})
+
+
+def measure_judo() -> Iterator[Row]:
+    """The force of each foot and grip; torques and activations of both."""
+    yield from measured("judo")
+
+
+def measure_taichi() -> Iterator[Row]:
+    """Each foot's force where one plate measured both together."""
+    yield from measured("taichi")
+
+
+def measure_tap() -> Iterator[Row]:
+    """The force of each end of each foot."""
+    yield from measured("tap")
+
+
+def measure_drum() -> Iterator[Row]:
+    """Strokes, their times and impulses as they reach the forearm; torques; feet without plates."""
+    written, out = ran("drum")
+    home = out / written.results
+    touches = [touch for touch in read_events(home / "contacts.csv").intervals if touch.site.startswith("stick")]
+    loads = read_external_loads(home / "contact_forces.xml")
+    for name, side in STICK_OF.items():
+        on = loads.bodies.index(f"forearm_{side}")
+        mine = [stroke for stroke in written.strokes if stroke[0] == name]
+        late, share = [], []
+        for _, at, impulse, known in mine:
+            starts = [touch.start - at for touch in touches if touch.site == f"stick_{side}"]
+            near = [start for start in starts if abs(start) < 0.05]
+            if near:
+                late.append(min(near, key=abs))
+                span = np.abs(loads.time - at) < 0.2
+                estimate = np.trapezoid(loads.forces[span, on, 1], loads.time[span])
+                if not known:
+                    share.append(estimate / impulse - 1.0)
+        yield {
+            "contact": f"stick on the {name}",
+            "strokes": len(mine),
+            "found": len(late),
+            "late, RMS [ms]": 1e3 * rms(late),
+            "impulse not known before, median error [%]": 100.0 * float(np.median(np.abs(share))),
+            "largest [%]": 100.0 * float(np.max(np.abs(share))),
+        }
+    yield from measured("drum")
+
+
+def compared(home: Path, written: Written) -> Row:
+    """RMS errors of the arms' torques and of the others beside standard deviations over time of the truth, those of
+    activations, and what the report warns of.
+    """
+    row: Row = {}
+    torques, table = written.torques, mm.read_sto(home / "torques_with_contacts.sto")
+    for what in ("arms", "legs and trunk"):
+        some = [name for name in torques.names if bool(OF_ARMS.search(name)) == (what == "arms")]
+        errors = [at_times(table, f"{name}_moment", torques.time) - torques[name] for name in some]
+        row[f"torques of {what}, RMS error [N m]"] = float(np.sqrt(np.nanmean(np.square(errors))))
+        row[f"SD of {what} [N m]"] = rms([torques[name] - torques[name].mean() for name in some])
+    row |= likeness(mm.read_sto(home / "activations.sto"), written.activations)
+    with (home / "quality.csv").open(encoding="utf-8", newline="") as file:
+        over = "; ".join(row["quantity"] for row in csv.DictReader(file) if row["state"] == "over") or "none"
+    return row | {"over their limits": over}
+
+
+def at_times(table: mm.Series, name: str, time: Array) -> Array:
+    """A column at other times (frames,), NaN outside."""
+    return np.interp(time, table.time, table[name], left=np.nan, right=np.nan)
+
+
+def likeness(table: mm.Series, truth: mm.Series) -> Row:
+    """RMS error of activations, and the median over muscles that change of their correlation with the truth."""
+    errors, alike = [], []
+    for name in truth.names:
+        estimate = at_times(table, name, truth.time)
+        known = np.isfinite(estimate)
+        true = truth[name][known]
+        errors.append(estimate[known] - true)
+        if np.ptp(true) > 0.05:
+            alike.append(np.corrcoef(estimate[known], true)[0, 1] if np.ptp(estimate[known]) > 0.0 else 0.0)
+    return {"activations, RMS": rms(np.concatenate(errors)), "activations, median r": float(np.median(alike))}
