@@ -6,9 +6,9 @@ import pytest
 from benchmarks.house import CHECKOUT, checkout_texts, count
 
 LIMITS = {
-    ("lines", "src"): 122_333,
-    ("lines", "benchmarks"): 26_551,
-    ("words", "documentation"): 99_799,
+    ("lines", "src"): 123_198,
+    ("lines", "benchmarks"): 26_315,
+    ("words", "documentation"): 99_868,
     ("vague", "src"): 6.5,
 }
 
