@@ -51,11 +51,12 @@ def viscosity_command(
     options: ViscositySettings | None = None,  # type: ignore[valid-type]
     running: RunOptions = AS_USUAL,
 ) -> int:
-    """Viscosity of a joint and of its muscles from swings of a limb on a force plate, with and without muscles.
+    """Viscosity of a joint and of its muscles from swings of a limb on a force plate, with and without muscles, or of a
+    relaxed living limb that is dropped.
 
     Parameters
     ----------
-    study : study file (.toml) of one or more specimens
+    study : study file (.toml) of one or more specimens, or of relaxed limbs
     out : folder to write; it is made where it does not exist. With --into, the model
     template : write a study file with every key into this folder, and end
     into : model (.osim or .xml) to write as --out with the viscosities of the specimen in --results
@@ -104,7 +105,7 @@ def viscosity_command(
         plan = fixed_plan(model, files, base, first, muscle_mass, time, settings_dict(options))
     for remark in plan.remarks:
         said(remark)
-    jobs = len(plan.specimens)
+    jobs = len(plan.specimens) + len(plan.limbs)
     if running.dry_run:
         return running.print_dry_run(partial(graph_of, plan), out, jobs)
     # What is wrong with options is reported before workers begin.
@@ -118,7 +119,7 @@ def ended(outcomes: Sequence[Outcome], out: Path) -> int:
     from myomorph.viscosity.study.results import REPORT
 
     specimens = [outcome for outcome in outcomes if outcome.subject]
-    said(f"{sum(1 for outcome in specimens if not outcome.error)} of {len(specimens)} specimens done")
+    said(f"{sum(1 for outcome in specimens if not outcome.error)} of {len(specimens)} specimens and limbs done")
     said(f"report: {(out / REPORT).resolve()}")
     return status_of(outcomes)
 
@@ -128,16 +129,20 @@ def print_specimen(outcome: Outcome) -> None:
     if outcome.error:
         print_outcome(outcome)
         return
+    from myomorph.viscosity.relaxed.identify import UNITS
+    from myomorph.viscosity.study.limb_step import LIMB, read_limb
     from myomorph.viscosity.study.specimen_step import read_specimen
 
     print_outcome(replace(outcome, findings=()))
-    report = read_specimen(outcome.folder)
+    relaxed = (outcome.folder / LIMB).is_file()
+    report = read_limb(outcome.folder) if relaxed else read_specimen(outcome.folder)
+    limb = [(name, name.replace("_", " "), unit) for name, unit in UNITS.items()]
     parts = []
-    for key, label, unit in (
+    for key, label, unit in limb if relaxed else (
         ("joint_viscosity", "joint", "Nms/rad"),
         ("total_viscosity", "total", "Nms/rad"),
         ("muscle_viscosity", "muscles", "Ns/m"),
-    ):
+    ):  # fmt: skip
         if key in report.row:
             value = report.row[key]
             parts.append(f"{label} {value.value:.3g} ({value.low:.3g} to {value.high:.3g}) {unit}")

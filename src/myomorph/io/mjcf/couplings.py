@@ -14,6 +14,7 @@ from myomorph.io.mjcf.compile import silent_mujoco
 from myomorph.io.parsing.text import written
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadFile
+from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.functions import PiecewisePolynomial
 from myomorph.model.model import Coupler, Model
 
@@ -68,17 +69,27 @@ def coupler_of_text(name: str, follower: str, text: str) -> Coupler:
     return Coupler(name, follower, function, (leader,))
 
 
-def write_dampers(path: Path, out: Path, joints: Mapping[str, float], muscles: Mapping[str, float]) -> None:
-    """Write the MJCF of `path` with damping of its joints [N m s/rad] and of its muscles' tendons [N s/m]. Raises
-    `BadFile` where MuJoCo cannot read the file, or a part is not in it.
+def write_dampers(
+    path: Path,
+    out: Path,
+    joints: Mapping[str, float],
+    muscles: Mapping[str, float] = FrozenMap({}),
+    springs: Mapping[str, tuple[float, float]] = FrozenMap({}),
+) -> None:
+    """Write the MJCF of `path` with damping of its joints [N m s/rad] and of its muscles' tendons [N s/m], and springs
+    of joints, stiffness and rest [N m/rad], [rad]. Raises `BadFile` where MuJoCo cannot read the file, or a part is not
+    in it.
     """
     with silent_mujoco():
         try:
             spec = mujoco.MjSpec.from_file(str(path))
             for name, value in joints.items():
-                _damp(spec.joint(name), value)
+                _resist(spec.joint(name), "damping", value)
+            for name, (stiffness, rest) in springs.items():
+                _resist(spec.joint(name), "stiffness", stiffness)
+                spec.joint(name).springref = np.rad2deg(rest) if spec.compiler.degree else rest
             for name, value in muscles.items():
-                _damp(spec.tendon(spec.actuator(name).target), value)
+                _resist(spec.tendon(spec.actuator(name).target), "damping", value)
             spec.compile()
             spec.meshdir = os.path.relpath(path.resolve().parent / spec.meshdir, out.resolve().parent)
             spec.texturedir = os.path.relpath(path.resolve().parent / spec.texturedir, out.resolve().parent)
@@ -89,6 +100,7 @@ def write_dampers(path: Path, out: Path, joints: Mapping[str, float], muscles: M
         stream.write(text)
 
 
-def _damp(part: Any, value: float) -> None:
-    # MuJoCo since 3.5 has powers of the speed beside it.
-    part.damping = np.array([value, *np.zeros(len(part.damping) - 1)]) if np.ndim(part.damping) else value
+def _resist(part: Any, name: str, value: float) -> None:
+    # MuJoCo since 3.5 has powers of the speed, and of the angle, beside it.
+    powers = getattr(part, name)
+    setattr(part, name, np.array([value, *np.zeros(len(powers) - 1)]) if np.ndim(powers) else value)

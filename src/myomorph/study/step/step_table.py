@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Literal
 
-Scope = Literal["subject", "trial", "pair", "specimen", "cohort", "study"]
+Scope = Literal["subject", "trial", "pair", "specimen", "limb", "cohort", "study"]
 """What a step is done once for: a subject, one of its trials, trials of several subjects that are solved as one, a
-specimen that swings, all specimens of a study, a study of subjects."""
+specimen that swings, a relaxed limb that does, all of these of a study, a study of subjects."""
 
 STEPS: dict[Scope, dict[str, str]] = {
     "subject": {
@@ -27,6 +27,7 @@ STEPS: dict[Scope, dict[str, str]] = {
     },
     "study": {"groups": "myomorph.study.summary.grouping", "tables": "myomorph.study.summary.study_tables"},
     "specimen": {"viscosity": "myomorph.viscosity.study.specimen_step"},
+    "limb": {"relaxed": "myomorph.viscosity.study.limb_step"},
     "cohort": {"cohort": "myomorph.viscosity.study.cohort_step"},
     "pair": {"id": "myomorph.study.trial.steps.id", "tension": "myomorph.study.trial.steps.tension"},
 }

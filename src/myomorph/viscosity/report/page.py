@@ -1,4 +1,4 @@
-"""The page on a cohort of swinging limbs: tables I and II of [S], figures, and what to trust."""
+"""The page on a cohort of swinging limbs: tables I and II of [S], figures, and what to trust; and on relaxed limbs."""
 
 from __future__ import annotations
 
@@ -8,28 +8,40 @@ from myomorph.report.charts.marks import Level
 from myomorph.report.page.page import Tile, rendered
 from myomorph.report.page.parts import Note, PageHead, Section, cited
 from myomorph.viscosity.cohort import STROEVE_TOTAL_VISCOSITY, CohortLine, cohort
+from myomorph.viscosity.relaxed.identify import UNITS
+from myomorph.viscosity.report.limb_report import limb_section
 from myomorph.viscosity.report.sections import cohort_section, specimen_sections
 from myomorph.viscosity.report.specimen_report import ViscosityInput
-from myomorph.viscosity.report.tables import scientific, table_section
+from myomorph.viscosity.report.tables import scientific, table_section, with_interval
 
 
 def viscosity_page(viscosity_input: ViscosityInput) -> str:
     """One self-contained HTML page on all specimens, as HTML text."""
     shown = viscosity_input
-    lost = [specimen for specimen in shown.specimens if specimen.failure]
-    failed = (Note("warning", f"Specimen {specimen.name} could not be done: {specimen.failure}") for specimen in lost)
-    warnings = tuple(f"specimen {specimen.name}: {note}" for specimen in shown.specimens for note in specimen.notes)
+    parts = [("specimen", specimen) for specimen in shown.specimens] + [("limb", limb) for limb in shown.limbs]
+    failed = (
+        Note("warning", f"{kind.capitalize()} {part.name} could not be done: {part.failure}")
+        for kind, part in parts if part.failure
+    )  # fmt: skip
+    warnings = tuple(f"{kind} {part.name}: {note}" for kind, part in parts for note in part.notes)
     notes = (*failed, *shown.notes)
     page = PageHead(shown.title, shown.date, shown.version, notes, shown.sources, shown.steps, warnings)
     lines = {line.quantity.name: line for line in cohort([specimen.row for specimen in viscosity_input.done])}
     literature = ("stroeve1999",) if any(specimen.shoulder for specimen in viscosity_input.done) else ()
-    sources = cited("murai2016", *literature, "cameron2008")
-    return rendered(page, _sections(shown, lines), sources, facts=_facts(shown), tiles=_tiles(lines))
+    specimens = ("murai2016", *literature, "cameron2008") if shown.specimens else ()
+    sources = cited(*specimens, *(("wartenberg1951", "degroote2018") if shown.limbs else ()))
+    tiles = [*_tiles(lines), *_limb_tiles(shown)]
+    return rendered(page, _sections(shown, lines), sources, facts=_facts(shown), tiles=tiles)
 
 
 def _facts(viscosity_input: ViscosityInput) -> list[tuple[str, str]]:
     both = sum(len(specimen.conditions) == 2 for specimen in viscosity_input.done)
-    rows = [("Specimens", f"{len(viscosity_input.specimens)}, {both} of them with and without muscles")]
+    rows = []
+    if viscosity_input.specimens:
+        rows.append(("Specimens", f"{len(viscosity_input.specimens)}, {both} of them with and without muscles"))
+    if viscosity_input.limbs:
+        drops = sum(len(limb.drops) for limb in viscosity_input.limbs)
+        rows.append(("Relaxed limbs", f"{len(viscosity_input.limbs)}, let go {drops} times"))
     parts = [part for specimen in viscosity_input.done for part in specimen.conditions.values()]
     if parts:
         swings, trials = sum(part.swings for part in parts), sum(part.trials for part in parts)
@@ -47,11 +59,21 @@ def _tiles(lines: Mapping[str, CohortLine]) -> list[Tile]:
     return [Tile(f"{scientific(line.mean)} ± {scientific(line.sd)}", words, "ok") for line, words in shown]
 
 
+def _limb_tiles(viscosity_input: ViscosityInput) -> list[Tile]:
+    return [
+        Tile(with_interval(limb.row[name]), f"{limb.name}: {name} of {limb.coordinate} [{UNITS[name]}]", "ok")
+        for limb in viscosity_input.limbs for name in ("viscosity", "stiffness") if name in limb.row
+    ]  # fmt: skip
+
+
 def _sections(viscosity_input: ViscosityInput, lines: Mapping[str, CohortLine]) -> list[Section]:
     levels = {name: [Level(line.mean, "", "mean", line.sd)] for name, line in lines.items() if line.count > 1}
     if any(specimen.shoulder and specimen.intact is not None for specimen in viscosity_input.done):
         levels.setdefault("total_viscosity", []).append(Level(STROEVE_TOTAL_VISCOSITY, "Stroeve 1999"))
-    result = [table_section(viscosity_input.done, lines), cohort_section(viscosity_input.done, levels)]
+    result = []
+    if viscosity_input.specimens:
+        result += [table_section(viscosity_input.done, lines), cohort_section(viscosity_input.done, levels)]
     for order, specimen_report in enumerate(viscosity_input.done, 1):
         result += specimen_sections(specimen_report, order)
+    result += [limb_section(limb, order) for order, limb in enumerate(viscosity_input.limbs, 1) if limb.row]
     return result

@@ -176,6 +176,39 @@ class SpecimenReport:
         return {name: condition for name, condition in pairs if condition is not None}
 
 
+@read_only
+class DropCurves:
+    """One drop (frames,): angle measured and as the fitted law swings, NaN where it is not used [rad]; `turns` (half
+    swings + 1,) times of the release and of every turn [s].
+    """
+
+    name: str
+    time: Array
+    measured: Array
+    fitted: Array
+    turns: Array
+
+
+@dataclass(frozen=True, eq=False)
+class LimbReport:
+    """All that is shown of a limb; `failure` why it could not be done, else "".
+
+    `row`: estimates by the names of `UNITS`; `errors`: standard deviation of each, by source; `laws`: held-out error by
+    law [rad]; `chosen`: among them; `drops`: curves; `notes`: the first on the silence of muscles.
+    """
+
+    name: str
+    coordinate: str = ""
+    row: Mapping[str, Estimate] = field(default_factory=lambda: FrozenMap({}))
+    errors: Mapping[str, Mapping[str, float]] = field(default_factory=lambda: FrozenMap({}))
+    laws: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
+    chosen: str = ""
+    drops: tuple[DropCurves, ...] = ()
+    truth: Mapping[str, float] = field(default_factory=lambda: FrozenMap({}))
+    notes: tuple[str, ...] = ()
+    failure: str = ""
+
+
 @dataclass(frozen=True, eq=False)
 class ViscosityInput:
     """Everything the report on a cohort shows; `notes`, on what is real, simulated and assumed, come first."""
@@ -187,6 +220,7 @@ class ViscosityInput:
     steps: tuple[Step, ...] = ()
     date: str = ""
     version: str = ""
+    limbs: tuple[LimbReport, ...] = ()
 
     @property
     def done(self) -> tuple[SpecimenReport, ...]:

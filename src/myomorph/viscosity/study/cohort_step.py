@@ -16,16 +16,17 @@ from myomorph.store.outcome import Outcome
 from myomorph.store.results import file_source, provenance_of, value_source
 from myomorph.study.step.folder_steps import FolderOutput, stored_provenance
 from myomorph.study.step.step import Step
-from myomorph.viscosity.report.specimen_report import SpecimenReport, ViscosityInput
-from myomorph.viscosity.study import specimen_step
-from myomorph.viscosity.study.plan import StudyOptions, ViscosityPlan
+from myomorph.viscosity.report.specimen_report import LimbReport, SpecimenReport, ViscosityInput
+from myomorph.viscosity.study import limb_step, specimen_step
+from myomorph.viscosity.study.limb_files import LimbFiles
+from myomorph.viscosity.study.plan import SpecimenFiles, StudyOptions, ViscosityPlan
 from myomorph.viscosity.study.results import DIGITS, REPORT, STORE, remake_report, write_tables, write_value
 from myomorph.viscosity.study.specimen_step import SPECIMEN, read_specimen
 
 
 @dataclass(frozen=True)
 class CohortInputs:
-    """The specimens of a study, in the order of the plan, when all have ended."""
+    """The specimens and limbs of a study, in the order of the plan, when all have ended."""
 
     plan: ViscosityPlan
     outcomes: tuple[Outcome, ...]
@@ -37,10 +38,19 @@ class CohortInputs:
     def reports(self) -> tuple[SpecimenReport, ...]:
         """What is shown of each specimen; of one that failed, why."""
         reports = []
-        for files, outcome in zip(self.plan.specimens, self.outcomes, strict=True):
+        for files, outcome in zip(self.plan.specimens, self.outcomes, strict=False):
             failure = outcome.error.removeprefix(f"{specimen_step.STEP.name}: ")
             report = SpecimenReport(files.name, failure=failure) if failure else read_specimen(outcome.folder)
             reports.append(replace(report, truth=files.truth, paper=files.paper))
+        return tuple(reports)
+
+    def limbs(self) -> tuple[LimbReport, ...]:
+        """The same of each limb."""
+        reports = []
+        for files, outcome in zip(self.plan.limbs, self.outcomes[len(self.plan.specimens) :], strict=True):
+            failure = outcome.error.removeprefix(f"{limb_step.STEP.name}: ")
+            report = LimbReport(files.name, failure=failure) if failure else limb_step.read_limb(outcome.folder)
+            reports.append(replace(report, truth=files.truth))
         return tuple(reports)
 
     def sources(self) -> Iterator[Source]:
@@ -48,7 +58,7 @@ class CohortInputs:
         if self.plan.path is not None:
             yield file_source("study", self.plan.path)
         for outcome in self.outcomes:
-            made = None if outcome.error else stored_provenance(outcome.folder, specimen_step.STEP)
+            made = None if outcome.error else stored_provenance(outcome.folder, specimen_step.STEP)  # or of a limb
             yield from () if made is None else made.sources
 
 
@@ -56,10 +66,11 @@ def cohort_provenance(cohort: CohortInputs) -> Provenance:
     """What the tables of a cohort are derived from: its specimens' results, and what the study file says of them."""
     plan = cohort.plan
     sources = [] if plan.path is None else [file_source("study", plan.path)]
-    for files, outcome in zip(plan.specimens, cohort.outcomes, strict=True):
-        result = outcome.folder / SPECIMEN
+    every: tuple[SpecimenFiles | LimbFiles, ...] = (*plan.specimens, *plan.limbs)
+    for files, outcome in zip(every, cohort.outcomes, strict=True):
+        result = outcome.folder / (limb_step.LIMB if isinstance(files, LimbFiles) else SPECIMEN)
         sha = "" if outcome.error else file_source("specimen", result).sha256
-        known = (sorted(files.truth.items()), sorted(files.paper.items()))
+        known = (sorted(files.truth.items()), sorted(getattr(files, "paper", {}).items()))
         sources.append(value_source("specimen", files.name, outcome.error, sha, known))
     options = {"name": plan.name, "real": plan.real, "simulated": plan.simulated, "assumed": plan.assumed}
     return provenance_of("cohort", sources, options)
@@ -68,8 +79,9 @@ def cohort_provenance(cohort: CohortInputs) -> Provenance:
 def _run(cohort: CohortInputs, output: FolderOutput) -> None:
     reports = cohort.reports()
     with output.whole() as folder:
-        write_tables(reports, folder)
-        write_value(viscosity_input(cohort, reports, output.made.date), folder / STORE, DIGITS)
+        shown = viscosity_input(cohort, reports, output.made.date)
+        write_tables(shown.specimens, folder, shown.limbs)
+        write_value(shown, folder / STORE, DIGITS)
         remake_report(folder)
 
 
@@ -81,7 +93,8 @@ def viscosity_input(cohort: CohortInputs, reports: tuple[SpecimenReport, ...], d
         PageStep(table, FrozenMap({name: option_text(value, "chosen") for name, value in settings.items()}))
         for table, settings in options.plain.items()
     )
-    return ViscosityInput(plan.name, reports, head_notes(plan), tuple(sources), steps, date, __version__)
+    head = head_notes(plan)
+    return ViscosityInput(plan.name, reports, head, tuple(sources), steps, date, __version__, cohort.limbs())
 
 
 def head_notes(plan: ViscosityPlan) -> tuple[Note, ...]:
@@ -89,14 +102,20 @@ def head_notes(plan: ViscosityPlan) -> tuple[Note, ...]:
     real = plan.real
     if not real and not plan.simulated:
         trials = sum(len(specimen.without) + len(specimen.intact) for specimen in plan.specimens)
-        real = (f"Markers and forces of {trials} recordings, as the study file names them.",)
-    assumed = (
+        drops = sum(len(limb.drops) for limb in plan.limbs)
+        kinds = ((trials, "Markers and forces"), (drops, "Motion"))
+        real = tuple(f"{what} of {count} recordings, as the study file names them." for count, what in kinds if count)
+    relaxed = (
+        "A relaxed limb's masses, centers and inertias are the model's, but for the errors that its intervals hold.",
+        "Its swings are passive where EMG does not say otherwise; the passive torque has constant coefficients.",
+    )
+    specimens = (
         "The limb beyond the joint is one rigid link; the joint turns about one fixed center; the base does not move.",
         "Swings are passive: nobody touches the limb, and no muscle is active.",
         "Moment arms are those of the model. One value for all axes and one for all muscles, as the paper has it; "
         "values by axis and by muscle stand beside.",
-        *plan.assumed,
     )
+    assumed = (*(specimens if plan.specimens else ()), *(relaxed if plan.limbs else ()), *plan.assumed)
     parts = (("real", real), ("simulated", plan.simulated), ("assumed", assumed))
     return tuple(Note(kind, text) for kind, texts in parts for text in texts)  # type: ignore[arg-type]
 

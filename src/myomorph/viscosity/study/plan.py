@@ -20,7 +20,9 @@ from myomorph.viscosity.cohort import QUANTITIES
 from myomorph.viscosity.identification.base_load import UNKNOWN, BaseLoad
 from myomorph.viscosity.identification.budget import ErrorOptions
 from myomorph.viscosity.identification.identify import STATES, ViscosityOptions
+from myomorph.viscosity.relaxed.identify import LimbOptions
 from myomorph.viscosity.study.calibration import PlateFiles, ScanFiles
+from myomorph.viscosity.study.limb_files import LimbFiles, LimbTable, limb_files
 from myomorph.viscosity.tracking.tracked import TrackingOptions
 from myomorph.viscosity.trust.cutoff import FilterOptions
 from myomorph.viscosity.trust.models import PassiveOptions
@@ -42,6 +44,7 @@ class StudyOptions:
     laws: PassiveOptions = field(default_factory=PassiveOptions)
     moment_arms: MomentArmOptions = field(default_factory=MomentArmOptions)
     errors: ErrorOptions = field(default_factory=ErrorOptions)
+    limb: LimbOptions = field(default_factory=LimbOptions)
 
     @staticmethod
     def of(settings: Mapping[str, Mapping[str, Any]]) -> StudyOptions:
@@ -178,7 +181,7 @@ class ViscosityPlan:
     Attributes
     ----------
     name : of the study
-    specimens : in the order of the file
+    specimens, limbs : in the order of the file; limbs are relaxed and living
     path : of the study file, None where there is none
     settings : by step, only what was given
     real, simulated, assumed : sentences of the report's head
@@ -193,6 +196,7 @@ class ViscosityPlan:
     simulated: tuple[str, ...] = ()
     assumed: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
+    limbs: tuple[LimbFiles, ...] = ()
 
 
 def viscosity_tables() -> type[BaseModel]:
@@ -200,7 +204,8 @@ def viscosity_tables() -> type[BaseModel]:
     options = study_file.options_table({name: settings_of(type(value)) for name, value in vars(StudyOptions()).items()})
     return create_model(
         "ViscosityFile", __base__=study_file.Strict, study=(_Study, ...),
-        specimen=(list[_Specimen], Field(min_length=1)), options=(options, Field(default_factory=options)),
+        specimen=(list[_Specimen], Field(default_factory=list)),
+        limb=(list[LimbTable], Field(default_factory=list)), options=(options, Field(default_factory=options)),
     )  # fmt: skip
 
 
@@ -247,17 +252,23 @@ def read_viscosity_plan(path: str | Path) -> ViscosityPlan:
         raise BadFile(path, "describes subjects, not specimens", "run it with 'myomorph run'")
     file, problems = study_file.checked(viscosity_tables(), raw)
     specimens: list[SpecimenFiles] = []
+    limbs: list[LimbFiles] = []
     if file is not None:
-        for table in file.specimen:
-            specimens.append(_specimen(table, path.parent, problems, remarks))
-            if any(other.name == table.name for other in specimens[:-1]):
-                problems.append(f"two specimens are named '{table.name}': give one another name")
+        specimens += [_specimen(table, path.parent, problems, remarks) for table in file.specimen]
+        limbs += [limb_files(table, path.parent, problems, remarks) for table in file.limb]
+        names = [*(specimen.name for specimen in specimens), *(limb.name for limb in limbs)]
+        problems += [f"two specimens are named '{name}': give one another name"
+                     for name in dict.fromkeys(names) if names.count(name) > 1]  # fmt: skip
+        if not names:
+            problems.append(
+                "it has no [[specimen]] and no [[limb]]: give one, as 'myomorph viscosity --template' shows"
+            )
     study_file.refuse(path, problems)
     assert file is not None
     settings = {step: chosen for step, chosen in file.options.model_dump(exclude_unset=True).items() if chosen}
     told = file.study
     origins = told.real, told.simulated, told.assumed
-    return ViscosityPlan(told.name, path, tuple(specimens), FrozenMap(settings), *origins, tuple(remarks))
+    return ViscosityPlan(told.name, path, tuple(specimens), FrozenMap(settings), *origins, tuple(remarks), tuple(limbs))
 
 
 def _specimen(specimen: _Specimen, folder: Path, problems: list[str], remarks: list[str]) -> SpecimenFiles:

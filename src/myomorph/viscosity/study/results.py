@@ -22,15 +22,16 @@ from myomorph.store.results import file_name
 from myomorph.viscosity.cohort import QUANTITIES, Row, cohort
 from myomorph.viscosity.identification.identify import Condition, SpecimenViscosity
 from myomorph.viscosity.report import specimen_report as shown
+from myomorph.viscosity.report.limb_report import COLUMNS, limb_rows
 from myomorph.viscosity.report.page import viscosity_page
-from myomorph.viscosity.report.specimen_report import SpecimenReport, ViscosityInput
+from myomorph.viscosity.report.specimen_report import LimbReport, SpecimenReport, ViscosityInput
 from myomorph.viscosity.swings.recording import SwingRecording
 
 Kind = TypeVar("Kind")
 
 SPECIMENS, COHORT, AXES = "specimens.csv", "cohort.csv", "axes.csv"
 MUSCLES, MODELS, NOTES = "muscles.csv", "models.csv", "notes.csv"
-ERRORS, INSTRUMENTS = "errors.csv", "instruments.csv"
+ERRORS, INSTRUMENTS, LIMBS = "errors.csv", "instruments.csv", "limbs.csv"
 WEIGHED = "measured_muscle_mass"  # The one column that was not estimated and so has no interval.
 
 STORE, REPORT = "viscosity.json", "report.html"
@@ -68,7 +69,7 @@ def cohort_table(rows: Sequence[Row]) -> str:
     return csv_text(head, cells, digits=8)
 
 
-def notes_table(specimens: Sequence[SpecimenReport]) -> str:
+def notes_table(specimens: Sequence[SpecimenReport | LimbReport]) -> str:
     """`notes.csv`: what failed, and what else was said of each specimen."""
     rows = [(specimen.name, "failed", specimen.failure) for specimen in specimens if specimen.failure]
     rows += [(specimen.name, "note", note) for specimen in specimens for note in specimen.notes]
@@ -118,12 +119,17 @@ BY_SPECIMEN: dict[str, tuple[str, Callable[[SpecimenReport], Iterable[tuple[obje
 """Tables with rows of each specimen: the columns behind its name, and the rows."""
 
 
-def write_tables(specimens: Sequence[SpecimenReport], folder: Path) -> None:
-    """Write all tables of a cohort, each whole or not at all."""
+def write_tables(specimens: Sequence[SpecimenReport], folder: Path, limbs: Sequence[LimbReport] = ()) -> None:
+    """Write all tables of a cohort, each whole or not at all: of specimens where there are any, of limbs likewise."""
+    write_whole(notes_table((*specimens, *limbs)), folder / NOTES)
+    if limbs:
+        rows = ((limb.name, *row) for limb in limbs for row in limb_rows(limb))
+        write_csv(folder / LIMBS, ("name", *COLUMNS), rows, digits=8)
+    if not specimens:
+        return
     known = [(specimen.name, specimen.row) for specimen in specimens if specimen.row]
     write_whole(specimens_table(known), folder / SPECIMENS)
     write_whole(cohort_table([row for _, row in known]), folder / COHORT)
-    write_whole(notes_table(specimens), folder / NOTES)
     for name, (head, rows_of) in BY_SPECIMEN.items():
         rows = ((specimen.name, *row) for specimen in specimens for row in rows_of(specimen))
         write_csv(folder / name, ("name", *head.split()), rows, digits=8)

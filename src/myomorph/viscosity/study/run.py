@@ -1,4 +1,4 @@
-"""A study of swinging limbs as a graph of jobs: one for each specimen, then the tables of the cohort."""
+"""A study of swinging limbs as a graph of jobs: one for each specimen and limb, then the tables of the cohort."""
 
 from __future__ import annotations
 
@@ -16,19 +16,22 @@ from myomorph.study.run.run import run_graph
 from myomorph.study.run.work import Graph, Recording, Work
 from myomorph.study.step.folder_steps import FolderSteps
 from myomorph.study.step.job_steps import JobSteps
-from myomorph.study.step.step_table import STEPS
+from myomorph.study.step.step_table import STEPS, Scope
 from myomorph.study.workers.jobs import Workers
-from myomorph.viscosity.study import specimen_step
+from myomorph.viscosity.study import limb_step, specimen_step
 from myomorph.viscosity.study.cohort_step import CohortInputs
+from myomorph.viscosity.study.limb_files import LimbFiles
+from myomorph.viscosity.study.limb_step import LimbInputs
 from myomorph.viscosity.study.plan import SpecimenFiles, StudyOptions, ViscosityPlan
 from myomorph.viscosity.study.specimen_step import SpecimenInputs
 
 
 def open_steps(
-    model: Model | None, read: str, fresh: bool, *, inputs: SpecimenInputs | CohortInputs, outcome: Outcome
+    model: Model | None, read: str, fresh: bool, *, inputs: SpecimenInputs | LimbInputs | CohortInputs, outcome: Outcome
 ) -> JobSteps:
-    """The step of a specimen, or of all."""
-    return FolderSteps("cohort" if isinstance(inputs, CohortInputs) else "specimen", inputs, outcome, fresh)
+    """The step of a specimen or a limb, or of all."""
+    kinds: dict[type, Scope] = {SpecimenInputs: "specimen", LimbInputs: "limb", CohortInputs: "cohort"}
+    return FolderSteps(kinds[type(inputs)], inputs, outcome, fresh)
 
 
 def graph_of(plan: ViscosityPlan, out: Path, fresh: bool = False, mark: RunMark | None = None) -> Graph:
@@ -47,12 +50,22 @@ def graph_of(plan: ViscosityPlan, out: Path, fresh: bool = False, mark: RunMark 
             recordings=tuple(Recording(each.markers, each.time) for each in recordings),
         )  # fmt: skip
 
+    def limb_work(files: LimbFiles) -> Work:
+        outcome = Outcome(files.name, "", out / file_name(files.name))
+        opened = partial(open_steps, inputs=LimbInputs(files, options.limb), outcome=outcome)
+        names = (files.model.name, *(path.name for drop in files.drops for path in (drop.recording, drop.emg) if path))
+        recordings = tuple(Recording(drop.recording, drop.time) for drop in files.drops)
+        told = FrozenMap({limb_step.STEP.name: plan.settings})
+        return Work("limb", outcome, tuple(STEPS["limb"]), opened, fresh=fresh, mark=mark, settings=told,
+                    files=names, recordings=recordings)  # fmt: skip
+
     def last(outcomes: tuple[Outcome, ...]) -> tuple[Work, ...]:
         outcome = Outcome(*GATHERED, out)
         opened = partial(open_steps, inputs=CohortInputs(plan, outcomes), outcome=outcome)
         return (Work("cohort", outcome, tuple(STEPS["cohort"]), opened, fresh=fresh),)
 
-    return Graph(plan.name, tuple(map(work, plan.specimens)), last, open_model)
+    works = (*map(work, plan.specimens), *map(limb_work, plan.limbs))
+    return Graph(plan.name, works, last, open_model)
 
 
 def run_viscosity(

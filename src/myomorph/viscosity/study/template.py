@@ -44,6 +44,15 @@ intact = ["full*.trc"]     # recordings with muscles intact
 # time = [0.0, 20.0]  # part of every recording that is used [s]
 # truth = { joint_viscosity = 0.055 }  # values known from elsewhere, shown beside
 # paper = { joint_viscosity = 0.0761 }  # printed values, shown beside
+
+# [[limb]]                 # a relaxed living limb that is dropped, beside specimens or in their place
+# name = "p01"
+# model = "p01.osim"       # scaled to the person: its masses count
+# coordinate = "knee_angle_r"  # that swings
+# drops = ["drop*.trc"]    # markers (.trc, .c3d) or coordinates (.mot, .sto); raw EMG beside them as drop1_emg.sto
+# muscles = ["rectus_femoris"]  # channels of EMG that must be silent; by default all
+# time = [0.0, 12.0]  # part of every recording that is used [s]
+# truth = { viscosity = 0.2 }  # values known from elsewhere, shown beside
 """
 
 

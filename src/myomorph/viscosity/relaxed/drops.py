@@ -1,0 +1,152 @@
+"""Where a relaxed limb was let go and swung: drops of a recording, their half swings, and muscles not silent."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from myomorph.model.arrays import Array, read_only, runs
+from myomorph.model.errors import BadData, listing
+from myomorph.model.series import Series
+from myomorph.motion.envelope import EnvelopeOptions, linear_envelope
+from myomorph.viscosity.relaxed.swing_equation import SwingEquation
+
+STILL = 0.05  # Share of the fastest rate of a recording below which the limb is held or hangs.
+HELD = 0.15  # Shortest time of a hold, unless the recording begins in it; a turn is shorter [s].
+RELEASED = 0.2  # The same above which a hand no longer carries the limb that it let go.
+AWAY = np.deg2rad(15.0)  # How far from where it hangs a limb is let go, at least [rad].
+MIN_EXCURSION = np.deg2rad(2.0)  # Of a half swing that is used [rad].
+MIN_HALVES = 4  # Half swings of a drop that is used.
+
+BAND = EnvelopeOptions(cutoff=20.0)
+QUIET = 0.3  # Shortest stretch of a limb at rest from which the level of a silent muscle is taken [s].
+ABOVE = 5.0  # Standard deviations over that level from which on a muscle is active (Hodges and Bui 1996 use 3).
+BURST = 0.02  # Shortest activity that is named [s].
+FORCE_AFTER = 0.1  # How long a muscle may pull after its EMG has ended [s].
+
+
+@read_only
+class Drop:
+    """One swing from a hand that let go until it rests.
+
+    Attributes
+    ----------
+    name : of recording and drop
+    equation : of the joint's coordinate while this recording lasts
+    measured : (frames,) angle as it was measured, NaN where unknown [rad]
+    angles, rates : (frames,) low-passed, and their derivative [rad], [rad/s]
+    turns : (half swings + 1,) frames of the release and of every turn
+    used : (half swings,) which of these are explained
+    """
+
+    name: str
+    equation: SwingEquation
+    measured: Array
+    angles: Array
+    rates: Array
+    turns: np.ndarray
+    used: np.ndarray
+
+    @property
+    def parts(self) -> list[slice]:
+        """Frames of half swings in use that follow each other."""
+        return [slice(int(self.turns[start]), int(self.turns[stop])) for start, stop in runs(self.used)]
+
+    def time(self, half: int) -> tuple[float, float]:
+        """When a half swing begins and ends [s]."""
+        begin, end = self.equation.time[self.turns[half : half + 2]]
+        return float(begin), float(end)
+
+
+def find_drops(name: str, equation: SwingEquation, measured: Array, angles: Array, rates: Array) -> tuple[Drop, ...]:
+    """The drops of a recording: each begins where a limb that was held away from where it hangs gets fast, and ends
+    with its last half swing of `MIN_EXCURSION`. Arrays (frames,) as of `Drop`. Raises `BadData` where there is none.
+    """
+    speed = np.abs(rates)
+    fastest = float(np.nanmax(speed, initial=0.0))
+    still = speed < STILL * fastest
+    rest = _hanging(equation, angles)
+    held = [
+        (start, stop)
+        for start, stop in runs(still)
+        if start == 0 or equation.time[stop - 1] - equation.time[start] > HELD
+    ]
+    starts = [stop for _, stop in held if abs(angles[stop - 1] - rest) > AWAY]
+    if not starts and abs(angles[0] - rest) > AWAY:
+        starts = [0]
+    ends = [*starts[1:], len(angles)][: len(starts)]
+    drops: list[Drop] = []
+    for start, end in zip(starts, ends, strict=True):
+        moving = np.flatnonzero(speed[start:end] > RELEASED * fastest)
+        towards = moving[np.sign(rates[start + moving]) == np.sign(rest - angles[start])] if len(moving) else moving
+        if not len(towards):
+            continue
+        first = start + int(towards[0])
+        crossings = first + 1 + np.flatnonzero(np.diff(np.sign(rates[first:end])) != 0)
+        turns = np.array([first, *crossings])
+        small = np.abs(np.diff(angles[turns])) < MIN_EXCURSION
+        turns = turns[: 1 + (int(np.argmax(small)) if small.any() else len(small))]
+        if len(turns) > MIN_HALVES:
+            title = name if len(starts) == 1 else f"{name}, drop {len(drops) + 1}"
+            used = np.ones(len(turns) - 1, bool)
+            drops.append(Drop(title, equation, measured, angles, rates, turns, used))
+    if not drops:
+        swung = f"it moves through {np.rad2deg(np.nanmax(angles) - np.nanmin(angles)):.0f} degrees"
+        raise BadData(
+            f"'{name}' holds no drop, a limb let go {np.rad2deg(AWAY):.0f} degrees or more from where it hangs that "
+            f"then swings {MIN_HALVES} half swings or more by itself: {swung}; give its 'time', or record another"
+        )
+    return tuple(drops)
+
+
+def _hanging(equation: SwingEquation, angles: Array) -> float:
+    """Angle about which the recording ends, else about which the limb turns most often [rad]."""
+    last = angles[-max(3, len(angles) // 20) :]
+    return float(np.nanmedian(last)) if np.ptp(last) < AWAY else float(np.nanmedian(angles))
+
+
+@dataclass(frozen=True)
+class Activity:
+    """A muscle that should be silent and is not [s]; `ratio` of its largest envelope to its level at rest."""
+
+    muscle: str
+    start: float
+    stop: float
+    ratio: float
+
+
+def activities(emg: Series, muscles: Sequence[str], rest: Sequence[tuple[float, float]]) -> tuple[Activity, ...]:
+    """Where raw EMG (samples, channels) rises above its level while the limb rests.
+
+    `muscles`: channels that must be silent, all where none is named; `rest`: times in which the limb is at rest [s].
+    Raises `BadData` where a channel is unknown, or nothing shows its level.
+    """
+    unknown = [name for name in muscles if name not in emg.names]
+    if unknown:
+        raise BadData(f"no EMG channel '{unknown[0]}': the recording has {listing(unknown[0], emg.names)}")
+    smooth = linear_envelope(emg, BAND)
+    quiet = [(emg.time >= start) & (emg.time <= stop) for start, stop in rest if stop - start >= QUIET]
+    if not any(part.any() for part in quiet):
+        raise BadData(
+            f"the limb rests nowhere for {QUIET:g} s, so the level of silent muscles is unknown: record a second more "
+            "before the limb is let go, or until it hangs still"
+        )
+    result = []
+    for name in muscles or emg.names:
+        envelope = smooth[name]
+        levels = [(float(envelope[part].mean()), float(envelope[part].std())) for part in quiet if part.any()]
+        level, spread = min(levels)
+        for start, stop in runs(envelope > max(level + ABOVE * spread, 2.0 * level)):
+            begin, end = float(emg.time[start]), float(emg.time[stop - 1])
+            if end - begin >= BURST:
+                result.append(Activity(name, begin, end, float(envelope[start:stop].max()) / max(level, 1e-300)))
+    return tuple(result)
+
+
+def at_rest(drops: Sequence[Drop]) -> list[tuple[float, float]]:
+    """Times of a recording in which its limb is at rest [s]."""
+    speed, time = np.abs(drops[0].rates), drops[0].equation.time
+    still = speed < STILL * np.nanmax(speed)
+    return [(float(time[start]), float(time[stop - 1])) for start, stop in runs(still)]

@@ -1,0 +1,128 @@
+"""The step of a study that is done once for a relaxed limb: from its drops to damping, stiffness and rest angle."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from myomorph.io.mjcf.couplings import write_dampers
+from myomorph.io.osim.write import write_osim
+from myomorph.model.errors import BadData, check_name
+from myomorph.model.frozen_map import FrozenMap
+from myomorph.model.passive_dynamics import with_passive_dynamics
+from myomorph.model.provenance import Provenance
+from myomorph.store.progress import progress
+from myomorph.store.results import file_source, provenance_of
+from myomorph.store.settings import plain_settings
+from myomorph.study.inputs.reading import has_mass, open_model
+from myomorph.study.step.folder_steps import FolderOutput
+from myomorph.study.step.step import Step
+from myomorph.viscosity.relaxed.drops import Drop
+from myomorph.viscosity.relaxed.identify import LimbOptions, LimbResult, identify_limb
+from myomorph.viscosity.report.limb_report import limb_report
+from myomorph.viscosity.report.specimen_report import LimbReport
+from myomorph.viscosity.study.limb_files import SILENT_UNKNOWN, LimbFiles, limb_body, open_drops
+from myomorph.viscosity.study.results import read_value, write_value
+
+LIMB, IDENTIFIED = "limb.json", "identified"
+
+
+@dataclass(frozen=True)
+class LimbInputs:
+    """One limb and the options of its identification."""
+
+    files: LimbFiles
+    options: LimbOptions
+
+    def after(self, step: Step[Any], home: Path) -> LimbInputs:
+        """The same: a limb has one step."""
+        return self
+
+
+def limb_provenance(limb: LimbInputs) -> Provenance:
+    """What the result of a limb is derived from; its truth changes nothing."""
+    files = limb.files
+    sources = [file_source("model", files.model)]
+    for drop in files.drops:
+        sources += [file_source("drop", drop.recording), *([file_source("emg", drop.emg)] if drop.emg else [])]
+    known: dict[str, object] = {"coordinate": files.coordinate, "muscles": files.muscles}
+    known["drops"] = tuple((drop.name, drop.time) for drop in files.drops)
+    return provenance_of("relaxed", sources, known | plain_settings(limb.options))
+
+
+def read_limb(home: Path) -> LimbReport:
+    """What is shown of a limb, from the folder of its results."""
+    return read_value(home / LIMB, LimbReport)
+
+
+def study_limb(files: LimbFiles, options: LimbOptions) -> tuple[LimbResult, list[str]]:
+    """A limb from its files, and notes on it, the first on the silence of its muscles."""
+    model = open_model(files.model)
+    has_mass(model, "a relaxed limb")
+    check_name("coordinate", files.coordinate, model.coordinate_names, f"the model '{files.model.name}'")
+    if model.loops:
+        raise BadData(
+            f"'{files.model.name}' has {len(model.loops)} closed loops, whose forces no swing shows: open them"
+        )
+    body = limb_body(model, files.coordinate)
+    silent = [drop.name for drop in files.drops if drop.emg is None]
+    if len(silent) == len(files.drops):
+        notes = [SILENT_UNKNOWN]
+    else:
+        notes = [
+            "muscles were judged silent by EMG" + (f", but of {', '.join(silent)} {SILENT_UNKNOWN}" if silent else "")
+        ]
+    drops: list[Drop] = []
+    with progress(f"limb {files.name}", len(files.drops) + 1, "recordings") as advance:
+        for recording in files.drops:
+            opened, said = open_drops(recording, model, files, options.cutoff)
+            drops, notes = drops + opened, notes + said
+            advance(1)
+        if not drops:
+            raise BadData("; ".join(("no drop is left: record others, the person relaxed", *notes[1:])))
+        result = identify_limb(drops, body, options)
+        advance(1)
+    for missed in result.missed:
+        short, whole = np.rad2deg([missed.short, missed.excursion])
+        way = "short of" if short > 0.0 else "beyond"
+        cause = " (a stretch reflex, short-range stiffness, or help by the person)" if short > 0.0 else ""
+        left = "; it is left out" if options.leave_out else ""
+        notes.append(
+            f"{missed.drop}: half swing {missed.half + 1} ({missed.time[0]:.2f} to {missed.time[1]:.2f} s, {whole:.0f} "
+            f"degrees) ends {abs(short):.1f} degrees {way} what constant coefficients predict{cause}{left}"
+        )
+    return result, notes
+
+
+def write_model(files: LimbFiles, result: LimbResult, folder: Path) -> list[str]:
+    """Write the model with spring and damper of the coordinate; returns what it does not express."""
+    d, k, s, c, e = result.fit.law.coefficients[:5]
+    name, model = files.coordinate, open_model(files.model)
+    path = folder / f"{IDENTIFIED}{files.model.suffix.lower()}"
+    lost = [
+        f"{path.name}: {what} is not in it" for what, value in (("dry friction", c), ("quadratic damping", e)) if value
+    ]
+    if path.suffix == ".xml":
+        write_dampers(files.model, path, {name: float(d)}, springs={name: (float(k), float(s / k))} if k > 0.0 else {})
+        return lost
+    stiffness, rest = ({name: float(k)}, {name: float(s / k)}) if k > 0.0 else ({}, {})
+    made = with_passive_dynamics(model, {name: float(d)}, stiffness, rest)
+    return [*lost, *(f"{path.name}: {line}" for line in write_osim(made, path))]
+
+
+def _run(limb: LimbInputs, output: FolderOutput) -> LimbReport:
+    result, notes = study_limb(limb.files, limb.options)
+    with output.whole() as folder:
+        notes += write_model(limb.files, result, folder)
+        report = limb_report(limb.files.name, limb.files.coordinate, result, notes)
+        write_value(report, folder / LIMB)
+    return report
+
+
+STEP = Step(
+    name="relaxed", title="passive torque of a relaxed limb", scope="limb", options=(LimbOptions,),
+    leaves=FrozenMap({"report": LIMB}), run=_run, made_from=limb_provenance,
+)  # fmt: skip

@@ -1,0 +1,152 @@
+"""A relaxed leg whose passive knee is known, dropped in MuJoCo: an engine that is not ours. Nobody was measured.
+
+The thigh rests on the edge of a table, held by a stiff spring where it may give way. A hand holds the shank and lets go;
+a reflex, where there is one, is a torque of the knee's extensors in the first swing, with EMG beside it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+import myomorph as mm
+from myomorph.io.mjcf.read import model_from_mujoco
+from myomorph.io.osim.write import write_osim
+from myomorph.io.sto import write_sto
+from myomorph.io.trc import write_trc
+from myomorph.model.arrays import Array
+from myomorph.model.series import Table
+from myomorph.viscosity.study.limb_files import DropFiles, LimbFiles
+
+STEP, RATE, EMG_RATE = 5e-4, 100.0, 1000.0
+HOLD, SWINGING = 1.0, 9.0  # Times that the hand holds the shank, and that it swings [s].
+MUSCLE = "rectus_femoris"
+DELAY = 0.04  # By which EMG comes before force [s].
+PLACES = {
+    "thigh": ((0.05, 0.06, 0.05), (0.2, -0.07, 0.06), (0.38, 0.05, 0.05), (0.3, 0.0, 0.09)),
+    "shank": ((0.05, 0.06, -0.06), (0.04, -0.06, -0.1), (0.05, 0.04, -0.3), (-0.03, 0.03, -0.38)),
+}
+"""Markers on each bone, in its frame [m]."""
+
+
+@dataclass(frozen=True)
+class RelaxedLeg:
+    """A leg: its knee's damping [N m s/rad], stiffness [N m/rad], rest angle from where the shank hangs [rad] and dry
+    friction [N m]; mass of shank and foot [kg], its center below the knee [m], inertia about it [kg m^2].
+
+    `giving`: stiffness of what holds the thigh [N m/rad], 0 where nothing moves it; `noise` of markers [m]; `bursts`:
+    number of each drop whose first swing has a reflex of `burst` [N m]; `wrong`: factors of mass, distance and inertia
+    in the model that is identified with.
+    """
+
+    damping: float = 0.2
+    stiffness: float = 2.0
+    rest: float = 0.3
+    friction: float = 0.0
+    mass: float = 4.0
+    distance: float = 0.25
+    inertia: float = 0.06
+    giving: float = 0.0
+    noise: float = 5e-4
+    bursts: tuple[int, ...] = ()
+    burst: float = 4.0
+    wrong: tuple[float, float, float] = (1.0, 1.0, 1.0)
+
+    @property
+    def truth(self) -> dict[str, float]:
+        """By the names of `relaxed.identify.UNITS`; the coordinate is 0 where the shank hangs."""
+        torque = {"zero_torque": self.stiffness * self.rest}
+        known = {"viscosity": self.damping, "stiffness": self.stiffness, "rest_angle": self.rest} | torque
+        return known | ({"coulomb": self.friction} if self.friction else {})
+
+    def mjcf(self, passive: bool = True) -> str:
+        """The leg, its passive knee left out where it is what is looked for."""
+        knee = (
+            f'damping="{self.damping}" stiffness="{self.stiffness}" springref="{np.rad2deg(self.rest)}" '
+            f'frictionloss="{self.friction}"'
+        )  # fmt: skip
+        hip = f'stiffness="{self.giving}" damping="{0.02 * self.giving}"' if passive else ""
+        joint = f'<joint name="hip" axis="0 -1 0" {hip}/>' if self.giving or not passive else ""
+        mass, distance, inertia = (
+            (self.mass, self.distance, self.inertia) if passive
+            else (value * factor for value, factor in
+                  zip((self.mass, self.distance, self.inertia), self.wrong, strict=True))
+        )  # fmt: skip
+        sites = {body: "".join(f'<site name="{body}_{i}" pos="{x} {y} {z}" size="0.005"/>'
+                               for i, (x, y, z) in enumerate(places)) for body, places in PLACES.items()}  # fmt: skip
+        return f"""<mujoco model="leg"><option gravity="0 0 -9.81" timestep="{STEP}" integrator="RK4"/><worldbody>
+          <body name="thigh" pos="0 0 1">{joint}{sites["thigh"]}
+            <inertial pos="0.2 0 0" mass="8" diaginertia="0.03 0.12 0.12"/>
+            <body name="shank" pos="0.42 0 0"><joint name="knee" axis="0 -1 0" {knee if passive else ""}/>
+              {sites["shank"]}
+              <inertial pos="0 0 {-distance}" mass="{mass}" diaginertia="{inertia} {inertia} {0.2 * inertia}"/>
+            </body></body></worldbody></mujoco>"""
+
+
+@dataclass(frozen=True, eq=False)
+class Dropped:
+    """One drop: markers with noise, raw EMG, the true knee angle (frames,) [rad], when a reflex pulled [s]."""
+
+    markers: mm.Markers
+    emg: mm.Series
+    angles: Array
+    burst: tuple[float, float] | None = field(default=None)
+
+
+def drop_leg(leg: RelaxedLeg, number: int, seed: int, release: float = 1.35) -> Dropped:
+    """Hold the shank `release` rad above where it hangs, more or less, and let go."""
+    random = np.random.default_rng((seed, number))
+    model = mujoco.MjModel.from_xml_string(leg.mjcf())
+    data = mujoco.MjData(model)
+    knee = model.joint("knee").qposadr[0]
+    data.qpos[knee] = start = release + 0.1 * random.standard_normal()
+    burst = (0.12, 0.32) if number in leg.bursts else None
+    every = round(1.0 / (RATE * STEP))
+    held, frames = round(HOLD * RATE), round((HOLD + SWINGING) * RATE)
+    angles, places = np.empty(frames), np.empty((frames, 8, 3))
+    for frame in range(frames):
+        for step in range(every if frame >= held else 1):
+            if frame < held:
+                data.qpos[:] = 0.0
+                data.qpos[knee], data.qvel[:] = start, 0.0
+                mujoco.mj_forward(model, data)
+            if step == 0:
+                angles[frame], places[frame] = data.qpos[knee], data.site_xpos
+            if frame >= held:
+                pulls = burst is not None and burst[0] <= data.time <= burst[1]
+                data.qfrc_applied[model.joint("knee").dofadr[0]] = leg.burst if pulls else 0.0
+                mujoco.mj_step(model, data)
+    time = np.arange(frames) / RATE
+    names = tuple(model.site(i).name for i in range(model.nsite))
+    markers = mm.Markers(time, names, places + leg.noise * random.standard_normal(places.shape))
+    samples = np.arange(round((HOLD + SWINGING) * EMG_RATE)) / EMG_RATE
+    size = np.full(len(samples), 5e-6)
+    when = None if burst is None else (HOLD + burst[0], HOLD + burst[1])
+    if when is not None:
+        size[(samples > when[0] - DELAY) & (samples < when[1] - DELAY)] = 6e-5
+    emg = mm.Series(samples, (MUSCLE,), (size * random.standard_normal(len(samples)))[:, None])
+    return Dropped(markers, emg, angles, when)
+
+
+def leg_model(leg: RelaxedLeg) -> mm.Model:
+    """What is known of a leg: bones, markers and masses, the latter off as `wrong` says."""
+    text = replace(leg, giving=leg.giving or 1.0).mjcf(passive=False)
+    return model_from_mujoco(mujoco.MjModel.from_xml_string(text), name="leg", marker_sites=r"(thigh|shank)_\d")
+
+
+def write_leg(leg: RelaxedLeg, folder: Path, drops: int = 3, seed: int = 0, emg: bool = True) -> LimbFiles:
+    """Write the model and the drops as a laboratory would have them; returns them as a limb of a study."""
+    folder.mkdir(parents=True, exist_ok=True)
+    write_osim(leg_model(leg), folder / "leg.osim")
+    files = []
+    for number in range(drops):
+        dropped = drop_leg(leg, number, seed)
+        recording, channel = folder / f"drop{number + 1}.trc", folder / f"drop{number + 1}_emg.sto"
+        write_trc(dropped.markers, recording)
+        if emg:
+            write_sto(Table(dropped.emg.time, dropped.emg.names, dropped.emg.values), channel)
+        files.append(DropFiles(recording.stem, recording, channel if emg else None))
+    return LimbFiles("leg", folder / "leg.osim", "knee", tuple(files))
