@@ -1,7 +1,7 @@
 """A relaxed leg whose passive knee is known, dropped in MuJoCo: an engine that is not ours. Nobody was measured.
 
-The thigh rests on the edge of a table, held by a stiff spring where it may give way. A hand holds the shank and lets go;
-a reflex, where there is one, is a torque of the knee's extensors in the first swing, with EMG beside it.
+The thigh rests on a table, held by a stiff spring where it may give way. A hand holds the shank and lets go; a reflex,
+where there is one, is a torque of the knee's extensors in the first swing, with EMG beside it.
 """
 
 from __future__ import annotations

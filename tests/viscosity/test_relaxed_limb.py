@@ -178,7 +178,8 @@ def test_a_mujoco_model_gets_damper_and_spring(studied):
 def test_what_is_wrong_with_a_limb_is_said_at_once(studied):
     path = studied / "wrong.toml"
     path.write_text(
-        '[study]\nname = "leg"\n[[limb]]\nname = "p01"\nmodel = "arm.osim"\ncoordinate = "knee"\ndrops = ["jump*.trc"]\n'
+        '[study]\nname = "leg"\n[[limb]]\nname = "p01"\nmodel = "arm.osim"\ncoordinate = "knee"\n'
+        'drops = ["jump*.trc"]\n'
         "truth = {viscous = 1.0}\n"
     )
     with pytest.raises(BadFile) as caught:

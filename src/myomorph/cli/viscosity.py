@@ -119,7 +119,8 @@ def ended(outcomes: Sequence[Outcome], out: Path) -> int:
     from myomorph.viscosity.study.results import REPORT
 
     specimens = [outcome for outcome in outcomes if outcome.subject]
-    said(f"{sum(1 for outcome in specimens if not outcome.error)} of {len(specimens)} specimens and limbs done")
+    words = "specimens and limbs" if any("relaxed" in outcome.done for outcome in specimens) else "specimens"
+    said(f"{sum(1 for outcome in specimens if not outcome.error)} of {len(specimens)} {words} done")
     said(f"report: {(out / REPORT).resolve()}")
     return status_of(outcomes)
 

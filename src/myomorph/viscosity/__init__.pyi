@@ -7,6 +7,8 @@ from .identification.identify import ViscosityOptions as ViscosityOptions
 from .identification.identify import identify_specimen as identify_specimen
 from .study.calibration import PlateFiles as PlateFiles
 from .study.calibration import ScanFiles as ScanFiles
+from .study.limb_files import DropFiles as DropFiles
+from .study.limb_files import LimbFiles as LimbFiles
 from .study.plan import SpecimenFiles as SpecimenFiles
 from .study.plan import SwingFiles as SwingFiles
 from .study.plan import ViscosityPlan as ViscosityPlan

@@ -22,16 +22,12 @@ from myomorph.viscosity.relaxed.drops import Drop
 from myomorph.viscosity.trust.law import PassiveLaw, bounded_least_squares, law_columns, resistances
 
 SPRUNG = ("viscosity", "stiffness")
-LAWS: tuple[tuple[str, ...], ...] = (
-    ("viscosity",), SPRUNG, (*SPRUNG, "coulomb"), (*SPRUNG, "quadratic"), (*SPRUNG, "coulomb", "quadratic"),
-)  # fmt: skip
+LAWS: tuple[tuple[str, ...], ...] = (("viscosity",), SPRUNG, (*SPRUNG, "coulomb"))
 """What is compared, the simplest first; with stiffness goes the angle at which the spring is at rest."""
 UNITS: Mapping[str, str] = {
     "viscosity": "N m s/rad", "stiffness": "N m/rad", "zero_torque": "N m", "rest_angle": "rad", "coulomb": "N m",
-    "quadratic": "N m s^2/rad^2",
 }  # fmt: skip
 """Of the quantities, in the order of the tables; the spring is slack at its rest angle."""
-TERMS = 5  # Coefficients of a hinge's law that a swing alone can show: d, k, s, c, e.
 AS_GOOD = 1.1  # A simpler law is taken whose held-out error is within this factor of the least.
 MAX_FOLDS = 4
 WIDTH = 0.02
@@ -53,14 +49,12 @@ class LimbOptions:
     mass_sd : of the mass of all that swings (Rao et al. 2006)
     center_sd : of its center's distance from the joint, as a share of the radius of gyration
     inertia_sd : of its inertia about that center
-    leave_out : leave out half swings that constant coefficients do not explain; else they are only named
     """
 
     cutoff: float = 6.0
     mass_sd: float = USUAL.segment_mass
     center_sd: float = USUAL.mass_center
     inertia_sd: float = USUAL.inertia
-    leave_out: bool = True
 
     def __post_init__(self) -> None:
         if not (self.cutoff > 0.0 and min(self.mass_sd, self.center_sd, self.inertia_sd) >= 0.0):
@@ -148,7 +142,7 @@ def identify_limb(drops: Sequence[Drop], body: LimbBody, options: LimbOptions | 
         least = min(held_out.values())
         terms = next(terms for terms, error in held_out.items() if error <= AS_GOOD * least)
         fit, kept, missed = _explained(drops, terms if "stiffness" in terms else SPRUNG, missed)
-        if not missed or not options.leave_out:
+        if not missed:
             break
         drops = kept
     fit = fit_swings(drops, terms)
@@ -183,8 +177,8 @@ def swung(result: LimbResult) -> Iterator[Array]:
 
 def quantities(fit: SwingFit) -> dict[str, float]:
     """The fitted values by the names of `UNITS`; a spring without stiffness has no rest."""
-    d, k, s, c, e = fit.law.coefficients[:TERMS]
-    known = {"viscosity": d, "stiffness": k, "zero_torque": s, "coulomb": c, "quadratic": e}
+    d, k, s, c = fit.law.coefficients[:4]
+    known = {"viscosity": d, "stiffness": k, "zero_torque": s, "coulomb": c}
     if k > 0.0:
         known["rest_angle"] = s / k
     asked = {*fit.terms} | ({"zero_torque", "rest_angle"} if "stiffness" in fit.terms else set())

@@ -17,8 +17,10 @@ from myomorph.viscosity.report.tables import LACKING, with_interval
 
 LABELS = {
     "viscosity": "Viscosity", "stiffness": "Stiffness", "zero_torque": "Torque at angle 0",
-    "rest_angle": "Rest angle of the spring", "coulomb": "Dry friction", "quadratic": "Quadratic damping",
+    "rest_angle": "Rest angle of the spring", "coulomb": "Dry friction",
 }  # fmt: skip
+SOURCES = ("swings", "mass", "mass center", "inertia")
+COLUMNS = ("coordinate", "quantity", "value", "low", "high", "unit", *(f"sd of {source}" for source in SOURCES))
 
 
 def limb_report(name: str, coordinate: str, result: LimbResult, notes: Sequence[str]) -> LimbReport:
@@ -40,10 +42,6 @@ def limb_rows(limb: LimbReport) -> Iterator[tuple[object, ...]]:
     for name, value in limb.row.items():
         spread = (limb.errors.get(source, {}).get(name, "") for source in SOURCES)
         yield limb.coordinate, name, value.value, value.low, value.high, UNITS[name], *spread
-
-
-SOURCES = ("swings", "mass", "mass center", "inertia")
-COLUMNS = ("coordinate", "quantity", "value", "low", "high", "unit", *(f"sd of {source}" for source in SOURCES))
 
 
 def limb_section(limb: LimbReport, order: int) -> Section:

@@ -24,7 +24,9 @@ def viscosity_page(viscosity_input: ViscosityInput) -> str:
         for kind, part in parts if part.failure
     )  # fmt: skip
     warnings = tuple(f"{kind} {part.name}: {note}" for kind, part in parts for note in part.notes)
-    notes = (*failed, *shown.notes)
+    # Whether muscles were silent comes first.
+    silence = (Note("warning", f"Limb {limb.name}: {limb.notes[0]}.") for limb in shown.limbs if limb.notes)
+    notes = (*failed, *silence, *shown.notes)
     page = PageHead(shown.title, shown.date, shown.version, notes, shown.sources, shown.steps, warnings)
     lines = {line.quantity.name: line for line in cohort([specimen.row for specimen in viscosity_input.done])}
     literature = ("stroeve1999",) if any(specimen.shoulder for specimen in viscosity_input.done) else ()
@@ -41,7 +43,7 @@ def _facts(viscosity_input: ViscosityInput) -> list[tuple[str, str]]:
         rows.append(("Specimens", f"{len(viscosity_input.specimens)}, {both} of them with and without muscles"))
     if viscosity_input.limbs:
         drops = sum(len(limb.drops) for limb in viscosity_input.limbs)
-        rows.append(("Relaxed limbs", f"{len(viscosity_input.limbs)}, let go {drops} times"))
+        rows.append(("Relaxed limbs", f"{len(viscosity_input.limbs)}, drops: {drops}"))
     parts = [part for specimen in viscosity_input.done for part in specimen.conditions.values()]
     if parts:
         swings, trials = sum(part.swings for part in parts), sum(part.trials for part in parts)

@@ -92,6 +92,7 @@ def viscosity_input(cohort: CohortInputs, reports: tuple[SpecimenReport, ...], d
     steps = tuple(
         PageStep(table, FrozenMap({name: option_text(value, "chosen") for name, value in settings.items()}))
         for table, settings in options.plain.items()
+        if (plan.limbs if table == "limb" else plan.specimens)
     )
     head = head_notes(plan)
     return ViscosityInput(plan.name, reports, head, tuple(sources), steps, date, __version__, cohort.limbs())

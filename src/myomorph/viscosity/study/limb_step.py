@@ -85,26 +85,23 @@ def study_limb(files: LimbFiles, options: LimbOptions) -> tuple[LimbResult, list
             raise BadData("; ".join(("no drop is left: record others, the person relaxed", *notes[1:])))
         result = identify_limb(drops, body, options)
         advance(1)
-    for missed in result.missed:
+    for missed in sorted(result.missed, key=lambda missed: (missed.drop, missed.half)):
         short, whole = np.rad2deg([missed.short, missed.excursion])
         way = "short of" if short > 0.0 else "beyond"
         cause = " (a stretch reflex, short-range stiffness, or help by the person)" if short > 0.0 else ""
-        left = "; it is left out" if options.leave_out else ""
         notes.append(
             f"{missed.drop}: half swing {missed.half + 1} ({missed.time[0]:.2f} to {missed.time[1]:.2f} s, {whole:.0f} "
-            f"degrees) ends {abs(short):.1f} degrees {way} what constant coefficients predict{cause}{left}"
+            f"degrees) ends {abs(short):.1f} degrees {way} what constant coefficients predict{cause}; it is left out"
         )
     return result, notes
 
 
 def write_model(files: LimbFiles, result: LimbResult, folder: Path) -> list[str]:
     """Write the model with spring and damper of the coordinate; returns what it does not express."""
-    d, k, s, c, e = result.fit.law.coefficients[:5]
+    d, k, s, c = result.fit.law.coefficients[:4]
     name, model = files.coordinate, open_model(files.model)
     path = folder / f"{IDENTIFIED}{files.model.suffix.lower()}"
-    lost = [
-        f"{path.name}: {what} is not in it" for what, value in (("dry friction", c), ("quadratic damping", e)) if value
-    ]
+    lost = [f"{path.name}: the dry friction is not in it"] if c > 0.0 else []
     if path.suffix == ".xml":
         write_dampers(files.model, path, {name: float(d)}, springs={name: (float(k), float(s / k))} if k > 0.0 else {})
         return lost
