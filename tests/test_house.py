@@ -6,9 +6,9 @@ import pytest
 from benchmarks.house import CHECKOUT, checkout_texts, count
 
 LIMITS = {
-    ("lines", "src"): 123_198,
+    ("lines", "src"): 124_412,
     ("lines", "benchmarks"): 26_315,
-    ("words", "documentation"): 99_868,
+    ("words", "documentation"): 99_819,
     ("vague", "src"): 6.5,
 }
 
