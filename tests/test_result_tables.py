@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+from functools import cache
 
 import pytest
 from benchmarks.__main__ import COMPARISONS
@@ -101,3 +102,26 @@ def test_pages_of_a_folder_are_listed():
     text = with_listed("# Decisions\n\n[All](.)\n", "decisions/index.md")
     paths = {path.name for path in (DOCS / "decisions").glob("*.md")} - {"index.md"}
     assert all(f"]({name})" in text for name in paths)
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "benchmarks").rglob("*.py")), ids=lambda path: path.stem)
+def test_what_benchmarks_import_exists(path):
+    homes = {"myomorph": ROOT / "src", "benchmarks": ROOT, "truths": ROOT / "tests"}
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and (home := homes.get(str(node.module).partition(".")[0])):
+            names = defined(home / node.module.replace(".", "/"))
+            assert {alias.name for alias in node.names} <= names, f"{node.module} has no such names"
+
+
+@cache
+def defined(place):
+    """Names that can be imported from a module or package."""
+    names = {path.stem for path in place.glob("*")}
+    sources = (place.with_suffix(".py"), place / "__init__.py", place / "__init__.pyi")
+    for node in (node for path in sources if path.is_file() for node in ast.parse(path.read_text("utf-8")).body):
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            names |= {alias.asname or alias.name for alias in node.names}
+        names.add(getattr(node, "name", ""))
+        targets = getattr(node, "targets", [getattr(node, "target", None)])
+        names |= {part.id for target in targets if target for part in ast.walk(target) if isinstance(part, ast.Name)}
+    return names

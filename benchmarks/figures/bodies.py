@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.accuracy.chapter3 import COMPONENTS, DEFAULTS, SIMULATED, found
+from benchmarks.accuracy.identification.chapter3 import COMPONENTS, DEFAULTS, SIMULATED, found
 from benchmarks.figures.page import legend, page
 
 SHOWN = (30.0, 50.0)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 
-from benchmarks.accuracy.certificates import solved_case
+from benchmarks.accuracy.tension.certificates import solved_case
 from benchmarks.figures.page import legend, page, zero_lines
 from benchmarks.hands_lift import BOX_MASS, LIFTS, hands_measured, recorded
 from benchmarks.hands_lift_forces import found, holding, left_floor, left_open, task

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.accuracy.knee import BODY_WEIGHT, PARTS, STRIDES, WAYS, at_times, measured, our_loads
-from benchmarks.accuracy.passive import solved
+from benchmarks.accuracy.tension.knee import BODY_WEIGHT, PARTS, STRIDES, WAYS, at_times, measured, our_loads
+from benchmarks.accuracy.tension.passive import solved
 from benchmarks.figures.page import legend, page
 from data_collection import data_folder
 from myomorph.analysis.cycles import band

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from benchmarks.accuracy import faults
+from benchmarks.accuracy.faults import faults
 
 from myomorph.contact.force_checks import checked_forces
 from myomorph.contact.force_inspection import LOAD, ForceSamples

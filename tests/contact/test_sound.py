@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from benchmarks.accuracy.sound import impulse_errors, matched
+from benchmarks.accuracy.contact.sound import impulse_errors, matched
 
 from myomorph.contact import onsets as onset_module
 from myomorph.contact.onsets import Heard, energy_after, listen, onsets

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from benchmarks.accuracy.refine import simulated
+from benchmarks.accuracy.identification.refine import simulated
 from test_simulated_subject import person
 
 from myomorph.identify.pseudo_inertia import tangents

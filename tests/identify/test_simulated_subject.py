@@ -8,7 +8,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from benchmarks.accuracy.simulated import CASES, Size, Trials, fitted, from_markers, standard_of
+from benchmarks.accuracy.identification.simulated import CASES, Size, Trials, fitted, from_markers, standard_of
 
 from myomorph.identify.base import fit_base
 from myomorph.identify.least_squares import Recording as Measured

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from benchmarks.accuracy import marker_faults as faults
+from benchmarks.accuracy.faults import marker_faults as faults
 
 from myomorph.model.series import Markers
 from myomorph.motion.label_repair import mended_labels

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from benchmarks.accuracy.recruitment import CRITERIA
-from benchmarks.accuracy.recruitment import ours as recruited
+from benchmarks.accuracy.tension.recruitment import CRITERIA
+from benchmarks.accuracy.tension.recruitment import ours as recruited
 from walking import walk
 
 from myomorph.contact.plan import ContactPlan

@@ -15,7 +15,7 @@ from myomorph.motion.protocols import Site, recognize
 
 APART = 0.03
 """Difference of a distance on both sides from which a marker is misplaced, on a human body [m]; set with recordings of
-other laboratories than those of `benchmarks/accuracy/unseen_marker_faults.py`."""
+other laboratories than those of `benchmarks/accuracy/faults/unseen_marker_faults.py`."""
 
 USUAL = 3.0  # That difference is at least so many times the median of the recording
 STEADY = 0.015

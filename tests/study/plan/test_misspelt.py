@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from benchmarks.accuracy.misspelt import KEYS, OPTIONS, answer_to_key, answer_to_option, named
+from benchmarks.accuracy.laboratory.misspelt import KEYS, OPTIONS, answer_to_key, answer_to_option, named
 
 
 @pytest.mark.parametrize("text", OPTIONS)

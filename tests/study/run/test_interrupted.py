@@ -10,7 +10,7 @@ from types import SimpleNamespace
 
 import psutil
 import pytest
-from benchmarks.accuracy.interrupted import SETTINGS, begin, end_of, mounted, others_of
+from benchmarks.accuracy.faults.interrupted import SETTINGS, begin, end_of, mounted, others_of
 
 from myomorph.demo.arm import example_files
 from myomorph.study.plan.plan import read_plan

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from benchmarks.accuracy.personalize import ARM, CAREFUL, passive_trial
+from benchmarks.accuracy.tension.personalize import ARM, CAREFUL, passive_trial
 
 from myomorph.io.formats import read_model
 from myomorph.io.osim.write import write_osim

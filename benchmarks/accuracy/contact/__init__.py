@@ -1,0 +1,1 @@
+"""Contacts and forces that nobody measured."""

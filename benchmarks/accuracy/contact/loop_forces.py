@@ -1,0 +1,254 @@
+"""Forces on models that close loops against OpenSim 4.6: moment arms, inverse dynamics, static optimization."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import opensim
+
+import myomorph as mm
+from benchmarks import opensim_tools
+from benchmarks.accuracy.tension.passive import TRUNK
+from benchmarks.opensim_static import static_optimization, write_actuators
+from myomorph.model.paths import MovingPathPoint
+from myomorph.muscles.coupled_arms import loop_couplings, loop_groups
+from myomorph.muscles.path import compile_paths
+from myomorph.rigid.bushings import angular_velocities
+from myomorph.rigid.coordinates import couple_frames
+from myomorph.rigid.loops import close_loops, closed_motion, loop_torques
+from myomorph.rigid.tree import Tree, compile_tree
+from myomorph.tension.terms.actuators import default_reserves
+
+FOLDER = "shoulder-thoracoscapular"
+MODELS = ("model_cmc/TSM_subject_CMC_{}Weight.osim", "model_rmr/TSM_subject_{}Weight.osim")
+TRIALS = ("ABD01", "FLX01", "SHRUG01")
+BONEPIN = ("shoulder-bonepin/subject1_abdbonepin.osim", "shoulder-bonepin/std_subject1_abdbonepin_IK.mot")
+SCAPULA = ("scapula_abduction", "scapula_elevation", "scapula_upward_rot")
+CUTOFF = 3.0
+POSES = 4
+STEP = 1e-5
+
+
+def _moved(model: mm.Model, path: Path) -> mm.Motion:
+    recorded = mm.read_motion(path, model)
+    return closed_motion(model, mm.differentiate(recorded, CUTOFF))[0]
+
+
+@dataclass
+class ArmCounts:
+    """What comparing moment arms found, in metres.
+
+    `same`: greatest difference where OpenSim's forces of the path fit its length; `moving`, `two`: greatest difference
+    where they do not: a point that moves, two surfaces at once; `slope`: greatest difference of ours from the slope of
+    length, over at most one surface that is no ellipsoid; `rough`: the same of the other paths, which OpenSim's rules
+    do not make shortest.
+    """
+
+    pairs: int = 0
+    same: float = 0.0
+    moving: float = 0.0
+    two: float = 0.0
+    slope: float = 0.0
+    rough: float = 0.0
+
+
+def measure_arms(folder: Path) -> Iterator[dict[str, object]]:
+    """Moment arms of all muscles about all coordinates, and the slope of length along the coupled motion."""
+    if not (folder / FOLDER).exists():
+        return
+    opensim.Logger.setLevelString("Off")
+    for name in (form.format(weight) for form in MODELS for weight in ("no", "2kg")):
+        path = folder / FOLDER / name
+        model = mm.read_model(path)
+        tree = compile_tree(model)
+        poses = []
+        for trial in TRIALS:
+            values = tree.coordinates_of(mm.read_motion(folder / FOLDER / f"ik/{trial}.mot", model))
+            poses.append(values[np.linspace(20, len(values) - 20, POSES).astype(int)])
+        found = _compare_arms(path, tree, close_loops(tree, np.vstack(poses)))
+        yield {
+            "model": Path(name).stem,
+            "poses": POSES * len(TRIALS),
+            "pairs": found.pairs,
+            "difference [mm]": 1e3 * found.same,
+            "over two surfaces [mm]": 1e3 * found.two,
+            "points that move [mm]": 1e3 * found.moving,
+            "ours from the slope of length [mm]": 1e3 * found.slope,
+            "over ellipsoids or two surfaces [mm]": 1e3 * found.rough,
+        }
+
+
+def _compare_arms(path: Path, tree: Tree, c: np.ndarray) -> ArmCounts:
+    model = tree.model
+    names = model.coordinate_names
+    motion = mm.Motion(np.arange(len(c)) * 1.0, names, c)
+    arms = mm.muscle_kinematics(model, motion, velocities=False).moment_arms
+    slopes = _slopes(tree, c)
+    theirs = opensim.Model(str(path))
+    state = theirs.initSystem()
+    named = theirs.getCoordinateSet()
+    kinds = {one.name: one.kind for one in model.wrap_objects}
+    found = ArmCounts()
+    for frame in range(len(c)):
+        for j, name in enumerate(names):
+            named.get(name).setValue(state, float(c[frame, j]), False)
+        theirs.realizePosition(state)
+        for i, muscle in enumerate(model.muscles):
+            points = theirs.getMuscles().get(muscle.name).getGeometryPath()
+            given = np.array([points.computeMomentArm(state, named.get(name)) for name in names])
+            off = float(np.abs(given - arms[frame, i]).max())
+            current = points.getCurrentPath(state)
+            wrapped = sum(current.get(k).getConcreteClassName() == "PathWrapPoint" for k in range(current.getSize()))
+            if any(isinstance(point, MovingPathPoint) for point in muscle.path.points):
+                found.moving = max(found.moving, off)
+            elif wrapped > 2:
+                found.two = max(found.two, off)
+            else:
+                found.same = max(found.same, off)
+            found.pairs += len(names)
+            off = float(np.abs(arms[frame, i] + slopes[frame, i]).max())
+            surfaces = [kinds[wrap.wrap_object] for wrap in muscle.path.wraps]
+            if len(surfaces) > 1 or "ellipsoid" in surfaces:
+                found.rough = max(found.rough, off)
+            else:
+                found.slope = max(found.slope, off)
+    return found
+
+
+def _slopes(tree: Tree, c: np.ndarray) -> np.ndarray:
+    """(frames, muscles, coordinates) slope of length along each coordinate's coupled motion, by differences."""
+    n = c.shape[1]
+    along = np.tile(np.eye(n), (len(c), 1, 1))
+    for group in loop_groups(tree):
+        couplings = loop_couplings(tree, group, c)
+        along[:, group.coordinates] = 0.0
+        for place, row in enumerate(group.leading):
+            along[:, group.coordinates, group.coordinates[row]] = couplings[:, place]
+    paths = compile_paths(tree.model)
+    slopes = np.empty((len(c), len(tree.model.muscles), n))
+    for j in range(n):
+        ends = []
+        for sign in (1.0, -1.0):
+            moved = c + sign * STEP * along[:, j]
+            couple_frames(tree.arrays, moved)
+            ends.append(paths.evaluate(moved)[0])
+        slopes[:, :, j] = (ends[0] - ends[1]) / (2.0 * STEP)
+    return slopes
+
+
+def measure_torques(folder: Path) -> Iterator[dict[str, object]]:
+    """Inverse dynamics against OpenSim's solver with its own speeds, and against its tool."""
+    cases = [(f"{FOLDER}/{MODELS[0].format('no')}", f"{FOLDER}/ik/{trial}.mot") for trial in TRIALS]
+    cases += [(f"{FOLDER}/{MODELS[0].format('2kg')}", f"{FOLDER}/ik/{trial}.mot") for trial in ("ABD21", "FLX21")]
+    cases.append(BONEPIN)
+    for model_path, motion_path in cases:
+        if not (folder / model_path).exists():
+            continue
+        model = mm.read_model(folder / model_path)
+        motion = _moved(model, folder / motion_path)
+        torques = mm.inverse_dynamics(model, motion)
+        folded = loop_torques(model, motion, torques)
+        tool = _tool(folder / model_path, model, motion)
+        false = loop_torques(model, motion, replace(torques, values=tool)).torques.values
+        shoulder = [k for k, name in enumerate(folded.torques.names) if name in ("plane_elv", "shoulder_elv")]
+        yield {
+            "motion": Path(motion_path).stem,
+            "frames": len(motion),
+            "dependent": ", ".join(folded.dependent),
+            "OpenSim's solver, its speeds [N m]": _solver(folder / model_path, model, motion, torques.values),
+            "OpenSim's tool [N m]": float(np.abs(tool - torques.values).max()),
+            "tool, at the elevation of the arm [N m]": float(np.abs(false - folded.torques.values)[:, shoulder].max()),
+            "greatest torque there [N m]": float(np.abs(folded.torques.values[:, shoulder]).max()),
+        }
+
+
+def _tool(path: Path, model: mm.Model, motion: mm.Motion) -> np.ndarray:
+    """(frames, coordinates) of OpenSim's InverseDynamicsTool, springs of the model left out.
+
+    The tool differentiates the filtered coordinates that it is given with the same splines as ours.
+    """
+    from myomorph.io.sto import table_from_motion, write_sto
+
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "q.mot"
+        write_sto(table_from_motion(mm.Motion(motion.time, motion.names, motion.values), model), file)
+        bare = Path(folder) / "bare.osim"
+        theirs = opensim.Model(str(path))
+        theirs.updForceSet().clearAndDestroy()
+        theirs.printToXML(str(bare))
+        found = opensim_tools.inverse_dynamics(bare, file, None, float(motion.time[0]), float(motion.time[-1]))
+    names = [name.rsplit("_", 1)[0] for name in found.names]
+    return found.values[:, [names.index(name) for name in model.coordinate_names]]
+
+
+def _solver(path: Path, model: mm.Model, motion: mm.Motion, torques: np.ndarray) -> float:
+    """Greatest difference from InverseDynamicsSolver [N m or N], given angular velocities of the scapula."""
+    names = model.coordinate_names
+    theirs = opensim.Model(str(path))
+    theirs.updForceSet().clearAndDestroy()
+    state = theirs.initSystem()
+    named, solver = theirs.getCoordinateSet(), opensim.InverseDynamicsSolver(theirs)
+    rows = [names.index(name) for name in SCAPULA]
+    columns = [motion.names.index(name) for name in names]
+    c = motion.values[:, columns]
+    assert motion.velocities is not None
+    assert motion.accelerations is not None
+    rates, changes = motion.velocities[:, columns], motion.accelerations[:, columns]
+    turn = angular_velocities(c[:, rows[0]], c[:, rows[1]])
+    ahead = angular_velocities(*(c[:, rows[:2]] + STEP * rates[:, rows[:2]]).T)
+    behind = angular_velocities(*(c[:, rows[:2]] - STEP * rates[:, rows[:2]]).T)
+    turning = (ahead - behind) / (2.0 * STEP)
+    worst = 0.0
+    for name in names:
+        named.get(name).setLocked(state, False)
+    for frame in np.linspace(0, len(motion) - 1, 10).astype(int):
+        u, udot = rates[frame].copy(), changes[frame].copy()
+        u[rows] = turn[frame] @ rates[frame, rows]
+        udot[rows] = turn[frame] @ changes[frame, rows] + turning[frame] @ rates[frame, rows]
+        for j, name in enumerate(names):
+            named.get(name).setValue(state, float(c[frame, j]), False)
+            named.get(name).setSpeedValue(state, float(u[j]))
+        theirs.realizeVelocity(state)
+        found = solver.solve(state, opensim.Vector.createFromMat(udot)).to_numpy().copy()
+        found[rows] = turn[frame].T @ found[rows]
+        worst = max(worst, float(np.abs(found - torques[frame]).max()))
+    return worst
+
+
+def measure_static(folder: Path) -> Iterator[dict[str, object]]:
+    """Static optimization of two poses of an abduction: OpenSim's constraint against our null space."""
+    path = folder / FOLDER / MODELS[0].format("no")
+    if not path.exists():
+        return
+    model = mm.read_model(path)
+    recorded = folder / FOLDER / "ik/ABD01.mot"
+    actuators = tuple(
+        replace(one, optimal_force=TRUNK) if "ground" in one.name else one for one in default_reserves(model, 1.0, 10.0)
+    )
+    with tempfile.TemporaryDirectory() as scratch:
+        reserves = Path(scratch) / "reserves.xml"
+        write_actuators(actuators, reserves)
+        theirs = static_optimization(path, recorded, None, 2.55, 3.0, reserves, CUTOFF, 1000)
+    motion = mm.differentiate(mm.read_motion(recorded, model), CUTOFF)
+    frames = np.searchsorted(motion.time, theirs.time - 1e-6)
+    some = replace(motion.frames(frames), time=theirs.time)
+    ours = mm.solve_tension(
+        model, some, mm.inverse_dynamics(model, some), mm.TensionOptions(min_activation="model"), actuators
+    )
+    columns = [theirs.names.index(name) for name in ours.muscles]
+    controls = [theirs.names.index(name) for name in (*ours.muscles, *ours.reserve_names)]
+    strength = np.array([one.optimal_force for one in actuators])
+    for frame in range(len(some)):
+        mine = float((ours.activations[frame] ** 2).sum() + ((ours.reserves[frame] / strength) ** 2).sum())
+        yield {
+            "time [s]": float(theirs.time[frame]),
+            "effort": f"{mine:.5f}",
+            "OpenSim's effort": f"{float((theirs.activations[frame, controls] ** 2).sum()):.5f}",
+            "greatest difference of force [N]": float(np.abs(theirs.forces[frame, columns] - ours.forces[frame]).max()),
+            "greatest force [N]": float(ours.forces[frame].max()),
+            "OpenSim's time a frame [s]": theirs.seconds / len(some),
+        }

@@ -1,0 +1,113 @@
+"""Faults put into clean EMG of walks: channels exchanged by name, and channels that are noise."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+import myomorph as mm
+from benchmarks.accuracy.tension.emg import WALKS, Walk
+from benchmarks.accuracy.tension.knee import CHANNELS, CUTOFF, STRIDES, STUDY, inputs_of, raw_emg
+from myomorph.model.arrays import Array
+from myomorph.motion.emg_activation import channel_means, shifted
+from myomorph.motion.emg_checks import noise_faults
+from myomorph.tension.emg_calibration import calibrate_emg
+from myomorph.tension.emg_held_out import EmgTrial, swapped_channels
+from myomorph.tension.emg_targets import EmgOptions
+
+Row = dict[str, object]
+
+DIFFERENT = 0.3
+"""Correlation of two envelopes below which their muscles work at different times."""
+RATE = 1000.0
+"""Of the noise that stands for raw EMG [Hz]."""
+
+
+def measure(folder: Path) -> Iterator[Row]:
+    """Clean channels that are called faulty, and faults that are found, of each walk."""
+    yield from map(_row, (make(folder) for make in WALKS))
+
+
+def measure_unseen(folder: Path) -> Iterator[Row]:
+    """The same of walks that no threshold of the checks was set with."""
+    yield from map(_row, (implant(folder, stride) for stride in STRIDES))
+
+
+def _row(walk: Walk) -> Row:
+    return {"walk": walk.name, "channels": len(walk.channels)} | _swaps(walk) | _noise(walk)
+
+
+def implant(folder: Path, stride: str) -> Walk:
+    """A stride of the man with an instrumented knee; one stride, so that it is calibrated and tested alike."""
+    model, motion, wrenches = inputs_of(folder, stride)
+    motion = mm.differentiate(motion, CUTOFF)
+    emg = mm.envelopes(raw_emg(folder, stride))
+    torques = mm.inverse_dynamics(model, motion, wrenches)
+    span = (float(motion.time[0]), float(motion.time[-1]))
+    return Walk(f"{STUDY}, {stride}", model, motion, torques, wrenches, emg, CHANNELS, span, span, 2)
+
+
+def _swaps(walk: Walk) -> Row:
+    """Each pair of channels exchanged that are no noise; the delay is that of the clean recording."""
+    names = tuple(name for name in walk.channels if name not in _noisy(walk))
+    trial = EmgTrial(*walk.part(walk.calibrated), walk.emg)
+    delay = calibrate_emg(walk.model, [trial], walk.channels, EmgOptions(weight=10.0)).delays[0]
+    motion, torques = walk.part(walk.tested)
+    alone = mm.solve_tension(walk.model, motion, torques)
+    activations = channel_means({name: walk.channels[name] for name in names}, alone.muscles, alone.activations)
+    columns = [walk.emg.names.index(name) for name in names]
+    clean = shifted(walk.emg, motion.time, np.full(len(walk.emg.names), delay))[:, columns]
+    alike = np.atleast_2d(np.corrcoef(clean[np.isfinite(clean).all(axis=1)].T))
+    found, pairs, others, different, of_these = 0, 0, 0, 0, 0
+    for i, j in itertools.combinations(range(len(names)), 2):
+        order = np.arange(len(names))
+        order[[i, j]] = j, i
+        swaps = swapped_channels(clean[:, order], activations)
+        hit = any({one.first, one.second} == {i, j} for one in swaps)
+        apart = bool(alike[i, j] < DIFFERENT)
+        pairs, found, others = pairs + 1, found + hit, others + (bool(swaps) and not hit)
+        different, of_these = different + apart, of_these + (apart and hit)
+    return {
+        "pairs called exchanged in the clean recording": len(swapped_channels(clean, activations)),
+        "exchanged pairs found": f"{found} of {pairs}",
+        "of those that work at different times": f"{of_these} of {different}",
+        "another pair named": others,
+    }
+
+
+def _noise(walk: Walk) -> Row:
+    """Each channel replaced by noise of its mean."""
+    emg, clean, found = _some_emg(walk), _noisy(walk), 0
+    for k, name in enumerate(walk.channels):
+        if name in clean:
+            continue
+        column, values = emg.names.index(name), emg.values.copy()
+        values[:, column] = _envelope_of_noise(emg.time, k) * values[:, column].mean()
+        faults = noise_faults(mm.Emg(emg.time, emg.names, values), tuple(walk.channels))
+        found += {one.channel for one in faults} == {name, *clean}
+    return {
+        "channels called noise in the clean recording": ", ".join(clean) or 0,
+        "channels of noise found": f"{found} of {len(walk.channels) - len(clean)}",
+    }
+
+
+def _some_emg(walk: Walk) -> mm.Emg:
+    span = walk.tested
+    use = (walk.emg.time >= span[0]) & (walk.emg.time <= min(span[1], span[0] + 5.0))
+    return mm.Emg(walk.emg.time[use], walk.emg.names, walk.emg.values[use])
+
+
+def _noisy(walk: Walk) -> list[str]:
+    """Channels that are called noise in the recording as it is."""
+    return [one.channel for one in noise_faults(_some_emg(walk), tuple(walk.channels))]
+
+
+def _envelope_of_noise(time: Array, seed: int) -> Array:
+    """Envelope of white noise at times (samples,), its mean 1."""
+    clock = np.arange(time[0] - 1.0, time[-1] + 1.0, 1.0 / RATE)
+    raw = mm.Series(clock, ("noise",), np.random.default_rng(seed).standard_normal((len(clock), 1)))
+    found = np.interp(time, clock, mm.envelopes(raw)["noise"])
+    return np.asarray(found / found.mean())

@@ -1,0 +1,1 @@
+"""Masses, inertias and bodies."""

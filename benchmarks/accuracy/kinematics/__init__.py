@@ -1,0 +1,1 @@
+"""Angles, lengths and filters."""

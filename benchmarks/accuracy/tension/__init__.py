@@ -1,0 +1,1 @@
+"""Tensions, joint loads and what personalizes them."""

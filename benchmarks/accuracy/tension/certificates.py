@@ -1,0 +1,279 @@
+"""What the data leave open of contact forces beside plates, its programs beside HiGHS, and contacts made wrong."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from functools import cache, partial
+from pathlib import Path
+
+import numpy as np
+from scipy.optimize import linprog
+
+import myomorph as mm
+from benchmarks.accuracy.contact.hidden_plates import LOADED
+from benchmarks.accuracy.contact.pair import KNOWN, Knowledge, bouts, emg_target, open_sites, recorded_motion
+from benchmarks.hidden_plates import CASES, Hidden, HiddenCase, feet_of, opened
+from myomorph.contact.states import preferred_directions
+from myomorph.rigid.frames import over_frames
+from myomorph.simulate.bout import FEET
+from myomorph.simulate.pair import VirtualPair
+from myomorph.tension.certificates import (
+    CertificateOptions,
+    contact_intervals,
+    group_functions,
+    open_bounds,
+    solved_frames,
+)
+from myomorph.tension.problem import TensionInputs, TensionProblem, tension_problem
+from myomorph.tension.relaxation import RESIDUAL_SHARE, Relaxation, relaxations
+from myomorph.tension.simplex import extremes
+from myomorph.tension.tension import Tension
+from myomorph.tension.terms.contacts import ContactTask
+from truths.optimality import optimality
+
+Row = dict[str, object]
+
+AXES = ("fore-aft", "vertical", "lateral")
+EVERY = 5
+"""Of the frames that are compared, each so many-th is asked."""
+
+MODEL_ERROR = 0.05
+"""Share of the weight that residuals may give: what errors of model and motion may amount to (Hicks et al. 2015)."""
+
+
+ROUNDING = 1.0
+"""Beyond an interval that still counts as inside [N]."""
+
+
+def solved(
+    hidden: Hidden, change: Callable[[ContactTask], ContactTask] = lambda task: task
+) -> tuple[TensionProblem, Tension]:
+    """The problem of a recording with its plates hidden, all settings defaults, solved."""
+    task = ContactTask(
+        hidden.sites, hidden.activations, preferred=preferred_directions(hidden.model, hidden.motion, hidden.sites)
+    )
+    torques = mm.inverse_dynamics(hidden.model, hidden.motion)
+    problem = tension_problem(TensionInputs(hidden.model, hidden.motion, torques, contacts=change(task)))
+    over_frames(problem.solve, len(hidden.motion), None, problem.window)
+    return problem, problem.result()
+
+
+@cache
+def solved_case(folder: Path, case: HiddenCase) -> tuple[Hidden, TensionProblem, Tension]:
+    """The same, remembered."""
+    hidden = opened(folder, case)
+    return hidden, *solved(hidden)
+
+
+def measure(folder: Path) -> Iterator[Row]:
+    """Widths of intervals on one foot and on several contacts, and whether plates' forces lie inside."""
+    for case in CASES:
+        hidden, problem, tension = solved_case(folder, case)
+        frames = np.flatnonzero(hidden.use)[::EVERY]
+        found = contact_intervals(problem, tension, frames.tolist())
+        wide = contact_intervals(problem, tension, frames.tolist(), CertificateOptions(residual=MODEL_ERROR, near=0.0))
+        ready = hidden.activations.values[frames] > 0.0
+        groups = np.array([one.group for one in hidden.sites])
+        touching = np.stack([ready[:, groups == name].any(axis=1) for name in found.groups], axis=1)
+        several = touching.sum(axis=1) > 1
+        width, near = (
+            100.0 * (high - low) / hidden.weight
+            for low, high in ((found.low, found.high), (found.near_low, found.near_high))
+        )
+        feet = [(name, force) for side, force, _ in feet_of(hidden) if (name := f"foot_{side[0]}") in found.groups]
+        columns = [found.groups.index(name) for name, _ in feet]
+        measured = np.stack([force[frames] for _, force in feet], axis=1)
+        inside = (measured >= wide.low[:, columns]) & (measured <= wide.high[:, columns])
+        carrying = measured[..., 1] > LOADED * hidden.weight
+        row: Row = {"recording": case.name, "instants": len(frames), "several contacts": int(several.sum())}
+        for what, at, values in (
+            ("one contact", ~several, width),
+            ("several", several, width),
+            ("near optimum", several, near),
+        ):
+            for axis in (1, 0, 2):
+                told = values[at][:, :, axis].max(axis=1)
+                row[f"{what}, {AXES[axis]} [% weight]"] = float(np.median(told)) if at.any() else ""
+        for axis in (1, 0, 2):
+            row[f"plates inside, {AXES[axis]}"] = float(inside[carrying][:, axis].mean())
+        yield row
+
+
+def measure_programs(folder: Path) -> Iterator[Row]:
+    """Extremes by our simplex beside HiGHS, conditions of an optimum, and processor time an instant."""
+    for case in CASES[:2]:
+        hidden, problem, tension = solved_case(folder, case)
+        frames = np.flatnonzero(hidden.use)[:: 4 * EVERY]
+        options = CertificateOptions()
+        dense = solved_frames(problem, tension, frames)
+        lower, upper = open_bounds(problem, dense, options)
+        columns = problem.contacts.generators if problem.contacts is not None else None
+        assert columns is not None
+        names = tuple(dict.fromkeys(one.group for one in columns.sites))
+        members = [np.array([columns.sites[k].group == name for k in columns.site]) for name in names]
+        functions = group_functions(problem, dense, members)
+        seconds, apart = np.zeros(2), 0.0
+        for k in range(len(frames)):
+            costs = np.stack([functions[k], -functions[k]], axis=1).reshape(-1, functions.shape[-1])
+            began = time.process_time()
+            ours, _ = extremes(dense.A[k], dense.x[k], lower[k], upper[k], costs)
+            seconds[0] += time.process_time() - began
+            began = time.process_time()
+            theirs = [_highs(cost, dense.A[k], dense.x[k], lower[k], upper[k]) for cost in costs]
+            seconds[1] += time.process_time() - began
+            apart = max(apart, float(np.abs(ours - theirs).max()))
+        began = time.process_time()
+        contact_intervals(problem, tension, frames.tolist())
+        whole = time.process_time() - began
+        conditions = optimality(problem, tension, frames.tolist())
+        yield {
+            "recording": case.name,
+            "instants": len(frames),
+            "programs an instant": 8 * len(names),
+            "variables": dense.x.shape[1],
+            "equations": dense.b.shape[1],
+            "apart at most [N]": apart,
+            "ours [ms]": 1e3 * seconds[0] / len(frames),
+            "HiGHS [ms]": 1e3 * seconds[1] / len(frames),
+            "all intervals [ms]": 1e3 * whole / len(frames),
+            "stationarity": float(conditions.stationarity.max()),
+            "balance": float(conditions.balance.max()),
+        }
+
+
+def _highs(cost: np.ndarray, A: np.ndarray, x: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> float:
+    found = linprog(cost, A_eq=A, b_eq=A @ x, bounds=np.column_stack([lower, upper]), method="highs")
+    return float(found.fun)
+
+
+def measure_faults(folder: Path) -> Iterator[Row]:
+    """Contacts of the walks made wrong while one foot alone stands: how often that is seen, and named rightly.
+
+    Frames that must be marked are those whose net force alone is beyond what the contacts may carry by more than
+    residuals may give; moments may ask for more.
+    """
+    for case in CASES[:3]:
+        hidden = opened(folder, case)
+        groups = np.array([one.group for one in hidden.sites])
+        tau = mm.inverse_dynamics(hidden.model, hidden.motion)
+        force = np.stack([tau[f"pelvis_t{axis}"] for axis in "xyz"], axis=1)
+        ready = {name: hidden.activations.values[:, groups == name] for name in ("foot_r", "foot_l")}
+        for name, (kind, fault, most) in FAULTS.items():
+            must, marked, both, named, frames = 0, 0, 0, 0, 0
+            for foot, other in (("foot_r", "foot_l"), ("foot_l", "foot_r")):
+                alone = hidden.use & (ready[foot].max(axis=1) > 0.9) & ~(ready[other] > 0.0).any(axis=1)
+                problem, tension = solved(hidden, partial(fault, foot=foot))
+                found = {one.frame: one for one in relaxations(problem, tension)}
+                lacking = most(force, (ready[foot] > 0.0).sum(axis=1)) > RESIDUAL_SHARE * hidden.weight
+                seen = np.isin(np.arange(len(alone)), list(found))
+                frames, must = frames + int(alone.sum()), must + int((alone & lacking).sum())
+                marked, both = marked + int((alone & seen).sum()), both + int((alone & lacking & seen).sum())
+                named += sum(_named(found[int(frame)], kind, foot) for frame in np.flatnonzero(alone & seen))
+            yield {
+                "recording": case.name,
+                "fault": name,
+                "frames": frames,
+                "must be marked": must,
+                "of these marked": both,
+                "marked in all": marked,
+                "named rightly": named,
+            }
+
+
+def measure_truth() -> Iterator[Row]:
+    """Simulated fighters whose forces are known: whether the truth lies inside, and where the error lies."""
+    pairs = [(pair, recorded_motion(pair)) for pair in bouts()]
+    for known in (KNOWN[0], KNOWN[3], KNOWN[5]):
+        inside, near, width, along, groups = [], [], [], [], ()
+        for pair, motion in pairs:
+            problem = pair_problem(pair, motion, known)
+            over_frames(problem.solve, len(motion), None, problem.window)
+            frames = np.arange(10, len(motion) - 10, 4 * EVERY)
+            found = contact_intervals(problem, problem.result(), frames.tolist())
+            groups = found.groups
+            truth = np.stack([pair.truth.forces[name] for name in groups], axis=1)[frames]
+            miss = found.forces - truth
+            inside.append((truth >= found.low - ROUNDING) & (truth <= found.high + ROUNDING))
+            near.append((truth >= found.near_low) & (truth <= found.near_high))
+            width.append(found.high - found.low)
+            along.append((miss * found.direction).sum(axis=(1, 2)) ** 2 / (miss**2).sum(axis=(1, 2)))
+        of_feet = np.array([name in FEET for name in groups])
+        yield {
+            "known": known.words,
+            "instants": sum(map(len, along)),
+            "feet inside": float(np.concatenate(inside)[:, of_feet].mean()),
+            "grips inside": float(np.concatenate(inside)[:, ~of_feet].mean()),
+            "feet, width [N]": float(np.median(np.concatenate(width)[:, of_feet])),
+            "grips, width [N]": float(np.median(np.concatenate(width)[:, ~of_feet])),
+            "feet near optimum": float(np.concatenate(near)[:, of_feet].mean()),
+            "grips near optimum": float(np.concatenate(near)[:, ~of_feet].mean()),
+            "error along least determined": float(np.concatenate(along).mean()),
+            "by chance": 1.0 / (3 * len(groups)),
+        }
+
+
+def pair_problem(pair: VirtualPair, motion: mm.Motion, known: Knowledge) -> TensionProblem:
+    """The simultaneous problem of a bout."""
+    wrenches = [pair.plates[part] for part in known.plates]
+    torques = mm.inverse_dynamics(pair.model, motion, together(wrenches) if wrenches else None)
+    sites = open_sites(pair, known)
+    names = tuple(one.name for one in sites)
+    columns = [pair.touching.names.index(name) for name in names]
+    task = ContactTask(sites, mm.Series(motion.time, names, pair.touching.values[:, columns]))
+    return tension_problem(TensionInputs(pair.model, motion, torques, contacts=task, emg=emg_target(pair, known.emg)))
+
+
+def together(wrenches: Sequence[mm.Wrenches]) -> mm.Wrenches:
+    """Several loads as one."""
+    parts = {
+        name: np.concatenate([getattr(one, name) for one in wrenches], axis=1)
+        for name in ("forces", "points", "torques")
+    }
+    names = tuple(name for one in wrenches for name in one.names)
+    return mm.Wrenches(wrenches[0].time, names, tuple(body for one in wrenches for body in one.bodies), **parts)
+
+
+def _forgotten(task: ContactTask, foot: str) -> ContactTask:
+    """The foot is said not to touch."""
+    mine = np.array([one.group == foot for one in task.sites])
+    values = np.where(mine, 0.0, task.activations.values)
+    return replace(task, activations=mm.Series(task.activations.time, task.activations.names, values))
+
+
+def _slippery(task: ContactTask, foot: str) -> ContactTask:
+    """The foot stands as on ice: friction 0.02."""
+    return _with_cone(task, foot, friction=0.02)
+
+
+def _weak(task: ContactTask, foot: str) -> ContactTask:
+    """Each site of the foot may carry 100 N at most."""
+    return _with_cone(task, foot, most=100.0)
+
+
+def _with_cone(task: ContactTask, foot: str, **change: float) -> ContactTask:
+    sites = tuple(
+        replace(one, cone=replace(one.cone, **change)) if one.group == foot else one  # type: ignore[arg-type]
+        for one in task.sites
+    )
+    return replace(task, sites=sites, preferred=None)
+
+
+Lacking = Callable[[np.ndarray, np.ndarray], np.ndarray]
+"""Net force (frames, 3) and number of touching sites (frames,) to what contacts cannot carry of it (frames,) [N]."""
+
+FAULTS: dict[str, tuple[str, Callable[..., ContactTask], Lacking]] = {
+    "none": ("", lambda task, foot: task, lambda force, sites: np.zeros(len(force))),
+    "foot forgotten": ("contact", _forgotten, lambda force, sites: np.linalg.norm(force, axis=1)),
+    "friction 0.02": (
+        "friction",
+        _slippery,
+        lambda force, sites: np.hypot(force[:, 0], force[:, 2]) - 0.02 * force[:, 1],
+    ),
+    "100 N a site at most": ("most", _weak, lambda force, sites: force[:, 1] - 100.0 * sites),
+}
+
+
+def _named(found: Relaxation, kind: str, foot: str) -> bool:
+    return any(one.kind == kind and one.where == foot for one in found.allowances)
