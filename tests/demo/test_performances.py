@@ -35,7 +35,7 @@ def test_forces_of_two_fighters_are_laid_beside_the_truth(judo):
         rows = {row["contact"]: row for row in csv.DictReader(stream)}
     assert tuple(rows) == (*FEET, *GRIPS)
     for row in rows.values():
-        along = [float(row[axis]) for axis in ("vertical", "fore-aft", "lateral")]
+        along = [float(row[f"error, {axis} [N]"]) for axis in ("vertical", "fore-aft", "lateral")]
         assert float(row["error, RMS [N]"]) == pytest.approx(np.linalg.norm(along), abs=0.2)
     assert all(float(rows[name]["error, RMS [N]"]) < 0.4 * float(rows[name]["true, RMS [N]"]) for name in FEET)
 

@@ -126,9 +126,9 @@ def contact_rows(written: Written, out: Path) -> Iterator[dict[str, object]]:
             "true, RMS [N]": float(np.sqrt(np.mean(np.sum(true**2, axis=1)))),
             "true, SD of vertical [N]": float(true[:, 1].std()),
             "error, RMS [N]": float(np.sqrt(square.sum())),
-            "vertical": float(np.sqrt(square[1])),
-            "fore-aft": float(np.sqrt(square[0])),
-            "lateral": float(np.sqrt(square[2])),
+            "error, vertical [N]": float(np.sqrt(square[1])),
+            "error, fore-aft [N]": float(np.sqrt(square[0])),
+            "error, lateral [N]": float(np.sqrt(square[2])),
         }
 
 
