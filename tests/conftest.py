@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 
+import hypothesis
 import pytest
 
 from data_collection import data_folder
@@ -15,6 +16,9 @@ from data_collection import data_folder
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # What tests take on a busy machine teaches no dry run.
 os.environ["MYOMORPH_STEP_TIMES"] = ""
+# No test asserts how long something takes, hypothesis' neither.
+hypothesis.settings.register_profile("no deadline", deadline=None)
+hypothesis.settings.load_profile("no deadline")
 
 pytest_plugins = ["arm_files"]
 

@@ -87,7 +87,7 @@ def test_what_two_bodies_hang_on_does_not_feel_them_touch(data):
     assert np.isfinite(columns.evaluate(tree.coordinates_of(motion))[0]).all()
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     edges=st.sampled_from([4, 6, 8, 12]),
     friction=st.floats(0.05, 2.0),

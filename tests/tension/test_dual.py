@@ -68,7 +68,7 @@ def test_quadratic_effort_agrees_with_an_interior_point_method(reserve, lower):
         np.testing.assert_allclose(x[0], solver.result.x, atol=1e-6)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     seed=st.integers(0, 10**6),
     exponent=st.sampled_from([1.2, 1.5, 2.0, 3.0, 4.0]),

@@ -210,7 +210,7 @@ def test_a_written_function_reads_back(function):
     assert _off(function) < 1e-13
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     kind=st.sampled_from([simm_spline, piecewise_linear, *(partial(natural_spline, half=half) for half in (2, 3))]),
     steps=st.lists(st.floats(0.05, 1.0), min_size=6, max_size=12),

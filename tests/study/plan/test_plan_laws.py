@@ -22,7 +22,7 @@ TABLE = st.text(alphabet='subjectmas,;\t\n"[kg]0123.- \0ä', max_size=120)
 
 
 # Drawing names is slow where other processes keep the cores busy; that is no failure.
-@settings(suppress_health_check=[HealthCheck.too_slow], deadline=None)
+@settings(suppress_health_check=[HealthCheck.too_slow])
 @given(trials=NAMES)
 def test_names_that_pass_are_different_folders_on_every_system(trials):
     problems: list[str] = []
