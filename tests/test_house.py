@@ -8,7 +8,7 @@ from benchmarks.house import CHECKOUT, checkout_texts, count
 LIMITS = {
     ("lines", "src"): 124_412,
     ("lines", "benchmarks"): 26_322,
-    ("words", "documentation"): 99_819,
+    ("words", "documentation"): 99_805,
     ("vague", "src"): 6.5,
 }
 
