@@ -15,6 +15,7 @@ from myomorph.model.spatial import Transform
 from myomorph.motion.ik import KinematicsFit
 from myomorph.report.page.parts import Note, PageHead, SourceFile, Step
 from myomorph.report.trial.report_input import ReportInput
+from myomorph.tension.tension import TensionOptions
 
 RATE = 100.0
 GRAVITY = 9.80665
@@ -113,12 +114,11 @@ class Tension:
         phase = np.arange(len(self.muscles))
         self.activations = 0.5 + 0.4 * np.sin(2 * np.pi * time[:, None] + phase)
         self.forces = self.activations * np.array([one.max_isometric_force for one in body.muscles])
-        self.reserve_coordinates = ("hip_flexion_r", "knee_angle_r")
         self.reserves = np.stack([0.5 * np.sin(time), 2.0 * np.cos(time)], axis=1)
-        self.solved = np.ones(len(time), dtype=bool)
+        self.optimal = np.ones(len(time), dtype=bool)
         self.asked = np.ones(len(time), dtype=bool)
         self.overstretched: tuple[str, ...] = ()
-        self.passive: tuple[tuple[str, float, float], ...] | None = None
+        self.options, self.large_passive = TensionOptions(), ()
         self.fibers = None
 
 
@@ -171,5 +171,6 @@ def everything(frames: int = 200) -> ReportInput:
         wrenches=steps(time, body.mass * GRAVITY),
         torques=torques,
         tension=Tension(body, time),
+        reserve_coordinates=("hip_flexion_r", "knee_angle_r"),
         warnings=("one thing was odd",),
     )

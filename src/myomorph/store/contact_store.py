@@ -154,15 +154,15 @@ def get_infeasible_contacts(stored: Stored) -> tuple[InfeasibleContact, ...]:
     return tuple(InfeasibleContact(float(time), text) for time, text in zip(times, texts, strict=True))
 
 
-def put_joint_contacts(writer: ResultWriter, joint_contact_forces: JointContactForces) -> None:
+def put_joint_contacts(writer: ResultWriter, contacts: JointContactForces) -> None:
     """Forces at contact points, those of their joints, and what the points do not carry."""
-    writer.time(joint_contact_forces.time)
-    writer.names("joint_contact", joint_contact_forces.point_columns)
-    writer.names("contact_joint", joint_contact_forces.joints)
-    writer.texts("joint_contact_point", "joint_contact", joint_contact_forces.points)
-    writer.texts("joint_contact_joint", "joint_contact", joint_contact_forces.joint_of)
-    writer.fact(JOINT_WEIGHT, repr(joint_contact_forces.weight))
-    for name, variable in joint_contact_forces.variables().items():
+    writer.time(contacts.time)
+    writer.names("joint_contact", contacts.point_columns)
+    writer.names("contact_joint", contacts.joints)
+    writer.texts("joint_contact_point", "joint_contact", contacts.points)
+    writer.texts("joint_contact_joint", "joint_contact", contacts.joint_of)
+    writer.fact(JOINT_WEIGHT, repr(contacts.weight))
+    for name, variable in contacts.variables().items():
         writer.put(name, variable.dimensions, variable.values, variable.unit, JOINT_MEANINGS[name])
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -291,7 +292,7 @@ def get_tension(stored: Stored, options: TensionOptions) -> Tension | None:
         lower=values["activation_lower"],
         upper=values["activation_upper"],
         overstretched=tuple(np.array(names["muscle"])[values["muscle_overstretched"] != 0].tolist()),
-        options=options,
+        options=replace(options, passive="muscle_passive_share" in values),
         viscous=values.get("muscle_viscous_force", np.zeros((1, 1))),
         passive_share=values.get("muscle_passive_share", np.zeros(1)),
         passive_time=values.get("muscle_passive_time", np.zeros(1)),

@@ -297,6 +297,12 @@ class Tension(Labelled):
         return tuple(name for name, pulls in zip(self.muscles, slack, strict=True) if pulls)
 
     @property
+    def large_passive(self) -> tuple[tuple[str, float, float], ...]:
+        """Muscles with much passive force: name, share of the maximum isometric force, time [s], the largest first."""
+        order = [i for i in np.argsort(-self.passive_share) if self.passive_share[i] > LARGE]
+        return tuple((self.muscles[i], float(self.passive_share[i]), float(self.passive_time[i])) for i in order)
+
+    @property
     def residual_names(self) -> tuple[str, ...]:
         """Those of `reserve_names` that hold a floating body, added by default."""
         return tuple(name for name in self.reserve_names if name.startswith(RESIDUAL))
@@ -342,15 +348,12 @@ def passive_notes(tension: Tension) -> tuple[str, ...]:
             "passive force on rigid tendons: fibers take up all that a path lengthens, so it comes out larger than "
             "with tendons that stretch"
         )
-    order = [i for i in np.argsort(-tension.passive_share) if tension.passive_share[i] > LARGE]
-    if order:
-        worst = ", ".join(
-            f"{tension.muscles[i]} {100.0 * tension.passive_share[i]:.0f} % at {tension.passive_time[i]:.2f} s"
-            for i in order[:3]
-        )
-        more = " ..." if len(order) > 3 else ""
+    large = tension.large_passive
+    if large:
+        worst = ", ".join(f"{name} {100.0 * share:.0f} % at {time:.2f} s" for name, share, time in large[:3])
+        more = " ..." if len(large) > 3 else ""
         notes.append(
-            f"passive force above {100.0 * LARGE:.0f} % of the maximum isometric force in {len(order)} of "
+            f"passive force above {100.0 * LARGE:.0f} % of the maximum isometric force in {len(large)} of "
             f"{len(tension.muscles)} muscles: {worst}{more}"
         )
     return tuple(notes)

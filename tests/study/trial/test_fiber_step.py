@@ -17,7 +17,7 @@ from myomorph.muscles.kinematics import muscle_kinematics
 from myomorph.report.page.parts import PageHead
 from myomorph.report.trial.muscle_sections import _fiber_lines, fiber_section
 from myomorph.report.trial.prepared import prepare
-from myomorph.report.trial.report_input import Kinematics, ReportInput, ShownTension
+from myomorph.report.trial.report_input import Kinematics, ReportInput
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.store.results import new_result, read_result
 from myomorph.store.stored import get_tension, put_tension
@@ -182,12 +182,7 @@ def test_signals_and_numbers_leave_the_ends_out(solved, stored):
 
 def test_the_report_shows_fibers_and_lists_rigid_tendons(solved):
     model, motion, tension = solved
-    shown = ShownTension(
-        *(tension.time, tension.muscles, tension.activations, tension.forces, tension.reserves),
-        *(tension.coordinates, tension.optimal, tension.asked, tension.overstretched),
-        fibers=tension.fibers,
-    )
-    given = ReportInput(PageHead("arm"), model, kinematics=Kinematics(coordinates=motion), tension=shown)
+    given = ReportInput(PageHead("arm"), model, kinematics=Kinematics(coordinates=motion), tension=tension)
     section = fiber_section(prepare(given))
     assert len(section.figures) == 15
     assert "near an end" in section.figures[0].svg
@@ -195,7 +190,7 @@ def test_the_report_shows_fibers_and_lists_rigid_tendons(solved):
     assert grid.rows[0][0] == model.muscles[0].name
     assert "shorter than the slack tendon" in grid.rows[0][3]
     assert "In 2 frames" in section.lead
-    assert fiber_section(prepare(replace(given, tension=replace(shown, fibers=None)))) is None
+    assert fiber_section(prepare(replace(given, tension=replace(tension, fibers=None)))) is None
 
 
 def test_thin_lines_of_one_end_do_not_reach_the_other():

@@ -19,9 +19,8 @@ from myomorph.report.charts.curves import CycleCurve, Line, cycle_chart, time_pl
 from myomorph.report.page.parts import SIDES_LEGEND, Figure, Grid, Section
 from myomorph.report.trial.figures import activation_panel, emg_panel, pair_panel, tension_map
 from myomorph.report.trial.prepared import Prepared
-from myomorph.report.trial.report_input import ShownTension
 from myomorph.tension.emg_conflicts import APART, BORNE, EmgConflict
-from myomorph.tension.tension import Fibers
+from myomorph.tension.tension import Fibers, Tension
 
 CONFLICT_HEAD = ("Muscle", "From", "To", "Largest difference at", "Activation from EMG", "Activation in the solution")
 RESERVE_HEAD = ("Coordinate", "From", "To", "Maximum at", "Required torque", "Reserve torque")
@@ -237,7 +236,7 @@ def fiber_section(prepared: Prepared) -> Section | None:
     return Section("fibers", "Fibers and tendons", lead, legend, figures, _rigid_grids(tension, fibers))
 
 
-def _fiber_charts(prepared: Prepared, tension: ShownTension, fibers: Fibers, pair: Pair) -> Iterator[str]:
+def _fiber_charts(prepared: Prepared, tension: Tension, fibers: Fibers, pair: Pair) -> Iterator[str]:
     """Length and strain of both sides, and powers of the first."""
     model = prepared.results.model
     assert model is not None
@@ -273,7 +272,7 @@ def _fiber_lines(time: Array, values: list[Array], labels: list[str], ends: np.n
     return result
 
 
-def _rigid_grids(tension: ShownTension, fibers: Fibers) -> tuple[Grid, ...]:
+def _rigid_grids(tension: Tension, fibers: Fibers) -> tuple[Grid, ...]:
     """Muscles on rigid tendons: those that cannot reach with place and size, the others by name."""
     rows = []
     for unreachable in fibers.unreachable:

@@ -179,13 +179,13 @@ def _verdicts(prepared: Prepared) -> list[Verdict]:
         rows += tables.residual_verdicts(model, torques, wrenches, prepared.center_height)
     rows += contact_verdicts(results, prepared.center_height)
     if tension is not None:
-        rows.append(tables.unsolved_verdict(tension.solved[tension.asked], tension.time[tension.asked]))
+        rows.append(tables.unsolved_verdict(tension.optimal[tension.asked], tension.time[tension.asked]))
         if model is not None and torques is not None:
-            names, reserves = tension.reserve_coordinates, tension.reserves
+            names, reserves = results.reserve_coordinates, tension.reserves
             rows += tables.reserve_verdicts(model, torques, names, reserves, tension.time, results.muscles.driven)
         bounds = {} if model is None else {muscle.name: muscle.max_activation for muscle in model.muscles}
         most = np.array([bounds.get(name, 1.0) for name in tension.muscles])
-        if tension.passive is not None or tension.overstretched:
-            rows.append(tables.stretch_verdict(tension.overstretched, len(tension.muscles), tension.passive or ()))
+        if tension.options.passive or tension.overstretched:
+            rows.append(tables.stretch_verdict(tension.overstretched, len(tension.muscles), tension.large_passive))
         rows += tables.saturation_verdicts(tension.muscles, tension.activations, most, tension.time)
     return rows

@@ -6,8 +6,6 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
-import numpy as np
-
 from myomorph.analysis.phases import Phase
 from myomorph.identify.subject import Identification
 from myomorph.identify.validation import CrossValidation
@@ -22,7 +20,7 @@ from myomorph.motion.ik import KinematicsFit
 from myomorph.report.page.parts import PageHead, Section
 from myomorph.tension.emg_conflicts import EmgConflict
 from myomorph.tension.joint_contact import JointContactForces
-from myomorph.tension.tension import Fibers
+from myomorph.tension.tension import Tension
 from myomorph.uncertainty.spread import Uncertainty
 
 Situation = Literal["", "measured", "shared", "sound", "unknown"]
@@ -54,27 +52,6 @@ class ForceIntervals:
     # lower, upper: (samples, names, 3) least and greatest force in ground [N], NaN where unknown
     lower: Array
     upper: Array
-
-
-@read_only
-class ShownTension:
-    """A solved tension as reports read it."""
-
-    time: Array  # (frames,) [s]
-    muscles: tuple[str, ...]
-    # activations, forces: (frames, muscles) and along the tendon [N]
-    activations: Array
-    forces: Array
-    reserves: Array  # (frames, reserves) torques of the reserve actuators [N m or N]
-    reserve_coordinates: tuple[str, ...]  # coordinate of each reserve
-    # (frames,) whether the frame is optimal, and whether it had all that its solution needs
-    solved: np.ndarray
-    asked: np.ndarray
-    overstretched: tuple[str, ...] = ()  # muscles whose passive force passes their maximum isometric force somewhere
-    # muscles with much passive force, its largest share of the maximum isometric force and when [s]; None where passive
-    # force takes no part
-    passive: tuple[tuple[str, float, float], ...] | None = None
-    fibers: Fibers | None = None  # fibers and tendons, where tendons were elastic
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,7 +158,8 @@ class ReportInput:
     kinematics: Kinematics = field(default_factory=Kinematics)
     dynamics: Dynamics = field(default_factory=Dynamics)
     muscles: MusclePaths = field(default_factory=MusclePaths)
-    tension: ShownTension | None = None
+    tension: Tension | None = None
+    reserve_coordinates: tuple[str, ...] = ()  # coordinate of each reserve of the tension
     contacts: EstimatedContacts = field(default_factory=EstimatedContacts)
     joint_contacts: JointContactForces | None = None  # forces at contact points of joints
     # where EMG and joint torques contradict each other, None where EMG took no part

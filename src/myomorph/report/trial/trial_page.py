@@ -95,7 +95,7 @@ def _tiles(prepared: Prepared) -> list[Tile]:
         matching = (verdict for verdict in prepared.verdicts if verdict.quantity == quantity)
         tiles += [Tile(f"{number(verdict.value)} %", name, verdict.state) for verdict in matching]
     if results.tension is not None:
-        solved = int(np.sum(results.tension.solved))
+        solved = int(np.sum(results.tension.optimal))
         state = _state(prepared, Quantity.NOT_OPTIMAL)
         asked = len(results.tension.time[results.tension.asked])
         tiles.append(Tile(f"{solved} / {asked}", "frames optimal", state))

@@ -62,9 +62,7 @@ def check_names(
             _possible(name, f"subject '{subject}': trial '{name}'", made, problems)
             if own_trials.count(name) > 1:
                 problems.append(f"subject '{subject}' has two trials named '{name}': give one a 'name'")
-        _clashes(
-            [(f"subject '{subject}': trial '{fromkey}'", fromkey) for fromkey in dict.fromkeys(own_trials)], problems
-        )
+        _clashes([(f"subject '{subject}': trial '{name}'", name) for name in dict.fromkeys(own_trials)], problems)
 
 
 def _possible(name: str, what: str, taken: Sequence[str], problems: list[str]) -> None:
@@ -131,13 +129,10 @@ def check_masses(subjects: Mapping[str, SubjectFiles], problems: list[str]) -> N
     without = [name for name, subject in subjects.items() if subject.mass is None]
     if without and len(without) < len(subjects):
         known = len(subjects) - len(without)
-        reported = [
-            name
+        problems += [
+            f"subject '{name}': has no 'mass' [kg], but {known} of {len(subjects)} have one"
             for name in without
             if not any(f"subject '{name}'" in problem and "mass" in problem for problem in problems)
-        ]
-        problems += [
-            f"subject '{name}': has no 'mass' [kg], but {known} of {len(subjects)} have one" for name in reported
         ]
 
 

@@ -125,12 +125,11 @@ def _sources(before: Iterable[Source], after: Iterable[Source]) -> list[str]:
     result = []
     old, new = _by_role(before), _by_role(after)
     for role in dict.fromkeys((*old, *new)):
-        gone = [
-            source for source in old.get(role, ()) if source.sha256 not in {other.sha256 for other in new.get(role, ())}
-        ]
-        come = [
-            source for source in new.get(role, ()) if source.sha256 not in {other.sha256 for other in old.get(role, ())}
-        ]
+        before_role, after_role = old.get(role, []), new.get(role, [])
+        gone, come = (
+            [source for source in some if source.sha256 not in {other.sha256 for other in others}]
+            for some, others in ((before_role, after_role), (after_role, before_role))
+        )
         for source in come:
             same = next((other for other in gone if other.name == source.name), None)
             if same is None and len(gone) == len(come) == 1:
@@ -139,9 +138,9 @@ def _sources(before: Iterable[Source], after: Iterable[Source]) -> list[str]:
                 result.append(f"{role} {_name(source)} is new")
                 continue
             gone.remove(same)
-            moved = "" if _name(same) == _name(source) else f"{_name(same)} -> "
+            moved = _name(same) != _name(source)
             result.append(
-                f"{role} {moved}{_name(source)} has changed" if not moved else f"{role} {moved}{_name(source)}"
+                f"{role} {_name(same)} -> {_name(source)}" if moved else f"{role} {_name(source)} has changed"
             )
         result += [f"{role} {_name(source)} is no longer used" for source in gone]
     return result

@@ -18,7 +18,7 @@ from myomorph.study.trial.trial_inputs import Signals, Value, all_drawn
 from myomorph.study.trial.trial_strides import TrialStrides
 from myomorph.tension.joint_contact import JointContactForces, JointPoints
 
-TABLE, STRIDES = "joint_contact_forces.sto", "joint_contact_strides.csv"
+TABLE, STRIDES = "contacts.sto", "joint_contact_strides.csv"
 COLUMNS = ("load", "stride", "start_s", "stop_s", "peak_N", "peak_body_weights", "peak_percent", "impulse_N_s")
 
 LOADED = 0.25  # Of body weight: a joint that bears less may rest on any of its points without a word.
@@ -27,13 +27,13 @@ ENDING = " contact force"
 
 
 def write_joint_contacts(
-    joint_contact_forces: JointContactForces, points: JointPoints, strides: Strides | None, output: StepOutput
+    contacts: JointContactForces, points: JointPoints, strides: Strides | None, output: StepOutput
 ) -> tuple[str, ...]:
     """Write forces at contact points, and return what is to be known of them, one line each."""
-    put_joint_contacts(output.writer, joint_contact_forces)
-    write_sto(joint_contact_forces.table(), output.folder / TABLE)
-    write_csv(output.folder / STRIDES, COLUMNS, _stride_rows(joint_contact_forces, strides))
-    return (*points.notes, *lift_off_notes(joint_contact_forces, _half_distances(points)))
+    put_joint_contacts(output.writer, contacts)
+    write_sto(contacts.table(), output.folder / TABLE)
+    write_csv(output.folder / STRIDES, COLUMNS, _stride_rows(contacts, strides))
+    return (*points.notes, *lift_off_notes(contacts, _half_distances(points)))
 
 
 def _half_distances(points: JointPoints) -> dict[str, float]:
@@ -45,46 +45,44 @@ def _half_distances(points: JointPoints) -> dict[str, float]:
     return result
 
 
-def lift_off_notes(joint_contact_forces: JointContactForces, half: dict[str, float]) -> tuple[str, ...]:
+def lift_off_notes(contacts: JointContactForces, half: dict[str, float]) -> tuple[str, ...]:
     """Where the points of a loaded joint cannot carry it: a moment is left, or the bodies are pulled apart."""
     notes = []
-    for j, joint in enumerate(joint_contact_forces.joints):
+    for j, joint in enumerate(contacts.joints):
         force, moment, pull = (
-            joint_contact_forces.totals[:, j],
-            joint_contact_forces.unbalanced_moments[:, j],
-            joint_contact_forces.unbalanced_forces[:, j],
+            contacts.totals[:, j],
+            contacts.unbalanced_moments[:, j],
+            contacts.unbalanced_forces[:, j],
         )
-        loaded = force > LOADED * joint_contact_forces.weight
+        loaded = force > LOADED * contacts.weight
         bad = loaded & (moment > LEFT * force * half[joint]) & (half[joint] > 0.0)
         if bad.any():
             worst = int(np.argmax(np.where(bad, moment, -1.0)))
-            columns = [column for column, name in enumerate(joint_contact_forces.joint_of) if name == joint]
+            columns = [column for column, name in enumerate(contacts.joint_of) if name == joint]
             up = ", ".join(
-                joint_contact_forces.points[column]
-                for column in columns
-                if joint_contact_forces.forces[worst, column] <= 1e-6 * force[worst]
+                contacts.points[column] for column in columns if contacts.forces[worst, column] <= 1e-6 * force[worst]
             )
             notes.append(
                 f"{joint}: in {int(bad.sum())} of {len(bad)} frames a contact point of the loaded joint would have "
                 f"to pull; it lifts off, and a moment of up to {moment[worst]:.1f} N m is left (at "
-                f"{joint_contact_forces.time[worst]:.2f} s, {up or 'none'} off)"
+                f"{contacts.time[worst]:.2f} s, {up or 'none'} off)"
             )
-        pulled = pull > LOADED * joint_contact_forces.weight
+        pulled = pull > LOADED * contacts.weight
         if pulled.any():
             worst = int(np.argmax(np.where(pulled, pull, -1.0)))
             notes.append(
                 f"{joint}: in {int(pulled.sum())} of {len(pulled)} frames the joint is pulled apart, which its contact "
-                f"points cannot carry, by up to {pull[worst]:.0f} N (at {joint_contact_forces.time[worst]:.2f} "
+                f"points cannot carry, by up to {pull[worst]:.0f} N (at {contacts.time[worst]:.2f} "
                 f"s); do the normals "
                 "point towards the child?"
             )
     return tuple(notes)
 
 
-def _stride_rows(joint_contact_forces: JointContactForces, strides: Strides | None) -> Iterator[tuple[str, ...]]:
+def _stride_rows(contacts: JointContactForces, strides: Strides | None) -> Iterator[tuple[str, ...]]:
     """One row a load and stride; the whole recording as one row where it has no strides."""
-    for load in stride_loads(joint_contact_forces.loads(), strides):
-        numbers = (load.peak, load.peak / joint_contact_forces.weight, load.peak_percent, load.impulse)
+    for load in stride_loads(contacts.loads(), strides):
+        numbers = (load.peak, load.peak / contacts.weight, load.peak_percent, load.impulse)
         label = str(load.stride) if load.stride else "recording"
         yield (load.load, label, f"{load.start:.4f}", f"{load.stop:.4f}", *(f"{value:.6g}" for value in numbers))
 

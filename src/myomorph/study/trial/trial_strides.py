@@ -267,12 +267,8 @@ def _signals(stored: Stored, model: Model) -> dict[str, Series]:
 
 def _moving(series: Series) -> Series:
     """Columns that are known and change."""
-    columns = (
-        [index for index in range(len(series.names)) if np.nanstd(series.values[:, index]) > 1e-9]
-        if len(series)
-        else []
-    )
-    return series.columns(columns)
+    count = len(series.names) if len(series) else 0
+    return series.columns([index for index in range(count) if np.nanstd(series.values[:, index]) > 1e-9])
 
 
 def by_side(series: Series, strides: TrialStrides) -> Cycles | None:

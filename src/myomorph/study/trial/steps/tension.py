@@ -22,7 +22,7 @@ from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series, Table, Wrenches
 from myomorph.motion.envelope import EnvelopeOptions
-from myomorph.report.trial.report_input import EstimatedContacts, ReportInput, ShownTension, Situation
+from myomorph.report.trial.report_input import EstimatedContacts, ReportInput, Situation
 from myomorph.report.trial.summary_lines import tension_line
 from myomorph.store import contact_store
 from myomorph.store import stored as store
@@ -59,7 +59,7 @@ from myomorph.tension.task import (
     evenly_spaced,
     tension_task,
 )
-from myomorph.tension.tension import LARGE, Tension, TensionOptions, contact_notes, missing_support
+from myomorph.tension.tension import Tension, TensionOptions, contact_notes, missing_support
 from myomorph.tension.terms.contacts import ContactOptions
 
 if TYPE_CHECKING:
@@ -274,34 +274,14 @@ def _show(report_input: ReportInput, stored: Stored) -> ReportInput:
         contact_store.get_infeasible_contacts(stored),
         contact_store.get_situation(stored),
     )
-    shown = None
-    if tension is not None:
-        shown = ShownTension(
-            tension.time,
-            tension.muscles,
-            tension.activations,
-            tension.forces,
-            tension.reserves,
-            stored.names.get("actuator_coordinate", ()),
-            tension.optimal,
-            tension.asked,
-            tension.overstretched,
-            _large_shares(tension) if "muscle_passive_share" in stored.values else None,
-            tension.fibers,
-        )
     return replace(
         report_input.with_warnings(map(str, get_findings(stored, FINDINGS))),
         contacts=contacts,
-        tension=shown,
+        tension=tension,
+        reserve_coordinates=stored.names.get("actuator_coordinate", ()),
         joint_contacts=contact_store.get_joint_contacts(stored),
         emg_conflicts=get_conflicts(stored),
     )
-
-
-def _large_shares(tension: Tension) -> tuple[tuple[str, float, float], ...]:
-    """Muscles with much passive force: name, share of the maximum isometric force, time [s], from the largest on."""
-    order = [i for i in np.argsort(-tension.passive_share) if tension.passive_share[i] > LARGE]
-    return tuple((tension.muscles[i], float(tension.passive_share[i]), float(tension.passive_time[i])) for i in order)
 
 
 def _residuals(tension: Tension | None) -> Series | None:
