@@ -14,6 +14,7 @@ from myomorph.contact.stairs import StairOptions, Step, StepLoads
 from myomorph.model.arrays import Array, read_only, runs
 from myomorph.model.contacts import Contacts, SharedWrench, Site, Touch
 from myomorph.model.errors import BadData
+from myomorph.model.frozen_map import grouped
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Wrenches
 
@@ -242,9 +243,8 @@ def shared_stairs(feet: FeetOnSteps, leave_out: Collection[str] = ()) -> tuple[S
     for index, step in enumerate(feet.steps):
         if step.name in leave_out:
             continue
-        groups: dict[tuple[int, ...], list[int]] = {}
-        for frame in np.flatnonzero(feet.standing[:, index].any(axis=1)):
-            groups.setdefault(tuple(np.flatnonzero(feet.standing[frame, index]).tolist()), []).append(int(frame))
+        frames_of = np.flatnonzero(feet.standing[:, index].any(axis=1)).tolist()
+        groups = grouped((tuple(np.flatnonzero(feet.standing[i, index]).tolist()), i) for i in frames_of)
         for number, (members, frames) in enumerate(groups.items()):
             forces, moments = np.full((2, len(feet.time), 3), np.nan)
             force = feet.forces[frames, index]

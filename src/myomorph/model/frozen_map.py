@@ -1,11 +1,12 @@
-"""A mapping that cannot be written, and that travels to other processes."""
+"""A mapping that cannot be written, and that travels to other processes; lists gathered by key."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import TypeVar
 
 Key = TypeVar("Key")
+Value = TypeVar("Value")
 Value_co = TypeVar("Value_co", covariant=True)
 
 
@@ -43,3 +44,11 @@ class FrozenMap(Mapping[Key, Value_co]):
 
     def __reduce__(self) -> tuple[type[FrozenMap[Key, Value_co]], tuple[dict[Key, Value_co]]]:
         return type(self), (self._entries,)
+
+
+def grouped(pairs: Iterable[tuple[Key, Value]]) -> dict[Key, list[Value]]:
+    """Values by their keys, both in the order in which they come first."""
+    groups: dict[Key, list[Value]] = {}
+    for key, value in pairs:
+        groups.setdefault(key, []).append(value)
+    return groups

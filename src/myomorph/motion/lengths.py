@@ -16,6 +16,7 @@ from scipy.optimize import linear_sum_assignment
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
+from myomorph.model.frozen_map import grouped
 from myomorph.model.model import GROUND, Model
 from myomorph.model.segments import Segment, segments_of
 from myomorph.model.series import DEFAULT_POSE
@@ -102,10 +103,7 @@ def segments_that_stretch(model: Model) -> tuple[tuple[str, ...], ...]:
             keys[body] = Segment("shoulder", split_side(body)[1])
         else:
             keys[body] = "trunk"
-    groups: dict[object, list[str]] = {}
-    for body, key in keys.items():
-        groups.setdefault(key, []).append(body)
-    return tuple(tuple(bodies) for bodies in groups.values())
+    return tuple(tuple(bodies) for bodies in grouped((key, body) for body, key in keys.items()).values())
 
 
 def factors_of(lengths: Sequence[Length], values: Array) -> dict[str, Array]:

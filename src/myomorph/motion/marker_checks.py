@@ -20,6 +20,7 @@ from scipy.optimize import linear_sum_assignment
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import quoted
 from myomorph.model.findings import Finding, Repair, Span, pairs_text, repaired, times_text
+from myomorph.model.frozen_map import grouped
 from myomorph.model.model import Model
 from myomorph.model.series import Markers
 from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit, inverse_kinematics, pose_problem
@@ -94,10 +95,10 @@ def time_findings(model: Model, markers: Markers, unit: float) -> tuple[Finding,
 def _exchange_findings(markers: Markers, names: Sequence[str], unit: float) -> Iterator[Finding]:
     """Pairs of labels that are exchanged in the same frames together."""
     values = markers.values[:, [markers.names.index(name) for name in names]]
-    parts: dict[tuple[int, int], list[tuple[str, str]]] = {}
-    for exchange in _short_side(exchanges(values, edges_of(markers.time, values, unit)), len(values)):
-        pair = names[exchange.first], names[exchange.second]
-        parts.setdefault((exchange.start, exchange.stop), []).append(pair)
+    found = _short_side(exchanges(values, edges_of(markers.time, values, unit)), len(values))
+    parts = grouped(
+        ((exchange.start, exchange.stop), (names[exchange.first], names[exchange.second])) for exchange in found
+    )
     for (start, stop), pairs in parts.items():
         span = float(markers.time[start]), float(markers.time[stop - 1])
         text = (
@@ -131,9 +132,10 @@ def _jump_findings(markers: Markers, names: Sequence[str], unit: float) -> Itera
     that is left out for some frames lets the pose jump, for no marker fits exactly: a bridge does not.
     """
     values = markers.values[:, [markers.names.index(name) for name in names]]
-    jumping: dict[str, list[tuple[int, int, float]]] = {}
-    for excursion in excursions(markers.time, edges_of(markers.time, values, unit)):
-        jumping.setdefault(names[excursion.marker], []).append((excursion.start, excursion.stop, excursion.size))
+    jumping = grouped(
+        (names[excursion.marker], (excursion.start, excursion.stop, excursion.size))
+        for excursion in excursions(markers.time, edges_of(markers.time, values, unit))
+    )
     for name, parts in jumping.items():
         spans: list[Span] = [(float(markers.time[start]), float(markers.time[stop - 1])) for start, stop, _ in parts]
         worst = max(size for _, _, size in parts)
@@ -316,10 +318,9 @@ def excursions(time: Array, edges: Sequence[Steps]) -> tuple[Excursion, ...]:
 
 def exchanges(values: Array, edges: Sequence[Steps]) -> tuple[Exchange, ...]:
     """Pairs of markers whose paths go on in each other from some frame on, the last of an odd number to the end."""
-    at: dict[int, list[tuple[int, int]]] = {}
-    for marker, steps in enumerate(edges):
-        for place, frame in enumerate(steps.stop):
-            at.setdefault(int(frame), []).append((marker, place))
+    at = grouped(
+        (int(frame), (marker, place)) for marker, steps in enumerate(edges) for place, frame in enumerate(steps.stop)
+    )
     changes: dict[tuple[int, int], list[int]] = {}
     for frame, group in sorted(at.items()):
         here = np.array([values[frame, marker] for marker, _ in group])

@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 
 from myomorph.model.arrays import Array
-from myomorph.model.frozen_map import FrozenMap
+from myomorph.model.frozen_map import FrozenMap, grouped
 
 HEIGHT = 1.75  # Of the body whose measures stand below [m].
 Point = tuple[str, float, float, float]
@@ -178,9 +178,7 @@ def _sided(body: str, side: str) -> str:
 def fighter_mjcf(prefix: str, build: Build, place: tuple[float, float, float], turn: float) -> tuple[str, str, str]:
     """The fighter as text: its tree of bodies, its tendons and its actuators; `turn`: about the vertical [rad]."""
     s = build.size
-    children: dict[str, list[Segment]] = {}
-    for segment in segments():
-        children.setdefault(segment.parent, []).append(segment)
+    children = grouped((segment.parent, segment) for segment in segments())
     sites: dict[str, list[str]] = {segment.name: [] for segment in segments()}
     for name, (body, place_on) in marker_points().items():
         sites[body].append(f'<site name="{prefix}marker_{name}" pos="{_text(s * place_on)}"/>')

@@ -13,6 +13,7 @@ from myomorph.identify.body.points import frames_in_ground
 from myomorph.identify.body.regions import HINGES, Center, Region, center_positions, centers_of, hinge_axis
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
+from myomorph.model.frozen_map import grouped
 from myomorph.model.model import Coordinate, Joint, Marker, Model
 from myomorph.model.scale import scale
 from myomorph.model.series import DEFAULT_POSE, Markers, Motion
@@ -169,10 +170,9 @@ class CenterFit:
         self._started = tuple(
             _started(coordinate, joint_of.get(coordinate.name), regions) for coordinate in model.coordinates
         )
-        bounds: dict[Region, list[str]] = {}
-        for key, center in centers.items():
-            for region in dict.fromkeys((center.inner, center.outer)):
-                bounds.setdefault(region, []).append(key)
+        bounds = grouped(
+            (region, key) for key, center in centers.items() for region in dict.fromkeys((center.inner, center.outer))
+        )
         self.pairs = [(region, a, b) for region, keys in bounds.items() for a, b in combinations(keys, 2)]
         self.free = {region: 3 if len(keys) > 2 else 1 for region, keys in bounds.items() if len(keys) > 1}
         if not self.free:

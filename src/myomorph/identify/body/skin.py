@@ -9,6 +9,7 @@ from scipy.spatial import cKDTree
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, from_extra
+from myomorph.model.frozen_map import grouped
 from myomorph.model.surface import Surface, area_of, border_of, distinct_faces, pieces_of, signed_volume, turned_outward
 
 TALLEST = 3.0  # No body is longer than this in any direction [m]; what is longer is in other units
@@ -170,9 +171,7 @@ def _closed(vertices: Array, faces: np.ndarray, notes: list[str]) -> tuple[Array
     border = border_of(faces)
     if not len(border):
         return vertices, faces
-    following: dict[int, list[int]] = {}
-    for a, b in border.tolist():
-        following.setdefault(a, []).append(b)
+    following: dict[int, list[int]] = grouped(border.tolist())
     added_vertices, added_faces, around = [vertices], [faces], []
     number = len(vertices)
     while following:

@@ -11,6 +11,7 @@ from myomorph.io.osim.document import NEWEST, Node
 from myomorph.io.osim.frames import OFFSET_KINDS
 from myomorph.io.osim.paths import put_ligament
 from myomorph.model.errors import quoted
+from myomorph.model.frozen_map import grouped
 from myomorph.model.model import Kept, Model
 
 HARMLESS = "nothing that is computed changes"
@@ -74,13 +75,9 @@ def kept_elsewhere(model: Node, bodies: list[Node]) -> list[Kept]:
 
 def warnings_of(kept: Iterable[Kept]) -> list[str]:
     """One line for each class that is kept and matters."""
-    names: dict[tuple[str, str], list[str]] = {}
-    for part in kept:
-        if part.effect != HARMLESS and not part.effect.startswith("switched off"):
-            names.setdefault((part.kind, part.effect), []).append(part.name)
-    lines = []
-    for (kind, effect), some in names.items():
-        lines.append(f"{kind} {quoted(some, 3)}: kept but not modelled, {effect}")
+    acting = [part for part in kept if part.effect != HARMLESS and not part.effect.startswith("switched off")]
+    names = grouped(((part.kind, part.effect), part.name) for part in acting)
+    lines = [f"{kind} {quoted(some, 3)}: kept but not modelled, {effect}" for (kind, effect), some in names.items()]
     return lines
 
 

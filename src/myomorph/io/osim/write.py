@@ -15,6 +15,7 @@ from myomorph.io.osim.muscles import write_muscle, write_viscosity
 from myomorph.io.osim.setup_parts import put_marker
 from myomorph.io.osim.write_joints import plan_joints, write_joint
 from myomorph.model.errors import BadModel, quoted
+from myomorph.model.frozen_map import grouped
 from myomorph.model.model import GROUND, Model
 
 SETS = ("ConstraintSet", "ForceSet", "ControllerSet", "ContactGeometrySet", "ProbeSet", "ComponentSet")
@@ -125,10 +126,7 @@ def _model(element: etree._Element, model: Model, warnings: list[str]) -> None:
 
 def _write_groups(parent: etree._Element, model: Model) -> None:
     """Groups in an order that every muscle's own order of groups agrees with, as the file's did."""
-    members: dict[str, list[str]] = {}
-    for muscle in model.muscles:
-        for group in muscle.groups:
-            members.setdefault(group, []).append(muscle.name)
+    members = grouped((group, muscle.name) for muscle in model.muscles for group in muscle.groups)
     sooner: dict[str, set[str]] = {group: set() for group in members}
     for muscle in model.muscles:
         for i, group in enumerate(muscle.groups):

@@ -9,6 +9,7 @@ import numpy as np
 
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import quoted
+from myomorph.model.frozen_map import grouped
 from myomorph.model.functions import Function, PiecewisePolynomial, SineProduct, constant
 from myomorph.model.model import Coordinate
 from myomorph.model.paths import MovingPathPoint, Path, PathPoint, TendonWrap, WrapObject
@@ -162,10 +163,7 @@ def _transferred_points(
     notes: list[str],
 ) -> list[TransferredPoint]:
     transferred: dict[int, TransferredPoint] = {}
-    by_body: dict[str, list[int]] = {}
-    for i, body in enumerate(bodies):
-        by_body.setdefault(body, []).append(i)
-    for body, here in by_body.items():
+    for body, here in grouped((body, i) for i, body in enumerate(bodies)).items():
         put = put_on_surface(transfers[body], places[here], within)
         if put.beyond.any():
             shown = quoted(owners[here[row]][0] for row in np.flatnonzero(put.beyond))
@@ -290,10 +288,7 @@ ASKED = 3  # Places that are asked for, at most.
 def uncertain_notes(points: Iterable[TransferredPoint], transfers: Transfers) -> list[str]:
     """A line for each bone with points that may belong far from where they were put, with landmarks to give."""
     notes = []
-    by_body: dict[str, list[TransferredPoint]] = {}
-    for point in points:
-        by_body.setdefault(point.body, []).append(point)
-    for body, here in by_body.items():
+    for body, here in grouped((point.body, point) for point in points).items():
         length = transfers[body].length
         unsure = sorted((item for item in here if item.within > LARGE * length), key=lambda item: -item.within)
         if not unsure:

@@ -9,12 +9,13 @@ import numpy as np
 
 from myomorph.analysis.conditions import OUTLIER_SCORE, Condition
 from myomorph.analysis.groups import Comparison
+from myomorph.model.frozen_map import grouped
 from myomorph.report.charts.axis import number
 from myomorph.report.charts.points import rank_plot
 from myomorph.report.page.page import Tile, rendered
 from myomorph.report.page.parts import Figure, Grid, Link, Note, PageHead, Quantity, Section, cited
 from myomorph.report.study import group_page
-from myomorph.report.study.study_input import Described, Outlier, StudyInput, TrialLine, TrialState, ValueDifference
+from myomorph.report.study.study_input import Described, StudyInput, TrialLine, TrialState, ValueDifference
 
 MAX_OPEN, MAX_FOLDED = 12, 36  # Curves of a family that are shown, and that are folded away; the tables have all.
 MAX_DIFFERENT = 12  # Curves of a comparison that are drawn.
@@ -262,9 +263,7 @@ def _comparison(comparison: Comparison, index: int, study: StudyInput) -> Sectio
 def _outliers(study: StudyInput) -> list[Section]:
     if not study.outliers:
         return []
-    by_trial: dict[tuple[str, str], list[Outlier]] = {}
-    for outlier in study.outliers:
-        by_trial.setdefault((outlier.subject, outlier.trial), []).append(outlier)
+    by_trial = grouped(((outlier.subject, outlier.trial), outlier) for outlier in study.outliers)
     rows = []
     for lines in sorted(by_trial.values(), key=lambda each: -max(abs(outlier.score) for outlier in each)):
         lines.sort(key=lambda outlier: -abs(outlier.score))

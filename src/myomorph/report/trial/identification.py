@@ -11,6 +11,7 @@ from myomorph.analysis.presets import plain_words, segment_words
 from myomorph.identify.subject import Identification
 from myomorph.identify.validation import COMPONENTS
 from myomorph.model.arrays import Array
+from myomorph.model.frozen_map import grouped
 from myomorph.model.model import Model
 from myomorph.model.segments import SEGMENTS
 from myomorph.model.series import DEFAULT_POSE
@@ -127,9 +128,7 @@ def segment_section(identification: Identification) -> list[Section]:
         label = name.replace(" ", "\u00a0")
         rows.append((label, number(athletes), *map(_words, right), _words(left) if paired else ""))
     head = ("Segment", "Athletes [%]", *(f"{name} [%]" for name in masses), f"{chosen}, left [%]")
-    members: dict[str, list[str]] = {}
-    for body, segment in segments.items():
-        members.setdefault(segment_words(segment).capitalize(), []).append(body)
+    members = grouped((segment_words(segment).capitalize(), body) for body, segment in segments.items())
     links = tuple((segment, ", ".join(bodies)) for segment, bodies in members.items())
     lead = (
         "Percent of the body's mass, limbs of the right side, as table 3.4 of [D] sets it out beside Japanese male "

@@ -9,6 +9,7 @@ from fnmatch import fnmatchcase
 from pydantic import Field, FiniteFloat
 
 from myomorph.model.errors import listing
+from myomorph.model.frozen_map import grouped
 from myomorph.store.study_file import Strict, is_pattern
 from myomorph.study.plan.measures import Measures
 from myomorph.study.trial.trial_strides import StridePlan
@@ -111,11 +112,8 @@ def measured_groups(
     """The two groups of the column `group` that are to be compared; none where nobody asks for it. `compare`: which
     two; () for none, since a comparison needs strides, which not every study has.
     """
-    found: dict[str, list[str]] = {}
-    for subject in subjects:
-        group = measures[subject].group if subject in measures else ""
-        if group:
-            found.setdefault(group, []).append(subject)
+    of_group = [(measures[subject].group, subject) for subject in subjects if subject in measures]
+    found = grouped((group, subject) for group, subject in of_group if group)
     if not compare:
         if len(found) > 1:
             quoted = ", ".join(f'"{one}"' for one in list(found)[:2])

@@ -15,6 +15,7 @@ from statistics import median_high
 
 from myomorph.io.parsing.text import write_csv
 from myomorph.model.errors import BadFile
+from myomorph.model.frozen_map import grouped
 from myomorph.rigid.kernels import kernel_folder
 from myomorph.store.outcome import Key, Outcome
 from myomorph.study.run.work import Work
@@ -84,9 +85,8 @@ class StepTimes:
     """Times of steps as this machine has learned them, in a table at `path`, None for no such table."""
 
     def __init__(self, path: Path | None):
-        self._samples: dict[tuple[str, str, int], list[Sample]] = {}
-        for sample in reversed(read_samples(path)):
-            self._samples.setdefault((sample.step, sample.settings, sample.muscles), []).append(sample)
+        samples = reversed(read_samples(path))
+        self._samples = grouped(((sample.step, sample.settings, sample.muscles), sample) for sample in samples)
 
     def expected(self, step: str, settings: Mapping[str, object], muscles: int, frames: int | None) -> float | None:
         """Seconds that a step takes; None where it never ran here with such settings and muscles, or frames are

@@ -10,6 +10,7 @@ from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import PurePath
 
+from myomorph.model.frozen_map import grouped
 from myomorph.model.provenance import Provenance, Source
 from myomorph.store.outcome import Outcome, failed
 
@@ -123,7 +124,7 @@ def changes(before: Provenance, after: Provenance) -> tuple[str, ...]:
 def _sources(before: Iterable[Source], after: Iterable[Source]) -> list[str]:
     """Inputs that came, went or hold something else; a file that only moved is the same input."""
     result = []
-    old, new = _by_role(before), _by_role(after)
+    old, new = (grouped((source.role, source) for source in sources) for sources in (before, after))
     for role in dict.fromkeys((*old, *new)):
         before_role, after_role = old.get(role, []), new.get(role, [])
         gone, come = (
@@ -143,13 +144,6 @@ def _sources(before: Iterable[Source], after: Iterable[Source]) -> list[str]:
                 f"{role} {_name(same)} -> {_name(source)}" if moved else f"{role} {_name(source)} has changed"
             )
         result += [f"{role} {_name(source)} is no longer used" for source in gone]
-    return result
-
-
-def _by_role(sources: Iterable[Source]) -> dict[str, list[Source]]:
-    result: dict[str, list[Source]] = {}
-    for source in sources:
-        result.setdefault(source.role, []).append(source)
     return result
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from myomorph.identify.refine.refinement import Refinement
 from myomorph.model.arrays import Array
+from myomorph.model.frozen_map import grouped
 from myomorph.model.inertia import inertial_parameters
 from myomorph.model.model import Model
 from myomorph.morph.morphed import Morph
@@ -50,9 +51,7 @@ def refined_errors(refinement: Refinement) -> Iterator[ItemSize]:
 def personal_errors(personalized: Personalized) -> Iterator[ItemSize]:
     """Fiber and slack lengths of muscles; strengths, which muscles of a group share."""
     fibers = {muscle.name: muscle.optimal_fiber_length for muscle in personalized.model.muscles}
-    members: dict[str, list[str]] = {}
-    for muscle, group in zip(personalized.model.muscle_names, personalized.strength_groups, strict=False):
-        members.setdefault(group, []).append(muscle)
+    members = grouped(zip(personalized.strength_groups, personalized.model.muscle_names, strict=False))
     for estimate in personalized.estimates:
         if not (np.isfinite(estimate.low) and estimate.low > 0.0 and estimate.high > estimate.low):
             continue

@@ -16,6 +16,7 @@ from myomorph.analysis.conditions import OUTLIER_SCORE, Condition, MeanCurves, m
 from myomorph.analysis.cycles import SAMPLES, Cycles
 from myomorph.analysis.groups import Animal, Comparison
 from myomorph.model.arrays import Array
+from myomorph.model.frozen_map import grouped
 from myomorph.model.series import Series
 from myomorph.report.study.study_input import Described, Outlier
 from myomorph.study.trial.tidy import OF_STRIDE
@@ -69,10 +70,7 @@ class RunningMeans(Generic[Name]):
 
 def families_of(curves: RunningMeans[Curve]) -> dict[str, list[str]]:
     """Names of curves by family, in their first order."""
-    result: dict[str, list[str]] = {}
-    for family, name in curves.columns:
-        result.setdefault(family, []).append(name)
-    return result
+    return grouped(curves.columns)
 
 
 @dataclass

@@ -16,7 +16,7 @@ from myomorph.analysis.conditions import compare_conditions
 from myomorph.analysis.groups import GroupOptions
 from myomorph.io.parsing.text import write_csv
 from myomorph.model.errors import few
-from myomorph.model.frozen_map import FrozenMap
+from myomorph.model.frozen_map import FrozenMap, grouped
 from myomorph.report.study.study_input import Judged, StudyInput, TrialLine
 from myomorph.report.study.study_page import study_page
 from myomorph.store.outcome import Outcome
@@ -91,10 +91,10 @@ class SignSearch:
 
     def notes(self) -> list[str]:
         """One line for all angles that bend one way in some subjects and the other way in others."""
-        sides: dict[tuple[tuple[str, ...], tuple[str, ...]], list[str]] = {}
-        for name, above in self._above.items():
-            if name in self._below:
-                sides.setdefault((tuple(above), tuple(self._below[name])), []).append(name)
+        both = self._above.keys() & self._below.keys()
+        sides = grouped(
+            ((tuple(above), tuple(self._below[name])), name) for name, above in self._above.items() if name in both
+        )
         return [
             f"{few(names, MAX_NAMED)}: above zero in {few(above, MAX_NAMED)}, "
             f"below it in {few(below, MAX_NAMED)}: where their models count it "
@@ -266,10 +266,9 @@ def _line(trial: _Trial, rows: Sequence[Mapping[str, str]], out: Path) -> TrialL
 
 def _changes(trials: Sequence[_Trial]) -> tuple[tuple[str, tuple[str, ...]], ...]:
     """What made steps be computed again, each with the trials it concerns."""
-    trials_by_text: dict[str, list[str]] = {}
-    for trial in trials:
-        for text in trial.outcome.changed:
-            trials_by_text.setdefault(text, []).append(", ".join(part for part in trial.outcome.key if part))
+    trials_by_text = grouped(
+        (text, ", ".join(filter(None, trial.outcome.key))) for trial in trials for text in trial.outcome.changed
+    )
     return tuple((text, tuple(names)) for text, names in trials_by_text.items())
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from myomorph.analysis.cycles import SAMPLES, Cycles, over_cycles
 from myomorph.io.parsing.text import write_csv
 from myomorph.model.errors import BadData
+from myomorph.model.frozen_map import grouped
 from myomorph.model.model import Model
 from myomorph.model.series import Series
 from myomorph.report.page.parts import Verdict
@@ -172,10 +173,8 @@ def read_curves(path: Path, only: tuple[str, ...] = ()) -> tuple[str, dict[str, 
             raise BadData(f"{path}: holds no curves over a cycle: run the trial again")
         columns = [0, *(index for index, name in enumerate(head) if index and name.startswith(only or ""))]
         values = np.loadtxt(stream, delimiter=",", usecols=columns, ndmin=2)
-    families: dict[str, list[int]] = {}
     names = [_family_and_name(head[column]) for column in columns[1:]]
-    for place, (family, _) in enumerate(names):
-        families.setdefault(family, []).append(place)
+    families = grouped((family, place) for place, (family, _) in enumerate(names))
     return head[0], {
         family: Series(
             values[:, 0], tuple(names[column][1] for column in columns), values[:, [column + 1 for column in columns]]
