@@ -228,6 +228,8 @@ PAGES: dict[str, dict[str, str]] = {
         "limbs_signatures": "accuracy.viscosity.signatures:measure",
         "limbs_friction": "accuracy.viscosity.signatures:measure_friction",
         "limbs_laws": "accuracy.viscosity.signatures:measure_laws",
+        "limbs_relaxed": "accuracy.viscosity.relaxed:measure_simulated",
+        "limbs_relaxed_child": "accuracy.viscosity.relaxed:measure_child",
         "scans_of_other_bones": "accuracy.viscosity.scans:measure",
         "virtual_joints": "accuracy.viscosity.virtual:measure_joints",
         "virtual_cohort": "accuracy.viscosity.virtual:measure_cohort",

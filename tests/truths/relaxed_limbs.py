@@ -23,6 +23,7 @@ from myomorph.viscosity.study.limb_files import DropFiles, LimbFiles
 
 STEP, RATE, EMG_RATE = 5e-4, 100.0, 1000.0
 HOLD, SWINGING = 1.0, 9.0  # Times that the hand holds the shank, and that it swings [s].
+HARD = 'solreffriction="0.004 1" solimpfriction="0.99 0.999 0.001"'  # Else MuJoCo's dry friction creeps.
 MUSCLE = "rectus_femoris"
 DELAY = 0.04  # By which EMG comes before force [s].
 PLACES = {
@@ -37,7 +38,7 @@ class RelaxedLeg:
     """A leg: its knee's damping [N m s/rad], stiffness [N m/rad], rest angle from where the shank hangs [rad] and dry
     friction [N m]; mass of shank and foot [kg], its center below the knee [m], inertia about it [kg m^2].
 
-    `giving`: stiffness of what holds the thigh [N m/rad], 0 where nothing moves it; `noise` of markers [m]; `bursts`:
+    `giving`: stiffness of what carries the thigh [N m/rad], 0 where nothing moves it; `noise` of markers [m]; `bursts`:
     number of each drop whose first swing has a reflex of `burst` [N m]; `wrong`: factors of mass, distance and inertia
     in the model that is identified with.
     """
@@ -66,9 +67,11 @@ class RelaxedLeg:
         """The leg, its passive knee left out where it is what is looked for."""
         knee = (
             f'damping="{self.damping}" stiffness="{self.stiffness}" springref="{np.rad2deg(self.rest)}" '
-            f'frictionloss="{self.friction}"'
+            f'frictionloss="{self.friction}" {HARD}'
         )  # fmt: skip
-        hip = f'stiffness="{self.giving}" damping="{0.02 * self.giving}"' if passive else ""
+        weight = 9.81 * (8.0 * 0.2 + 0.42 * self.mass)
+        slack = np.rad2deg(weight / self.giving) if self.giving else 0.0
+        hip = f'stiffness="{self.giving}" damping="{0.02 * self.giving}" springref="{slack}"' if passive else ""
         joint = f'<joint name="hip" axis="0 -1 0" {hip}/>' if self.giving or not passive else ""
         mass, distance, inertia = (
             (self.mass, self.distance, self.inertia) if passive

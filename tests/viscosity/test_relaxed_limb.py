@@ -67,6 +67,21 @@ def test_a_limb_of_twice_the_mass_has_twice_the_torque():
     assert twice["rest_angle"] == pytest.approx(once["rest_angle"], rel=1e-3)
 
 
+def test_each_drop_of_a_recording_is_found_and_no_lift_by_hand():
+    leg = replace(LEG, damping=0.4)
+    first, second = (drop_leg(leg, number, 0).angles for number in (0, 1))
+    lift = first[-1] + (second[0] - first[-1]) * 0.5 * (1.0 - np.cos(np.pi * np.linspace(0.0, 1.0, 120)))
+    angles = np.concatenate([first, lift, second])
+    motion = motion_of(angles)
+    equation = swing_equation(leg_model(leg), "knee", motion)
+    drops = find_drops("both", equation, angles, motion.values[:, 1], motion.velocities[:, 1])
+    assert [drop.name for drop in drops] == ["both, drop 1", "both, drop 2"]
+    released = [drop.equation.time[drop.turns[0]] for drop in drops]
+    np.testing.assert_allclose(released, [HOLD, HOLD + (len(first) + len(lift)) / RATE], atol=0.1)
+    values = quantities(fit_swings(drops, SPRUNG))
+    assert values["viscosity"] == pytest.approx(leg.damping, rel=0.01)
+
+
 def test_what_a_coordinate_moves_is_weighed():
     body = limb_body(leg_model(LEG), "knee")
     whole = LEG.inertia + LEG.mass * LEG.distance**2

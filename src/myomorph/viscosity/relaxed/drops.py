@@ -87,6 +87,8 @@ def find_drops(name: str, equation: SwingEquation, measured: Array, angles: Arra
         crossings = first + 1 + np.flatnonzero(np.diff(np.sign(rates[first:end])) != 0)
         turns = np.array([first, *crossings])
         small = np.abs(np.diff(angles[turns])) < MIN_EXCURSION
+        # One small half swing may be where a muscle stopped the limb; two in a row are rest.
+        small &= np.append(small[1:], True)
         turns = turns[: 1 + (int(np.argmax(small)) if small.any() else len(small))]
         if len(turns) > MIN_HALVES:
             title = name if len(starts) == 1 else f"{name}, drop {len(drops) + 1}"

@@ -102,6 +102,12 @@ def write_model(files: LimbFiles, result: LimbResult, folder: Path) -> list[str]
     name, model = files.coordinate, open_model(files.model)
     path = folder / f"{IDENTIFIED}{files.model.suffix.lower()}"
     lost = [f"{path.name}: the dry friction is not in it"] if c > 0.0 else []
+    others = [torque.name for torque in model.passive_torques if torque.coordinate == name]
+    others += ["passive forces of its muscles"] if model.muscles else []
+    if others:
+        lost.append(
+            f"{path.name}: {', '.join(others)}, which the identified torque holds, act beside it: take one away"
+        )
     if path.suffix == ".xml":
         write_dampers(files.model, path, {name: float(d)}, springs={name: (float(k), float(s / k))} if k > 0.0 else {})
         return lost

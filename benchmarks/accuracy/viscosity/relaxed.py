@@ -1,0 +1,205 @@
+"""Relaxed limbs that are dropped: simulated ones whose joint is known, and a child whose swing is public.
+
+The child's swing lies in the folder that the environment variable MYOMORPH_PENDULUM names: `DataPendulum.mat` of
+VDB-Bram/Tutorial-Direct-Collocation (KU Leuven). Without it the simulated limbs remain.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Iterator
+from dataclasses import replace
+from multiprocessing import get_context
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from scipy.integrate import solve_ivp
+from scipy.io import loadmat
+from tests.truths.relaxed_limbs import RelaxedLeg, write_leg
+
+import myomorph as mm
+from myomorph.model.arrays import Array
+from myomorph.viscosity.relaxed.drops import Drop, find_drops
+from myomorph.viscosity.relaxed.identify import SPRUNG, LimbOptions, LimbResult, fit_swings, guess, state_at
+from myomorph.viscosity.relaxed.swing_equation import swing_equation
+from myomorph.viscosity.study.limb_step import study_limb
+
+Row = dict[str, object]
+FOLDER, RECORDING = "MYOMORPH_PENDULUM", "DataPendulum.mat"
+LIMBS, DROPS, WORKERS = 8, 3, 2
+QUANTITIES = {"viscosity": "d", "stiffness": "k", "coulomb": "friction"}
+KINDS: dict[str, tuple[dict[str, object], bool]] = {
+    "nothing wrong": ({}, True),
+    "masses 5 % too large": ({"wrong": (1.05, 1.0, 1.05)}, True),
+    "masses off at random as assumed": ({"wrong": None}, True),
+    "thigh gives way": ({"giving": 400.0}, True),
+    "reflex in two drops, with EMG": ({"bursts": (0, 2)}, True),
+    "reflex in two drops, without EMG": ({"bursts": (0, 2)}, False),
+}
+"""What differs from the plain limb, and whether there is EMG."""
+
+
+class LimbRun(NamedTuple):
+    """One simulated limb: truth, result, the law by inverse dynamics alone, and what was named of each drop."""
+
+    leg: RelaxedLeg
+    result: LimbResult
+    regression: Array
+    named: tuple[str, ...]
+
+
+def measure_simulated() -> Iterator[Row]:
+    """Errors, coverage and what is named, over simulated limbs by what is wrong with them."""
+    work = [(kind, seed) for kind in KINDS for seed in range(LIMBS)]
+    with get_context("spawn").Pool(WORKERS) as pool:
+        runs = pool.map(simulated_run, work, chunksize=1)
+    for kind in KINDS:
+        yield _row(kind, [run for (of, _), run in zip(work, runs, strict=True) if of == kind])
+
+
+def simulated_run(work: tuple[str, int]) -> LimbRun:
+    """A limb of a kind, its joint and markers drawn by its seed, identified from files as a study does."""
+    kind, seed = work
+    changes, emg = KINDS[kind]
+    random = np.random.default_rng(seed)
+    leg = RelaxedLeg(
+        damping=float(random.uniform(0.05, 0.4)), stiffness=float(random.uniform(0.5, 6.0)),
+        rest=float(random.uniform(-0.4, 0.6)), friction=float(random.uniform(0.03, 0.2)) if seed % 2 else 0.0,
+        noise=float(random.uniform(3e-4, 1e-3)), burst=float(random.uniform(2.0, 6.0)),
+    )  # fmt: skip
+    options, changes = LimbOptions(), dict(changes)
+    if "wrong" in changes and changes["wrong"] is None:
+        gyration = np.sqrt(leg.inertia / leg.mass) / leg.distance
+        sizes = np.array([options.mass_sd, options.center_sd * gyration, options.inertia_sd])
+        mass, distance, inertia = 1.0 + sizes * random.standard_normal(3)
+        changes["wrong"] = (float(mass), float(distance), float(mass * inertia))
+    leg = replace(leg, **changes)  # type: ignore[arg-type]
+    with tempfile.TemporaryDirectory() as folder:
+        result, notes = study_limb(write_leg(leg, Path(folder), DROPS, seed, emg), options)
+    regression = guess(result.drops, result.fit.terms).coefficients
+    return LimbRun(leg, result, regression, tuple(note for note in notes if "half swing" in note))
+
+
+def _row(kind: str, runs: list[LimbRun]) -> Row:
+    row: Row = {"what is wrong": kind, "limbs": len(runs)}
+    for name, label in QUANTITIES.items():
+        known = [run for run in runs if name in run.leg.truth and name in run.result.estimates]
+        truths = np.array([run.leg.truth[name] for run in known])
+        errors = np.array([run.result.estimates[name].value for run in known]) / truths - 1.0
+        held = sum(run.result.estimates[name].holds(truth) for run, truth in zip(known, truths, strict=True))
+        row[f"{label}, median error [%]"] = 100.0 * float(np.median(np.abs(errors)))
+        row[f"{label}, largest error [%]"] = 100.0 * float(np.max(np.abs(errors)))
+        if name != "coulomb":
+            place = list(QUANTITIES).index(name)
+            others = np.array([run.regression[place] for run in known]) / truths - 1.0
+            row[f"{label} by inverse dynamics, median error [%]"] = 100.0 * float(np.median(np.abs(others)))
+        row[f"{label}, within 95 % intervals"] = f"{held} of {len(known)}"
+        alone = sum(abs(run.result.estimates[name].value - truth) <= 1.96 * run.result.shares["swings"][name]
+                    for run, truth in zip(known, truths, strict=True))  # fmt: skip
+        row[f"{label}, within intervals of the swings alone"] = f"{alone} of {len(known)}"
+    right = sum(("coulomb" in run.result.fit.terms) == bool(run.leg.friction) for run in runs)
+    row["law right"] = f"{right} of {len(runs)}"
+    bursts = [(run, f"drop{number + 1}") for run in runs for number in run.leg.bursts]
+    found = sum(any(note.startswith(drop) for note in run.named) for run, drop in bursts)
+    false = sum(not any(note.startswith(f"drop{number + 1}") for number in run.leg.bursts)
+                for run in runs for note in run.named)  # fmt: skip
+    return row | {"reflexes named": f"{found} of {len(bursts)}" if bursts else "", "false alarms": false}
+
+
+MASS, DISTANCE, GYRATION = 2.3351, 0.2367, 0.416
+"""Shank and foot of the child, as Part1_Input.m of the tutorial has them [kg], [m], and as a share of the distance."""
+THEIRS = (2.07279, 0.172916)
+"""Constant torque [N m] and damping [N m s/rad] that the tutorial's direct collocation found (Collocation_opti.mat)."""
+FIRST_PART = 3.0
+"""Of the swing, from which the rest is predicted [s]."""
+CHILD = """<mujoco model="child"><option gravity="0 0 -9.81"/><worldbody><body name="thigh">
+  <inertial pos="-0.1 0 0" mass="3" diaginertia="0.03 0.03 0.03"/>
+  <body name="shank"><joint name="knee" axis="0 -1 0"/>
+  <inertial pos="{distance} 0 0" mass="{mass}" diaginertia="{inertia} {inertia} {inertia}"/></body></body></worldbody>
+  </mujoco>"""
+"""The knee's angle is 0 where the shank is level, as in the recording."""
+
+
+def child_drop(folder: Path) -> Drop:
+    """The recorded swing of the child, with the masses that come with it."""
+    time, degrees = loadmat(folder / RECORDING)["data"].T
+    with tempfile.TemporaryDirectory() as place:
+        path = Path(place) / "child.xml"
+        inertia = MASS * (GYRATION * DISTANCE) ** 2
+        path.write_text(CHILD.format(mass=MASS, distance=DISTANCE, inertia=inertia))
+        model = mm.read_model(path)
+    angles = np.deg2rad(degrees)
+    smooth = mm.differentiate(mm.Motion(time, ("knee",), angles[:, None]), LimbOptions().cutoff)
+    assert smooth.velocities is not None
+    equation = swing_equation(model, "knee", smooth)
+    (drop,) = find_drops("child", equation, angles, smooth.values[:, 0], smooth.velocities[:, 0])
+    return drop
+
+
+def measure_child() -> Iterator[Row]:
+    """The child's first half swings fitted and the rest predicted; beside it the tutorial's law, which saw all."""
+    home = os.environ.get(FOLDER)
+    if home is None or not (Path(home) / RECORDING).is_file():
+        return
+    drop = child_drop(Path(home))
+    time, turns = drop.equation.time, drop.turns
+    split = int(np.searchsorted(time[turns], time[turns[0]] + FIRST_PART))
+    seen = replace(drop, used=np.arange(len(drop.used)) < split)
+    rest = slice(int(turns[split]), int(turns[-1]))
+    whole = slice(int(turns[0]), int(turns[-1]))
+    state = state_at(drop, rest.start)
+    fits = {f"law of {' + '.join(terms)}, from the first {FIRST_PART:g} s": fit_swings([seen], terms)
+            for terms in (SPRUNG, (*SPRUNG, "coulomb"))}  # fmt: skip
+    for name, fit in fits.items():
+        d, k, s, c = fit.law.coefficients[:4]
+        predicted = drop.equation.swing(rest.start, rest.stop, state[0], state[1], fit.law)
+        yield _child_row(name, float(d), float(k), float(s), float(c), drop, rest, predicted)
+    tone, damping = THEIRS
+    predicted = _their_swing(time[rest], state, tone, damping)
+    yield _child_row("the tutorial's, from all", damping, 0.0, tone, 0.0, drop, rest, predicted)
+    every = fit_swings([drop], SPRUNG)
+    d, k, s, c = every.law.coefficients[:4]
+    swung = drop.equation.swing(whole.start, whole.stop, *every.states[0], every.law)
+    yield _child_row(
+        "law of viscosity + stiffness, from all", float(d), float(k), float(s), float(c), drop, whole, swung
+    )
+    theirs = np.interp(time[whole], *_euler_swing(time, float(drop.measured[0]), tone, damping))
+    name = "the tutorial's, from all, by its own steps"
+    yield _child_row(name, damping, 0.0, tone, 0.0, drop, whole, theirs)
+
+
+def _child_row(name: str, d: float, k: float, s: float, c: float, drop: Drop, part: slice, swung: Array) -> Row:
+    errors = np.rad2deg(swung - drop.measured[part])
+    time = drop.equation.time - drop.equation.time[0]
+    return {
+        "law": name, "d [N m s/rad]": d, "k [N m/rad]": k, "torque at angle 0 [N m]": s, "friction [N m]": c,
+        "predicted [s]": f"{time[part.start]:.2f} to {time[part.stop - 1]:.2f}",
+        "error, RMS [deg]": float(np.sqrt(np.mean(errors**2))), "error, largest [deg]": float(np.abs(errors).max()),
+    }  # fmt: skip
+
+
+def _acceleration(angle: float, rate: float, tone: float, damping: float) -> float:
+    """The tutorial's equation of motion [rad/s^2]."""
+    weight, inertia = MASS * 9.81 * DISTANCE, MASS * DISTANCE**2 * (1.0 + GYRATION**2)
+    return (-weight * np.cos(angle) + tone - damping * rate) / inertia
+
+
+def _their_swing(time: Array, state: tuple[float, float], tone: float, damping: float) -> Array:
+    """The tutorial's law, integrated with small errors from a state (frames,) [rad]."""
+
+    def slope(_: float, x: Array) -> tuple[float, float]:
+        return float(x[1]), _acceleration(x[0], x[1], tone, damping)
+
+    return solve_ivp(slope, (time[0], time[-1]), state, t_eval=time, rtol=1e-9, atol=1e-9).y[0]
+
+
+def _euler_swing(time: Array, angle: float, tone: float, damping: float) -> tuple[Array, Array]:
+    """The same by explicit steps of 5 ms from rest at the first frame, as the tutorial does: times and angles."""
+    clock = np.arange(time[0], time[-1], 0.005)
+    angles, rate = np.empty(len(clock)), 0.0
+    for i in range(len(clock)):
+        angles[i] = angle
+        angle, rate = angle + 0.005 * rate, rate + 0.005 * _acceleration(angle, rate, tone, damping)
+    return clock, angles
