@@ -6,8 +6,8 @@ import pytest
 from benchmarks.house import CHECKOUT, checkout_texts, count
 
 LIMITS = {
-    ("lines", "src"): 124_341,
-    ("lines", "benchmarks"): 26_322,
+    ("lines", "src"): 124_349,
+    ("lines", "benchmarks"): 26_529,
     ("words", "documentation"): 99_805,
     ("vague", "src"): 6.5,
 }
