@@ -70,7 +70,7 @@ def test_limbs_hold_both_tables_and_are_physical(number: int) -> None:
     row = SPECIMENS[number - 1]
     limb = HeldLimb(arm_specimen(), HELD)
     bare = limb.parameters(row.mass_muscles_removed, row.com_muscles_removed)
-    whole = limb.with_flesh(bare, row.mass_intact, row.com_intact)
+    whole = limb.with_muscle_mass(bare, row.mass_intact, row.com_intact)
     for parameters, mass, com in (
         (bare, row.mass_muscles_removed, row.com_muscles_removed),
         (whole, row.mass_intact, row.com_intact),

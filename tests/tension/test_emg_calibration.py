@@ -13,7 +13,7 @@ from myomorph.io.osim.read import read_osim
 from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.errors import BadData, UnknownName
 from myomorph.model.series import Emg, Motion, Series
-from myomorph.motion.emg_activation import DOUBT, EmgCalibration, shaped, uncalibrated
+from myomorph.motion.emg_activation import LIKELIHOOD_95, EmgCalibration, shaped, uncalibrated
 from myomorph.motion.filters import differentiate, lowpass
 from myomorph.rigid.dynamics import inverse_dynamics
 from myomorph.tension import emg_calibration
@@ -301,7 +301,7 @@ def test_a_real_walk_follows_its_emg_when_told_to(data):
 @pytest.mark.parametrize(("worse", "chosen"), [(0.9, "known"), (1.1, "free")])
 def test_a_level_is_given_up_where_torques_are_so_much_likelier_without_it(misfit, worse, chosen):
     """The likelihood ratio decides, not how well either explains the torques."""
-    misfits = {None: misfit, "known": misfit + worse * DOUBT}
+    misfits = {None: misfit, "known": misfit + worse * LIKELIHOOD_95}
     tracking = SimpleNamespace(prior="free", fit=lambda *given: SimpleNamespace(misfit=misfits[(*given, None)[2]]))
     assert kept_level(tracking, "known", np.zeros(1), np.zeros(1)) == chosen
 

@@ -127,7 +127,7 @@ def test_emg_that_does_not_fit_is_refused_by_name(walker):
 
 
 def test_frames_without_a_body_in_sight_take_none_of_the_others(walker):
-    """The first frame is not known: gains are found from the rest, with contacts that nobody measured too."""
+    """The first frame is not known: gains are found from the rest, with unmeasured contacts too."""
     model, motion, _, told = walker
     tau = inverse_dynamics(model, motion)
     values = np.array(tau.values)

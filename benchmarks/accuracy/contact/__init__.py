@@ -1,1 +1,1 @@
-"""Contacts and forces that nobody measured."""
+"""Contacts and unmeasured forces."""

@@ -101,7 +101,7 @@ def _against(name: str, head: SphereFit, center: np.ndarray, against: str) -> Ro
 
 
 def _center_row(name: str, head: SphereFit, socket: SphereFit | None, center: np.ndarray, against: str) -> Row:
-    doubts = [told for one in (head, socket) if one is not None and (told := warning_of(one))]
+    warnings = [told for one in (head, socket) if one is not None and (told := warning_of(one))]
     return {
         "joint": name,
         "head, radius [mm]": 1e3 * head.radius,
@@ -111,7 +111,7 @@ def _center_row(name: str, head: SphereFit, socket: SphereFit | None, center: np
         "socket, radius [mm]": "" if socket is None else 1e3 * socket.radius,
         "socket, cover": "" if socket is None else socket.coverage,
         "socket, estimated SD [mm]": "" if socket is None else 1e3 * socket.deviation,
-        "doubts": "; ".join(doubts) or "none",
+        "warnings": "; ".join(warnings) or "none",
         "against": against,
         "apart [mm]": 1e3 * float(np.linalg.norm(head.center - center)),
     }

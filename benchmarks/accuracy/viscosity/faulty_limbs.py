@@ -127,7 +127,7 @@ def faulty_limb(seed: int, faults: Faults, damping: float | None) -> FaultyLimb:
     specimen = specimen.standing(mounted(specimen.stand, random))
     limb = HeldLimb(specimen, HELD)
     bare = limb.parameters(row.mass_muscles_removed, row.com_muscles_removed)
-    whole = limb.with_flesh(bare, row.mass_intact, row.com_intact)
+    whole = limb.with_muscle_mass(bare, row.mass_intact, row.com_intact)
     damping = damping or float(np.exp(random.uniform(np.log(0.03), np.log(0.1))))
     muscle = random.uniform(0.02, 0.06) / (len(specimen.model.muscles) * ARM**2)
     hand, elbow = (limb.poses[specimen.limb[i]].translation for i in (-1, 1))

@@ -31,7 +31,7 @@ def warn(warnings: Sequence[str], where: str = LISTED) -> None:
 
 
 def made(out: Path, tables: Path, lines: Iterable[str], notes: Sequence[str], where: str = LISTED) -> int:
-    """Say what was found for a model that was written beside its tables, and what is doubtful; the exit status."""
+    """Say what was found for a model that was written beside its tables, and warnings; the exit status."""
     warn(notes, where)
     for line in lines:
         said(line)

@@ -94,7 +94,7 @@ def _say_remarks(plan: Plan) -> None:
 
 @documented
 def run_command(study: Path, /, *, out: OutFolder, running: RunOptions = AS_USUAL) -> int:
-    """Run a study file: subjects, models, trials and steps; what has not changed since an earlier run is taken over.
+    """Run a study file: subjects, models, trials and steps; what has not changed since an earlier run is reused.
 
     Parameters
     ----------

@@ -47,7 +47,7 @@ class Contact:
 
 @dataclass(frozen=True, eq=False)
 class Assignment:
-    """Wrenches on bodies, the contacts found, and what is doubtful about them."""
+    """Wrenches on bodies, the contacts found, and warnings about them."""
 
     wrenches: Wrenches
     contacts: tuple[Contact, ...]
@@ -88,11 +88,11 @@ def assign_bodies(wrenches: Wrenches, positions: Mapping[str, Array]) -> Assignm
                 contact = _contact(wrenches, plate, here, distances[here, plate], size[here], names)
                 contacts.append(contact)
                 if contact.distance > 0.6 * contact.other_distance:
-                    warnings.append(_doubt(contact))
+                    warnings.append(_warning(contact))
     return Assignment(_split(wrenches, carried, names), tuple(contacts), tuple(warnings))
 
 
-def _doubt(contact: Contact) -> str:
+def _warning(contact: Contact) -> str:
     return (
         f"{contact.plate} may carry two bodies from {contact.start:.2f} to {contact.stop:.2f} s: its force went to "
         f"'{contact.body}', {contact.distance:.2f} m away (another: {contact.other_distance:.2f} m)"

@@ -69,7 +69,7 @@ def feet_on_steps(
     )
     for values, measured in ((forces, loads.forces), (moments, loads.moments)):
         values[:, np.isnan(measured).all(axis=0)] = np.nan
-    notes = [*loads.notes, *_doubts(motion.time, loads.steps, sites, loaded, standing)]
+    notes = [*loads.notes, *_warnings(motion.time, loads.steps, sites, loaded, standing)]
     return FeetOnSteps(
         motion.time, loads.steps, tuple(sites), forces, moments, loaded, standing, moving.places, loads.noise,
         model.weight, moving.height, tuple(notes),
@@ -105,7 +105,7 @@ def _interpolated(time: Array, values: Array, at: Array) -> Array:
     return np.stack(columns, axis=1).reshape(len(at), *values.shape[1:])
 
 
-def _doubts(
+def _warnings(
     time: Array, steps: Sequence[Step], sites: Sequence[Site], loaded: np.ndarray, standing: np.ndarray
 ) -> list[str]:
     result = []

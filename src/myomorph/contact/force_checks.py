@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 
 from myomorph.contact.force_balance import CUTOFF, check_clock, check_directions, check_mass
 from myomorph.contact.force_inspection import (
-    DOUBTFUL,
     LOAD,
     MIRRORED_PLATE,
+    UNSURE,
     Inspection,
     belt_velocity,
     change_repair,
@@ -83,7 +83,7 @@ def check_mirrors(inspection: Inspection) -> Iterator[Finding]:
         if result.distance < CLEARER * exchanged:
             yield _mirrored(inspection.name(number), result, before)
         elif exchanged > CLEARER * result.distance:
-            yield _doubtful(inspection.name(number), result, exchanged)
+            yield _unsure(inspection.name(number), result, exchanged)
 
 
 def _carriers(stands: NDArray[np.bool_], own: int | None) -> NDArray[np.bool_]:
@@ -158,13 +158,13 @@ def _mirrored(name: str, mirror: Mirror, before: float) -> Finding:
     return Finding(MIRRORED_PLATE, name, text)
 
 
-def _doubtful(name: str, mirror: Mirror, exchanged: float) -> Finding:
+def _unsure(name: str, mirror: Mirror, exchanged: float) -> Finding:
     text = (
         f"force '{name}' is put on the wrong foot ({100.0 * exchanged:.0f} cm from the other one), or its plate is "
         f"mirrored along {_named(mirror.axes)} ({100.0 * mirror.distance:.0f} cm from its own then): the recording "
         "does not say which: nothing was changed; check the plate's corners, or name its body (--bodies, --plates)"
     )
-    return Finding(DOUBTFUL, name, text)
+    return Finding(UNSURE, name, text)
 
 
 def check_progress(inspection: Inspection) -> Iterator[Finding]:

@@ -115,7 +115,7 @@ def foot_poses(model: Model, motion: Motion) -> FootPoses | None:
 LOADED = 0.05  # Share of the weight from which a force counts as load
 SHORTEST = 0.05  # A load that is shorter is not judged [s]
 LOAD = "load in the hands"  # Kind of a finding: a force that no foot carries
-MIRRORED_PLATE, DOUBTFUL = "mirrored plate", "wrong foot or mirrored plate"
+MIRRORED_PLATE, UNSURE = "mirrored plate", "wrong foot or mirrored plate"
 """Kinds of findings about plates that may be mirrored about their own middle."""
 
 Change: TypeAlias = Callable[[Array, Array, Array], tuple[Array, Array, Array]]
@@ -199,7 +199,7 @@ class Inspection:
         others = {
             finding.place
             for finding in self.findings
-            if finding.kind in (LOAD, MIRRORED_PLATE, DOUBTFUL) and not finding.times
+            if finding.kind in (LOAD, MIRRORED_PLATE, UNSURE) and not finding.times
         }
         return [number for number in self.numbers if self.name(number) not in others]
 

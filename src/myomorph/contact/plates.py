@@ -222,7 +222,7 @@ def force_plates(trial: Trial) -> Trial:
     for recording, plate, state in zip(recordings, plates, states, strict=True):
         plate = _turned(plate, state, trial, warnings)
         recording = replace(recording, corners=plate.corners)
-        warnings += _doubts(recording, plate, state)
+        warnings += _warnings(recording, plate, state)
         final.append(_while_loaded(plate, state))
     return replace(trial, plates=tuple(final), warnings=trial.warnings + tuple(warnings))
 
@@ -298,7 +298,7 @@ def _idle(pressing: Array, largest: float) -> float:
     return float(np.median(small)) if alone and size.max() > 2.0 * cut else 0.0
 
 
-def _doubts(recording: PlateRecording, plate: ForcePlate, state: NDArray[np.bool_]) -> list[str]:
+def _warnings(recording: PlateRecording, plate: ForcePlate, state: NDArray[np.bool_]) -> list[str]:
     """What looks wrong with one plate."""
     result = []
     if recording.kind == 3 and not recording.origin[:2].any():

@@ -63,7 +63,7 @@ class Optimality:
     """How well the conditions of the optimum (Karush, Kuhn, Tucker) hold, of masses rho and misses y."""
 
     # greatest |sqrt(W_phi) (b - A W rho) - y| [units of noise], over the greatest miss where that is above 1; the
-    # duality gap is half the square of this imbalance
+    # duality gap is half the square of this residual
     balance: float
     # greatest |rho_j - rho_ref_j - v_j (W^T A^T y + multiplier)_j| of free points, over the mean reference mass
     stationarity: float
@@ -71,7 +71,7 @@ class Optimality:
     positivity: float  # greatest bound minus mass, over the mean; 0 if no mass is below its bound
     total: float  # |sum rho - mass| / mass, 0 without a given mass
     # no mass is farther than this from the optimum of the same total, over the mean: the problem is strongly convex, so
-    # sum_j (rho_j - optimum_j)^2 / v_j is at most the squared norm of the imbalance
+    # sum_j (rho_j - optimum_j)^2 / v_j is at most the squared norm of the residual
     distance: float
 
     @property
@@ -275,15 +275,15 @@ class _Problem:
         s = self.sums.pull(self.C.T @ y)
         free, change = self._masses(s)
         masses = np.where(free, np.maximum(self.reference + change, self.floor), self.floor)
-        imbalance = self.soft * (self.target - self.C @ self.sums.push(masses - self.reference) - y)
+        residual = self.soft * (self.target - self.C @ self.sums.push(masses - self.reference) - y)
         gap, mean = self.freedom * s - (masses - self.reference), float(self.reference.mean())
         optimality = Optimality(
-            balance=float(np.abs(imbalance).max(initial=0.0) / np.abs(self.soft * y).max(initial=1.0)),
+            balance=float(np.abs(residual).max(initial=0.0) / np.abs(self.soft * y).max(initial=1.0)),
             stationarity=float(np.abs(gap[free]).max(initial=0.0)) / mean,
             complementarity=float(gap[~free].max(initial=0.0)) / mean,
             positivity=max(float((self.floor - masses).max()), 0.0) / mean,
             total=abs(float(masses.sum()) - self.mass) / self.mass if self.mass is not None else 0.0,
-            distance=float(np.sqrt(self.freedom.max()) * np.linalg.norm(imbalance)) / mean,
+            distance=float(np.sqrt(self.freedom.max()) * np.linalg.norm(residual)) / mean,
         )
         parameters = self.points.parameters(masses)
         missed = self.b - self.A @ parameters.ravel()

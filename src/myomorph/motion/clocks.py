@@ -150,7 +150,7 @@ def fit_clock(
             start = drift_of_pieces(slowly, start, options.window)
         fits.append(refine(compared, start, options.drift, options.block))
     fits.sort(key=lambda fit: fit.misfit)
-    best, doubt = fits[0], _doubt(fits)
+    best, warning = fits[0], _warning(fits)
     # The way there is s = t + a + b (t - middle); a clock is the way back.
     a, b = best.lag
     turn = np.diag([-1.0 / (1.0 + b), -1.0 / (1.0 + b) ** 2])
@@ -163,7 +163,7 @@ def fit_clock(
         explained=best.explained,
         cutoff=cutoff,
     )
-    notes = [doubt] if doubt else []
+    notes = [warning] if warning else []
     if abs(clock.drift) > max(SIGNIFICANT * clock.drift_sd, 1e-6):
         notes.append(
             f"the clocks drift: {1e6 * clock.drift:.1f} ± {1e6 * clock.drift_sd:.1f} ppm, "
@@ -172,7 +172,7 @@ def fit_clock(
     return replace(clock, notes=tuple(notes))
 
 
-def _doubt(refineds: list[Refined]) -> str:
+def _warning(refineds: list[Refined]) -> str:
     """A line on another offset that leaves hardly more than the best, "" where there is none."""
     best = refineds[0]
     for other in refineds[1:]:

@@ -14,7 +14,7 @@ from myomorph.model.model import index_of
 from myomorph.model.series import Emg, Series
 
 USUAL = 0.05  # Delay where none can be found [s]: 49.5 to 55.5 ms on average in Cavanagh and Komi (1979)
-DOUBT = 1.92
+LIKELIHOOD_95 = 1.92
 """Drop of the log-likelihood that is no chance: half the 95th percentile of chi^2 with one degree of freedom."""
 
 
@@ -57,7 +57,7 @@ def shaped(envelopes: Array, shapes: Array) -> Array:
 
 @read_only
 class SynergyWeights:
-    """Activations of muscles that nobody measured, from the synergies of channels: `weights` (muscles, synergies) are
+    """Activations of unmeasured muscles, from the synergies of channels: `weights` (muscles, synergies) are
     the activation where the course of a synergy is 1.
     """
 

@@ -24,7 +24,7 @@ from myomorph.viscosity.tracking.limb_shape import limb_poses
 SHARES = (0.3, 0.35, 0.35)
 """Of humerus, forearm and hand in the mass without muscles, before the mass center is set: [S] leaves skin, fat
 and muscle at the hand alone."""
-FLESH_RADIUS, FLESH_LENGTH = 0.045, 0.22  # The muscles as a cylinder about the humerus [m].
+TISSUE_RADIUS, TISSUE_LENGTH = 0.045, 0.22  # The muscles as a cylinder about the humerus [m].
 LOAD_RADIUS = 0.03  # Of what rests on the base, as a ball [m].
 
 
@@ -75,7 +75,7 @@ class HeldLimb:
             raise BadModel(f"a limb of {mass:g} kg cannot have its mass center {com:g} m from the joint: {masses} kg")
         return masses @ lumps
 
-    def with_flesh(self, parameters: Array, mass: float, com: float) -> Array:
+    def with_muscle_mass(self, parameters: Array, mass: float, com: float) -> Array:
         """(10,) with a cylinder of muscles along the humerus that brings mass and mass center to new values."""
         elbow = self.poses[self.specimen.limb[1]].translation
         along = elbow / np.linalg.norm(elbow)
@@ -83,7 +83,7 @@ class HeldLimb:
         # |h + added * place * along| = mass * com, the root that lies farther down.
         b = h @ along
         place = (np.sqrt(b * b - h @ h + (mass * com) ** 2) - b) / added
-        thin, thick = FLESH_RADIUS**2 / 2.0, FLESH_RADIUS**2 / 4.0 + FLESH_LENGTH**2 / 12.0 + place**2
+        thin, thick = TISSUE_RADIUS**2 / 2.0, TISSUE_RADIUS**2 / 4.0 + TISSUE_LENGTH**2 / 12.0 + place**2
         inertia = added * (thick * np.eye(3) + (thin - thick) * np.outer(along, along))
         off = (inertia[1, 2], inertia[2, 0], inertia[0, 1])
         return parameters + np.array([added, *(added * place * along), *np.diag(inertia), *off])

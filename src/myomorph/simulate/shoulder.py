@@ -114,7 +114,7 @@ def virtual_specimen(
     specimen = specimen.standing(mounted(specimen.stand, random))
     limb = HeldLimb(specimen, HELD)
     bare = limb.parameters(row.mass_muscles_removed, row.com_muscles_removed)
-    whole = limb.with_flesh(bare, row.mass_intact, row.com_intact)
+    whole = limb.with_muscle_mass(bare, row.mass_intact, row.com_intact)
     starts = [released(random) for _ in range(trials)]
     limb, factor, muscle = _sized(limb, row, whole, starts, seconds, full_size)
     swings = _swings(limb, whole, row.joint_viscosity, muscle, starts, seconds, load=loads[1])

@@ -25,8 +25,8 @@ class Outcome:
     ----------
     subject, trial : names
     folder : of the results
-    done : steps that ended well, those taken over from an earlier run included
-    reused : steps taken over from an earlier run
+    done : steps that ended well, those reused from an earlier run included
+    reused : steps reused from an earlier run
     changed : what made other steps be computed again that an earlier run had done, one line each
     frames : of the motion
     rms, largest : mean over frames of the markers' root mean square error, and the largest error [m]

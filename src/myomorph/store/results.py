@@ -28,7 +28,7 @@ from myomorph.store.netcdf import HeldFile, NetcdfFile, NetcdfSource, NetcdfVari
 
 STORED = ".nc"
 PROVENANCE, REMARKS = "provenance_", "warnings_"
-"""What facts of a single step begin with: what its values were made from, and what it found doubtful."""
+"""What facts of a single step begin with: what its values were made from, and its warnings."""
 STEP = "step"
 BLOCK_ROWS, BLOCK_COLUMNS = 512, 64
 WHOSE = {"Conventions": "CF-1.10", "source": f"myomorph {__version__}"}  # What every result file tells first.
@@ -159,11 +159,11 @@ class ResultWriter:
         self.fact(PROVENANCE + provenance.step, provenance.to_json())
 
     def remarks(self, step: str, texts: Sequence[str]) -> None:
-        """Write what a step found doubtful, one line each."""
+        """Write the warnings of a step, one line each."""
         self.fact(REMARKS + step, json.dumps(list(texts)))
 
     def gather_remarks(self, steps: Sequence[str], others: Sequence[str]) -> None:
-        """Put what the steps of this file found doubtful together, in their order and before other lines. A step of a
+        """Put the warnings of the steps of this file together, in their order and before other lines. A step of a
         result that an older version wrote left its lines among all of them.
         """
         facts = self._file.attributes

@@ -1,4 +1,4 @@
-"""Contacts that nobody measured, in the step of muscle tensions: where, when, how ready, and what is known of them."""
+"""Unmeasured contacts, in the step of muscle tensions: where, when, how ready, and what is known of them."""
 
 from __future__ import annotations
 
@@ -92,9 +92,9 @@ def set_contacts(
         # Their forces are known already.
         ready = _with(ready, dict.fromkeys(heard.sites, 0.0))
         exact = heard.impacts if exact is None else exact.and_others(heard.impacts)
-    doubts = misplaced_forces(model, motion, feet, measured) if feet and measured is not None else ()
+    warnings = misplaced_forces(model, motion, feet, measured) if feet and measured is not None else ()
     task = ContactTask(sites, ready, shared, options, preferred_directions(model, motion, sites))
-    return ContactSetting(task, contacts, exact, (*contacts.warnings, *elsewhere, *doubts))
+    return ContactSetting(task, contacts, exact, (*contacts.warnings, *elsewhere, *warnings))
 
 
 def _on_stairs(

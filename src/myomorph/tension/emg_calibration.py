@@ -12,7 +12,7 @@ from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, check_name
 from myomorph.model.model import Actuator, Model
 from myomorph.model.series import Emg
-from myomorph.motion.emg_activation import DOUBT, USUAL, ChannelMap, EmgCalibration, uncalibrated
+from myomorph.motion.emg_activation import LIKELIHOOD_95, USUAL, ChannelMap, EmgCalibration, uncalibrated
 from myomorph.motion.emg_checks import envelope_faults, refuse_unfit, without_faults
 from myomorph.motion.filters import lowpass
 from myomorph.tension.emg_groups import calibration_of, kept_level, settled_fit, some_names, synergy_groups
@@ -162,7 +162,7 @@ class _Search:
             cost = self.tracking.fit(delays, shapes, self.prior).cost + 0.5 * float(np.sum(_unusual(np.unique(delays))))
             tried.append((cost, shape, delays))
         best = min(tried, key=lambda candidate: candidate[0])
-        if free and best[0] > tried[0][0] - DOUBT:
+        if free and best[0] > tried[0][0] - LIKELIHOOD_95:
             best = tried[0]
         self.shapes, self.delays = np.full(len(self.names), best[1]), best[2]
 
@@ -179,14 +179,14 @@ class _Search:
         low, high = coarse[max(best - 1, 0)], coarse[min(best + 1, len(coarse) - 1)]
         fine = np.arange(low, high + 0.5 * FINE, FINE)
         delay = float(fine[int(np.argmin([cost(delay) for delay in fine]))])
-        self._doubt(coarse, costs, delay)
+        self._warning(coarse, costs, delay)
         return np.full(len(self.names), delay)
 
-    def _doubt(self, coarse: Array, costs: Array, delay: float) -> None:
+    def _warning(self, coarse: Array, costs: Array, delay: float) -> None:
         """Warn where torques say nothing of the delay, or want one beyond the range."""
         likely = costs - 0.5 * _unusual(coarse)
         self.warnings = [text for text in self.warnings if "delay of all EMG channels " not in text]
-        if float(np.ptp(likely)) < DOUBT:
+        if float(np.ptp(likely)) < LIKELIHOOD_95:
             self.warnings.append(f"no delay of all EMG channels shows in the torques: {delay:.3f} s taken")
         elif delay >= LONGEST - 0.5 * FINE:
             text = f"the delay of all EMG channels is {delay:g} s or more: EMG and motion may not be on one clock"

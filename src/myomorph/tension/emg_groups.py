@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from myomorph.model.arrays import Array
-from myomorph.motion.emg_activation import DOUBT, EmgCalibration, Synergies, SynergyWeights, find_synergies
+from myomorph.motion.emg_activation import LIKELIHOOD_95, EmgCalibration, Synergies, SynergyWeights, find_synergies
 from myomorph.tension.emg_tracking import (
     NEAR_MAXIMUM,
     Fit,
@@ -107,11 +107,11 @@ HELD = 1e6  # Precision of the logarithm of a gain that is held
 def kept_level(tracking: TorqueTracking, level: Prior, delays: Array, shapes: Array) -> Prior:
     """The prior of gains: that in which all share a usual level, unless torques are more likely otherwise.
     Muscles without EMG are expected to work as those beside them. Where hardly anything else says how large gains
-    are (contact forces that nobody measured), that alone would make them small.
+    are (unmeasured contact forces), that alone would make them small.
     `level`: the prior whose common level is known; `tracking` has the one whose level is not.
     """
     free, kept = tracking.fit(delays, shapes), tracking.fit(delays, shapes, level)
-    return tracking.prior if kept.misfit - free.misfit > DOUBT else level
+    return tracking.prior if kept.misfit - free.misfit > LIKELIHOOD_95 else level
 
 
 def settled_fit(tracking: TorqueTracking, prior: Prior, delays: Array, shapes: Array) -> Fit:

@@ -5,9 +5,9 @@ At frame k the free coordinates balance
     tau_k = sum_c g_c b_ck + sum_u w_u . h_k B_uk + eps_k,    b_ck = sum_m share_mc B_mk s(e_c(t_k - d))
 
 with B_m the generalized force of one unit of activation of muscle m, e envelopes, s their shape, h the courses of the
-synergies of the measured channels and w the weights, 0 or more, of muscles that nobody measured. eps has the
+synergies of the measured channels and w the weights, 0 or more, of unmeasured muscles. eps has the
 covariance C_k = diag(sigma^2) + N_k N_k^T of an error of each torque and of what else may act: how far unmeasured
-muscles leave their synergies, actuators, and forces of contacts that nobody measured. No effort is in it:
+muscles leave their synergies, actuators, and forces of unmeasured contacts. No effort is in it:
 co-contraction costs nothing.
 """
 
@@ -71,7 +71,7 @@ def tracked_frames(inputs: TensionInputs, emg: Emg, tells: Array, every: int) ->
     own = [index for index, name in enumerate(problem.unknowns.names[place]) if name not in names]
     others.append(whole[:, :, place][:, :, own])
     reached = np.abs(known[:, :, :count][:, :, tells.any(axis=1)]).max(axis=(0, 2), initial=0.0) > 0.0
-    # Contacts that nobody measured act on all rows at once, so that one row says something of the others.
+    # Unmeasured contacts act on all rows at once, so that one row says something of the others.
     kept = reached if touching is None else np.ones(len(rows), dtype=bool)
     acting = np.concatenate(others, axis=2)[:, kept]
     good = np.isfinite(whole[:, kept]).all(axis=(1, 2)) & np.isfinite(right[:, kept]).all(axis=1)
@@ -121,7 +121,7 @@ class Prior(NamedTuple):
 def gain_prior(peaks: Array, maxima: Array, shared: float = SHARED) -> Prior:
     """Prior of log gains (channels,).
     `peaks` (channels,) largest envelope over all trials; `maxima` (channels,) envelope in a maximum voluntary
-    contraction, NaN where nobody measured one; `shared`: standard deviation of what all channels share.
+    contraction, NaN where none was measured; `shared`: standard deviation of what all channels share.
     """
     told, alive = np.isfinite(maxima), peaks > 0.0
     largest = np.where(told, maxima, np.where(alive, peaks, 1.0))
@@ -310,7 +310,7 @@ class TorqueTracking:
 
     def _ridge(self, size: int, prior: Prior) -> Array:
         """Precision of the prior of offsets and weights (parameters, parameters), gains aside.
-        The weights of a muscle that nobody measured are near those of the measured muscles that act as it does.
+        The weights of an unmeasured muscle are near those of the measured muscles that act as it does.
         """
         count = self.tells.shape[1]
         rows = [np.eye(size)[count : 2 * count] / REST] if self.offsets else []

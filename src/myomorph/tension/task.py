@@ -1,4 +1,4 @@
-"""The tensions of one recording as a whole: contacts and EMG prepared, the problem solved, its doubts asked for."""
+"""The tensions of one recording as a whole: contacts and EMG prepared, the problem solved, warnings computed."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class EmgTargets:
 
 @dataclass(frozen=True, eq=False)
 class ContactWarnings:
-    """Doubts about the contact forces of a solution."""
+    """Warnings about the contact forces of a solution."""
 
     intervals: tuple[ContactIntervals, ...]  # what the data leave open, a few instants each
     infeasible: tuple[Relaxation, ...]  # frames whose contacts cannot carry the motion

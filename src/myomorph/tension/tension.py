@@ -282,7 +282,7 @@ class Tension(Labelled):
 
     @property
     def undetermined(self) -> np.ndarray:
-        """(frames, muscles) whether a muscle has no tension because nobody measured what its limb carries."""
+        """(frames, muscles) whether a muscle has no tension because what its limb carries is unmeasured."""
         return np.isnan(self.activations) & np.isin(self.status, (OPTIMAL, NOT_DETERMINED))[:, None]
 
     @property

@@ -89,7 +89,7 @@ def drawn_model(model: Model, draw: Draw) -> Model:
 def drawn_subject(model: Model, draw: Draw) -> Model:
     """A drawn model whose tendons are fitted to its paths and fibers, and compiled as the one that was given.
 
-    Whoever made the model chose slack lengths so that fibers are as long in the default pose as they should be. A path
+    The model's author chose slack lengths so that fibers are as long in the default pose as they should be. A path
     with a point elsewhere, or another fiber, would have got another tendon; with the old one it would stretch fibers
     to where they tear. How far off the fit itself is says the source `slack_length`.
 

@@ -31,7 +31,7 @@ SLACK, TIGHT = 0.002, 0.0085
 """Radius of a muscle without tension, and what its maximum isometric force adds, as shares of the body's size."""
 
 FOUND, OTHERS = 1.5, 0.82  # How much thicker muscles are that were searched for, and how far the others fade.
-FLESH = (0.72, 0.24, 0.24)  # Color of muscles whose activation was not asked for.
+UNKNOWN_COLOR = (0.72, 0.24, 0.24)  # Color of muscles whose activation was not asked for.
 FADED = np.array([0.80, 0.77, 0.72])  # Color towards which the others fade.
 WEIGHT = 0.45  # Length of an arrow of one body weight, as a share of the body's size.
 MIN_FORCE = 0.005  # Smaller forces are not drawn, as a share of body weight.
@@ -223,7 +223,7 @@ class _Muscles:
         force = np.abs(self.tensions[frame]) if self._solved else 0.35 * self._strengths
         share = np.sqrt(np.clip(np.nan_to_num(force) / most, 0.0, 1.0))
         radii = size * (SLACK + TIGHT * share)
-        colors = activation_color(self.activations[frame]) if self._solved else np.tile(FLESH, (len(share), 1))
+        colors = activation_color(self.activations[frame]) if self._solved else np.tile(UNKNOWN_COLOR, (len(share), 1))
         colors = colors**DEEPER
         if chosen:
             other = np.ones(len(radii), dtype=bool)

@@ -1,4 +1,4 @@
-"""A study runs trial by trial: what fails is named, the rest is whole, and what has not changed is taken over."""
+"""A study runs trial by trial: what fails is named, the rest is whole, and what has not changed is reused."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Steps on a subject: its trials use the model that they make, and what has not changed is taken over."""
+"""Steps on a subject: its trials use the model that they make, and what has not changed is reused."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ NOT_ALIKE = 0.25
 """Residual, as a share of the landmarks' spread, above which they are not of the same bone; points thrown at random on
 two bones leave 0.3 and more."""
 
-ODD = 0.12  # And from which that is doubted.
+ODD = 0.12  # And from which that is questioned.
 MIRRORED = 0.5  # Share of the residual that mirrored landmarks leave, below which they are those of the other side.
 REORDERED = 0.5  # Share of the residual that another order leaves, below which landmarks are said to be interchanged.
 MAX_COUNT = 80  # Landmarks among which all swaps are tried.

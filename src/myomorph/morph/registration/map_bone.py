@@ -33,7 +33,7 @@ STEEP = 3.0
 map would fold."""
 
 MIN_COUNT = 20  # Matched points below which two surfaces are not the same bone.
-WRONG_SIDE, DOUBTED_SIDE = 0.7, 0.9
+WRONG_SIDE, UNSURE_SIDE = 0.7, 0.9
 """Share of the distance that the mirrored source leaves, below which the bone is one of the other side, or may be: 0.2
 to 0.65 of femurs, tibias and heels of the other side, 0.8 or more of those of the same, about 1 of a pelvis."""
 
@@ -146,7 +146,7 @@ def _found_by_rules(
 
 
 def _check_side(body: str, placed: PlacedBone, notes: list[str]) -> None:
-    if not placed.mirrored < DOUBTED_SIDE:
+    if not placed.mirrored < UNSURE_SIDE:
         return
     text = (
         f"the bone of '{body}' is nearer to the mirrored bone of the source ({placed.mirrored:.2f} times the "

@@ -29,7 +29,7 @@ from myomorph.morph.registration.smooth import (
 from myomorph.morph.shapes.surface_points import Samples, Shape
 
 COVERED, AGREES, INVERTED, STRETCHED = 0.95, 0.9, 0.01, 4.0
-"""Below this coverage and agreement, above this share inverted and this ratio of areas, a match is doubted."""
+"""Below this coverage and agreement, above this share inverted and this ratio of areas, a match is questioned."""
 
 ASKED = 4000  # Points of the target of which it is asked whether they are reached.
 ALIKE = 0.5  # Cosine between normals that agree: 60 degrees.

@@ -20,7 +20,7 @@ from myomorph.morph.maps.fields import BoneMap, neighbors_of
 from myomorph.morph.maps.linear import Similarity
 from myomorph.morph.shapes.surface_points import Samples, Shape
 
-OTHER_SIDE = 0.9  # Share of the residual that the mirrored source leaves, below which the side is doubted.
+OTHER_SIDE = 0.9  # Share of the residual that the mirrored source leaves, below which the side is questioned.
 BEYOND = 3.0  # Of a part, the target's points count up to so many times the furthest of the source's that count.
 FACING = 0.7
 """Share of normals that must agree at a good fit for them to be used to tell the two sides of a thin bone apart."""

@@ -42,7 +42,7 @@ from myomorph.rigid.tree import compile_tree
 ENOUGH = 0.2  # Share of the frames that show all sensors, from which on only these say how the sensors are mounted
 STILL, STILL_TIME = 0.25, 0.5
 """A body that turns slower [rad/s] for so long [s] at the start stands in its calibration pose."""
-AMBIGUOUS = 1.3  # Ratio of the second best heading's cost to the best's below which the heading is doubted
+AMBIGUOUS = 1.3  # Ratio of the second best heading's cost to the best's below which the heading is questioned
 SLIPPED = 0.2  # A mounting that the recording turns further from the calibration pose's is reported [rad]
 DRIFTED = 0.09  # A heading that turns further in a recording is reported [rad]
 SEARCH = 2.0  # The sensors' clock may differ from that of the markers by so much [s]

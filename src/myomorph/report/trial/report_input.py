@@ -109,7 +109,7 @@ class MusclePaths:
 
 @dataclass(frozen=True, eq=False)
 class EstimatedContacts:
-    """Contacts, and their forces as far as nobody measured them."""
+    """Contacts, and their forces as far as they are unmeasured."""
 
     touches: Contacts | None = None  # which site touches what; None takes what the forces tell
     forces: ContactForces | None = None  # as estimated, beside the external forces as measured

@@ -18,7 +18,7 @@ from myomorph.rigid.kinematics import standing_poses
 WHOLE = "myofullbody"
 SHOULDERS = "cervical_spine"  # The body that arms hang on, which the legs' model has too, in the same place.
 HAND = "lunate"  # The body that carries the hand: fingers do not move.
-PHANTOM = 0.01  # Bodies lighter than this carry no flesh, only axes between others [kg].
+PHANTOM = 0.01  # Bodies lighter than this carry no soft tissue, only axes between others [kg].
 LUMBAR = ("lumbar_extension", "lumbar_bending", "lumbar_rotation")
 ARM_SEGMENTS = ("upper_arm", "forearm", "hand")
 MIN_SEGMENTS = 2  # So many segments of an arm must have a marker for it to move.

@@ -1,4 +1,4 @@
-"""Contacts whose forces nobody measured: a word, or a file that says where and when bodies touch."""
+"""Contacts whose forces are unmeasured: a word, or a file that says where and when bodies touch."""
 
 from __future__ import annotations
 

@@ -155,7 +155,7 @@ def run_study(
 ) -> list[Outcome]:
     """Run all trials of a plan, each into `out/subject/trial`, and write the tables of the study.
 
-    Steps whose inputs, options and version have not changed since an earlier run are taken over.
+    Steps whose inputs, options and version have not changed since an earlier run are reused.
 
     What a study is and what it writes is described in docs/studies.md.
 

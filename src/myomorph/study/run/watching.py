@@ -172,7 +172,7 @@ class StudyWatcher:
 
 
 def outcome_line(outcome: Outcome) -> str:
-    """An outcome as a line of the log: what was computed, what was taken over, and why."""
+    """An outcome as a line of the log: what was computed, what was reused, and why."""
     name = named(outcome.key)
     computed = " ".join(step for step in outcome.done if step not in outcome.reused)
     parts = [f"computed {computed}"] if computed else []

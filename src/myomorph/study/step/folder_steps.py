@@ -43,7 +43,7 @@ class FolderOutput:
         return self.home / self.step.leaves[use]
 
     def whole(self, notes: Sequence[str] = ()) -> AbstractContextManager[Path]:
-        """A folder to fill with the step's tables, all there in the end or not at all, and notes on doubts."""
+        """A folder to fill with the step's tables, all there in the end or not at all, and notes."""
         return result_folder(self.tables, self.made, notes, self.step)
 
 

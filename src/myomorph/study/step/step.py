@@ -71,7 +71,7 @@ class Step(StepHead, Generic[Result]):
     """One step; docs/adding.md says what its fields are for.
 
     What a step of a trial gives is a value with a type, kept among those of the trial's other steps in one result file;
-    it may have `notes`, what was done about doubtful input, one line each. What a step of another scope gives is a
+    it may have `notes`, what was done about questionable input, one line each. What a step of another scope gives is a
     folder, with files that later steps and jobs read: `leaves`, as paths in the folder of the subject, specimen or
     study; a result is there when they are. `tables` is in that folder, too, "" for it itself.
 

@@ -43,7 +43,7 @@ from myomorph.study.subject.morph_files import MorphFiles, read_bones, resized, 
 from myomorph.study.subject.subject_files import SubjectInputs, recordings_provenance
 from myomorph.study.subject.subjects import tables_folder, write_made_model
 
-DOUBTED = 0.95  # Agreement of a bone's normals with the target's below which another bone is tried.
+POOR_AGREEMENT = 0.95  # Agreement of a bone's normals with the target's below which another bone is tried.
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,7 @@ def map_bones(
             with reading.about(body):
                 maps[body] = map_bone(body, source, target, points, settings.map, settings.match, start=start)
                 alike = maps[body].measures.get("agreement", 1.0)
-                if target is not None and points is None and alike < DOUBTED:
+                if target is not None and points is None and alike < POOR_AGREEMENT:
                     check_exchange(body, target, ours)
             advance(1.0)
     return {body: maps[body] for body in model.body_names if body in maps}

@@ -34,7 +34,7 @@ QUALITY_COLUMNS = ("quantity", "value", "unit", "limit", "state", "worst", "time
 
 def write_trial_values(results: TrialResults, outcome: Outcome) -> None:
     """Write `values.csv`, `curves.csv` and `quality.csv` beside a trial's results, from these alone. Where every step
-    was taken over from an earlier run and the files are there, they stay.
+    was reused from an earlier run and the files are there, they stay.
     """
     names = (VALUES, CURVES, QUALITY)
     steps = [step for step in outcome.done if step != REPORT]

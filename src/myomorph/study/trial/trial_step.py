@@ -24,7 +24,7 @@ class StepResults(ByType):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What was done about doubtful input, one line each."""
+        """What was done about questionable input, one line each."""
         return tuple(dict.fromkeys(text for result in self for text in getattr(result, "notes", ())))
 
 

@@ -1,4 +1,4 @@
-"""Muscles of limbs whose load nobody measured have no tension while that lasts."""
+"""Muscles of limbs whose load is unmeasured have no tension while that lasts."""
 
 from __future__ import annotations
 

@@ -104,7 +104,7 @@ def wrench_clock(
 def plate_clock(
     time: Array, rows: Array, slow: Array, whole: np.ndarray, wrench_time: Array, wrench: Array, share: float
 ) -> tuple[Clock, list[str]]:
-    """Offset and drift of the plate, or the clock as it is where nothing speaks against it; and what is doubtful.
+    """Offset and drift of the plate, or the clock as it is where nothing speaks against it; and warnings.
 
     Frames in which a hand carries the limb mislead the fit, and can be told only once the clocks agree. So the clock as
     given is tried first; where the motion then does not explain the wrench, the lag at which most frames agree (least

@@ -15,7 +15,7 @@ from myomorph.viscosity.specimen.model import Specimen
 from myomorph.viscosity.tracking.held import cluster_poses
 
 REPAIRED = 0.9  # Share of the doubtful frames that a change of labels must put right to be believed.
-MAX_JOINT_GAP = 0.02  # Distance of two bones' joints from which the labels of one of them are doubted [m].
+MAX_JOINT_GAP = 0.02  # Distance of two bones' joints from which the labels of one of them are questioned [m].
 MAX_UNSEEN = 0.05  # Share of a trial from which a marker that is unseen is named.
 MAX_PERMUTED = 5  # Markers of a cluster of which all orders are tried.
 

@@ -95,8 +95,12 @@ def track(
             there = holding.center_course(started, motion.time, *holding.base_poses(started, motion))
             away = there - posed.center_in_ground
         fit = _joint_alone(posed, seen, away, motion, certain, progress)
-        wrench, clock, doubts = _wrench(posed, trial, away, sway, fit.motion, options)
-        lines = (*notes, *(slip.line for slip in certain), *(f"trial '{trial.name}': {doubt}" for doubt in doubts))
+        wrench, clock, warnings = _wrench(posed, trial, away, sway, fit.motion, options)
+        lines = (
+            *notes,
+            *(slip.line for slip in certain),
+            *(f"trial '{trial.name}': {warning}" for warning in warnings),
+        )
         untouched = np.zeros(len(fit.motion), bool)
         place = _plate_origin(posed, trial)
         tracked.append(TrackedTrial(trial.name, fit.motion, wrench, untouched, fit.rms, clock, lines, place, sway))
@@ -242,7 +246,7 @@ def _plate_origin(specimen: Specimen, trial: SwingTrial) -> Array:
 def _wrench(
     specimen: Specimen, trial: SwingTrial, away: Array, sway: Array, motion: Motion, options: TrackingOptions
 ) -> tuple[Array, Clock, list[str]]:
-    """The wrench about the center at the motion's times, the plate's clock, and what is doubtful."""
+    """The wrench about the center at the motion's times, the plate's clock, and warnings."""
     center = specimen.center_in_ground
     time, raw = trial.wrenches.time, wrench_about(trial.wrenches, center)
     if trial.tare is not None:
@@ -250,15 +254,15 @@ def _wrench(
     if away.any():
         moved = np.stack([np.interp(time, motion.time, column) for column in away.T], axis=1)
         raw[:, :3] -= np.cross(moved, raw[:, 3:])
-    clock, doubts = Clock(), list[str]()
+    clock, warnings = Clock(), list[str]()
     if options.clock and np.isfinite(raw).all(axis=1).sum() > 3:
         rows, slow, whole = _rows(specimen, motion, sway)
-        clock, doubts = plate_clock(motion.time, rows, slow, whole, time, raw, options.contact_threshold)
+        clock, warnings = plate_clock(motion.time, rows, slow, whole, time, raw, options.contact_threshold)
     wrench = on_clock(clock.times(time), raw, motion.time)
     if not np.isfinite(wrench).any():
         spans = (f"{each[0]:g} to {each[-1]:g} s" for each in (motion.time, time))
         raise BadData("trial '{}': markers ({}) and plate ({}) have no time in common".format(trial.name, *spans))
-    return wrench, clock, doubts
+    return wrench, clock, warnings
 
 
 def _rows(specimen: Specimen, motion: Motion, sway: Array) -> tuple[Array, Array, np.ndarray]:

@@ -36,7 +36,7 @@ LEAN = 0.1
 """An axis whose rates are below this share of the fastest axis' is not excited: what leaks over from an error of a
 tenth in the other axes' torque is then as large as its own."""
 MISFIT = 1.5  # How much larger than that of free parameters the residual of a possible limb's wrench may be.
-LOST = 0.5  # Share of a trial's frames without a pose from which the trial is doubted.
+LOST = 0.5  # Share of a trial's frames without a pose from which the trial is questioned.
 DRIFT = 5e-3  # A drift that shifts force against motion by more over a trial would be seen in the viscosity [s].
 
 

@@ -1,4 +1,4 @@
-"""Muscle tensions of a trial: alone, with contacts that nobody measured, and with EMG."""
+"""Muscle tensions of a trial: alone, with unmeasured contacts, and with EMG."""
 
 from __future__ import annotations
 

@@ -50,7 +50,7 @@ from myomorph.uncertainty.spread import (
 
 TABLE, SOURCE_TABLE = "uncertainty.csv", "uncertainty_sources.csv"
 MAY_FAIL, MAY_BE_WEAK = 0.02, 0.2
-"""Shares of draws above which the result is doubted: without a solution, and of bodies too weak for the motion."""
+"""Shares of draws above which the result is questioned: without a solution, and of bodies too weak for the motion."""
 
 
 Tables = Mapping[str, Array]
