@@ -100,13 +100,15 @@ def test_forces_of_another_contact_and_names_of_no_model_are_refused(arm, comman
 
 def test_landmarks_are_read_line_by_line(tmp_path):
     from myomorph.model.errors import BadFile
-    from myomorph.study.subject.body_points import read_landmarks
+    from myomorph.io.landmarks import read_landmarks
 
     path = tmp_path / "landmarks.csv"
     path.write_text("name,x,y,z\nright knee, 0.1, 0.5, 0.1\nC7,0,1.5,0\n")
     found = read_landmarks(path)
     np.testing.assert_allclose(found["right knee"], [0.1, 0.5, 0.1])
     assert list(found) == ["right knee", "C7"]
+    path.write_text("right knee, 0.1, 0.5, 0.1\nC7, 0, 1.5, 0\n")
+    assert list(read_landmarks(path)) == ["right knee", "C7"]
     path.write_text("right knee, 0.1, 0.5, 0.1\nC7, 1.5\n")
     with pytest.raises(BadFile, match="line 2"):
         read_landmarks(path)

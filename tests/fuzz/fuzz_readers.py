@@ -37,7 +37,6 @@ from myomorph.study.inputs.contact_file import read_contacts, read_stairs
 from myomorph.study.inputs.reading import read_motion, read_recording
 from myomorph.study.plan.measures import read_measures
 from myomorph.study.plan.plan import read_plan
-from myomorph.study.subject.body_points import read_landmarks as read_skin
 from myomorph.study.subject.species_morphing import read_species
 from myomorph.viscosity.study.calibration import read_picks
 from myomorph.viscosity.study.plan import read_viscosity_plan
@@ -128,7 +127,7 @@ READERS = (
     Reader("landmarks, JSON", ".json", read_body_landmarks, LANDMARKS),
     Reader("landmarks, XML", ".xml", read_body_landmarks, ("markers.xml", "arm.osim")),
     Reader("pairs of landmarks, CSV", ".csv", read_landmark_pairs, ("pairs.csv",)),
-    Reader("landmarks of a skin, CSV", ".csv", read_skin, ("skin.csv",)),
+    Reader("landmarks of a skin, CSV", ".csv", read_body_landmarks, ("skin.csv",)),
     Reader("picked points, CSV", ".csv", read_picks, ("picks.csv",)),
     Reader("measures, CSV", ".csv", lambda path: read_measures(path, [], []), ("measures.csv", "people.csv")),
     Reader("names of keypoints, JSON", ".json", read_keypoint_names, ("names.json",)),

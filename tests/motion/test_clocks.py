@@ -117,10 +117,10 @@ def test_bad_input_is_named():
         ClockOptions(cutoff=-1.0)
 
 
-def test_times_go_there_and_back():
+def test_times_drift_about_the_epoch():
     clock = Clock(0.02, 1e-4, epoch=15.0)
     time = np.linspace(0, 30, 7)
-    np.testing.assert_allclose(clock.back(clock.times(time)), time, atol=1e-12)
+    np.testing.assert_allclose(clock.times(time), time + 0.02 + 1e-4 * (time - 15.0), atol=1e-12)
     zeros = np.zeros((7, 1, 3))
     wrenches = Wrenches(time, ("plate",), ("",), zeros, zeros, zeros)
     np.testing.assert_allclose(clock.apply(wrenches).time, clock.times(time))

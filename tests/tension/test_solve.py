@@ -199,7 +199,7 @@ def test_without_reserves_a_weak_model_is_called_infeasible(data):
     weak_model = replace(model, muscles=weak)
     found = solve_tension(weak_model, part, tau, actuators=())
     assert found.summary()["infeasible"] > 0
-    assert found.saturated.any()
+    assert (found.activations >= found.upper - 1e-6).any()
     held = solve_tension(weak_model, part, tau)
     assert np.all(held.optimal)
     assert np.abs(held.reserves).max() > 1.0

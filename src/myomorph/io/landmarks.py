@@ -34,6 +34,7 @@ POINT_COLUMNS = ("name", "x", "y", "z")
 ENDINGS = (".csv", ".tsv", ".txt", ".fcsv", ".json", ".osim", ".xml")
 
 _WITH_UNIT = re.compile(r"^(?P<name>.*?)[ _]*(?:[\[(](?P<in>\w+)[\])]|(?<=[xyz])[ _](?P<after>cm|mm|m))$")
+_HEADLESS = re.compile(r"[^,;\t]+([,;\t]\s*[-+.\d][-+.\deE]*\s*){3}")  # A first line that is a point already.
 _SLICER_NAMES = {"label": "name"}
 _IN_MILLIMETERS = "# Markups fiducial file"
 
@@ -160,7 +161,10 @@ def _table(path: Path, columns: Sequence[str], optional: Sequence[str] = ()) -> 
     if not header:
         if not rows:
             raise BadFile(path, "has no header", hint)
-        header, rows = rows[0][1], rows[1:]
+        if columns == POINT_COLUMNS and _HEADLESS.fullmatch(rows[0][1]):
+            header = max(",;\t", key=rows[0][1].count).join(columns)
+        else:
+            header, rows = rows[0][1], rows[1:]
     delimiter = max(",;\t", key=header.count)
     names, factors = _columns(_cells(path, header, delimiter), 0.001 if slicer else 1.0)
     missing = [name for name in columns if name not in names]

@@ -98,10 +98,6 @@ class Clock:
         """Times of the other clock on the reference clock [s]."""
         return time + self.offset + self.drift * (time - self.epoch)
 
-    def back(self, time: Array) -> Array:
-        """Times of the reference clock on the other clock [s]."""
-        return (time - self.offset + self.drift * self.epoch) / (1.0 + self.drift)
-
     def apply(self, series: Timed) -> Timed:
         """The other recording with its samples at the times the reference clock shows."""
         changes: dict[str, Any] = {"time": self.times(series.time)}

@@ -197,7 +197,6 @@ def _plain_site(site: Site) -> dict[str, Any]:
 
 
 def _site(plain: dict[str, Any]) -> Site:
-    # Results of 34e3048 and before know one law.
-    numbers = {"law": "pyramid"} | plain["cone"]
+    numbers = dict(plain["cone"])
     cone = contact_law(numbers.pop("law"))(**numbers)
     return Site(**{**plain, "points": np.array(plain["points"]), "cone": cone})

@@ -286,11 +286,6 @@ class Tension(Labelled):
         return np.isnan(self.activations) & np.isin(self.status, (OPTIMAL, NOT_DETERMINED))[:, None]
 
     @property
-    def saturated(self) -> np.ndarray:
-        """(frames, muscles) whether a muscle works at its upper bound."""
-        return self.activations >= self.upper - 1e-6
-
-    @property
     def pushing(self) -> tuple[str, ...]:
         """Muscles whose force is below zero in some frame: shortening against their viscosity faster than they pull."""
         slack = np.nanmin(np.where(np.isnan(self.forces), 0.0, self.forces), axis=0, initial=0.0) < 0.0

@@ -25,10 +25,6 @@ class Samples:
     normals: Array
     rim: np.ndarray
 
-    def every(self, step: int) -> Samples:
-        """Every so many of them."""
-        return Samples(self.points[::step], self.normals[::step], self.rim[::step])
-
 
 class Boxes:
     """Triangles that tell what of them is nearest to points, and what lies inside of them."""

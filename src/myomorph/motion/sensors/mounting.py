@@ -150,12 +150,6 @@ class SensorMounting:
         object.__setattr__(self, "rotations", frozen_array(self.rotations, (len(self.sensors), 3, 3)))
         object.__setattr__(self, "headings", frozen_array(self.headings, (len(self.knots), len(self.sensors))))
 
-    @property
-    def deviations(self) -> Array:
-        """(sensors,) standard deviation of the mounting, the mean over its three axes [rad]."""
-        variances = (self.factor[: 3 * len(self.sensors)] ** 2).sum(axis=1).reshape(-1, 3)
-        return np.asarray(np.sqrt(variances.mean(axis=1)))
-
     def moved(self, numbers: Array) -> SensorMounting:
         """The same with errors of what is left open, by independent numbers of variance 1."""
         count = len(self.sensors)

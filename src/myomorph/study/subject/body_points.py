@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,9 +13,10 @@ from myomorph.identify.body.points import Links, MassPoints, fill, links_of, ref
 from myomorph.identify.body.skin import check_skin, inside
 from myomorph.identify.body.weights import bone_weights, cog_weights, links_with_mass, nearest_weights
 from myomorph.identify.validation import Inside
+from myomorph.io.landmarks import read_landmarks
 from myomorph.io.mesh import read_mesh
 from myomorph.model.arrays import Array
-from myomorph.model.errors import BadData, BadFile
+from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.segments import segments_of
 from myomorph.model.series import DEFAULT_POSE
@@ -149,24 +148,3 @@ def _statistical(shape: BodyShape, mass: float) -> Shape:
         lacking, provided = ("--chest", "--height") if shape.chest is None else ("--height", "--chest")
         raise BadData(f"{provided} needs {lacking} beside it: a body shape follows from both, in metres")
     return body_shape(shape.height, shape.chest, mass, shape.sex, shape.age)
-
-
-def read_landmarks(path: Path) -> dict[str, Array]:
-    """Landmarks on a skin from a table with a line "name, x, y, z" each [m]; a first line of words is skipped."""
-    try:
-        rows = list(csv.reader(path.read_text(encoding="utf-8-sig").splitlines()))
-    except (OSError, UnicodeDecodeError) as error:
-        raise BadFile(path, f"cannot be read ({getattr(error, 'strerror', None) or 'not text'})") from None
-    result: dict[str, Array] = {}
-    for number, row in enumerate(rows, start=1):
-        if not any(cell.strip() for cell in row):
-            continue
-        try:
-            name, x, y, z = (cell.strip() for cell in row)
-            result[name] = np.array([float(x), float(y), float(z)])
-        except ValueError:
-            if number > 1:
-                raise BadFile(path, f"line {number} is not 'name, x, y, z': {','.join(row)[:60]!r}") from None
-    if not result:
-        raise BadFile(path, "holds no landmark", "give lines 'name, x, y, z' in metres")
-    return result

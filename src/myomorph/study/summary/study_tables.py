@@ -159,26 +159,12 @@ def gather_study(plan: Plan, outcomes: Sequence[Outcome], out: Path, folder: Pat
             curves = tidy.read_curves(trial.outcome.folder / tidy.CURVES, COMPARED)
             search.add_curves(trial.whose, growing[trial.condition], *curves)
     seen = [condition for condition in growing.values() if condition.trials]
-    _write_conditions(plan, trials, lines, seen, search, measured, signs.notes(), folder)
-
-
-def _write_conditions(
-    plan: Plan,
-    trials: Sequence[_Trial],
-    lines: Sequence[TrialLine],
-    growing: Sequence[GrowingCondition],
-    search: OutlierSearch,
-    measured: MeasuredValues,
-    notes: Sequence[str],
-    folder: Path,
-) -> None:
-    """The tables of conditions, and the page."""
     outliers = search.found()
-    subjects = of_subjects(growing)
-    conditions = tuple(condition.finished(subjects) for condition in growing)
+    subjects = of_subjects(seen)
+    conditions = tuple(condition.finished(subjects) for condition in seen)
     comparisons = tuple(compare_conditions(conditions, GroupOptions(permutations=PERMUTATIONS)))
-    quantities = described(growing)
-    compared = differences(measured, [condition.name for condition in growing])
+    quantities = described(seen)
+    compared = differences(measured, [condition.name for condition in seen])
     for name, rows in (
         (OUTLIERS, outlier_rows(outliers)),
         (CONDITION_VALUES, described_rows(quantities, conditions)),
@@ -189,7 +175,7 @@ def _write_conditions(
         write_csv(folder / name, next(rows), rows)
     shown = shown_quantities([quantity.quantity for quantity in quantities])
     groups = () if plan.groups is None else ((GROUPS_PAGE, "the two groups of subjects beside each other"),)
-    named = [(f"{condition.name}: " if condition.name else "", condition.notes) for condition in growing]
+    named = [(f"{condition.name}: " if condition.name else "", condition.notes) for condition in seen]
     texts = [f"{prefix}{text}" for prefix, condition_notes in named for text in condition_notes]
     study_input = StudyInput(
         plan.name,
@@ -202,7 +188,7 @@ def _write_conditions(
         tuple(quantity for quantity in quantities if quantity.quantity in shown),
         tuple(each for each in compared if each.quantity in shown and np.isfinite(each.measured_sd)),
         _changes(trials),
-        (*notes, *texts),
+        (*signs.notes(), *texts),
         (*groups, *((name, text) for name, text in FILES if name != PARQUET or has_parquet())),
     )
     (folder / PAGE).write_text(study_page(study_input), encoding="utf-8")
