@@ -25,7 +25,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
     debug = "--debug" in words
-    _print_what_the_terminal_cannot()
+    # Let names of files be printed where the terminal, or the file that it is sent to, has no such letters.
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
     try:
         with warnings.catch_warnings():
             if not debug:
@@ -34,7 +37,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         return _say("interrupted: nothing half-written was left behind", INTERRUPTED)
     except BrokenPipeError:
-        return _closed_pipe()
+        # End quietly, as other programs do, where whoever read our output has gone (`| head`).
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return DONE
     except MyomorphError as error:
         return _say(f"error: {error}", BAD_INPUT, debug)
     except UnicodeEncodeError as error:
@@ -48,13 +53,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         text = f"this is a fault of Myomorph, not of your files: {type(error).__name__}: {error}; "
         text += "please report it" + ("" if debug else ", with what the same command prints with --debug")
         return _say(text, OUR_FAULT, debug)
-
-
-def _print_what_the_terminal_cannot() -> None:
-    """Let names of files be printed where the terminal, or the file that it is sent to, has no such letters."""
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="backslashreplace")
 
 
 def _run(words: list[str]) -> int:
@@ -103,9 +101,3 @@ def _about_file(error: OSError) -> str:
     # Of two names the second is the one that could not be written, as where a result is open in another program.
     name = error.filename2 if error.filename2 is not None else error.filename
     return f"{name}: {reason}" if name is not None else reason
-
-
-def _closed_pipe() -> int:
-    """End quietly, as other programs do, where whoever read our output has gone (`| head`)."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    return DONE

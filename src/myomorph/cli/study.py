@@ -84,14 +84,6 @@ def _perform(name: str, out: Path) -> int:
     return status
 
 
-def _say_remarks(plan: Plan) -> None:
-    """Print what is remarkable about the files of a study; of many trials the first, since they are alike."""
-    for remark in plan.remarks[:MAX_REMARKS]:
-        said(remark)
-    if len(plan.remarks) > MAX_REMARKS:
-        said(f"and {len(plan.remarks) - MAX_REMARKS} more: --dry-run lists the files of every trial")
-
-
 @documented
 def run_command(study: Path, /, *, out: OutFolder, running: RunOptions = AS_USUAL) -> int:
     """Run a study file: subjects, models, trials and steps; what has not changed since an earlier run is reused.
@@ -111,7 +103,11 @@ def run_plan(plan: Plan, out: Path, running: Running) -> int:
     from myomorph.study.run.job_plan import graph_of
     from myomorph.study.run.run import run_study
 
-    _say_remarks(plan)
+    # Print what is remarkable about the files of a study; of many trials the first, since they are alike.
+    for remark in plan.remarks[:MAX_REMARKS]:
+        said(remark)
+    if len(plan.remarks) > MAX_REMARKS:
+        said(f"and {len(plan.remarks) - MAX_REMARKS} more: --dry-run lists the files of every trial")
     jobs = len(plan.trials) + len(plan.together)
     if running.dry_run:
         return running.print_dry_run(partial(graph_of, plan), out, jobs, plan.excluded, plan.conditions.names)

@@ -180,18 +180,14 @@ def guessed_names(values: Array) -> list[str] | None:
     a moment (6), or a force, a center of pressure and a moment in one of both orders (9). One axis is vertical: the
     forces point along it, to one side each, and centers of pressure do not move along it, which moments do.
     """
-    time, rest = _time_first(values)
+    steps = np.diff(values[:, 0])
+    even = len(steps) > 1 and np.isfinite(steps).all() and (steps > 0.0).all() and np.ptp(steps) < 0.1 * steps.mean()
+    time, rest = (["time"], values[:, 1:]) if even else ([], values)
     readings = [names for names in (_read(rest, kinds) for kinds in KINDS) if names is not None]
     return [*time, *readings[0]] if len(readings) == 1 else None
 
 
 KINDS = (("F", "COP"), ("F", "M"), ("F", "COP", "M"), ("F", "M", "COP"))
-
-
-def _time_first(values: Array) -> tuple[list[str], Array]:
-    steps = np.diff(values[:, 0])
-    even = len(steps) > 1 and np.isfinite(steps).all() and (steps > 0.0).all() and np.ptp(steps) < 0.1 * steps.mean()
-    return (["time"], values[:, 1:]) if even else ([], values)
 
 
 def _read(values: Array, kinds: tuple[str, ...]) -> list[str] | None:

@@ -42,7 +42,9 @@ def read_qualisys_mat(path: str | os.PathLike[str], unidentified: bool = False) 
     if not 0.0 < rate < 1e6:
         raise BadFile(path, f"states a frame rate of {rate:g} Hz", HINT)
     values = _positions(labelled, path, "labelled")
-    labels = _texts(_field(labelled, "Labels"))
+    # Labels; a single one is no array.
+    value = _field(labelled, "Labels")
+    labels = [] if value is None else [str(text).strip() for text in np.atleast_1d(np.asarray(value, dtype=object))]
     if len(labels) != len(values):
         raise BadFile(path, f"has {len(labels)} labels for {len(values)} labelled trajectories", HINT)
     fragments = _positions(_field(trajectories, "Unidentified"), path, "unidentified")
@@ -130,11 +132,6 @@ def _number(structure: Any, name: str) -> float:
         return float(np.asarray(value, dtype=np.float64).reshape(-1)[0])
     except (TypeError, ValueError, IndexError):
         return float("nan")
-
-
-def _texts(value: Any) -> list[str]:
-    """Labels; a single one is no array."""
-    return [] if value is None else [str(text).strip() for text in np.atleast_1d(np.asarray(value, dtype=object))]
 
 
 def _positions(group: Any, path: Path, kind: str) -> Array:

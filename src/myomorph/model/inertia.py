@@ -159,21 +159,17 @@ def _body(
         raise BadData(f"size {box.tolist()} of '{name}': expected three lengths above 0")
     about = np.asarray((mass / 12.0) * (box @ box - box**2) if inertia is None else inertia, dtype=np.float64)
     moments = np.diag(about) if about.shape == (3,) else about
-    _check_inertia(name, moments)
+    if moments.shape != (3, 3) or not np.isfinite(moments).all() or not np.allclose(moments, moments.T):
+        raise BadData(f"inertia of '{name}': expected a symmetric (3, 3) or its diagonal (3,), got {moments.tolist()}")
+    low, middle, high = np.linalg.eigvalsh(moments)
+    if low <= 0.0 or high > (low + middle) * (1.0 + 1e-9):
+        raise BadData(f"inertia of '{name}' with moments {low:.3g}, {middle:.3g}, {high:.3g} kg m^2 is none of a body")
     meshes = []
     if mesh:
         meshes.append(Mesh(mesh, Transform.identity(), np.ones(3)))
     elif size is not None:
         meshes.append(Mesh("", Transform(np.eye(3), np.asarray(mass_center, dtype=np.float64)), 0.5 * box, "box"))
     return Body(name, mass, np.asarray(mass_center), moments, tuple(meshes))
-
-
-def _check_inertia(name: str, moments: Array) -> None:
-    if moments.shape != (3, 3) or not np.isfinite(moments).all() or not np.allclose(moments, moments.T):
-        raise BadData(f"inertia of '{name}': expected a symmetric (3, 3) or its diagonal (3,), got {moments.tolist()}")
-    low, middle, high = np.linalg.eigvalsh(moments)
-    if low <= 0.0 or high > (low + middle) * (1.0 + 1e-9):
-        raise BadData(f"inertia of '{name}' with moments {low:.3g}, {middle:.3g}, {high:.3g} kg m^2 is none of a body")
 
 
 def _markers(body: str, places: Mapping[str, ArrayLike] | None) -> tuple[Marker, ...]:

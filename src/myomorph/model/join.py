@@ -231,7 +231,9 @@ def _kept_part(part: Kept, model: Model, prefixed: Callable[[str], str]) -> Kept
     """A part of a file with the names in it renamed: whole words of its texts, and the names of its elements."""
     if part.room == "Model":
         return part
-    known = _all_names(model)
+    names = {item.name for table in (*NAMED, "kept") for item in getattr(model, table)}
+    ends = {name for joint in model.joints for name in (joint.parent_frame_name, joint.child_frame_name)}
+    known = names | ends - {"", GROUND}
     words = re.compile(r"[^\s/<>\"'|]+")
 
     def text(match: re.Match[str]) -> str:
@@ -243,12 +245,6 @@ def _kept_part(part: Kept, model: Model, prefixed: Callable[[str], str]) -> Kept
     root, _, body = part.room.rpartition("/")
     room = f"{root}/{prefixed(body)}" if root else part.room
     return replace(part, name=prefixed(part.name), text=renamed, room=room)
-
-
-def _all_names(model: Model) -> set[str]:
-    names = {item.name for table in (*NAMED, "kept") for item in getattr(model, table)}
-    ends = {name for joint in model.joints for name in (joint.parent_frame_name, joint.child_frame_name)}
-    return names | ends - {"", GROUND}
 
 
 def _kept(models: Iterable[Model]) -> tuple[Kept, ...]:

@@ -121,11 +121,6 @@ def _travel(joint: Joint, sizes: Mapping[str, Array]) -> dict[str, float]:
     }
 
 
-def _along(axis: Axis, size: Array) -> float:
-    """OpenSim's rule; right for axes of the frame, too large for oblique ones."""
-    return float(np.abs(axis.vector) @ size)
-
-
 def _body(body: Body, size: Array, keep_mass: bool, rule: str) -> Body:
     mass = body.mass if keep_mass else body.mass * float(np.prod(size))
     moments = _cylinder_inertia if rule == "cylinder" else _affine_inertia
@@ -204,7 +199,8 @@ def _axis(axis: Axis, parent: Array, child: Array, travel: Mapping[str, float]) 
     if axis.kind == "rotation":
         return moved
     if not slides_freely(axis.function):
-        return replace(moved, function=axis.function.scaled(_along(axis, parent)))
+        # OpenSim's rule; right for axes of the frame, too large for oblique ones.
+        return replace(moved, function=axis.function.scaled(float(np.abs(axis.vector) @ parent)))
     factor = travel.get(axis.coordinates[0], 1.0)
     return replace(moved, function=stretched(axis.function, factor, factor))
 

@@ -123,9 +123,8 @@ def fiber_states(
             fibers_of(muscle, lengths[:, m], speeds[:, m], a, values[muscle.name, last] if elastic else None)
         )
     names = [field.name for field in fields(Fibers)]
-    stacked = {name: _stacked([getattr(column, name) for column in columns], len(lengths)) for name in names}
+    nothing = np.zeros((len(lengths), 0))
+    stacked = {
+        name: np.stack([getattr(column, name) for column in columns], axis=1) if columns else nothing for name in names
+    }
     return FiberStates(**stacked, muscles=model.muscle_names, in_balance=in_balance), values
-
-
-def _stacked(columns: list[Array], frames: int) -> Array:
-    return np.stack(columns, axis=1) if columns else np.zeros((frames, 0))

@@ -245,7 +245,8 @@ class SlopeFinder:
         shifted = flat.reshape(shifted.shape)
         J = np.moveaxis((places[1:] - places[0]) / steps[:, None, None], 0, 2)
         C = np.moveaxis((shifted[1:] - shifted[0]) / steps[:, None, None], 0, 2)
-        J *= _movable(values[:, free], problem.lower, problem.upper)[:, None]
+        # Variables on a bound do not move.
+        J *= ((values[:, free] > problem.lower + BOUND) & (values[:, free] < problem.upper - BOUND))[:, None]
         share = np.repeat(seen * self._weights, 3, axis=1)
         share /= np.maximum(share.sum(axis=1, keepdims=True) / 3.0, 1e-12)
         weighted = J * share[:, :, None]
@@ -254,11 +255,6 @@ class SlopeFinder:
         # What no marker shows has no derivative: it stays.
         H += np.maximum(own_weight / problem.unit[free] ** 2, 1e-12)[:, :, None] * np.eye(len(free))
         return np.asarray(C @ np.linalg.solve(H, np.swapaxes(weighted, 1, 2)))
-
-
-def _movable(values: Array, lower: Array, upper: Array) -> Array:
-    """(frames, variables) 1, 0 for those on a bound."""
-    return ((values > lower + BOUND) & (values < upper - BOUND)).astype(np.float64)
 
 
 def _places(tree: Tree, names: tuple[str, ...], coordinates: Array) -> Array:

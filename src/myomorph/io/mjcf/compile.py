@@ -72,9 +72,8 @@ def compile_guarded(path: Path, root: Path | None, time_limit: float) -> tuple[A
             raise BadFile(path, f"MuJoCo stopped while compiling it ({outcome.message})")
         result = json.loads(answer.read_text(encoding="utf-8"))
         if result["error"]:
-            raise BadFile(
-                path, f"MuJoCo cannot compile it: {_one_line(result['error'])}", _hint(missing, result["error"])
-            )
+            reason = " ".join(result["error"].split())
+            raise BadFile(path, f"MuJoCo cannot compile it: {reason}", _hint(missing, result["error"]))
         compiled = mujoco.MjModel.from_binary_path(str(binary))
     kept = [Kept("missing file", name, "no such file: its geoms are left out", "", "asset") for name in missing]
     if result["weightless"]:
@@ -180,10 +179,6 @@ def _hint(missing: list[str], error: str) -> str:
     return "does it open in MuJoCo's own viewer?"
 
 
-def _one_line(text: str) -> str:
-    return " ".join(text.split())
-
-
 def _compile(job: str, binary: str, answer: str) -> None:
     """The child's side: compile what `job` names into `binary`, and write errors and weightless bodies to `answer`."""
     # MuJoCo writes a log into the current folder: let that be the one that goes away.
@@ -193,29 +188,21 @@ def _compile(job: str, binary: str, answer: str) -> None:
     error = ""
     try:
         spec = mujoco.MjSpec.from_file(task["path"])
-        _drop_pictures(spec)
+        # Textures and skins only draw: without them a missing picture cannot stop a model.
+        for material in spec.materials:
+            material.textures = [""] * len(material.textures)
+        for picture in [*spec.textures, *spec.skins]:
+            spec.delete(picture)
         weightless = _drop_meshes(spec, task["missing"])
-        _place_meshes(spec)
+        # Whole paths of meshes: before 4.0, compiled models do not say in which folder they lie.
+        for mesh in spec.meshes:
+            place = Path(spec.modelfiledir) / spec.meshdir / _plain(mesh.file)
+            if mesh.file and place.is_file():
+                mesh.file = str(place.resolve())
         mujoco.mj_saveModel(spec.compile(), binary, None)
     except (ValueError, RuntimeError, MemoryError, mujoco.FatalError) as problem:
         error = str(problem) or type(problem).__name__
     Path(answer).write_text(json.dumps({"error": error, "weightless": weightless}), encoding="utf-8")
-
-
-def _drop_pictures(spec: Any) -> None:
-    """Textures and skins only draw: without them a missing picture cannot stop a model."""
-    for material in spec.materials:
-        material.textures = [""] * len(material.textures)
-    for picture in [*spec.textures, *spec.skins]:
-        spec.delete(picture)
-
-
-def _place_meshes(spec: Any) -> None:
-    """Whole paths of meshes: before 4.0, compiled models do not say in which folder they lie."""
-    for mesh in spec.meshes:
-        place = Path(spec.modelfiledir) / spec.meshdir / _plain(mesh.file)
-        if mesh.file and place.is_file():
-            mesh.file = str(place.resolve())
 
 
 def _drop_meshes(spec: Any, missing: list[str]) -> list[str]:

@@ -116,16 +116,12 @@ def put_back(
             continue
         element = etree.fromstring(part.text)
         if part.version < 30509:
-            _renamed_switch(element, room)
+            # Before 4.0, parts were switched off by `isDisabled`.
+            for switch in element.findall("isDisabled"):
+                switch.tag = "isEnforced" if room == "ConstraintSet" else "appliesForce"
+                switch.text = str(not re.fullmatch(r"\s*(true|1)\s*", switch.text or "")).lower()
         if model is not None:
             put_ligament(part, element, model.ligaments, joints or {})
         for path in element.findall("GeometryPath"):
             path.set("name", "path")
         parent.append(element)
-
-
-def _renamed_switch(element: etree._Element, room: str) -> None:
-    """Before 4.0, parts were switched off by `isDisabled`."""
-    for switch in element.findall("isDisabled"):
-        switch.tag = "isEnforced" if room == "ConstraintSet" else "appliesForce"
-        switch.text = str(not re.fullmatch(r"\s*(true|1)\s*", switch.text or "")).lower()

@@ -99,7 +99,10 @@ def write_path(
     for i, point in enumerate(way.points):
         _write_point(points, point, point.name or f"{owner}-P{i + 1}", joints, warnings)
     wraps = child(child(path, "PathWrapSet"), "objects")
-    _warn_of_path(way, warnings)
+    if any(not isinstance(wrap, PathWrap) for wrap in way.wraps):
+        warnings.append("wraps of MuJoCo tendons cannot be written: their muscles run straight between points")
+    if any(divisor != 1.0 for divisor in way.divisors):
+        warnings.append("pulleys of MuJoCo tendons cannot be written: their muscles' lengths will differ")
     names: set[str] = set()
     for wrap in way.wraps:
         if isinstance(wrap, PathWrap):
@@ -107,13 +110,6 @@ def write_path(
             names.add(wrap.wrap_object + str(len(names)))
             put(written, wrap_object=legal(wrap.wrap_object), method=wrap.method, range=f"{wrap.first} {wrap.last}")
     return path
-
-
-def _warn_of_path(path: Path, warnings: list[str]) -> None:
-    if any(not isinstance(wrap, PathWrap) for wrap in path.wraps):
-        warnings.append("wraps of MuJoCo tendons cannot be written: their muscles run straight between points")
-    if any(divisor != 1.0 for divisor in path.divisors):
-        warnings.append("pulleys of MuJoCo tendons cannot be written: their muscles' lengths will differ")
 
 
 def _write_point(

@@ -285,7 +285,9 @@ def with_other_muscles(model: Model, axis: str | ArrayLike = "z") -> tuple[Model
     missing = {point.body for muscle in new for point in muscle.path.points} - known
     if missing:
         raise BadModel(f"model '{model.name}': no body of the other side: {', '.join(sorted(missing))}")
-    seats = _seats(model, copy)
+    # From each body of the mirrored model to the model's own body of that name.
+    ours, theirs = (standing_poses(posed, dict.fromkeys(posed.coordinate_names, 0.0)) for posed in (model, copy))
+    seats = {name: ours[name].inverse() @ theirs[name] for name in ours if name in theirs}
     wraps = {item.name: item for item in copy.wrap_objects}
     used = {wrap.wrap_object for muscle in new for wrap in muscle.path.wraps}
     present = {wrap.wrap_object for muscle in model.muscles for wrap in muscle.path.wraps}
@@ -324,12 +326,6 @@ def _naming_by_bodies(model: Model, side: OtherSide) -> OtherSide:
         return other if other != name else name + ends.get((kind, name), "")
 
     return replace(side, named=named)
-
-
-def _seats(model: Model, copy: Model) -> Mapping[str, Transform]:
-    """From each body of the mirrored model to the model's own body of that name."""
-    ours, theirs = (standing_poses(posed, dict.fromkeys(posed.coordinate_names, 0.0)) for posed in (model, copy))
-    return {name: ours[name].inverse() @ theirs[name] for name in ours if name in theirs}
 
 
 def _seated(muscle: Muscle, seats: Mapping[str, Transform]) -> Muscle:

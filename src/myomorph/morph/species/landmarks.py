@@ -26,7 +26,9 @@ class Parts:
     def __init__(self, surface: Surface, frame: AnatomicalFrame, joint: Array | None, half: bool):
         self._points = surface.vertices @ frame.axes.T
         faces = surface.faces[_area(surface) > 0.0]
-        labels = _connected(surface, faces)
+        # Number of the connected part of every vertex; vertices at one place are one.
+        _, place = np.unique(surface.vertices, axis=0, return_inverse=True)
+        labels = connected(int(place.max()) + 1, edges_of(place.reshape(-1)[faces]))[place.reshape(-1)]
         if half:
             keep = self._points[:, 2] >= 0.0
             faces = faces[keep[faces].all(axis=1)]
@@ -61,12 +63,6 @@ class Parts:
 
 def _area(surface: Surface) -> Array:
     return 0.5 * np.linalg.norm(face_crosses(surface.vertices, surface.faces), axis=1)
-
-
-def _connected(surface: Surface, faces: Ints) -> Ints:
-    """Number of the connected part of every vertex; vertices at one place are one."""
-    _, place = np.unique(surface.vertices, axis=0, return_inverse=True)
-    return connected(int(place.max()) + 1, edges_of(place.reshape(-1)[faces]))[place.reshape(-1)]
 
 
 def landmarks_by_rules(

@@ -121,19 +121,15 @@ def _cycles(signal: Signals, strides: TrialStrides | None) -> Cycles | None:
     if strides is not None:
         result = by_side(signal.series, strides)
         if signal.curve.startswith("vertical force") and result is not None:
-            return _on_plates(result, signal)
+            # Cycles in which a foot never carries anything are not known: it stood beside the plates.
+            values = np.array(result.values)
+            peaks = statistics_of(values, axis=1)["maximum"] * signal.factor
+            values[np.broadcast_to(~(peaks > LOADED)[:, None], values.shape)] = np.nan
+            return Cycles(result.names, values)
         return result
     if len(signal.series) < 2:
         return None
     return over_cycles(signal.series, [(float(signal.series.time[0]), float(signal.series.time[-1]))])
-
-
-def _on_plates(cycles: Cycles, signal: Signals) -> Cycles:
-    """Cycles in which a foot never carries anything are not known: it stood beside the plates."""
-    values = np.array(cycles.values)
-    peaks = statistics_of(values, axis=1)["maximum"] * signal.factor
-    values[np.broadcast_to(~(peaks > LOADED)[:, None], values.shape)] = np.nan
-    return Cycles(cycles.names, values)
 
 
 def _write_curves(

@@ -204,7 +204,9 @@ class ElasticProblem(TensionProblem):
         result = []
         for part, (outcome, far) in zip(self.parts, _at_once(tasks, self.window >= len(self._time)), strict=True):
             frames.forces[:, part.muscles] = outcome.point.f
-            frames.x[:, part.muscles] = _at_frames(outcome.point.a)
+            # Activations at the frames: the mean of those before and after, at the ends the nearest.
+            a = outcome.point.a
+            frames.x[:, part.muscles] = np.concatenate([a[:1], 0.5 * (a[1:] + a[:-1]), a[-1:]])
             frames.x[:, part.others] = outcome.point.x
             result.append(_Found(outcome.residual, outcome.equilibrium, outcome.steps, outcome.solved, far))
         return result
@@ -279,11 +281,6 @@ class ElasticProblem(TensionProblem):
         )
         fibers = Fibers(*outcome, self._transient, self._bridged, rigid, self.unreachable, certificate)
         return replace(tension, fibers=fibers)
-
-
-def _at_frames(a: Array) -> Array:
-    """Activations at the frames: the mean of those before and after, at the ends the nearest."""
-    return np.concatenate([a[:1], 0.5 * (a[1:] + a[:-1]), a[-1:]])
 
 
 def _at_once(tasks: Sequence[Callable[[], Solved]], threads: bool) -> list[Solved]:

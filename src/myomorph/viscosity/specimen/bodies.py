@@ -153,13 +153,11 @@ def joined(chain: Sequence[Joint]) -> Joint:
     axes, behind = list(first.axes), first.child_frame.inverse()
     for joint in chain[1:]:
         middle = behind @ joint.parent_frame
-        axes += [_seen_from(axis, middle) for axis in joint.axes]
+        axes += [
+            replace(axis, vector=middle.rotation @ axis.vector, origin=middle.apply(axis.origin)) for axis in joint.axes
+        ]
         behind = middle @ joint.child_frame.inverse()
     return Joint(last.name, last.kind, first.parent, last.child, first.parent_frame, behind.inverse(), tuple(axes))
-
-
-def _seen_from(axis: Axis, pose: Transform) -> Axis:
-    return replace(axis, vector=pose.rotation @ axis.vector, origin=pose.apply(axis.origin))
 
 
 def turns(names: Sequence[str], order: Sequence[int] = (0, 1, 2)) -> tuple[Axis, ...]:
