@@ -86,8 +86,10 @@ class OnlineFilter:
     def motion(self, motion: Motion) -> Motion:
         """A recorded motion through the filter, with derivatives: the frames that have a whole window."""
         value, velocity, acceleration = (self._whole(motion.values, weight) for weight in self.weights)
-        self._even(motion.time)
-        return Motion(self._middle(motion.time), motion.names, value, velocity, acceleration)
+        time, steps = motion.time, np.diff(motion.time)
+        if len(steps) and np.abs(steps * self.rate - 1.0).max() > 0.1:
+            raise BadData(f"frames are not evenly spaced at {self.rate:g} Hz: resample the recording first")
+        return Motion(time[self.half : len(time) - self.half], motion.names, value, velocity, acceleration)
 
     def values(self, samples: Array) -> Array:
         """(frames - 2 half, ...) samples of the same clock through the filter, as forces go."""
@@ -98,14 +100,6 @@ class OnlineFilter:
             raise BadData(f"the filter needs {len(weights)} frames, but there are {len(samples)}")
         windows = sliding_window_view(np.asarray(samples, dtype=np.float64), len(weights), axis=0)
         return windows @ weights
-
-    def _middle(self, time: Array) -> Array:
-        return time[self.half : len(time) - self.half]
-
-    def _even(self, time: Array) -> None:
-        steps = np.diff(time)
-        if len(steps) and np.abs(steps * self.rate - 1.0).max() > 0.1:
-            raise BadData(f"frames are not evenly spaced at {self.rate:g} Hz: resample the recording first")
 
 
 class MovingWindow:
@@ -310,7 +304,8 @@ class SteadyKinematics:
             common = seen & self._seen
             if not np.array_equal(seen, self._seen):
                 self._take_off_lost(common)
-            posture = self._posture(seen)
+            # What no marker shows is drawn to its default, or while markers are lost to the last pose.
+            posture = self._found if (self._ever & ~seen).any() else self._defaults
             start = self._ahead(time)
             values, error = self._inverse.from_start(time, positions, start, posture)
             values, error = self._searched_again(time, positions, values, error)
@@ -334,12 +329,6 @@ class SteadyKinematics:
             self._time = time
         self._seen = np.zeros_like(self._seen)
         return SteadyFrame(self._shown, float("nan"), 0, True, 0.0)
-
-    def _posture(self, seen: np.ndarray) -> Array:
-        """What coordinates that no marker shows are drawn to: the default, or while markers are lost the last pose."""
-        if self._found is None or not (self._ever & ~seen).any():
-            return self._defaults
-        return self._found
 
     def _ahead(self, time: float) -> Array:
         """Straight on from the last two frames."""

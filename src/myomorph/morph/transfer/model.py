@@ -100,7 +100,14 @@ def morph_model(
             model, model.muscles, model.ligaments, by, model.coordinates, joints.travel, options.surface_within
         )
         made = replace(
-            _with_what_is_fixed(joints.skeleton, model, by),
+            joints.skeleton,
+            gravity=by[GROUND].rotation @ model.gravity,
+            markers=tuple(transferred_marker(marker, by) for marker in model.markers),
+            actuators=tuple(transferred_actuator(actuator, by) for actuator in model.actuators),
+            loops=tuple(transferred_tie(loop, by) for loop in model.loops),
+            frames=tuple(replace(frame, pose=by[frame.body].pose(frame.pose)) for frame in model.frames),
+            ground_meshes=tuple(transferred_mesh(mesh, by[GROUND]) for mesh in model.ground_meshes),
+            bushings=tuple(transferred_tie(bushing, by) for bushing in model.bushings),
             name=name or model.name,
             bodies=of_mass(tuple(transferred_body(body, by[body.name]) for body in model.bodies), mass),
             muscles=strings.muscles,
@@ -156,20 +163,6 @@ def _morph(
     )
 
 
-def _with_what_is_fixed(skeleton: Model, model: Model, transfers: Mapping[str, Transfer]) -> Model:
-    """The skeleton with all that the model has fixed to single bodies, and gravity, transferred."""
-    return replace(
-        skeleton,
-        gravity=transfers[GROUND].rotation @ model.gravity,
-        markers=tuple(transferred_marker(marker, transfers) for marker in model.markers),
-        actuators=tuple(transferred_actuator(actuator, transfers) for actuator in model.actuators),
-        loops=tuple(transferred_tie(loop, transfers) for loop in model.loops),
-        frames=tuple(replace(frame, pose=transfers[frame.body].pose(frame.pose)) for frame in model.frames),
-        ground_meshes=tuple(transferred_mesh(mesh, transfers[GROUND]) for mesh in model.ground_meshes),
-        bushings=tuple(transferred_tie(bushing, transfers) for bushing in model.bushings),
-    )
-
-
 def _check(model: Model, bones: Mapping[str, BoneMap]) -> None:
     if not bones:
         raise BadData("no bone is given: the map of at least one body is needed")
@@ -207,7 +200,13 @@ def graft_muscles(
     table = coordinates
     if table is None:
         table = {name: (name, 1.0, 0.0) for name in source.coordinate_names if name in target.coordinate_names}
-    transfers, links = _grafted(source, target, bones, postures, surrounding)
+    transfers = {body: Transfer(bone, bone.target_body) for body, bone in bones.items()}
+    for body in bones:
+        index_of("body", transfers[body].body, (GROUND, *target.body_names), f"the target of '{body}'")
+    links = bones_around(source, bones, surrounding)
+    targets = {link: transfers[around[0]].body for link, around in links.items()}
+    standing = standing_poses(source, postures[0]), standing_poses(target, postures[1])
+    transfers |= link_carriers(links, transfers, *standing, targets)
     left_out = _left_out(source, transfers)
     muscles, notes = _translated(
         source, [muscle for muscle in source.muscles if muscle.name not in left_out], transfers, table, postures[0]
@@ -247,23 +246,6 @@ def graft_muscles(
             wrap_objects=(*target.wrap_objects, *grown.wrap_objects),
         )
     return replace(morph, model=grown, left_out=FrozenMap(left_out))
-
-
-def _grafted(
-    source: Model,
-    target: Model,
-    bones: Mapping[str, BoneMap],
-    postures: tuple[Mapping[str, float], Mapping[str, float]],
-    surrounding: Mapping[str, Sequence[str]] | None,
-) -> tuple[dict[str, Transfer], dict[str, tuple[str, ...]]]:
-    """Transfers of the bones, and of virtual links by the bones around them in these postures; and the links."""
-    transfers = {body: Transfer(bone, bone.target_body) for body, bone in bones.items()}
-    for body in bones:
-        index_of("body", transfers[body].body, (GROUND, *target.body_names), f"the target of '{body}'")
-    before, after = standing_poses(source, postures[0]), standing_poses(target, postures[1])
-    links = bones_around(source, bones, surrounding)
-    targets = {link: transfers[around[0]].body for link, around in links.items()}
-    return transfers | link_carriers(links, transfers, before, after, targets), links
 
 
 def _in_posture(model: Model, values: Mapping[str, float]) -> Model:
