@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -67,18 +68,13 @@ def find_drops(name: str, equation: SwingEquation, measured: Array, angles: Arra
     speed = np.abs(rates)
     fastest = float(np.nanmax(speed, initial=0.0))
     still = speed < STILL * fastest
-    rest = _hanging(equation, angles)
-    held = [
-        (start, stop)
-        for start, stop in runs(still)
-        if start == 0 or equation.time[stop - 1] - equation.time[start] > HELD
-    ]
-    starts = [stop for _, stop in held if abs(angles[stop - 1] - rest) > AWAY]
-    if not starts and abs(angles[0] - rest) > AWAY:
-        starts = [0]
-    ends = [*starts[1:], len(angles)][: len(starts)]
+    last = angles[-max(3, len(angles) // 20) :]
+    # Where the recording ends, unless the limb still swings there.
+    rest = float(np.nanmedian(last if np.ptp(last) < AWAY else angles))
+    held = [stop for start, stop in runs(still) if not start or equation.time[stop - 1] - equation.time[start] > HELD]
+    starts = [stop for stop in held if abs(angles[stop - 1] - rest) > AWAY]
     drops: list[Drop] = []
-    for start, end in zip(starts, ends, strict=True):
+    for start, end in pairwise([*starts, len(angles)]):
         moving = np.flatnonzero(speed[start:end] > RELEASED * fastest)
         towards = moving[np.sign(rates[start + moving]) == np.sign(rest - angles[start])] if len(moving) else moving
         if not len(towards):
@@ -101,12 +97,6 @@ def find_drops(name: str, equation: SwingEquation, measured: Array, angles: Arra
             f"then swings {MIN_HALVES} half swings or more by itself: {swung}; give its 'time', or record another"
         )
     return tuple(drops)
-
-
-def _hanging(equation: SwingEquation, angles: Array) -> float:
-    """Angle about which the recording ends, else about which the limb turns most often [rad]."""
-    last = angles[-max(3, len(angles) // 20) :]
-    return float(np.nanmedian(last)) if np.ptp(last) < AWAY else float(np.nanmedian(angles))
 
 
 @dataclass(frozen=True)

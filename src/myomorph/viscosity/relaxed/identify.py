@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import least_squares
 from scipy.stats import t as student
 
 from myomorph.model.arrays import Array, read_only
@@ -19,6 +18,7 @@ from myomorph.model.errors import BadData
 from myomorph.model.provenance import Estimate
 from myomorph.uncertainty.sources import Sources
 from myomorph.viscosity.relaxed.drops import Drop
+from myomorph.viscosity.relaxed.swing_equation import SwingEquation
 from myomorph.viscosity.trust.law import PassiveLaw, bounded_least_squares, law_columns, resistances
 
 SPRUNG = ("viscosity", "stiffness")
@@ -63,13 +63,22 @@ class LimbOptions:
 
 @dataclass(frozen=True)
 class LimbBody:
-    """What swings, as the model has it: mass [kg], distance of its center from the axis [m], inertia about the axis
-    [kg m^2].
-    """
+    """What swings: its mass [kg], the distance of its center from the axis [m] and its inertia about that [kg m^2]."""
 
     mass: float
     distance: float
     inertia: float
+
+    @staticmethod
+    def of(equation: SwingEquation, mass: float, gravity: float) -> LimbBody:
+        """Of the mass that swings in a field [m/s^2], distance and inertia as an equation of motion has them."""
+        angles = np.linspace(equation.middle - 0.8 * equation.half, equation.middle + 0.8 * equation.half, 30)
+        still = np.zeros(len(equation.time))
+        weights = [equation.torque(still + angle, still, still).mean() for angle in angles]
+        moment = np.linalg.lstsq(np.array([np.cos(angles), np.sin(angles)]).T, weights, rcond=None)[0]
+        at = still + equation.middle
+        inertia = float((equation.torque(at, still, still + 1.0) - equation.torque(at, still, still)).mean())
+        return LimbBody(mass, float(np.linalg.norm(moment)) / (gravity * mass), inertia)
 
     def errors(self, options: LimbOptions) -> dict[str, tuple[float, float]]:
         """Factors of inertia and of mass times distance, by source, each one standard deviation off."""
@@ -94,11 +103,6 @@ class SwingFit:
     left: Array
     slopes: Array
     block: np.ndarray
-
-    @property
-    def error(self) -> float:
-        """Root mean square [rad]."""
-        return float(np.sqrt(np.mean(np.square(self.left))))
 
 
 @dataclass(frozen=True)
@@ -199,42 +203,52 @@ def guess(drops: Sequence[Drop], terms: Sequence[str]) -> PassiveLaw:
     return PassiveLaw.of(mapping @ bounded_least_squares(H, g, groups)[0], WIDTH)
 
 
-def fit_swings(drops: Sequence[Drop], terms: Sequence[str], start: SwingFit | None = None) -> SwingFit:
-    """A law and the states in which parts begin, by least squares of the angles; from `start`, or `guess`."""
-    mapping = law_columns(terms, 1)[0]
+def fit_swings(
+    drops: Sequence[Drop], terms: Sequence[str], start: SwingFit | None = None, law: PassiveLaw | None = None
+) -> SwingFit:
+    """A law and the states in which parts begin, by least squares of the angles; from `start`, or `guess`. Of a `law`
+    that is given only the states are sought.
+    """
+    mapping = law_columns(terms, 1)[0] if law is None else np.zeros((9, 0))
+    fixed, free = (0.0 if law is None else law.coefficients), mapping.shape[1]
     parts = [(drop, part) for drop in drops for part in drop.parts]
     if not parts:
         raise BadData("no half swing is left to identify a limb from: record it anew, muscles relaxed, several drops")
-    law = guess(drops, terms) if start is None else start.law
+    first = start.law if start is not None else law or guess(drops, terms)
     states = [state_at(drop, part.start) for drop, part in parts] if start is None else start.states
-    free = mapping.shape[1]
-    x0 = np.concatenate([np.linalg.lstsq(mapping, law.coefficients, rcond=None)[0], np.ravel(states)])
-    low = np.full(len(x0), -np.inf)
-    low[:free] = np.where(mapping[2] == 1.0, -np.inf, 0.0)
+    low = np.where(mapping[2] == 1.0, -np.inf, 0.0)
 
-    def split(x: Array) -> Iterator[tuple[Drop, slice, Array]]:
-        for i, (drop, part) in enumerate(parts):
-            yield drop, part, np.concatenate([x[:free], x[free + 2 * i : free + 2 * i + 2]])
+    def law_at(x: Array) -> PassiveLaw:
+        return PassiveLaw.of(fixed + mapping @ x[:free], WIDTH)
 
-    def left(x: Array) -> Array:
-        return np.concatenate([_left(drop, part, mapping, y) for drop, part, y in split(x)])
+    def left(x: Array, part: int) -> Array:
+        """Measured less swung angles of a part (frames,), 0 where unknown."""
+        drop, frames = parts[part]
+        angle, rate = x[free + 2 * part : free + 2 * part + 2]
+        return np.nan_to_num(
+            drop.measured[frames] - drop.equation.swing(frames.start, frames.stop, angle, rate, law_at(x))
+        )
 
     def slopes(x: Array) -> Array:
         """Each part depends on the law and on its own state only."""
         rows = []
-        for i, (drop, part, y) in enumerate(split(x)):
-            row, at = np.zeros((part.stop - part.start, len(x))), _left(drop, part, mapping, y)
-            for j in range(len(y)):
-                step = 1e-6 * max(1.0, abs(y[j]))
-                moved = _left(drop, part, mapping, y + step * np.eye(len(y))[j])
-                row[:, j if j < free else 2 * i + j] = (moved - at) / step
+        for part in range(len(parts)):
+            at = left(x, part)
+            row = np.zeros((len(at), len(x)))
+            for j in (*range(free), free + 2 * part, free + 2 * part + 1):
+                step = 1e-6 * max(1.0, abs(x[j]))
+                row[:, j] = (left(x + step * np.eye(len(x))[j], part) - at) / step
             rows.append(row)
         return np.concatenate(rows)
 
-    x, fun, jac = _least_squares(left, slopes, np.maximum(x0, low), low)
-    blocks = np.concatenate([_blocks(drop, part, 1000 * i) for i, (drop, part) in enumerate(parts)])
-    law = PassiveLaw.of(mapping @ x[:free], WIDTH)
-    return SwingFit(tuple(terms), law, x[free:].reshape(-1, 2), fun, jac, blocks)
+    x, fun, jac = _least_squares(
+        lambda x: np.concatenate([left(x, part) for part in range(len(parts))]), slopes,
+        np.concatenate([np.maximum(np.linalg.pinv(mapping) @ first.coefficients, low), np.ravel(states)]),
+        np.concatenate([low, np.full(2 * len(parts), -np.inf)]),
+    )  # fmt: skip
+    blocks = [1000 * i + np.searchsorted(drop.turns, np.arange(part.start, part.stop), side="right")
+              for i, (drop, part) in enumerate(parts)]  # fmt: skip
+    return SwingFit(tuple(terms), law_at(x), x[free:].reshape(-1, 2), fun, jac, np.concatenate(blocks))
 
 
 def _least_squares(
@@ -266,17 +280,6 @@ def _least_squares(
     return x, r, slopes(x)
 
 
-def _left(drop: Drop, part: slice, mapping: Array, unknown: Array) -> Array:
-    """Measured less swung angles of a part (frames,), 0 where unknown; of a law's coefficients and a state [rad]."""
-    law, (angle, rate) = PassiveLaw.of(mapping @ unknown[:-2], WIDTH), unknown[-2:]
-    swung = drop.equation.swing(part.start, part.stop, angle, rate, law)
-    return np.nan_to_num(drop.measured[part] - swung)
-
-
-def _blocks(drop: Drop, part: slice, first: int) -> np.ndarray:
-    return first + np.searchsorted(drop.turns, np.arange(part.start, part.stop), side="right")
-
-
 def state_at(drop: Drop, frame: int) -> tuple[float, float]:
     """Angle and rate at a frame, by a parabola through what was measured about it [rad], [rad/s]."""
     time = drop.equation.time - drop.equation.time[frame]
@@ -291,19 +294,8 @@ def state_at(drop: Drop, frame: int) -> tuple[float, float]:
 
 def _held_out(drops: Sequence[Drop], terms: Sequence[str]) -> float:
     """Root mean square error of angles whose coefficients are from other drops [rad]; states are their own."""
-    squares, count = 0.0, 0
-    for training, test in _folds(drops):
-        law = fit_swings(training, terms).law
-        whole = law.coefficients[:, None]
-        for drop in test:
-            for part in drop.parts:
-
-                def left(state: Array, drop: Drop = drop, part: slice = part, whole: Array = whole) -> Array:
-                    return _left(drop, part, whole, np.concatenate([[1.0], state]))
-
-                fitted = least_squares(left, state_at(drop, part.start), method="lm", xtol=1e-6)
-                squares, count = squares + 2.0 * fitted.cost, count + len(fitted.fun)
-    return float(np.sqrt(squares / count))
+    folds = [fit_swings(test, terms, law=fit_swings(training, terms).law).left for training, test in _folds(drops)]
+    return float(np.sqrt(np.mean(np.square(np.concatenate(folds)))))
 
 
 def _folds(drops: Sequence[Drop]) -> Iterator[tuple[Sequence[Drop], Sequence[Drop]]]:
@@ -360,16 +352,12 @@ def _variances(fit: SwingFit, drops: Sequence[Drop]) -> dict[str, float]:
     scores = np.array([fit.slopes[fit.block == b].T @ fit.left[fit.block == b] for b in np.unique(fit.block)])
     plain = inverse * np.square(fit.left).sum() / max(len(fit.left) - size, 1)
     blocked = inverse @ (scores.T @ scores) @ inverse * len(scores) / max(len(scores) - free, 1)
-    values = quantities(fit)
-    step = 1e-6
-    gradients = {name: np.zeros(free) for name in values}
-    base = mapping.T @ fit.law.coefficients
-    for j in range(free):
-        moved = base + step * np.eye(free)[j]
-        other = quantities(replace(fit, law=PassiveLaw.of(mapping @ moved)))
-        for name, value in values.items():
-            gradients[name][j] = (other.get(name, value) - value) / step
-    result = {name: max(float(g @ cov[:free, :free] @ g) for cov in (plain, blocked)) for name, g in gradients.items()}
+    _, k, s, _ = fit.law.coefficients[:4]
+    # Of d, k, s and c.
+    gradients = {name: np.eye(4)[i] for i, name in enumerate(("viscosity", "stiffness", "zero_torque", "coulomb"))}
+    gradients["rest_angle"] = np.array([0.0, -s / k**2, 1.0 / k, 0.0]) if k > 0.0 else np.zeros(4)
+    own = {name: gradients[name] @ mapping[:4] for name in quantities(fit)}
+    result = {name: max(float(g @ cov[:free, :free] @ g) for cov in (plain, blocked)) for name, g in own.items()}
     if len(drops) >= 3:
         single = [quantities(fit_swings([drop], fit.terms)) for drop in drops]
         for name in result:

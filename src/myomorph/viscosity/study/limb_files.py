@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from pydantic import Field
 
-from myomorph.model.errors import BadFile, BadModel, listing
+from myomorph.model.errors import BadFile, listing
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.series import Motion
@@ -25,7 +25,7 @@ from myomorph.study.inputs.emg_files import channels_of
 from myomorph.study.inputs.reading import TABLE_FILES, about, fitted_to, read_motion, read_recording, whole_motion
 from myomorph.viscosity.relaxed.drops import FORCE_AFTER, MIN_HALVES, Drop, activities, at_rest, find_drops
 from myomorph.viscosity.relaxed.identify import UNITS, LimbBody
-from myomorph.viscosity.relaxed.swing_equation import swing_equation
+from myomorph.viscosity.relaxed.swing_equation import SwingEquation, swing_equation
 
 SILENT_UNKNOWN = "no EMG was recorded: whether the muscles were silent is not known"
 MOVED, TURNED = 0.02, np.deg2rad(5.0)  # How far the bone above the joint may move and turn unnamed [m], [rad].
@@ -104,32 +104,13 @@ def _drops(table: LimbTable, folder: Path, where: str, problems: list[str], rema
             yield DropFiles(drop.name or plain_stem(path), path, emg, time)
 
 
-def limb_body(model: Model, coordinate: str) -> LimbBody:
-    """Mass, distance and inertia of all that a coordinate moves, at the model's default pose."""
+def limb_body(model: Model, coordinate: str, equation: SwingEquation) -> LimbBody:
+    """All that a coordinate moves, as the equation of its swing has it."""
+    joint = next(joint for joint in model.joints if coordinate in joint.coordinates)
     tree = compile_tree(model)
-    joint = next((joint for joint in model.joints if coordinate in joint.coordinates), None)
-    if joint is None:
-        raise BadModel(f"no joint of '{model.name}' has '{coordinate}': {listing(coordinate, model.coordinate_names)}")
-    poses = forward_kinematics(tree, tree.defaults[None])
     moves = tree.hanging(joint.child)
-    bodies = [body for body in model.bodies if moves[tree.body_index[body.name]]]
-    mass = sum(body.mass for body in bodies)
-    if not mass > 0.0:
-        raise BadModel(f"nothing that '{coordinate}' of '{model.name}' moves has a mass: scale a model with masses")
-    twist = poses.jacobian(tree.body_index[joint.child], poses.origins[:, tree.body_index[joint.child]])[0]
-    turn = twist[:3, model.coordinate_names.index(coordinate)]
-    if not np.linalg.norm(turn) > 0.5:
-        raise BadModel(f"'{coordinate}' of '{model.name}' turns nothing: a limb swings about a joint's angle")
-    axis, at = turn / np.linalg.norm(turn), poses.origins[0, tree.body_index[joint.child]]
-    first, inertia = np.zeros(3), 0.0
-    for body in bodies:
-        number = tree.body_index[body.name]
-        R = poses.rotations[0, number]
-        off = poses.origins[0, number] + R @ body.mass_center - at
-        off = off - axis * (axis @ off)
-        first = first + body.mass * off
-        inertia += float(axis @ R @ body.inertia @ R.T @ axis + body.mass * off @ off)
-    return LimbBody(float(mass), float(np.linalg.norm(first)) / float(mass), inertia)
+    mass = sum(body.mass for body in model.bodies if moves[tree.body_index[body.name]])
+    return LimbBody.of(equation, mass, float(np.linalg.norm(model.gravity)))
 
 
 def open_drops(files: DropFiles, model: Model, limb: LimbFiles, cutoff: float) -> tuple[list[Drop], list[str]]:

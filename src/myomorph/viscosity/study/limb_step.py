@@ -62,12 +62,14 @@ def study_limb(files: LimbFiles, options: LimbOptions) -> tuple[LimbResult, list
     """A limb from its files, and notes on it, the first on the silence of its muscles."""
     model = open_model(files.model)
     has_mass(model, "a relaxed limb")
-    check_name("coordinate", files.coordinate, model.coordinate_names, f"the model '{files.model.name}'")
+    swinging = [name for joint in model.joints for name in joint.coordinates if name not in model.dependent_coordinates]
+    check_name("coordinate", files.coordinate, swinging, f"the model '{files.model.name}'")
+    if model.coordinate(files.coordinate).motion != "rotational":
+        raise BadData(f"'{files.coordinate}' of '{files.model.name}' is no angle: name that of the joint that swings")
     if model.loops:
         raise BadData(
             f"'{files.model.name}' has {len(model.loops)} closed loops, whose forces no swing shows: open them"
         )
-    body = limb_body(model, files.coordinate)
     silent = [drop.name for drop in files.drops if drop.emg is None]
     if len(silent) == len(files.drops):
         notes = [SILENT_UNKNOWN]
@@ -83,6 +85,7 @@ def study_limb(files: LimbFiles, options: LimbOptions) -> tuple[LimbResult, list
             advance(1)
         if not drops:
             raise BadData("; ".join(("no drop is left: record others, the person relaxed", *notes[1:])))
+        body = limb_body(model, files.coordinate, drops[0].equation)
         result = identify_limb(drops, body, options)
         advance(1)
     for missed in sorted(result.missed, key=lambda missed: (missed.drop, missed.half)):
