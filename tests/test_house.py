@@ -6,7 +6,7 @@ import pytest
 from benchmarks.house import CHECKOUT, checkout_texts, count
 
 LIMITS = {
-    ("lines", "src"): 124_198,
+    ("lines", "src"): 124_160,
     ("lines", "benchmarks"): 26_529,
     ("words", "documentation"): 99_805,
     ("vague", "src"): 6.5,
