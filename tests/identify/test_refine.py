@@ -18,6 +18,7 @@ from myomorph.identify.refine.predictions import solve, step, worse
 from myomorph.identify.refine.problem import WIDTH, Basis, MassPrior, changed, moved
 from myomorph.identify.refine.refinement import Errors, Prediction, RefinedTrial, SubjectTrial
 from myomorph.identify.refine.trial_data import opened, problem_of
+from myomorph.identify.soft_tissue import usual_tissue
 from myomorph.io.mjcf.read import model_from_mujoco
 from myomorph.model.errors import BadData, BadModel
 from myomorph.model.inertia import inertial_parameters, pseudo_inertias
@@ -102,8 +103,10 @@ def test_every_change_of_masses_is_a_body(recorded):
     assert np.linalg.norm(prior.misses(1.1 * parameters), axis=1) == pytest.approx(2.0, rel=1e-6)
 
 
-def test_gradient_is_that_of_the_cost(problem):
-    """Every kind of unknown: motion, lengths, marker positions and masses."""
+@pytest.mark.parametrize("soft", [False, True])
+def test_gradient_is_that_of_the_cost(problem, soft):
+    """Every kind of unknown: motion, lengths, marker positions and masses; also of markers on soft tissue."""
+    problem = replace(problem, tissue=usual_tissue(problem.model) if soft else None)
     random = np.random.default_rng(2)
     at = problem.begin()
     lengths, places, masses = problem.columns()
@@ -233,7 +236,8 @@ def test_the_given_body_is_kept_where_it_predicts_better(recorded, monkeypatch):
     short = replace(trial, time=(0.5, 2.5))
     answers = iter(((predicted("a", 1.2, 1.0),), (predicted("a", 0.8, 1.0),)))
     monkeypatch.setattr(fit, "predictions_of", lambda *given: next(answers))
-    found = refine(subject.generic, [short], options=RefineOptions(cutoff=5.0, iterations=1))
+    options = RefineOptions(cutoff=5.0, iterations=1, soft_tissue="never")
+    found = refine(subject.generic, [short], options=options)
     assert (found.body, found.masses, found.kept) == (False, True, True)
     assert found.notes[0].startswith(
         "lengths and marker positions are those of the given model, only masses were refined: refined body and masses "
@@ -253,7 +257,7 @@ def test_masses_of_a_simulated_person_are_found_again(options, monkeypatch):
     The narrow problem begins with the given masses, so that nothing but its own search finds the true ones.
     """
     if options is NARROW:
-        monkeypatch.setattr(trial_data, "identified_masses", lambda model, *given: inertial_parameters(model))
+        monkeypatch.setattr(trial_data, "identified_masses", lambda model, *given: (inertial_parameters(model), None))
     person, given, found = simulated(1, 6.0, options)
     assert found.after.force < 0.3 * found.before.force
     assert found.after.moment < 0.3 * found.before.moment

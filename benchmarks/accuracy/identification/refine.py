@@ -97,7 +97,13 @@ def rows_of(subject: Subject, trials: tuple[str, ...], found: Refinement) -> Ite
                 for each in unseen
             ),
             "refined": _parts(found),
+            "soft tissue": soft_tissue_text(found.soft_tissue),
         }
+
+
+def soft_tissue_text(tissue: SoftTissue | None) -> str:
+    """Alphas, or that there are none."""
+    return "none" if tissue is None else tissue.words
 
 
 def _parts(found: Refinement) -> str:
@@ -333,10 +339,7 @@ def row(person: Recorded, train: list[Part], test: Part) -> Row:
     seconds = perf_counter() - begun
 
     def errors(made: mm.Model, tissue: SoftTissue | None = None) -> Errors:
-        seen = opened(made, unseen, options)
-        if tissue is not None:
-            seen = replace(seen, usable=replace(seen.usable, recording=seen.usable.recording.moved(tissue.of)))
-        return errors_on(made, seen, None, on_given.usable.use)
+        return errors_on(made, opened(made, unseen, options), None, on_given.usable.use, tissue)
 
     return {
         "subject": person.name,
@@ -345,8 +348,9 @@ def row(person: Recorded, train: list[Part], test: Part) -> Row:
         "frames": int(on_given.usable.use.sum()),
         "calibrated": _ratio_text(given),
         "identify": "refused" if identified is None else _against(errors(*identified), given),
-        "refine": _against(errors(found.model), given),
+        "refine": _against(errors(found.model, found.soft_tissue), given),
         "refined": refined_parts(replace(options, body=found.body, masses=found.masses)),
+        "soft tissue": soft_tissue_text(found.soft_tissue),
         "warned": bool(found.notes),
         "in-sample before": _ratio_text(found.before),
         "in-sample after": _ratio_text(found.after),

@@ -85,9 +85,23 @@ def with_soft_tissue(model: Model, markers: Fitted, strength: Strength, use: Use
     if use == "always":
         return fitted
     ratios = fitted.misfits(strength) / markers.misfits(strength)
-    lost = parts.several and bool((ratios > LOSS).any())
+    return fitted if predicts_better(ratios, parts.several) else markers
+
+
+def predicts_better(ratios: Array, several: bool) -> bool:
+    """Whether misfits on unseen parts, moment and force (parts, 2), over those with the motion of the markers, are such
+    that soft tissue is taken. `several`: whether the parts are whole recordings.
+    """
+    lost = several and bool((ratios > LOSS).any())
     # Moment and force together, as where identified masses are judged.
-    return fitted if np.sqrt(np.square(ratios).mean(axis=1)).mean() < GAIN and not lost else markers
+    return bool(np.sqrt(np.square(ratios).mean(axis=1)).mean() < GAIN) and not lost
+
+
+def usual_tissue(model: Model) -> SoftTissue:
+    """What soft tissue is before anything is measured."""
+    groups = coordinate_groups(model)
+    alpha, sd = (np.full(len(groups), value) for value in (ALPHA, np.hypot(ALPHA_SD, GROUP_SD)))
+    return SoftTissue(model.coordinate_names, groups, alpha, sd)
 
 
 def _slopes(model: Model, recording: Recording, parameters: Array, tissue: SoftTissue, member: np.ndarray) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 
 from myomorph.identify.pseudo_inertia import tangents
 from myomorph.identify.refine.frame_kernels import difference_frames
-from myomorph.identify.refine.problem import WIDTH, Problem, TrialData, Unknowns
+from myomorph.identify.refine.problem import WIDTH, Problem, Rates, TrialData, Unknowns
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.series import Motion
 from myomorph.rigid.coordinates import Ints
@@ -205,7 +205,7 @@ def slopes(
     problem: Problem,
     at: Unknowns,
     trial: TrialData,
-    rates: tuple[Array, Array, Array],
+    rates: Rates,
     nearby: list[tuple[TreeArrays, Array]],
 ) -> _Slopes:
     """Derivatives of markers and residuals of every frame in all unknowns; `rates` are consistent."""
@@ -239,11 +239,11 @@ def slopes(
     return _Slopes(of_rates, moved, by_length, residual_by_length, turned, by_mass)
 
 
-def _by_mass(problem: Problem, at: Unknowns, trial: TrialData, rates: tuple[Array, Array, Array]) -> Array:
+def _by_mass(problem: Problem, at: Unknowns, trial: TrialData, rates: Rates) -> Array:
     moved, model = problem.prior.moved, problem.stretched(at.factors)
     T = tangents(at.parameters[moved])
     result = np.zeros((len(trial.time), 6, 10 * len(moved)))
-    motion = Motion(trial.time, problem.model.coordinate_names, *(rate.copy() for rate in rates))
+    motion = Motion(trial.time, problem.model.coordinate_names, *(rate.copy() for rate in rates[:3]))
     for block in regressor_blocks(model, motion):
         by_link = block.rows.reshape(len(block.rows), 6, -1, 10)[:, :, moved]
         result[block.frames] = np.einsum("fqli,lij->fqlj", by_link, T, optimize=True).reshape(len(by_link), 6, -1)
@@ -280,7 +280,7 @@ def _trial_equations(
     cross = np.zeros((basis.count * n, p))
     row, column = np.tril_indices(window)
     # Markers do not feel masses, which come last.
-    shared = problem.columns()[2].start
+    shared, alphas = problem.columns()[2].start, problem.alphas
     for first in np.unique(basis.first):
         f = np.flatnonzero(basis.first == first)
         w0, w1, w2 = (basis.weights[nu, f] for nu in range(3))
@@ -292,19 +292,29 @@ def _trial_equations(
         shared_markers, shared_residual = _shared_rows(problem, of, f, marker_root, residual_root)
         block = A.T @ A
         per_frame = np.einsum("fir,fjr->fij", M, M, optimize=True)
+        if problem.tissue is not None:
+            # Markers depend on the window through values less alpha times accelerations.
+            soft = alphas * per_frame
+            mixed = np.einsum("fa,fb,fij->aibj", w0, w2, soft, optimize=True).reshape(window, window)
+            both = np.einsum("fa,fb,fij->aibj", w2, w2, alphas[:, None] * soft, optimize=True)
+            block += both.reshape(window, window) - mixed - mixed.T
         diagonal = weights.value + weights.bound * (beyond[f] != 0.0)
         per_frame[:, np.arange(n), np.arange(n)] += diagonal
         block += np.einsum("fa,fb,fij->aibj", w0, w0, per_frame, optimize=True).reshape(window, window)
         bend = np.einsum("fa,fb->ab", w2, w2)
         block += np.kron(bend, np.diag(weights.acceleration))
-        pull = np.einsum("fir,fr->fi", M, misses[f]) + weights.value * values[f] + weights.bound * beyond[f]
-        gradient = np.einsum("fa,fi->ai", w0, pull) + np.einsum("fa,fi->ai", w2, weights.acceleration * bends[f])
+        seen = np.einsum("fir,fr->fi", M, misses[f])
+        pull = seen + weights.value * values[f] + weights.bound * beyond[f]
+        bent = weights.acceleration * bends[f] - alphas * seen
+        gradient = np.einsum("fa,fi->ai", w0, pull) + np.einsum("fa,fi->ai", w2, bent)
         span = slice(first * n, first * n + window)
         band[row - column, first * n + column] += block[row, column]
         right[span] += gradient.ravel() + A.T @ b
         if p:
             joined = np.einsum("fir,frp->fip", M, shared_markers, optimize=True)
-            cross[span, :shared] += np.einsum("fa,fip->aip", w0, joined, optimize=True).reshape(window, shared)
+            for w, of_coordinates in ((w0, joined), (w2, -alphas[:, None] * joined)):
+                crossed = np.einsum("fa,fip->aip", w, of_coordinates, optimize=True)
+                cross[span, :shared] += crossed.reshape(window, shared)
             cross[span] += A.T @ shared_residual
             flat = shared_markers.reshape(len(f) * errors[0].size, shared)
             H[:shared, :shared] += flat.T @ flat

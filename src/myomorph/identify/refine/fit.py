@@ -25,6 +25,7 @@ from myomorph.identify.refine.predictions import (
 from myomorph.identify.refine.problem import Problem, Unknowns, generic_parameters, motion_of
 from myomorph.identify.refine.refinement import Errors, Prediction, RefinedTrial, Refinement, SubjectTrial
 from myomorph.identify.refine.trial_data import Opened, opened, problem_of, thinned
+from myomorph.identify.soft_tissue import Use, predicts_better
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, BadModel
 from myomorph.model.inertia import inertial_parameters, with_inertial_parameters
@@ -150,6 +151,8 @@ def refine(
     body's: masses change by P = L (I + E / 2)^2 L^T of their pseudo-inertia. Normal equations are banded in the
     coefficients of each motion; their Schur complement leaves the shared unknowns.
 
+    Where markers move more than the mass (`soft_tissue`), they are seen at q - alpha q'', by the alphas of `identify`.
+
     Where body and masses predict recordings that were not used worse than the given ones, masses alone are refined;
     where these do too, motions alone.
 
@@ -233,7 +236,7 @@ def _check_model(model: Model) -> None:
 class _Choice:
     """What is refined in the end."""
 
-    options: RefineOptions
+    options: RefineOptions  # with soft tissue "always" or "never"
     predictions: tuple[Prediction, ...]  # by what is refined, or by what was tried last where only motions are
     # what was not taken because it predicts worse, with its predictions
     tried: tuple[tuple[str, tuple[Prediction, ...]], ...] = ()
@@ -246,16 +249,29 @@ def _choice(
     options: RefineOptions,
     progress: Callable[[], None],
 ) -> _Choice:
-    """Body and masses, masses alone or nothing but motions: the first that does not predict worse."""
+    """Body and masses, masses alone or nothing but motions: the first that does not predict worse. Soft tissue where
+    `identify` has it of the same recordings, and predictions here are better with it too.
+    """
     tried: list[tuple[str, tuple[Prediction, ...]]] = []
     predictions: tuple[Prediction, ...] = ()
+    uses: tuple[Use, ...] = (options.soft_tissue,)
+    if options.soft_tissue == "auto":
+        checked = options.check and (options.body or options.masses)
+        soft = checked and problem_of(model, trials, recorded, options).tissue is not None
+        uses = ("never", "always") if soft else ("never",)
+    chosen = replace(options, soft_tissue=uses[0])
     while options.check and (options.body or options.masses):
-        predictions = predictions_of(model, trials, recorded, options, progress)
+        ways = [replace(options, soft_tissue=use) for use in uses]
+        predicted = [predictions_of(model, trials, recorded, way, progress) for way in ways]
+        softer = [np.divide(new.ratios, old.ratios) for old, new in zip(predicted[0], predicted[-1], strict=True)]
+        taken = -1 if predicts_better(np.array(softer), len(trials) > 1) else 0
+        chosen, predictions = ways[taken], predicted[taken]
         if not worse(predictions):
             break
         tried.append((refined_parts(options), predictions))
         options = replace(options, body=False, masses=options.masses and options.body)
-    return _Choice(options, predictions, tuple(tried))
+        chosen = replace(options, soft_tissue=uses[0])
+    return _Choice(chosen, predictions, tuple(tried))
 
 
 def _refinement(
@@ -284,6 +300,7 @@ def _refinement(
         predictions=choice.predictions,
         body=problem.body,
         masses=problem.masses,
+        soft_tissue=problem.tissue,
         kept=bool(choice.tried),
         converged=solution.converged,
         notes=(*markers_left(refined), *_notes(problem, solution, choice, recorded)),

@@ -14,28 +14,33 @@ STEP = 1e-6  # Step of the differences in coordinates and their rates [rad, m an
 
 
 @kernel
-def predict_frames(T, body, location, c, cdot, cddot, measured, places, residual):
+def predict_frames(T, body, location, c, cdot, cddot, seen, measured, places, residual):
     """Fill places (frames, markers, 3) [m] and residual (frames, 6): moment about the base's origin and force.
-    `body`, `location`: of the markers; `c`, `cdot`, `cddot` (frames, coordinates); dependent ones are set; `measured`
-    (frames, 6) moment about the ground's origin [N m] and force [N] of the external wrenches.
+    `body`, `location`: of the markers; `c`, `cdot`, `cddot` (frames, coordinates) and `seen`, those that markers show;
+    dependent ones are set; `measured` (frames, 6) moment about the ground's origin [N m] and force [N] of the external
+    wrenches.
     """
     n, axes = T.parent.shape[0], T.axis_kind.shape[0]
     R, p = np.empty((n, 3, 3)), np.empty((n, 3))
     w, o, dphi = np.empty((axes, 3)), np.empty((axes, 3)), np.empty((axes, 2))
     rates = np.empty((6, n, 3))
     for frame in range(c.shape[0]):
+        couple(T, seen[frame])
+        body_poses(T, seen[frame], R, p, w, o, dphi)
+        put_places(body, location, R, p, places[frame])
         couple(T, c[frame])
         couple_rates(T, c[frame], cdot[frame], cddot[frame])
         body_poses(T, c[frame], R, p, w, o, dphi)
-        put_places(body, location, R, p, places[frame])
         root_residual(T, c[frame], cdot[frame], cddot[frame], R, p, w, o, measured[frame], rates, residual[frame])
 
 
 @kernel
-def difference_frames(T, body, location, free, c, cdot, cddot, measured, by_value, by_rate, by_acceleration, moved):
+def difference_frames(
+    T, body, location, free, c, cdot, cddot, seen, measured, by_value, by_rate, by_acceleration, moved
+):
     """Derivatives of every frame in the free coordinates (frames, 6, free), and of the markers (frames, free, 3 m).
-    `by_value`, `by_rate`, `by_acceleration`: filled, of the residual; `moved`: filled, of the markers in the
-    coordinates.
+    `by_value`, `by_rate`, `by_acceleration`: filled, of the residual; `moved`: filled, of the markers in `seen`,
+    their coordinates.
     """
     n, axes, m = T.parent.shape[0], T.axis_kind.shape[0], body.shape[0]
     R, p = np.empty((n, 3, 3)), np.empty((n, 3))
@@ -46,8 +51,9 @@ def difference_frames(T, body, location, free, c, cdot, cddot, measured, by_valu
     x, v, a = np.empty(c.shape[1]), np.empty(c.shape[1]), np.empty(c.shape[1])
     for frame in range(c.shape[0]):
         # Rates and accelerations first: they share the poses of the frame.
-        body_poses(T, c[frame], R, p, w, o, dphi)
+        body_poses(T, seen[frame], R, p, w, o, dphi)
         put_places(body, location, R, p, base_at)
+        body_poses(T, c[frame], R, p, w, o, dphi)
         root_residual(T, c[frame], cdot[frame], cddot[frame], R, p, w, o, measured[frame], rates, base)
         for change in range(2 * free.shape[0]):
             i = change % free.shape[0]
@@ -71,8 +77,12 @@ def difference_frames(T, body, location, free, c, cdot, cddot, measured, by_valu
             couple(T, x)
             couple_rates(T, x, v, a)
             body_poses(T, x, R, p, w, o, dphi)
-            put_places(body, location, R, p, at)
             root_residual(T, x, v, a, R, p, w, o, measured[frame], rates, r)
+            x[:] = seen[frame]
+            x[free[i]] += STEP
+            couple(T, x)
+            body_poses(T, x, R, p, w, o, dphi)
+            put_places(body, location, R, p, at)
             for q in range(6):
                 by_value[frame, q, i] = (r[q] - base[q]) / STEP
             for marker in range(m):

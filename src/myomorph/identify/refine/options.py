@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from myomorph.identify.soft_tissue import Use
 from myomorph.model.errors import BadData
 
 
@@ -24,6 +25,8 @@ class RefineOptions:
     mass_sd : how far a link's mass may differ from the one that `identify` finds in the same recordings, of itself
     body : whether lengths and marker positions change
     masses : whether masses, mass centers and inertias change
+    soft_tissue : whether markers move more than the body's mass: "auto" where that predicts unseen parts of the
+        recordings better (with `check`), "always" or "never"
     iterations : at most so many steps
     check : predict every recording, or the parts of a single one, from the others, and keep the model's body and
         masses where they predict better
@@ -39,6 +42,7 @@ class RefineOptions:
     mass_sd: float = 0.2
     body: bool = True
     masses: bool = True
+    soft_tissue: Use = "auto"
     iterations: int = 20
     check: bool = True
 
@@ -46,6 +50,8 @@ class RefineOptions:
         for name in ("cutoff", "marker_time", "force_noise", "moment_noise", "length_sd", "mass_sd", "iterations"):
             if not getattr(self, name) > 0:
                 raise BadData(f"refine: {name} is {getattr(self, name):g}; expected a number above 0")
+        if self.soft_tissue not in ("auto", "always", "never"):
+            raise BadData(f"soft_tissue is '{self.soft_tissue}': expected 'auto', 'always' or 'never'")
         for name in ("marker_noise", "marker_sd"):
             value = getattr(self, name)
             if value is not None and not value > 0.0:

@@ -21,6 +21,7 @@ from myomorph.model.arrays import Array, read_only
 from myomorph.model.inertia import with_inertial_parameters
 from myomorph.model.model import Model
 from myomorph.model.scale import scale
+from myomorph.model.soft_tissue import SoftTissue
 from myomorph.motion.lengths import factors_of
 from myomorph.rigid.regressor import base_wrench
 
@@ -136,12 +137,18 @@ LEAVES_MARKERS = 1.1
 not taken, whatever its forces."""
 
 
-def errors_on(model: Model, opened: Opened, within: np.ndarray | None = None, use: np.ndarray | None = None) -> Errors:
+def errors_on(
+    model: Model,
+    opened: Opened,
+    within: np.ndarray | None = None,
+    use: np.ndarray | None = None,
+    tissue: SoftTissue | None = None,
+) -> Errors:
     """Errors of plain inverse kinematics, filtered, on a model; the residual where the plates carry all.
     `within` (frames,) of the forces' clock that count; all by default; `use` (frames,) in which the plates carry all;
-    by default as the model itself says.
+    by default as the model itself says; `tissue`: by which markers move more than the mass.
     """
-    recording = opened.usable.recording
+    recording = opened.usable.recording if tissue is None else opened.usable.recording.moved(tissue.of)
     counts = opened.usable.use if use is None else use
     residual = needed_wrench(model, recording.motion) - base_wrench(model, recording.motion, recording.wrenches)
     residual = residual[counts if within is None else counts & within]
@@ -203,7 +210,7 @@ def _prediction(
     use = on_given.usable.use
 
     def errors(made: Model) -> Errors:
-        return errors_on(made, opened(made, trial, problem.options), within, use)
+        return errors_on(made, opened(made, trial, problem.options), within, use, problem.tissue)
 
     before, few = errors_on(model, on_given, within, use), thinned(problem)
     first = motions_alone(few, progress)

@@ -20,6 +20,7 @@ from myomorph.model.inertia import inertia_matrices, inertial_parameters, parame
 from myomorph.model.model import Model
 from myomorph.model.scale import scale
 from myomorph.model.series import Motion
+from myomorph.model.soft_tissue import SoftTissue
 from myomorph.motion.lengths import Length, factors_of
 from myomorph.motion.pose_problem import PoseProblem
 from myomorph.rigid.coordinates import Ints, couple_rates_frames
@@ -28,6 +29,9 @@ from myomorph.rigid.tree import TreeArrays, compile_tree
 
 DEGREE = 5  # Accelerations are cubic splines then, smooth as those of a filtered motion
 WIDTH = DEGREE + 1  # Knots that a frame depends on
+
+Rates = tuple[Array, Array, Array, Array]
+"""(frames, coordinates) values, rates and accelerations of the mass, and the values that markers show."""
 
 
 @read_only
@@ -151,6 +155,13 @@ class Problem:
     # body, masses: whether lengths and marker positions, and masses are unknown
     body: bool = True
     masses: bool = True
+    tissue: SoftTissue | None = None  # by which markers move more than the mass; None where they do not
+
+    @property
+    def alphas(self) -> Array:
+        """(free,) of soft tissue, of the free coordinates [s^2]."""
+        free = self.pose.free
+        return np.zeros(len(free)) if self.tissue is None else self.tissue.alpha[free]
 
     @property
     def marker_variance(self) -> float:
@@ -207,17 +218,17 @@ class Problem:
         """The tree at a point."""
         return with_masses(compile_tree(self.stretched(at.factors)).arrays, at.parameters)
 
-    def rates(self, trial: TrialData, coefficients: Array) -> tuple[Array, Array, Array]:
-        """Values, rates and accelerations (frames, coordinates) of a trial's splines."""
+    def rates(self, trial: TrialData, coefficients: Array) -> Rates:
+        """Of a trial's splines."""
         c = trial.start.copy()
         cdot, cddot = np.zeros_like(c), np.zeros_like(c)
         for nu, values in enumerate((c, cdot, cddot)):
             values[:, self.pose.free] = trial.basis.at(coefficients, nu)
-        return c, cdot, cddot
+        seen, free = c.copy(), self.pose.free
+        seen[:, free] -= self.alphas * cddot[:, free]
+        return c, cdot, cddot, seen
 
-    def predict(
-        self, tree: TreeArrays, locations: Array, trial: TrialData, rates: tuple[Array, Array, Array]
-    ) -> tuple[Array, Array]:
+    def predict(self, tree: TreeArrays, locations: Array, trial: TrialData, rates: Rates) -> tuple[Array, Array]:
         """Markers less observed (frames, markers, 3), 0 where unseen, and residuals (frames, 6), 0 where not used.
         Dependent coordinates of `rates` are set.
         """
@@ -274,7 +285,7 @@ def motion_of(problem: Problem, at: Unknowns, number: int) -> Motion:
     # Sets dependent values too.
     problem.predict(tree, problem.placed(at.factors, at.shifts), trial, rates)
     couple_rates_frames(tree, from_values, rates[1], rates[2])
-    return Motion(trial.time, problem.model.coordinate_names, *rates)
+    return Motion(trial.time, problem.model.coordinate_names, *rates[:3])
 
 
 def generic_parameters(model: Model, mass: float) -> Array:

@@ -10,6 +10,7 @@ import numpy as np
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion, Wrenches
+from myomorph.model.soft_tissue import SoftTissue
 from myomorph.motion.ik import InverseKinematicsOptions
 
 
@@ -118,6 +119,7 @@ class Refinement:
     mass_sd : (bodies,) standard deviation of the masses [kg]
     predictions : of what was left out, empty where not asked for
     body, masses : whether lengths and marker positions, and masses were refined in the end
+    soft_tissue : that was taken from the motions, which are those of the mass; None for none
     kept : whether parts of the given body were kept because they predict better
     converged : whether the last step was small
     notes : what looks wrong, one line each
@@ -134,6 +136,7 @@ class Refinement:
     predictions: tuple[Prediction, ...]
     body: bool
     masses: bool
+    soft_tissue: SoftTissue | None
     kept: bool
     converged: bool
     notes: tuple[str, ...]

@@ -12,12 +12,15 @@ from myomorph.identify.recordings import MASS_TOLERANCE, RecordingOptions, Usabl
 from myomorph.identify.refine.options import RefineOptions
 from myomorph.identify.refine.problem import Basis, MassPrior, Problem, TrialData
 from myomorph.identify.refine.refinement import SubjectTrial
+from myomorph.identify.soft_tissue import usual_tissue
 from myomorph.identify.subject import IdentificationOptions, identify
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.inertia import inertial_parameters
 from myomorph.model.model import Model
 from myomorph.model.series import DEFAULT_POSE, Motion, Wrenches
+from myomorph.model.soft_tissue import SoftTissue
+from myomorph.motion.filters import differentiate
 from myomorph.motion.ik import inverse_kinematics, pose_problem, tracked_markers
 from myomorph.motion.lengths import length_unit, lengths_of
 from myomorph.motion.stretch import skeleton
@@ -66,14 +69,14 @@ def problem_of(
         names = tuple(name for name in model.marker_names if name in weights)
     bare = skeleton(model)
     tree = compile_tree(bare)
-    masses = inertial_parameters(model)
-    if options.masses:
+    masses, tissue = inertial_parameters(model), None
+    if options.masses or options.soft_tissue != "never":
         inside = within or {}
         parts = [_weighed(_only(taken.usable, inside.get(index)), model.mass) for index, taken in enumerate(recorded)]
-        masses = identified_masses(model, parts, options.cutoff)
+        masses, tissue = identified_masses(model, parts, options)
     pose = pose_problem(tree, names, np.array([weights[name] for name in names]), trials[0].tracking)
     data = [
-        _trial_data(model, names, trial, taken, options, None if within is None else within.get(index))
+        _trial_data(model, names, trial, taken, options, None if within is None else within.get(index), tissue)
         for index, (trial, taken) in enumerate(zip(trials, recorded, strict=True))
     ]
     return Problem(
@@ -89,6 +92,7 @@ def problem_of(
         options,
         options.body,
         options.masses,
+        tissue,
     )
 
 
@@ -145,6 +149,7 @@ def _trial_data(
     recorded: Opened,
     options: RefineOptions,
     within: np.ndarray | None,
+    tissue: SoftTissue | None,
 ) -> TrialData:
     recording = recorded.usable.recording
     use = recorded.usable.use if within is None else recorded.usable.use & within
@@ -162,7 +167,8 @@ def _trial_data(
     for i, name in enumerate(names):
         if name in columns:
             observed[:, i] = trial.markers.values[frames, columns[name]]
-    start = _without_gaps(compile_tree(model).coordinates_of(recorded.motion)[frames])
+    motion = recorded.motion if tissue is None else tissue.of(differentiate(recorded.motion))
+    start = _without_gaps(compile_tree(model).coordinates_of(motion)[frames])
     return TrialData(
         trial.name, time[frames], observed, np.nan_to_num(wrench[chosen]), use[chosen], np.ones(len(start)), start,
         Basis.of(time[frames], 1.0 / (KNOTS * options.cutoff)), gain_of(recorded.usable, model.mass),
@@ -176,13 +182,19 @@ def _without_gaps(values: Array) -> Array:
     return np.column_stack([np.interp(at, at[known], column[known]) for column in values.T])
 
 
-def identified_masses(model: Model, recorded: Sequence[Usable], cutoff: float) -> Array:
-    """(bodies, 10) of `identify`; the model's where it keeps these, or the recordings are too short for it."""
-    # The motion of the problem is that of the markers.
-    options = IdentificationOptions(compare=False, soft_tissue="never")
+def identified_masses(
+    model: Model, recorded: Sequence[Usable], options: RefineOptions
+) -> tuple[Array, SoftTissue | None]:
+    """(bodies, 10) of `identify`, for the motion of the problem, and the soft tissue between it and the markers. The
+    model's, and soft tissue as before anything is measured, where it keeps these, or the recordings are too short.
+    """
+    same = IdentificationOptions(compare=False, soft_tissue=options.soft_tissue)
+    usual = usual_tissue(model) if options.soft_tissue == "always" else None
     points = {"own": own_points(model, DEFAULT_POSE, model.mass, SPACING)}
     try:
-        identification = identify(model, recorded, points, options=options, recording=RecordingOptions(cutoff=cutoff))
+        limits = RecordingOptions(cutoff=options.cutoff)
+        identification = identify(model, recorded, points, options=same, recording=limits)
     except BadData:
-        return inertial_parameters(model)
-    return identification.parameters[identification.chosen]
+        return inertial_parameters(model), usual
+    masses = identification.parameters[identification.chosen] if options.masses else inertial_parameters(model)
+    return masses, identification.soft_tissue or usual
