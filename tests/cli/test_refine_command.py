@@ -44,6 +44,7 @@ def test_a_walk_is_refined(command, data, tmp_path):
         "trials.csv",
         "masses.csv",
         "lengths.csv",
+        "soft_tissue.csv",
         "report.html",
         "provenance.json",
     } == {one.name for one in beside.iterdir()}

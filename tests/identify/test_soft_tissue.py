@@ -39,6 +39,7 @@ def test_the_law_of_a_sine():
     ):
         scale = np.abs(expected).max(axis=0) + 1e-3
         np.testing.assert_allclose(got[inside] / scale, expected[inside] / scale, atol=3e-3)
+    np.testing.assert_allclose(tissue.shown(soft)[inside], motion.values[inside], atol=3e-3)
 
 
 def test_gaps_stay_gaps_and_other_names_stay_as_they_are():
@@ -156,5 +157,5 @@ def test_the_table_is_read_again_and_changes_forces(runner, tmp_path):
     assert tissue.names == found.soft_tissue.names
     np.testing.assert_allclose(tissue.alpha, found.soft_tissue.alpha, rtol=1e-3)
     (tmp_path / "other.csv").write_text("a,b\n1,2\n", encoding="utf-8")
-    with pytest.raises(BadFile, match="identify wrote"):
+    with pytest.raises(BadFile, match="identify or refine wrote"):
         read_soft_tissue(tmp_path / "other.csv")

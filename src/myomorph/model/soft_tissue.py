@@ -56,6 +56,12 @@ class SoftTissue:
         """Each group's alpha, for a line of output."""
         return ", ".join(f"{name} {1e4 * alpha:.1f}" for name, (alpha, _) in self.by_group.items()) + " · 1e-4 s^2"
 
+    def shown(self, motion: Motion) -> Array:
+        """(frames, coordinates) that markers show of a motion of the mass: q - alpha q'', the inverse of `of`."""
+        alphas = dict(zip(self.names, self.alpha.tolist(), strict=True))
+        assert motion.accelerations is not None
+        return np.asarray(motion.values - motion.accelerations * [alphas.get(name, 0.0) for name in motion.names])
+
     def of(self, motion: Motion) -> Motion:
         """The motion of the body's mass: the low-pass 1 / (1 + alpha w^2) of every coordinate, zero lag. Accelerations
         are filtered, each unbroken run of frames by itself, and velocities and values changed by alpha times their

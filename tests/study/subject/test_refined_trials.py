@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
+from myomorph.io.formats import read_model
 from myomorph.io.osim.read import read_osim
-from myomorph.io.sto import read_sto
+from myomorph.io.sto import read_sto, table_from_motion, write_sto
+from myomorph.model.series import Motion
+from myomorph.model.soft_tissue import SoftTissue, coordinate_groups
+from myomorph.report.trial.identification_tables import tissue_sheet
 from myomorph.store.results import read_result
+from myomorph.study.inputs import refined
 from myomorph.study.plan.plan import read_plan
 from myomorph.study.run.run import run_study
 
@@ -54,6 +61,26 @@ def residual(path):
     return [
         float(np.sqrt(sum((table[f"pelvis_{name}"][middle] ** 2).mean() for name in names))) for names in parts.values()
     ]
+
+
+def test_markers_lie_where_soft_tissue_has_them(tmp_path):
+    """A refined motion is that of the mass; its marker errors are of q - alpha q'', here q (1 + alpha w^2)."""
+    ball = '<geom type="sphere" size=".1" mass="1"/>'
+    arm = f'<body name="arm" pos="0 0 .3"><joint name="shoulder" axis="1 0 0"/>{ball}</body>'
+    body = tmp_path / "body.xml"
+    body.write_text(f'<mujoco><worldbody><body name="trunk"><freejoint/>{ball}{arm}</body></worldbody></mujoco>')
+    model, time, w, alpha = read_model(body), np.arange(0.0, 2.0, 0.005), 12.0, 5e-4
+    values = 0.3 * np.sin(w * time)[:, None] * np.ones(len(model.coordinates))
+    path = tmp_path / "motions" / "walk.mot"
+    path.parent.mkdir()
+    write_sto(table_from_motion(Motion(time, model.coordinate_names, values), model), path)
+    opening = SimpleNamespace(model=model, values={})
+    assert refined._open(refined.RefinedFile(path, 6.0), opening).values[0].tissue is None
+    count = len(model.coordinates)
+    tissue = SoftTissue(model.coordinate_names, coordinate_groups(model), np.full(count, alpha), np.zeros(count))
+    (tmp_path / "soft_tissue.csv").write_text(tissue_sheet(tissue).csv())
+    of_markers = refined._open(refined.RefinedFile(path, 6.0), opening).values[0].of_markers
+    np.testing.assert_allclose(of_markers[20:-20], (1.0 + alpha * w**2) * values[20:-20], atol=1e-3)
 
 
 @pytest.mark.long

@@ -15,6 +15,7 @@ from myomorph.model.errors import BadData
 from myomorph.model.inertia import PARAMETERS
 from myomorph.model.model import Model
 from myomorph.model.segments import Segment, segments_of
+from myomorph.model.soft_tissue import SoftTissue
 from myomorph.report.page.parts import Cell, Sheet
 
 TRUST = ("standard deviation [kg]", "90 % interval from [kg]", "90 % interval to [kg]", "determined by")
@@ -188,9 +189,8 @@ def base_sheet(identification: Identification) -> Sheet:
     return Sheet(head, rows)
 
 
-def tissue_sheet(identification: Identification) -> Sheet:
+def tissue_sheet(tissue: SoftTissue | None) -> Sheet:
     """How much more each coordinate moves than the body's mass; no row where nothing was taken from the motion."""
-    tissue = identification.soft_tissue
     if tissue is None:
         return Sheet(SOFT_TISSUE_HEAD, ())
     rows = tuple(zip(tissue.names, tissue.groups, tissue.alpha.tolist(), tissue.sd.tolist(), strict=True))
@@ -212,4 +212,4 @@ def identification_tables(
         name = re.sub(r"[^A-Za-z0-9_.-]+", "_", trial)
         sheets[f"wrench_{name or i + 1}.csv"] = wrench_sheet(check)
     tables = {name: sheet for name, sheet in sheets.items() if sheet is not None and sheet.rows}
-    return tables | {"soft_tissue.csv": tissue_sheet(identification)}
+    return tables | {"soft_tissue.csv": tissue_sheet(identification.soft_tissue)}

@@ -13,10 +13,12 @@ from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData, BadFile
 from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion, Wrenches
+from myomorph.model.soft_tissue import SoftTissue
 from myomorph.store.results import file_source
 from myomorph.study.inputs.input import Input, Opened, Opening
 from myomorph.study.inputs.loads import ExternalLoads
 from myomorph.study.inputs.reading import read_motion
+from myomorph.study.inputs.soft_tissue import SOFT_TISSUE, read_soft_tissue
 
 if TYPE_CHECKING:
     from myomorph.motion.marker_checks import CheckedFit
@@ -35,11 +37,21 @@ class RefinedFile:
 @read_only
 class RefinedMotion:
     """Coordinates that agree with markers and forces. `cutoff`: of the low-pass filter of the forces; the motion holds
-    nothing much above it [Hz].
+    nothing much above it [Hz]; `tissue`: by which its markers move more, None for not at all.
     """
 
     motion: Motion
     cutoff: float
+    tissue: SoftTissue | None = None
+
+    @property
+    def of_markers(self) -> Array:
+        """(frames, coordinates) that the markers show."""
+        if self.tissue is None:
+            return self.motion.values
+        from myomorph.motion.filters import differentiate
+
+        return self.tissue.shown(differentiate(self.motion))
 
 
 def _open(settings: RefinedFile, opening: Opening) -> Opened:
@@ -51,7 +63,8 @@ def _open(settings: RefinedFile, opening: Opening) -> Opened:
         return Opened()
     from myomorph.motion.sync import resample_wrenches
 
-    motion = read_motion(path, opening.model)
+    motion, table = read_motion(path, opening.model), path.parent.parent / SOFT_TISSUE
+    tissue = read_soft_tissue(table) if table.is_file() else None
     if motion.names != opening.model.coordinate_names:
         raise BadFile(path, "is no refined motion of this model", "run the study again with --fresh")
 
@@ -61,7 +74,7 @@ def _open(settings: RefinedFile, opening: Opening) -> Opened:
         return resample_wrenches(wrenches, wrenches.time, settings.cutoff)
 
     return Opened(
-        (RefinedMotion(motion, settings.cutoff), None if loads is None else ExternalLoads(filtered)),
+        (RefinedMotion(motion, settings.cutoff, tissue), None if loads is None else ExternalLoads(filtered)),
         (file_source("refined motion", path),),
         real="coordinates refined together with body, masses and forces",
     )
@@ -83,9 +96,11 @@ def refined_fit(
         raise BadData(f"{name}: its refined motion is of other frames than its markers: run again with --fresh")
     markers = replace(checked.markers, time=fit.motion.time[rows], values=checked.markers.values[rows])
     seen = np.isfinite(fit.motion.values[rows]).all(axis=1)
-    values = np.where(seen[:, None], refined.motion.values, np.nan)
-    motion = Motion(markers.time, refined.motion.names, values)
-    errors = marker_distances(model, fit.marker_names, markers, motion)
+    motion, shown = (
+        Motion(markers.time, refined.motion.names, np.where(seen[:, None], values, np.nan))
+        for values in (refined.motion.values, refined.of_markers)
+    )
+    errors = marker_distances(model, fit.marker_names, markers, shown)
     lost = len(fit.motion) - int(rows.sum())
     notes = (
         (f"coordinates are refined from {time[0]:.2f} to {time[-1]:.2f} s, where forces were recorded; {lost} frames "

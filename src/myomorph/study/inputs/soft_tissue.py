@@ -1,4 +1,4 @@
-"""How much more a subject's markers move than the body's mass, as `identify` found it."""
+"""How much more a subject's markers move than the body's mass, as `identify` or `refine` found it."""
 
 from __future__ import annotations
 
@@ -15,21 +15,23 @@ from myomorph.store.results import file_source
 from myomorph.study.inputs.input import Input, Opened, Opening
 from myomorph.study.inputs.keys import File
 
+SOFT_TISSUE = "soft_tissue.csv"  # Table of `identify` and `refine`.
+
 
 @dataclass(frozen=True)
 class SoftTissueFile:
-    """How much more markers move than the body's mass: soft_tissue.csv of `identify`; it is taken from the motion
-    before forces are computed.
+    """How much more markers move than the body's mass: soft_tissue.csv of `identify` or `refine`; it is taken from the
+    motion before forces are computed.
     """
 
     soft_tissue: Annotated[Path | None, File()] = None
 
 
 def read_soft_tissue(path: Path) -> SoftTissue:
-    """Read a table of `identify`. Raises `BadFile`: it is none."""
+    """Read a table of `identify` or `refine`. Raises `BadFile`: it is none."""
     from myomorph.report.trial.identification_tables import SOFT_TISSUE_HEAD
 
-    hint = "give soft_tissue.csv of the folder that identify wrote beside its model"
+    hint = "give soft_tissue.csv of the folder that identify or refine wrote beside its model"
     try:
         with path.open(encoding="utf-8", newline="") as stream:
             head, *rows = csv.reader(stream)
@@ -43,7 +45,7 @@ def read_soft_tissue(path: Path) -> SoftTissue:
 
 def _open(settings: SoftTissueFile, opening: Opening) -> Opened:
     path = settings.soft_tissue
-    # The table of `identify` is empty where markers move as the mass does.
+    # The table is empty where markers move as the mass does.
     if path is None or not (tissue := read_soft_tissue(path)).names:
         return Opened()
     assumed = f"Forces are of the motion without soft tissue, as {path.name} says it"

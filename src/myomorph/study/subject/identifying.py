@@ -217,7 +217,7 @@ def _write_tables(identified: Identified, folder: Path, subject: str) -> None:
     notes = [Note("real", f"Motions: {recordings}.")]
     notes.append(Note("assumed", f"Shape of the body: {identification.points.source}."))
     if identification.soft_tissue is not None:
-        notes.append(Note("assumed", f"Soft tissue: {_tissue_line(identification.soft_tissue)}."))
+        notes.append(Note("assumed", f"Soft tissue: {tissue_line(identification.soft_tissue)}."))
     page = report_page(
         ReportInput(
             PageHead.of(f"{subject}: identified body", identified.provenance, notes, identification.notes),
@@ -262,7 +262,7 @@ def summary(identified: Identified) -> list[str]:
     if identification.chosen == GENERIC:
         lines[-1] += "; the generic masses are kept"
     if identification.soft_tissue is not None:
-        lines.append(_tissue_line(identification.soft_tissue))
+        lines.append(tissue_line(identification.soft_tissue))
     data = identification.known.data
     lines.append(
         f"{int(data.sum())} of {data.size} parameters determined by the data (rank "
@@ -279,7 +279,8 @@ def summary(identified: Identified) -> list[str]:
     return lines
 
 
-def _tissue_line(tissue: SoftTissue) -> str:
+def tissue_line(tissue: SoftTissue) -> str:
+    """What is printed of soft tissue."""
     return (
         f"markers move more than the body's mass; alpha of 1 / (1 + alpha w^2): {tissue.words}; the masses are for the "
         "motion without it"

@@ -19,17 +19,20 @@ from myomorph.model.provenance import Provenance
 from myomorph.motion.ik import InverseKinematicsOptions
 from myomorph.muscles.kinematics import default_path_lengths
 from myomorph.report.page.parts import Grid, Note, PageHead, Section
+from myomorph.report.trial.identification_tables import tissue_sheet
 from myomorph.report.trial.report_input import ReportInput
 from myomorph.store.progress import progress
 from myomorph.store.results import file_name, provenance_of
 from myomorph.store.settings import TrialMotion, plain_settings, with_settings
 from myomorph.study.inputs.error_size_tables import write_error_sizes
 from myomorph.study.inputs.loads import ExternalLoads
+from myomorph.study.inputs.motion import RecordedMotion
 from myomorph.study.inputs.reading import open_model
+from myomorph.study.inputs.soft_tissue import SOFT_TISSUE
 from myomorph.study.step.folder_steps import FolderOutput
 from myomorph.study.step.step import Step
 from myomorph.study.subject.found_errors import refined_errors
-from myomorph.study.subject.identifying import check_mass
+from myomorph.study.subject.identifying import check_mass, tissue_line
 from myomorph.study.subject.subject_files import SubjectInputs, recordings_provenance
 from myomorph.study.subject.subjects import Made, tables_folder, write_made_model, write_rows
 from myomorph.study.trial.steps.ik import solve_kinematics
@@ -58,6 +61,8 @@ def refined(trials: Sequence[TrialInputs], mass: float | None, options: RefineOp
         loads = trial.get(ExternalLoads)
         if trial.recording.markers is None or loads is None:
             continue
+        if trial.get(RecordedMotion) is not None:
+            warnings.append(f"{trial.name}: refined from its markers; the motion that 'transfer' carried is not used")
         checked = solve_kinematics(trial)
         wrenches = loads.of(checked.fit.motion)
         warnings += [f"{trial.name}: {text}" for text in (*map(str, checked.findings), *wrenches.notes)]
@@ -87,6 +92,7 @@ def write_refined(refined: Made[Refinement], out: Path, tables: Path | None = No
         write_rows(mass_rows(refinement), folder / "masses.csv")
         write_error_sizes(folder, STEP.name, refined_errors(refinement))
         write_rows(length_rows(refinement), folder / "lengths.csv")
+        (folder / SOFT_TISSUE).write_text(tissue_sheet(refinement.soft_tissue).csv(), encoding="utf-8")
         from myomorph.study.trial.reporting import REPORT
 
         (folder / REPORT).write_text(_page(refined), encoding="utf-8")
@@ -162,6 +168,8 @@ def summary(refinement: Refinement) -> list[str]:
         f"{sum(trial.used for trial in refinement.trials)} of "
         f"{sum(trial.frames for trial in refinement.trials)} frames with plates"
     ]
+    if refinement.soft_tissue is not None:
+        lines.append(tissue_line(refinement.soft_tissue))
     lines += [
         f"{prediction.name}, not used: {_errors(prediction.refined)} (given model {_errors(prediction.given)})"
         for prediction in refinement.predictions
@@ -230,7 +238,9 @@ STEP = Step(
     title="motion, body and masses at once",
     options=(RefineOptions, TrialMotion),
     tables="refinement",
-    leaves=FrozenMap({"model": "refined.osim", "motions": f"refinement/{MOTIONS}"}),
+    leaves=FrozenMap(
+        {"model": "refined.osim", "motions": f"refinement/{MOTIONS}", "soft_tissue": f"refinement/{SOFT_TISSUE}"}
+    ),
     run=_run,
     made_from=_made_from,
 )
