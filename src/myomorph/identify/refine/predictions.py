@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from typing import TypeVar
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, cho_solve_banded, cholesky_banded
@@ -102,11 +101,6 @@ def _reduce(equations: Equations, damping: float) -> tuple[Array, Array, list[Ar
     return H, g, solved
 
 
-def reduced_information(equations: Equations) -> Array:
-    """(shared, shared) what is known of the shared unknowns, with all motions eliminated."""
-    return _reduce(equations, 0.0)[0]
-
-
 def covariance(problem: Problem, at: Unknowns) -> Array:
     """(shared, shared) of the shared unknowns, all motions unknown too.
     Masses that are identified first come from the same recordings, so that they are no prior knowledge: links are
@@ -115,7 +109,7 @@ def covariance(problem: Problem, at: Unknowns) -> Array:
     if not problem.count:
         return np.zeros((0, 0))
     problem = replace(problem, prior=MassPrior.of(problem.prior.reference, LINK_SD))
-    return np.asarray(np.linalg.inv(reduced_information(linearize(problem, at))), dtype=np.float64)
+    return np.asarray(np.linalg.inv(_reduce(linearize(problem, at), 0.0)[0]), dtype=np.float64)
 
 
 def mass_sd(problem: Problem, at: Unknowns, spread: Array) -> Array:
@@ -130,7 +124,6 @@ def mass_sd(problem: Problem, at: Unknowns, spread: Array) -> Array:
     return result
 
 
-Kind = TypeVar("Kind")
 WORSE = 1.02  # Ratio to the given model above which a prediction is worse
 LEAVES_MARKERS = 1.1
 """Ratio of the marker errors of predictions to those of a body that only markers made, above which a refined body is
@@ -177,10 +170,12 @@ def predictions_of(
     """Every trial by the others, or the halves of a single one by each other."""
     held_out: Iterator[tuple[str, Problem, tuple[SubjectTrial, Opened, np.ndarray | None]]]
     if len(trials) > 1:
+        others = [[j for j in range(len(trials)) if j != i] for i in range(len(trials))]
         held_out = (
-            (trial.name, problem_of(model, _without(trials, i), _without(recorded, i), options), (trial, on, None))
-            for i, (trial, on) in enumerate(zip(trials, recorded, strict=True))
-        )
+            (trial.name, problem_of(model, [trials[j] for j in rest], [recorded[j] for j in rest], options),
+             (trial, on, None))
+            for trial, on, rest in zip(trials, recorded, others, strict=True)
+        )  # fmt: skip
     else:
         (trial,), (on,) = trials, recorded
         middle = np.cumsum(on.usable.use) * 2 >= on.usable.use.sum()
@@ -189,10 +184,6 @@ def predictions_of(
             for half, seen in (("second half", ~middle), ("first half", middle))
         )
     return tuple(_prediction(name, model, problem, left_out, progress) for name, problem, left_out in held_out)
-
-
-def _without(every: Sequence[Kind], left_out: int) -> list[Kind]:
-    return [kind for i, kind in enumerate(every) if i != left_out]
 
 
 def _prediction(
