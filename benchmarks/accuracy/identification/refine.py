@@ -97,13 +97,8 @@ def rows_of(subject: Subject, trials: tuple[str, ...], found: Refinement) -> Ite
                 for each in unseen
             ),
             "refined": _parts(found),
-            "soft tissue": soft_tissue_text(found.soft_tissue),
+            "soft tissue": "none" if found.soft_tissue is None else found.soft_tissue.words,
         }
-
-
-def soft_tissue_text(tissue: SoftTissue | None) -> str:
-    """Alphas, or that there are none."""
-    return "none" if tissue is None else tissue.words
 
 
 def _parts(found: Refinement) -> str:
@@ -350,7 +345,7 @@ def row(person: Recorded, train: list[Part], test: Part) -> Row:
         "identify": "refused" if identified is None else _against(errors(*identified), given),
         "refine": _against(errors(found.model, found.soft_tissue), given),
         "refined": refined_parts(replace(options, body=found.body, masses=found.masses)),
-        "soft tissue": soft_tissue_text(found.soft_tissue),
+        "soft tissue": "none" if found.soft_tissue is None else found.soft_tissue.words,
         "warned": bool(found.notes),
         "in-sample before": _ratio_text(found.before),
         "in-sample after": _ratio_text(found.after),
