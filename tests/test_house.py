@@ -6,9 +6,9 @@ import pytest
 from benchmarks.house import CHECKOUT, checkout_texts, count
 
 LIMITS = {
-    ("lines", "src"): 124_160,
-    ("lines", "benchmarks"): 26_529,
-    ("words", "documentation"): 99_805,
+    ("lines", "src"): 124_275,
+    ("lines", "benchmarks"): 26_528,
+    ("words", "documentation"): 99_796,
     ("vague", "src"): 6.5,
 }
 
