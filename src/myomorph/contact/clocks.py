@@ -10,9 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from myomorph.contact.impacts import (
-    site_places,
-)
+from myomorph.contact.impacts import site_places
 from myomorph.contact.sound import HeardImpacts
 from myomorph.model.arrays import Array
 from myomorph.model.contacts import Contacts, Site

@@ -151,10 +151,7 @@ def contacts_heard(heard: HeardImpacts, sites: Sequence[str], duration: float = 
 
 
 def _told_apart(
-    instruments: Sequence[Instrument],
-    arrivals: Mapping[str, Sequence[Onset]],
-    heard: Mapping[str, Heard],
-    speed: float,
+    instruments: Sequence[Instrument], arrivals: Mapping[str, Sequence[Onset]], heard: Mapping[str, Heard], speed: float
 ) -> list[HeardImpact]:
     """Arrivals of all channels as impacts: those that are close in time are explained together."""
     ways = {instrument.name: instrument.distance / speed for instrument in instruments}

@@ -180,11 +180,7 @@ def steady(state: Bools, time: Array, shortest: float) -> Bools:
 
 
 def by_plates(
-    model: Model,
-    moving: SiteMotion,
-    sites: Sequence[Site],
-    plates: Wrenches,
-    options: ContactStateOptions,
+    model: Model, moving: SiteMotion, sites: Sequence[Site], plates: Wrenches, options: ContactStateOptions
 ) -> Contacts:
     """Touches from loaded plates: of the group whose sites are nearest to the center of pressure.
     A plate is loaded from `loaded` of the model's weight on, until less than `unloaded` is left. Of the group, the

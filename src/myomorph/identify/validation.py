@@ -158,11 +158,7 @@ class Consistency:
 
 
 def consistency(
-    names: Sequence[str],
-    parameters: ArrayLike,
-    *,
-    points: MassPoints | None = None,
-    inside: Inside | None = None,
+    names: Sequence[str], parameters: ArrayLike, *, points: MassPoints | None = None, inside: Inside | None = None
 ) -> Consistency:
     """Check each link: mass above 0, pseudo-inertia positive definite, mass center inside the body. `names`,
     `parameters` (links, 10) in [D] order; `points`: with the links' poses, to tell mass centers in ground: one counts

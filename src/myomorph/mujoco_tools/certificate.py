@@ -153,12 +153,7 @@ class Certificate:
 
 
 def certify(
-    model: Model,
-    copy: MujocoCopy,
-    coordinates: Array,
-    copied: Array,
-    swept: Array,
-    notes: tuple[str, ...] = (),
+    model: Model, copy: MujocoCopy, coordinates: Array, copied: Array, swept: Array, notes: tuple[str, ...] = ()
 ) -> Certificate:
     """Compare MuJoCo's copy with the model. `coordinates`, `copied`: the poses (poses, coordinates) in the model's
     coordinates and in those of the copy; `swept`: (poses,) as of `poses_over_ranges`.

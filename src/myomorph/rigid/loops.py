@@ -89,11 +89,7 @@ def close_loops(tree: Tree, coordinates: Array, held: Sequence[int] | Ints = ())
 
 
 def project_rates(
-    tree: Tree,
-    coordinates: Array,
-    velocities: Array,
-    accelerations: Array,
-    held: Sequence[int] | Ints = (),
+    tree: Tree, coordinates: Array, velocities: Array, accelerations: Array, held: Sequence[int] | Ints = ()
 ) -> tuple[Array, Array]:
     """Velocities and accelerations nearest to those given with which closed loops stay closed.
     G qdot = 0 and G qddot + Gdot qdot = 0, changed as little as possible. Locked,

@@ -189,12 +189,7 @@ def leg_model() -> Model:
         else coordinate
         for coordinate in model.coordinates
     ]  # fmt: skip
-    return replace(
-        model,
-        bodies=(*model.bodies, girdle),
-        joints=(*model.joints, rise),
-        coordinates=(*held, lift),
-    )
+    return replace(model, bodies=(*model.bodies, girdle), joints=(*model.joints, rise), coordinates=(*held, lift))
 
 
 def _shoulder_girdle() -> tuple[Body, Joint, Coordinate]:

@@ -212,12 +212,7 @@ def write_emg(stem: Path, emg: Series, units: Sequence[str], facts: Mapping[str,
     edfio.Bdf(signals, data_record_duration=duration).write(stem.with_name(f"{stem.name}_emg.bdf"))
     columns = ("name", "type", "units", "target_muscle", "status", "status_description")
     write_tsv(stem.with_name(stem.name + CHANNELS), columns, rows)
-    known = {
-        RATE: rate,
-        "RecordingDuration": len(emg) / rate,
-        "EMGChannelCount": len(rows),
-        START: float(emg.time[0]),
-    }
+    known = {RATE: rate, "RecordingDuration": len(emg) / rate, "EMGChannelCount": len(rows), START: float(emg.time[0])}
     write_json(stem.with_name(f"{stem.name}_emg.json"), FACTS | known | dict(facts))
 
 

@@ -324,9 +324,7 @@ def _warnings(body: str, fit: SurfaceFit, scanned: Surface, markers: Mapping[str
 
 
 def place_cluster_markers(
-    model: Model,
-    bones: Sequence[ScannedBone],
-    path_lengths: Callable[[Model], Array] | None = None,
+    model: Model, bones: Sequence[ScannedBone], path_lengths: Callable[[Model], Array] | None = None
 ) -> Model:
     """The model with the markers of CT clusters fixed to its bones. Every body gets the size of its scanned bone (see
     `scale`), so that the markers keep their place on it exactly; `path_lengths`: see `scale`.

@@ -100,11 +100,7 @@ def register_surface(
     apart = goal.signed(fit.similarity.apply(source.vertices)) / fit.similarity.scale
     kept = np.abs(apart) <= np.quantile(np.abs(apart), options.kept)
     return SurfaceFit(
-        similarity=fit.similarity,
-        distances=frozen_array(apart),
-        kept=kept,
-        converged=fit.converged,
-        notes=tuple(notes),
+        similarity=fit.similarity, distances=frozen_array(apart), kept=kept, converged=fit.converged, notes=tuple(notes)
     )
 
 

@@ -20,12 +20,7 @@ from myomorph.study.analyze.arms import have_arms
 from myomorph.study.analyze.generic_model import generic_model
 from myomorph.study.analyze.plate_cover import weighed
 from myomorph.study.analyze.proposed_protocol import proposed_sites, proposed_table
-from myomorph.study.analyze.recorded_trial import (
-    AnalyzeRequest,
-    laboratory_of,
-    protocol_sentences,
-    recorded_trial,
-)
+from myomorph.study.analyze.recorded_trial import AnalyzeRequest, laboratory_of, protocol_sentences, recorded_trial
 from myomorph.study.analyze.recordings import (
     Recording,
     bare,

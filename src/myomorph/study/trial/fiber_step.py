@@ -122,11 +122,8 @@ def fiber_notes(tension: Tension, model: Model) -> tuple[str, ...]:
         return ()
     notes = list(_unsolved(tension))
     for fiber in fibers.unreachable[:MAX_NAMED]:
-        why = (
-            "the path is shorter than the slack tendon"
-            if fiber.worst <= 0.0
-            else f"fibers would be {fiber.worst:.2f} optimal lengths long"
-        )
+        too_long = f"fibers would be {fiber.worst:.2f} optimal lengths long"
+        why = "the path is shorter than the slack tendon" if fiber.worst <= 0.0 else too_long
         at = f"{tension.time[fiber.frame]:.3f} s (frame {fiber.frame})"
         notes.append(f"{fiber.muscle}: {why}, first at {at}; it is solved with a rigid tendon")
     left = [fiber.muscle for fiber in fibers.unreachable[MAX_NAMED:]]

@@ -49,11 +49,8 @@ def lift_off_notes(contacts: JointContactForces, half: dict[str, float]) -> tupl
     """Where the points of a loaded joint cannot carry it: a moment is left, or the bodies are pulled apart."""
     notes = []
     for j, joint in enumerate(contacts.joints):
-        force, moment, pull = (
-            contacts.totals[:, j],
-            contacts.unbalanced_moments[:, j],
-            contacts.unbalanced_forces[:, j],
-        )
+        force, moment = contacts.totals[:, j], contacts.unbalanced_moments[:, j]
+        pull = contacts.unbalanced_forces[:, j]
         loaded = force > LOADED * contacts.weight
         bad = loaded & (moment > LEFT * force * half[joint]) & (half[joint] > 0.0)
         if bad.any():

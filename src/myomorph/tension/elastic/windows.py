@@ -19,13 +19,7 @@ from scipy.sparse.csgraph import connected_components
 
 from myomorph.model.arrays import Array
 from myomorph.muscles.fiber_jets import tendon_jet
-from myomorph.muscles.hill import (
-    activation_times,
-    compile_elastic,
-    fill_hill_forces,
-    has_elastic_tendon,
-    muscle_models,
-)
+from myomorph.muscles.hill import activation_times, compile_elastic, fill_hill_forces, has_elastic_tendon, muscle_models
 from myomorph.rigid.kernels import kernel
 from myomorph.rigid.tree import Tree
 from myomorph.tension.elastic.interior import Outcome, Solver

@@ -38,15 +38,7 @@ from myomorph.study.workers.local_workers import LocalWorkers
 from myomorph.uncertainty.bodies import Draw
 from myomorph.uncertainty.normals import Normals
 from myomorph.uncertainty.sources import NOTHING, ErrorSizes, Sources, SourceSize, source_sizes
-from myomorph.uncertainty.spread import (
-    FACTORS,
-    Draws,
-    Shares,
-    Uncertainty,
-    ValueErrors,
-    widened,
-    widened_errors,
-)
+from myomorph.uncertainty.spread import FACTORS, Draws, Shares, Uncertainty, ValueErrors, widened, widened_errors
 
 TABLE, SOURCE_TABLE = "uncertainty.csv", "uncertainty_sources.csv"
 MAY_FAIL, MAY_BE_WEAK = 0.02, 0.2
