@@ -148,7 +148,7 @@ def test_a_study_finds_the_truth_from_markers(studied):
 
 def test_the_active_muscle_is_named_with_time_and_size(studied):
     notes = read_limb(studied / "out" / "p01").notes
-    assert notes[0] == "muscles were judged silent by EMG"
+    assert notes[0] == "the silence of muscles was judged by EMG"
     (named,) = [note for note in notes if MUSCLE in note]
     assert named.startswith("drop2: ")
     assert "times its level at rest" in named

@@ -29,7 +29,9 @@ from myomorph.viscosity.study.limb_step import study_limb
 Row = dict[str, object]
 FOLDER, RECORDING = "MYOMORPH_PENDULUM", "DataPendulum.mat"
 LIMBS, DROPS, WORKERS = 8, 3, 2
-QUANTITIES = {"viscosity": "d", "stiffness": "k", "coulomb": "friction"}
+QUANTITIES = {"viscosity": "d", "stiffness": "k", "coulomb": "dry friction"}
+PLACES = {"viscosity": 0, "stiffness": 1, "coulomb": 3}
+"""Of the quantities among a law's coefficients."""
 KINDS: dict[str, tuple[dict[str, object], bool]] = {
     "nothing wrong": ({}, True),
     "masses 5 % too large": ({"wrong": (1.05, 1.0, 1.05)}, True),
@@ -56,7 +58,7 @@ def measure_simulated() -> Iterator[Row]:
     with get_context("spawn").Pool(WORKERS) as pool:
         runs = pool.map(simulated_run, work, chunksize=1)
     for kind in KINDS:
-        yield _row(kind, [run for (of, _), run in zip(work, runs, strict=True) if of == kind])
+        yield from _rows(kind, [run for (of, _), run in zip(work, runs, strict=True) if of == kind])
 
 
 def simulated_run(work: tuple[str, int]) -> LimbRun:
@@ -82,30 +84,35 @@ def simulated_run(work: tuple[str, int]) -> LimbRun:
     return LimbRun(leg, result, regression, tuple(note for note in notes if "half swing" in note))
 
 
-def _row(kind: str, runs: list[LimbRun]) -> Row:
-    row: Row = {"what is wrong": kind, "limbs": len(runs)}
-    for name, label in QUANTITIES.items():
+def _rows(kind: str, runs: list[LimbRun]) -> Iterator[Row]:
+    """A row of each quantity; what is named stands in the first."""
+    for place, (name, label) in enumerate(QUANTITIES.items()):
         known = [run for run in runs if name in run.leg.truth and name in run.result.estimates]
         truths = np.array([run.leg.truth[name] for run in known])
-        errors = np.array([run.result.estimates[name].value for run in known]) / truths - 1.0
-        held = sum(run.result.estimates[name].holds(truth) for run, truth in zip(known, truths, strict=True))
-        row[f"{label}, median error [%]"] = 100.0 * float(np.median(np.abs(errors)))
-        row[f"{label}, largest error [%]"] = 100.0 * float(np.max(np.abs(errors)))
-        if name != "coulomb":
-            place = list(QUANTITIES).index(name)
-            others = np.array([run.regression[place] for run in known]) / truths - 1.0
-            row[f"{label} by inverse dynamics, median error [%]"] = 100.0 * float(np.median(np.abs(others)))
-        row[f"{label}, within 95 % intervals"] = f"{held} of {len(known)}"
-        alone = sum(abs(run.result.estimates[name].value - truth) <= 1.96 * run.result.shares["swings"][name]
-                    for run, truth in zip(known, truths, strict=True))  # fmt: skip
-        row[f"{label}, within intervals of the swings alone"] = f"{alone} of {len(known)}"
+        estimates = [run.result.estimates[name] for run in known]
+        errors = np.array([estimate.value for estimate in estimates]) - truths
+        others = np.array([run.regression[PLACES[name]] for run in known]) - truths
+        held = sum(estimate.holds(truth) for estimate, truth in zip(estimates, truths, strict=True))
+        alone = np.abs(errors) <= 1.96 * np.array([run.result.shares["swings"][name] for run in known])
+        row = {
+            "what is wrong": kind, "value": label, "limbs": len(known),
+            "median error [%]": 100.0 * float(np.median(np.abs(errors / truths))),
+            "largest error [%]": 100.0 * float(np.max(np.abs(errors / truths))),
+            "by inverse dynamics, median error [%]": 100.0 * float(np.median(np.abs(others / truths))),
+            "95 % intervals that hold": held, "of the swings alone": int(alone.sum()),
+            "law right": "", "reflexes named": "", "false alarms": "",
+        }  # fmt: skip
+        yield row if place else row | _named(runs)
+
+
+def _named(runs: list[LimbRun]) -> Row:
     right = sum(("coulomb" in run.result.fit.terms) == bool(run.leg.friction) for run in runs)
-    row["law right"] = f"{right} of {len(runs)}"
     bursts = [(run, f"drop{number + 1}") for run in runs for number in run.leg.bursts]
     found = sum(any(note.startswith(drop) for note in run.named) for run, drop in bursts)
     false = sum(not any(note.startswith(f"drop{number + 1}") for number in run.leg.bursts)
                 for run in runs for note in run.named)  # fmt: skip
-    return row | {"reflexes named": f"{found} of {len(bursts)}" if bursts else "", "false alarms": false}
+    named = f"{found} of {len(bursts)}" if bursts else ""
+    return {"law right": f"{right} of {len(runs)}", "reflexes named": named, "false alarms": false}
 
 
 MASS, DISTANCE, GYRATION = 2.3351, 0.2367, 0.416

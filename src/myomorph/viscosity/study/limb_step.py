@@ -75,7 +75,8 @@ def study_limb(files: LimbFiles, options: LimbOptions) -> tuple[LimbResult, list
         notes = [SILENT_UNKNOWN]
     else:
         notes = [
-            "muscles were judged silent by EMG" + (f", but of {', '.join(silent)} {SILENT_UNKNOWN}" if silent else "")
+            "the silence of muscles was judged by EMG"
+            + (f", but of {', '.join(silent)} {SILENT_UNKNOWN}" if silent else "")
         ]
     drops: list[Drop] = []
     with progress(f"limb {files.name}", len(files.drops) + 1, "recordings") as advance:
