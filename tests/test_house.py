@@ -6,8 +6,8 @@ import pytest
 from benchmarks.house import CHECKOUT, checkout_texts, count
 
 LIMITS = {
-    ("lines", "src"): 124_212,
-    ("lines", "benchmarks"): 26_528,
+    ("lines", "src"): 124_213,
+    ("lines", "benchmarks"): 26_535,
     ("words", "documentation"): 99_796,
     ("vague", "src"): 6.5,
 }
