@@ -16,7 +16,7 @@ import numpy as np
 import piqp
 
 from myomorph.io.mjcf.read import coordinates_from_qpos, model_from_mujoco
-from myomorph.model.arrays import Array
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series
 from myomorph.motion.filters import natural_spline
@@ -31,7 +31,7 @@ FRICTION = 0.6
 EXACT = 1e-4  # Share of a newton, or newton meter, that a wrench or torque may be missed by for a cost of 1e4.
 
 
-@dataclass(frozen=True)
+@read_only
 class Contact:
     """Where the person touches. `on`: (frames,) how ready it is to carry, 0 to 1, from times."""
 
@@ -41,7 +41,7 @@ class Contact:
     on: Callable[[Array], Array] = np.ones_like
 
 
-@dataclass(frozen=True)
+@read_only
 class Blow:
     """A half-sine of force on a point, as a drum gives it: when it begins [s], impulse [N s] along +y, length [s]."""
 
@@ -65,7 +65,7 @@ class Part:
     seed: int = 0
 
 
-@dataclass(frozen=True, eq=False)
+@read_only
 class Performance:
     """What truly happened. `body`: the person as the laboratory's model has it, markers where they are by it."""
 
