@@ -17,6 +17,7 @@ from myomorph.identify.least_squares import Recording
 from myomorph.identify.motion_noise import noise_of, plus
 from myomorph.identify.parts import parts_of
 from myomorph.identify.recordings import RecordingOptions, Usable, usable
+from myomorph.identify.refine.refinement import SubjectTrial
 from myomorph.identify.soft_tissue import Use
 from myomorph.identify.subject import GENERIC, IdentificationOptions
 from myomorph.model.arrays import Array
@@ -96,6 +97,7 @@ class _Runner:
 
     truth: Array
     seen: Mapping[str, Usable]
+    recorded: Mapping[str, SubjectTrial]
 
 
 @threadpool_limits.wrap(limits=1, user_api="blas")
@@ -113,24 +115,40 @@ def measure(folder: Path) -> Iterator[Row]:
         heavy = generic[:, 0] > 0.0
         runners = [_runner(model, trials, drawn_body(model, heavy, random), moved, random) for _ in range(SEEDS)]
         yield _row(tissue, "true masses", [_ratio(model, runner, runner.truth, None) for runner in runners])
-        for use in uses:
+        for way, use in ((way, use) for way in ("identify", "refine") for use in uses):
             ratios, errors, inside, taken = [], [], [], 0
             for runner in runners:
-                options = IdentificationOptions(compare=False, soft_tissue=use)
-                found = mm.identify(
-                    model, [runner.seen[TRAIN]], points, mass=model.mass, options=options,
-                    recording=RecordingOptions(CUTOFF),
-                )  # fmt: skip
-                parameters = found.parameters[found.chosen]
-                ratios.append(_ratio(model, runner, parameters, found.soft_tissue))
+                parameters, sd, found = (
+                    _identified(model, runner, points, use) if way == "identify" else _refined(model, runner, use)
+                )
+                ratios.append(_ratio(model, runner, parameters, found))
                 errors.append([_errors(model, runner.truth, parameters, limbs) for limbs in LIMBS.values()])
-                off = np.abs(parameters[:, 0] - runner.truth[:, 0]) / np.maximum(found.sd[:, 0], 1e-12)
+                off = np.abs(parameters[:, 0] - runner.truth[:, 0]) / np.maximum(sd, 1e-12)
                 inside.append(off[heavy] < NINETY)
-                taken += found.soft_tissue is not None
-            name = "identify" if use == "auto" else "identify, soft tissue never"
+                taken += found is not None
+            name = way if use == "auto" else f"{way}, soft tissue never"
             yield _row(tissue, name, ratios, errors, float(np.mean(inside)), taken)
         errors = [[_errors(model, runner.truth, generic, limbs) for limbs in LIMBS.values()] for runner in runners]
         yield _row(tissue, "generic", [np.ones(2)], errors)
+
+
+Found = tuple[Array, Array, SoftTissue | None]
+"""(bodies, 10) parameters, (bodies,) standard deviations of masses [kg], and soft tissue."""
+
+
+def _identified(model: mm.Model, runner: _Runner, points: Mapping[str, mm.MassPoints], use: Use) -> Found:
+    options = IdentificationOptions(compare=False, soft_tissue=use)
+    found = mm.identify(
+        model, [runner.seen[TRAIN]], points, mass=model.mass, options=options, recording=RecordingOptions(CUTOFF)
+    )
+    return found.parameters[found.chosen], found.sd[:, 0], found.soft_tissue
+
+
+def _refined(model: mm.Model, runner: _Runner, use: Use) -> Found:
+    """Lengths and marker positions are the model's, which are true."""
+    options = mm.RefineOptions(cutoff=CUTOFF, body=False, soft_tissue=use)
+    found = mm.refine(model, [runner.recorded[TRAIN]], model.mass, options)
+    return found.parameters, found.mass_sd, found.soft_tissue
 
 
 def _row(
@@ -163,7 +181,7 @@ def _runner(
     model: mm.Model, trials: Mapping[str, Usable], truth: Array, moved: Tissue, random: np.random.Generator
 ) -> _Runner:
     """Recordings as the laboratory would have them: exact forces of the true motion, and markers that move more."""
-    seen = {}
+    seen, recorded = {}, {}
     for name in (TRAIN, TEST):
         recording = trials[name].recording
         # All frames: which of them count is found from what was measured.
@@ -175,9 +193,10 @@ def _runner(
         )  # fmt: skip
         markers = moved(model, motion, random)
         markers = replace(markers, values=markers.values + MARKER_NOISE * random.normal(size=markers.values.shape))
+        recorded[name] = SubjectTrial(name, markers, wrenches)
         tracked = mm.inverse_kinematics(model, markers).motion
         seen[name] = usable(model, tracked, wrenches, name=name, options=RecordingOptions(CUTOFF))
-    return _Runner(truth, seen)
+    return _Runner(truth, seen, recorded)
 
 
 def _ratio(model: mm.Model, runner: _Runner, parameters: Array, tissue: SoftTissue | None) -> Array:
