@@ -7,8 +7,8 @@ from benchmarks.house import CHECKOUT, checkout_texts, count
 
 LIMITS = {
     ("lines", "src"): 124_213,
-    ("lines", "benchmarks"): 26_535,
-    ("words", "documentation"): 99_796,
+    ("lines", "benchmarks"): 26_554,
+    ("words", "documentation"): 99_791,
     ("vague", "src"): 6.5,
 }
 
