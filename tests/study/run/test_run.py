@@ -12,6 +12,7 @@ from myomorph.io.sto import read_sto
 from myomorph.store.results import read_result
 from myomorph.study.plan.plan import read_plan
 from myomorph.study.run.run import run_study
+from myomorph.study.step.step import step_of
 from myomorph.study.trial.steps import muscles
 
 STUDY = """
@@ -113,6 +114,10 @@ def test_resume_sees_changed_options_and_inputs(arm):
     assert run(arm, cutoff="5", resume=True)[0].reused == ("ik", "muscles")
     arm.model.write_text(arm.model.read_text().replace("800", "900"))
     assert run(arm, cutoff="5", resume=True)[0].reused == ()
+
+
+def test_muscles_are_computed_again_where_their_motion_is_another():
+    assert {*step_of("ik").roles, "soft tissue"} <= set(step_of("muscles").roles)
 
 
 def test_an_interrupted_trial_goes_on_where_it_was(arm, monkeypatch):
