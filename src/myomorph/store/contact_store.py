@@ -197,6 +197,7 @@ def _plain_site(site: Site) -> dict[str, Any]:
 
 
 def _site(plain: dict[str, Any]) -> Site:
-    numbers = dict(plain["cone"])
+    # Results of 34e3048 and before know one law.
+    numbers = {"law": "pyramid"} | plain["cone"]
     cone = contact_law(numbers.pop("law"))(**numbers)
     return Site(**{**plain, "points": np.array(plain["points"]), "cone": cone})

@@ -18,7 +18,7 @@ from myomorph.study.trial.trial_inputs import Signals, Value, all_drawn
 from myomorph.study.trial.trial_strides import TrialStrides
 from myomorph.tension.joint_contact import JointContactForces, JointPoints
 
-TABLE, STRIDES = "contacts.sto", "joint_contact_strides.csv"
+TABLE, STRIDES = "joint_contact_forces.sto", "joint_contact_strides.csv"
 COLUMNS = ("load", "stride", "start_s", "stop_s", "peak_N", "peak_body_weights", "peak_percent", "impulse_N_s")
 
 LOADED = 0.25  # Of body weight: a joint that bears less may rest on any of its points without a word.
