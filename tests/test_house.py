@@ -6,9 +6,9 @@ import pytest
 from benchmarks.house import CHECKOUT, checkout_texts, count
 
 LIMITS = {
-    ("lines", "src"): 124_213,
+    ("lines", "src"): 124_214,
     ("lines", "benchmarks"): 26_554,
-    ("words", "documentation"): 99_791,
+    ("words", "documentation"): 99_781,
     ("vague", "src"): 6.5,
 }
 
