@@ -8,7 +8,7 @@ from benchmarks.house import CHECKOUT, checkout_texts, count
 LIMITS = {
     ("lines", "src"): 124_214,
     ("lines", "benchmarks"): 26_554,
-    ("words", "documentation"): 99_781,
+    ("words", "documentation"): 99_784,
     ("vague", "src"): 6.5,
 }
 
