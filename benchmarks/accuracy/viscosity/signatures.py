@@ -10,7 +10,7 @@ import numpy as np
 from benchmarks.accuracy.viscosity.faulty_limbs import Faults, random_faults
 from benchmarks.accuracy.viscosity.limbs import LimbRun, Row, limb_runs
 
-LIMBS, FRICTION_LIMBS, LAW_LIMBS = 12, 20, 34
+LIMBS, LAW_LIMBS = 20, 34
 FIRST = 40_000
 """Seed of the first limb; thresholds were chosen on limbs of other seeds."""
 LEVEL = 0.95
@@ -116,18 +116,16 @@ def _judged(runs: Sequence[LimbRun], quantities: Sequence[str], limit: float) ->
     }
 
 
-def measure(
-    cases: Sequence[str] = tuple(case for case in CASES if case != FRICTION), limbs: int = LIMBS
-) -> Iterable[Row]:
+def measure(cases: Sequence[str] = tuple(case for case in CASES if case != FRICTION)) -> Iterable[Row]:
     """A row a case."""
     for case in cases:
-        seeds = range(FIRST, FIRST + limbs)
+        seeds = range(FIRST, FIRST + LIMBS)
         yield row(case, limb_runs([(seed, heavy_limb(seed, CASES[case]), None) for seed in seeds], LEVEL))
 
 
 def measure_friction() -> Iterable[Row]:
-    """The rows without a fault and with dry friction, of more limbs."""
-    return measure(("nothing", FRICTION), FRICTION_LIMBS)
+    """The rows without a fault and with dry friction."""
+    return measure(("nothing", FRICTION))
 
 
 def measure_laws() -> Iterable[Row]:
