@@ -7,8 +7,8 @@ from benchmarks.house import CHECKOUT, checkout_texts, count
 
 LIMITS = {
     ("lines", "src"): 124_214,
-    ("lines", "benchmarks"): 26_554,
-    ("words", "documentation"): 99_784,
+    ("lines", "benchmarks"): 26_552,
+    ("words", "documentation"): 99_802,
     ("vague", "src"): 6.5,
 }
 
