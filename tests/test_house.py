@@ -6,9 +6,9 @@ import pytest
 from benchmarks.house import CHECKOUT, checkout_texts, count
 
 LIMITS = {
-    ("lines", "src"): 124_214,
+    ("lines", "src"): 124_213,
     ("lines", "benchmarks"): 26_552,
-    ("words", "documentation"): 99_802,
+    ("words", "documentation"): 99_801,
     ("vague", "src"): 6.5,
 }
 

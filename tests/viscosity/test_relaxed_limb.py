@@ -166,6 +166,9 @@ def test_the_model_has_the_spring_and_the_damper(studied):
 def test_the_page_and_the_table_hold_the_limb(studied):
     page = (studied / "out" / "report.html").read_text(encoding="utf-8")
     assert "Limb p01" in page
+    head, rest = page.split("Relaxed limbs", 1)
+    assert head.index("judged by EMG") < head.index("times its level at rest")
+    assert "judged by EMG" not in rest
     assert "Tables I and II" not in page
     table = (studied / "out" / "limbs.csv").read_text().splitlines()
     assert table[1].startswith("p01,knee,viscosity,0.")

@@ -87,7 +87,7 @@ def test_everything_wrong_is_told_at_once(folder):
         "unknown quantity 'viscosity'",
         "'joint_viscosity'",
         "has no recordings",
-        "two specimens are named '01'",
+        "two specimens or limbs are named '01'",
     ):
         assert words in told
 

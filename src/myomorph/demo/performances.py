@@ -23,7 +23,7 @@ from myomorph.model.join import join_models, part_of
 from myomorph.model.series import Motion, Series, Table
 from myomorph.motion.filters import differentiate
 from myomorph.rigid.dynamics import inverse_dynamics
-from myomorph.simulate.bout import FEET, GRIPS
+from myomorph.simulate.bout import GRIPS
 from myomorph.simulate.drums import RATE, Scene, instruments, record
 from myomorph.simulate.fighter import PARTS, fighter_text
 from myomorph.simulate.pair import PairOptions, pair_sites, virtual_pair
@@ -170,7 +170,6 @@ def _judo(folder: Path) -> Written:
     ]
     (folder / "grips.toml").write_text("".join(grips), encoding="utf-8")
     study = _study(folder, "judo", [*texts, TOGETHER])
-    assert truth.forces.names == (*FEET, *GRIPS)
     return Written(study, Path("judo"), truth.forces, torques, truth.activations)
 
 
@@ -220,10 +219,10 @@ def _drum(folder: Path) -> Written:
         )
     lines += [_site(f"stick_{side}", f"forearm_{side}", TIP[None], 'intervals = "file"') for side in "rl"]
     (folder / "contacts.toml").write_text("".join(lines), encoding="utf-8")
-    told = [(*stroke, stroke in known) for stroke in strokes]
+    listed = [(*stroke, stroke in known) for stroke in strokes]
     with (folder / STROKES).open("w", newline="", encoding="utf-8") as stream:
-        csv.writer(stream).writerows([("drum", "time [s]", "impulse [N s]", "in contacts.toml"), *told])
-    return _alone(folder, shown, "drum", "drum.trc", 59, 'contacts = "contacts.toml"', told)
+        csv.writer(stream).writerows([("drum", "time [s]", "impulse [N s]", "in contacts.toml"), *listed])
+    return _alone(folder, shown, "drum", "drum.trc", 59, 'contacts = "contacts.toml"', listed)
 
 
 PERFORMANCES: Mapping[str, Callable[[Path], Written]] = {"judo": _judo, "taichi": _taichi, "tap": _tap, "drum": _drum}

@@ -8,7 +8,6 @@ tail that decays with the room's reverberation time.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -73,10 +72,10 @@ class Truth:
     impulse: float
 
 
-def instruments(scene: Scene, sites: Sequence[str] = ()) -> tuple[Instrument, ...]:
+def instruments(scene: Scene) -> tuple[Instrument, ...]:
     """The drums with their microphones, distances to their own known."""
     far = float(np.linalg.norm(NEAR) * scene.far)
-    return tuple(Instrument(name, str(k + 1), far, tuple(sites)) for k, name in enumerate(list(DRUMS)[: scene.drums]))
+    return tuple(Instrument(name, str(k + 1), far) for k, name in enumerate(list(DRUMS)[: scene.drums]))
 
 
 def record(scene: Scene, seed: int = 0) -> tuple[Sound, tuple[Truth, ...]]:

@@ -310,11 +310,12 @@ def _with_site(tree: str, body: str, name: str, place: Array) -> str:
 
 
 def with_fibers(builds: Mapping[str, Build], compiled: Any, qpos: Array) -> dict[str, Build]:
-    """The builds with muscles whose fibers have their optimal length in a pose (nq,) of the pair."""
+    """The builds, "" of one alone, with muscles whose fibers have their optimal length in a pose (nq,)."""
     data = mujoco.MjData(compiled)
     data.qpos[:] = qpos
     mujoco.mj_fwdPosition(compiled, data)
     lengths = {compiled.actuator(i).name: float(data.actuator_length[i]) for i in range(compiled.nu)}
-    paths = {part: {name[len(part) + 1 :]: length for name, length in lengths.items() if name.startswith(f"{part}_")}
-             for part in builds}  # fmt: skip
+    begins = {part: f"{part}_" if part else "" for part in builds}
+    paths = {part: {name.removeprefix(begin): length for name, length in lengths.items() if name.startswith(begin)}
+             for part, begin in begins.items()}  # fmt: skip
     return {part: replace(build, paths=paths[part]) for part, build in builds.items()}

@@ -8,7 +8,7 @@ push of the feet against each other; muscles by random weights, a random tone an
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import mujoco
@@ -22,12 +22,12 @@ from myomorph.model.series import Motion, Series
 from myomorph.motion.filters import natural_spline
 from myomorph.simulate import fighter
 from myomorph.simulate.bout import mass_matrix, moments, muscle_strength
-from myomorph.simulate.plan import BENT, Aim, jacobian, posed
+from myomorph.simulate.plan import Aim, jacobian, posed, start_pose
 
 KNOT_RATE = 20.0  # Poses of a plan a second.
 STEP = 2.5e-4  # Of derivatives by differences [s].
 MASS, HEIGHT = 72.0, 1.75  # Of the person [kg, m].
-FRICTION = 0.6
+FRICTION, ALONE = 0.6, ("",)  # Of the soles; names of joints begin with nothing.
 EXACT = 1e-4  # Share of a newton, or newton meter, that a wrench or torque may be missed by for a cost of 1e4.
 
 
@@ -76,9 +76,6 @@ class Performance:
     wrench: Array  # (frames, 6) of all contacts but blows: moment about the ground's origin, force [N m, N]
     torques: Series  # (frames, hinges) [N m]
     activations: Series
-    tensions: Series
-    unbalanced: float  # largest torque that no activation gave [N m]
-    blows: Sequence[Blow] = field(default=())
 
 
 def performed(part: Part) -> Performance:
@@ -93,7 +90,7 @@ def performed(part: Part) -> Performance:
     _disturb(true, random)
     time = np.arange(round(part.duration * part.rate) + 1) / part.rate
     states = _states(true, part, time)
-    forces, wrench, torques, activations, tensions, left = _dynamics(true, part, time, states, random)
+    forces, wrench, torques, activations = _dynamics(true, part, time, states, random)
     model = model_from_mujoco(believed, marker_sites="marker_.*")
     values = np.unwrap(coordinates_from_qpos(model, states[0]), axis=0)
     hinges = tuple(true.joint(j).name for j in range(1, true.njnt))
@@ -106,9 +103,6 @@ def performed(part: Part) -> Performance:
         wrench,
         Series(time, hinges, torques),
         Series(time, muscles, activations),
-        Series(time, muscles, tensions),
-        left,
-        part.blows,
     )
 
 
@@ -134,20 +128,7 @@ def sole(side: str, ends: str = "") -> Array:
 def _fitted(build: fighter.Build) -> fighter.Build:
     """The build with muscles whose fibers have their optimal length in the pose that all poses start from."""
     compiled = mujoco.MjModel.from_xml_string(fighter.fighter_text("tori", build))
-    data = mujoco.MjData(compiled)
-    data.qpos[:] = bent(compiled)
-    mujoco.mj_fwdPosition(compiled, data)
-    names = (compiled.actuator(i).name for i in range(compiled.nu))
-    return replace(build, paths=dict(zip(names, data.actuator_length.tolist(), strict=True)))
-
-
-def bent(compiled: Any) -> Array:
-    """Bent knees and elbows (nq,)."""
-    q = np.array(compiled.qpos0)
-    for name, angle in BENT.items():
-        for side in "rl":
-            q[compiled.joint(f"{name}_{side}").qposadr[0]] = angle
-    return q
+    return fighter.with_fibers({"": build}, compiled, start_pose(compiled, ALONE))[""]
 
 
 def _disturb(compiled: Any, random: np.random.Generator) -> None:
@@ -168,7 +149,7 @@ def _disturb(compiled: Any, random: np.random.Generator) -> None:
 def _states(compiled: Any, part: Part, time: Array) -> tuple[Array, Array, Array]:
     """Qpos (frames, nq), rates and accelerations (frames, nv) of the plan and of what blows do to it."""
     knots = np.arange(round(part.duration * KNOT_RATE) + 3) / KNOT_RATE - 1.0 / KNOT_RATE
-    first = posed(compiled, bent(compiled), part.aims(0.0), 0.02)
+    first = posed(compiled, start_pose(compiled, ALONE), part.aims(0.0), 0.02)
     ways = np.zeros((len(knots), compiled.nv))
     for way, knot in zip(ways, knots, strict=True):
         mujoco.mj_differentiatePos(compiled, way, 1.0, first, posed(compiled, first, part.aims(float(knot)), 0.02))
@@ -232,16 +213,16 @@ def force_of(blow: Blow, time: Array) -> Array:
 
 def _dynamics(
     compiled: Any, part: Part, time: Array, states: tuple[Array, Array, Array], random: np.random.Generator
-) -> tuple[Array, Array, Array, Array, Array, float]:
-    """Forces of contacts, their wrench, torques of hinges, activations, tensions, and what of torques is left."""
+) -> tuple[Array, Array, Array, Array]:
+    """Forces of contacts, their wrench, torques of hinges and activations."""
     data = mujoco.MjData(compiled)
     ready = np.stack([contact.on(time) for contact in part.contacts], axis=1)
     corners = [(k, compiled.body(c.body).id, point) for k, c in enumerate(part.contacts) for point in c.points]
     weight = np.exp(0.5 * random.standard_normal(len(corners)))
     effort, tone = np.exp(0.5 * random.standard_normal(compiled.nu)), random.uniform(0.01, 0.05, compiled.nu)
     forces, wrench = np.zeros((len(time), len(part.contacts), 3)), np.zeros((len(time), 6))
-    torques, before, left = np.zeros((len(time), compiled.nv - 6)), tone, 0.0
-    activations, tensions = np.zeros((2, len(time), compiled.nu))
+    torques, before = np.zeros((len(time), compiled.nv - 6)), tone
+    activations = np.zeros((len(time), compiled.nu))
     for frame in range(len(time)):
         data.qpos[:], data.qvel[:], data.qacc[:] = (values[frame] for values in states)
         mujoco.mj_inverse(compiled, data)
@@ -267,9 +248,8 @@ def _dynamics(
         cost = effort * (0.05 + np.abs(before - tone))
         H, c = pull.T @ pull + np.diag(cost), -pull.T @ miss - cost * tone
         before = np.clip(_least(H, c, np.zeros(len(c)), np.ones(len(c))), 0.0, 1.0)
-        left = max(left, float(np.abs(arms.T @ (active * before + passive) - torques[frame]).max()))
-        activations[frame], tensions[frame] = before, active * before + passive
-    return forces, wrench, torques, activations, tensions, left
+        activations[frame] = before
+    return forces, wrench, torques, activations
 
 
 def _shared(

@@ -195,13 +195,13 @@ def make_plan(
     return Plan(tuple(stances), np.array(poses), lifted)
 
 
-def start_pose(compiled: Any) -> Array:
-    """Bent knees and elbows, from which poses are sought."""
+def start_pose(compiled: Any, begins: Sequence[str] = ("tori_", "uke_")) -> Array:
+    """Bent knees and elbows (nq,), from which poses are sought. `begins`: of the names of each person's joints."""
     q = np.array(compiled.qpos0)
-    for part in PARTS:
+    for begin in begins:
         for name, angle in BENT.items():
             for side in "rl":
-                q[compiled.joint(f"{part}_{name}_{side}").qposadr[0]] = angle
+                q[compiled.joint(f"{begin}{name}_{side}").qposadr[0]] = angle
     return q
 
 

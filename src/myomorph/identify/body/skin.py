@@ -47,7 +47,7 @@ def check_skin(surface: Surface, height: float | None = None) -> Skin:
     teeth) go; faces are turned to one side and outward; every hole is closed by a fan around the middle of
     its border. A surface that passes through itself is kept: it shows by winding numbers of 2 and more on
     a coarse grid, and `inside` counts such places once.
-    `height`: of the body, if known [m]; tells the unit of the skin unambiguously.
+    `height`: of the body, if known [m]; its unit is then certain.
     """
     vertices, faces = np.array(surface.vertices), np.array(surface.faces)
     _check_units(vertices, faces, height)

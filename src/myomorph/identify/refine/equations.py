@@ -312,7 +312,8 @@ def _trial_equations(
         right[span] += gradient.ravel() + A.T @ b
         if p:
             joined = np.einsum("fir,frp->fip", M, shared_markers, optimize=True)
-            for w, of_coordinates in ((w0, joined), (w2, -alphas[:, None] * joined)):
+            parts = [(w0, joined)] if problem.tissue is None else [(w0, joined), (w2, -alphas[:, None] * joined)]
+            for w, of_coordinates in parts:
                 crossed = np.einsum("fa,fip->aip", w, of_coordinates, optimize=True)
                 cross[span, :shared] += crossed.reshape(window, shared)
             cross[span] += A.T @ shared_residual

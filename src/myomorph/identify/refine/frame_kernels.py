@@ -25,13 +25,15 @@ def predict_frames(T, body, location, c, cdot, cddot, seen, measured, places, re
     w, o, dphi = np.empty((axes, 3)), np.empty((axes, 3)), np.empty((axes, 2))
     rates = np.empty((6, n, 3))
     for frame in range(c.shape[0]):
-        couple(T, seen[frame])
-        body_poses(T, seen[frame], R, p, w, o, dphi)
-        put_places(body, location, R, p, places[frame])
+        soft = differ(c[frame], seen[frame])
         couple(T, c[frame])
         couple_rates(T, c[frame], cdot[frame], cddot[frame])
         body_poses(T, c[frame], R, p, w, o, dphi)
         root_residual(T, c[frame], cdot[frame], cddot[frame], R, p, w, o, measured[frame], rates, residual[frame])
+        couple(T, seen[frame])
+        if soft:
+            body_poses(T, seen[frame], R, p, w, o, dphi)
+        put_places(body, location, R, p, places[frame])
 
 
 @kernel
@@ -51,9 +53,11 @@ def difference_frames(
     x, v, a = np.empty(c.shape[1]), np.empty(c.shape[1]), np.empty(c.shape[1])
     for frame in range(c.shape[0]):
         # Rates and accelerations first: they share the poses of the frame.
+        soft = differ(c[frame], seen[frame])
         body_poses(T, seen[frame], R, p, w, o, dphi)
         put_places(body, location, R, p, base_at)
-        body_poses(T, c[frame], R, p, w, o, dphi)
+        if soft:
+            body_poses(T, c[frame], R, p, w, o, dphi)
         root_residual(T, c[frame], cdot[frame], cddot[frame], R, p, w, o, measured[frame], rates, base)
         for change in range(2 * free.shape[0]):
             i = change % free.shape[0]
@@ -78,10 +82,11 @@ def difference_frames(
             couple_rates(T, x, v, a)
             body_poses(T, x, R, p, w, o, dphi)
             root_residual(T, x, v, a, R, p, w, o, measured[frame], rates, r)
-            x[:] = seen[frame]
-            x[free[i]] += STEP
-            couple(T, x)
-            body_poses(T, x, R, p, w, o, dphi)
+            if soft:
+                x[:] = seen[frame]
+                x[free[i]] += STEP
+                couple(T, x)
+                body_poses(T, x, R, p, w, o, dphi)
             put_places(body, location, R, p, at)
             for q in range(6):
                 by_value[frame, q, i] = (r[q] - base[q]) / STEP
@@ -95,6 +100,15 @@ def restore(c, cdot, cddot, x, v, a):
     """Copies of a frame's coordinates and rates."""
     for j in range(c.shape[0]):
         x[j], v[j], a[j] = c[j], cdot[j], cddot[j]
+
+
+@bare
+def differ(c, seen):
+    """Whether markers show other coordinates than the mass has, so that poses of both are needed."""
+    apart = 0.0
+    for j in range(c.shape[0]):
+        apart += abs(c[j] - seen[j])
+    return apart > 0.0
 
 
 @bare

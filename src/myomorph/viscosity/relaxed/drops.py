@@ -21,6 +21,10 @@ AWAY = np.deg2rad(15.0)  # How far from where it hangs a limb is let go, at leas
 MIN_EXCURSION = np.deg2rad(2.0)  # Of a half swing that is used [rad].
 MIN_HALVES = 4  # Half swings of a drop that is used.
 
+SILENT, SILENT_UNKNOWN = (
+    "the silence of muscles was judged by EMG",
+    "no EMG was recorded: whether the muscles were silent is not known",
+)
 BAND = EnvelopeOptions(cutoff=20.0)
 QUIET = 0.3  # Shortest stretch of a limb at rest from which the level of a silent muscle is taken [s].
 ABOVE = 5.0  # Standard deviations over that level from which on a muscle is active (Hodges and Bui 1996 use 3).

@@ -8,6 +8,7 @@ from myomorph.report.charts.marks import Level
 from myomorph.report.page.page import Tile, rendered
 from myomorph.report.page.parts import Note, PageHead, Section, cited
 from myomorph.viscosity.cohort import STROEVE_TOTAL_VISCOSITY, CohortLine, cohort
+from myomorph.viscosity.relaxed.drops import SILENT
 from myomorph.viscosity.relaxed.identify import UNITS
 from myomorph.viscosity.report.limb_report import limb_section
 from myomorph.viscosity.report.sections import cohort_section, specimen_sections
@@ -23,10 +24,11 @@ def viscosity_page(viscosity_input: ViscosityInput) -> str:
         Note("warning", f"{kind.capitalize()} {part.name} could not be done: {part.failure}")
         for kind, part in parts if part.failure
     )  # fmt: skip
-    warnings = tuple(f"{kind} {part.name}: {note}" for kind, part in parts for note in part.notes)
-    # Whether muscles were silent comes first.
-    silence = (Note("warning", f"Limb {limb.name}: {limb.notes[0]}.") for limb in shown.limbs if limb.notes)
-    notes = (*failed, *silence, *shown.notes)
+    warnings = tuple(f"{kind} {part.name}: {note}" for kind, part in parts for note in part.notes if note != SILENT)
+    # What each limb's swings may not be believed for comes first: muscles whose silence is unknown, swings left out.
+    first = [(limb.name, note) for limb in shown.limbs for note in limb.notes]
+    limbs = (Note("real" if note == SILENT else "warning", f"Limb {name}: {note}.") for name, note in first)
+    notes = (*failed, *limbs, *shown.notes)
     page = PageHead(shown.title, shown.date, shown.version, notes, shown.sources, shown.steps, warnings)
     lines = {line.quantity.name: line for line in cohort([specimen.row for specimen in viscosity_input.done])}
     literature = ("stroeve1999",) if any(specimen.shoulder for specimen in viscosity_input.done) else ()

@@ -38,7 +38,8 @@ class CohortInputs:
     def reports(self) -> tuple[SpecimenReport, ...]:
         """What is shown of each specimen; of one that failed, why."""
         reports = []
-        for files, outcome in zip(self.plan.specimens, self.outcomes, strict=False):
+        ended = self.outcomes[: len(self.plan.specimens)]
+        for files, outcome in zip(self.plan.specimens, ended, strict=True):
             failure = outcome.error.removeprefix(f"{specimen_step.STEP.name}: ")
             report = SpecimenReport(files.name, failure=failure) if failure else read_specimen(outcome.folder)
             reports.append(replace(report, truth=files.truth, paper=files.paper))

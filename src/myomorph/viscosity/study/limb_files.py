@@ -27,7 +27,6 @@ from myomorph.viscosity.relaxed.drops import FORCE_AFTER, MIN_HALVES, Drop, acti
 from myomorph.viscosity.relaxed.identify import UNITS, LimbBody
 from myomorph.viscosity.relaxed.swing_equation import SwingEquation, swing_equation
 
-SILENT_UNKNOWN = "no EMG was recorded: whether the muscles were silent is not known"
 MOVED, TURNED = 0.02, np.deg2rad(5.0)  # How far the bone above the joint may move and turn unnamed [m], [rad].
 
 

@@ -20,11 +20,11 @@ from myomorph.store.settings import plain_settings
 from myomorph.study.inputs.reading import has_mass, open_model
 from myomorph.study.step.folder_steps import FolderOutput
 from myomorph.study.step.step import Step
-from myomorph.viscosity.relaxed.drops import Drop
+from myomorph.viscosity.relaxed.drops import SILENT, SILENT_UNKNOWN, Drop
 from myomorph.viscosity.relaxed.identify import LimbOptions, LimbResult, identify_limb
 from myomorph.viscosity.report.limb_report import limb_report
 from myomorph.viscosity.report.specimen_report import LimbReport
-from myomorph.viscosity.study.limb_files import SILENT_UNKNOWN, LimbFiles, limb_body, open_drops
+from myomorph.viscosity.study.limb_files import LimbFiles, limb_body, open_drops
 from myomorph.viscosity.study.results import read_value, write_value
 
 LIMB, IDENTIFIED = "limb.json", "identified"
@@ -74,10 +74,7 @@ def study_limb(files: LimbFiles, options: LimbOptions) -> tuple[LimbResult, list
     if len(silent) == len(files.drops):
         notes = [SILENT_UNKNOWN]
     else:
-        notes = [
-            "the silence of muscles was judged by EMG"
-            + (f", but of {', '.join(silent)} {SILENT_UNKNOWN}" if silent else "")
-        ]
+        notes = [SILENT + (f", but of {', '.join(silent)} {SILENT_UNKNOWN}" if silent else "")]
     drops: list[Drop] = []
     with progress(f"limb {files.name}", len(files.drops) + 1, "recordings") as advance:
         for recording in files.drops:

@@ -257,7 +257,7 @@ def read_viscosity_plan(path: str | Path) -> ViscosityPlan:
         specimens += [_specimen(table, path.parent, problems, remarks) for table in file.specimen]
         limbs += [limb_files(table, path.parent, problems, remarks) for table in file.limb]
         names = [*(specimen.name for specimen in specimens), *(limb.name for limb in limbs)]
-        problems += [f"two specimens are named '{name}': give one another name"
+        problems += [f"two specimens or limbs are named '{name}': give one another name"
                      for name in dict.fromkeys(names) if names.count(name) > 1]  # fmt: skip
         if not names:
             problems.append(
@@ -266,9 +266,11 @@ def read_viscosity_plan(path: str | Path) -> ViscosityPlan:
     study_file.refuse(path, problems)
     assert file is not None
     settings = {step: chosen for step, chosen in file.options.model_dump(exclude_unset=True).items() if chosen}
-    told = file.study
-    origins = told.real, told.simulated, told.assumed
-    return ViscosityPlan(told.name, path, tuple(specimens), FrozenMap(settings), *origins, tuple(remarks), tuple(limbs))
+    study = file.study
+    origins = study.real, study.simulated, study.assumed
+    return ViscosityPlan(
+        study.name, path, tuple(specimens), FrozenMap(settings), *origins, tuple(remarks), tuple(limbs)
+    )
 
 
 def _specimen(specimen: _Specimen, folder: Path, problems: list[str], remarks: list[str]) -> SpecimenFiles:

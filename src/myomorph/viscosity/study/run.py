@@ -55,8 +55,8 @@ def graph_of(plan: ViscosityPlan, out: Path, fresh: bool = False, mark: RunMark 
         opened = partial(open_steps, inputs=LimbInputs(files, options.limb), outcome=outcome)
         names = (files.model.name, *(path.name for drop in files.drops for path in (drop.recording, drop.emg) if path))
         recordings = tuple(Recording(drop.recording, drop.time) for drop in files.drops)
-        told = FrozenMap({limb_step.STEP.name: plan.settings})
-        return Work("limb", outcome, tuple(STEPS["limb"]), opened, fresh=fresh, mark=mark, settings=told,
+        settings = FrozenMap({limb_step.STEP.name: plan.settings})
+        return Work("limb", outcome, tuple(STEPS["limb"]), opened, fresh=fresh, mark=mark, settings=settings,
                     files=names, recordings=recordings)  # fmt: skip
 
     def last(outcomes: tuple[Outcome, ...]) -> tuple[Work, ...]:
