@@ -109,7 +109,7 @@ def get_situation(stored: Stored) -> Situation:
     return situation
 
 
-def put_warnings(writer: ResultWriter, intervals: Sequence[ContactIntervals], infeasible: Sequence[Relaxation]) -> None:
+def put_warnings(writer: ResultWriter, intervals: ContactIntervals | None, infeasible: Sequence[Relaxation]) -> None:
     """Intervals and frames that could not be carried, in a result file."""
     writer.sizes("infeasible_contact", len(infeasible))
     times = np.array([relaxation.time for relaxation in infeasible], dtype=np.float64)
@@ -117,16 +117,14 @@ def put_warnings(writer: ResultWriter, intervals: Sequence[ContactIntervals], in
     writer.texts(
         "infeasible_contact_relaxation", "infeasible_contact", [relaxation.sentence for relaxation in infeasible]
     )
-    if not intervals:
+    if intervals is None:
         return
-    writer.names("contact_group", intervals[0].groups)
+    writer.names("contact_group", intervals.groups)
     writer.names("axis", ("x", "y", "z"))
-    time = np.concatenate([interval.time for interval in intervals])
-    writer.sizes("interval_time", len(time))
-    writer.put("interval_time", ("interval_time",), time, "s", "instants at which it was asked what is left open")
-    writer.texts(
-        "max_interval_direction", "interval_time", [text for interval in intervals for text in interval.sentences]
-    )
+    writer.sizes("interval_time", len(intervals))
+    asked = "instants at which it was asked what is left open"
+    writer.put("interval_time", ("interval_time",), intervals.time, "s", asked)
+    writer.texts("max_interval_direction", "interval_time", intervals.sentences)
     three = ("interval_time", "contact_group", "axis")
     for name, meaning in (
         ("low", "least force that the data allow"),
@@ -134,8 +132,7 @@ def put_warnings(writer: ResultWriter, intervals: Sequence[ContactIntervals], in
         ("near_low", "least force among solutions near the optimum"),
         ("near_high", "greatest force among solutions near the optimum"),
     ):
-        values = np.concatenate([getattr(interval, name) for interval in intervals])
-        writer.put(f"interval_{name}", three, values, "N", meaning)
+        writer.put(f"interval_{name}", three, getattr(intervals, name), "N", meaning)
 
 
 def get_intervals(stored: Stored) -> ForceIntervals | None:

@@ -13,7 +13,7 @@ s. Near the optimum it grows with s^2, which gives the next s.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,13 +23,12 @@ from threadpoolctl import threadpool_limits
 from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData
 from myomorph.rigid.frames import over_frames
-from myomorph.rigid.tree import Tree
 from myomorph.tension.dual import OPTIMAL
 from myomorph.tension.problem import TensionProblem, solve_frames
 from myomorph.tension.separable import Separable
 from myomorph.tension.simplex import least_values
 from myomorph.tension.tension import RESIDUAL, Tension
-from myomorph.tension.terms.cones import GRAVITY
+from myomorph.tension.terms.cones import subject_weight
 
 
 @read_only
@@ -96,13 +95,6 @@ def solved_frames(problem: TensionProblem, tension: Tension, frames: NDArray[np.
     penalties = np.broadcast_to(problem.penalties[frames], (len(frames), 3, n))
     amplitudes = controls + problem.amplitudes.shape[1]
     return SolvedFrames(frames, A, b, x, shared, penalties, values, muscles, controls, amplitudes)
-
-
-def subject_weight(tree: Tree, body: str) -> float:
-    """Weight of the subject or object that a body belongs to: all that hangs on the same joint to the ground [N]."""
-    roots, mass = tree.roots, tree.arrays.mass
-    mine = mass[roots == roots[tree.body_index[body]]].sum()
-    return (float(np.linalg.norm(tree.arrays.gravity)) or GRAVITY) * float(mine or mass.sum())
 
 
 CLOSE = 0.02  # Share of the allowed increase of the cost that may be left
@@ -257,30 +249,35 @@ def contact_intervals(
     tension: Tension,
     frames: Sequence[int] | None = None,
     options: CertificateOptions | None = None,
+    advance: Callable[[int], None] = lambda done: None,
+    at_once: int = 64,
 ) -> ContactIntervals:
-    """What the data leave open of the contact forces of solved frames."""
+    """What the data leave open of the contact forces of solved frames; `advance` hears of every `at_once` of them."""
     options = options or CertificateOptions()
     if problem.contacts is None:
         raise BadData("there are no contacts whose forces could be left open: give contacts to the tension problem")
-    chosen = _chosen(tension, frames)
-    groups, members = _groups(problem)
+    chosen = np.arange(len(tension)) if frames is None else np.asarray(frames, np.int64)
+    if not len(chosen):
+        raise BadData("no frame is asked for")
+    if not (chosen.min() >= 0 and chosen.max() < len(tension)):
+        raise BadData(f"frame {chosen.max()} is asked for, but the tensions have {len(tension)}")
+    # Groups in the order of their first site, and which generators belong to each.
+    labels = [problem.contacts.generators.sites[number].group for number in problem.contacts.generators.site]
+    groups = tuple(dict.fromkeys(site.group for site in problem.contacts.generators.sites))
+    members = [np.array([label == group for label in labels]) for group in groups]
     parts = []
-    for start in range(0, len(chosen), 64):
+    for start in range(0, len(chosen), at_once):
+        part = chosen[start : start + at_once]
         with threadpool_limits(1, "blas"):
-            parts.append(_part(problem, tension, chosen[start : start + 64], groups, members, options))
-    forces, low, high, near_low, near_high, normal = (
-        np.concatenate(item) for item in zip(*(p[:6] for p in parts), strict=True)
-    )
-    direction, spread = (np.concatenate(item) for item in zip(*(p[6:] for p in parts), strict=True))
+            parts.append(_part(problem, tension, part, members, options))
+        advance(len(part))
+    values = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     up = -problem.assembly.tree.arrays.gravity
     sentences = tuple(
-        direction_words(groups, item, float(size), options.near, up)
-        for item, size in zip(direction, spread, strict=True)
+        direction_words(groups, direction, float(size), options.near, up)
+        for direction, size in zip(values["direction"], values["spread"], strict=True)
     )
-    return ContactIntervals(
-        tension.time[chosen], chosen, groups, forces, low[..., :3], high[..., :3], normal, low[..., 3], high[..., 3],
-        near_low, near_high, direction, spread, sentences,
-    )  # fmt: skip
+    return ContactIntervals(time=tension.time[chosen], frames=chosen, groups=groups, sentences=sentences, **values)
 
 
 def open_bounds(problem: TensionProblem, solved: SolvedFrames, options: CertificateOptions) -> tuple[Array, Array]:
@@ -328,18 +325,13 @@ def group_functions(problem: TensionProblem, solved: SolvedFrames, members: Sequ
 
 
 def _part(
-    problem: TensionProblem,
-    tension: Tension,
-    frames: np.ndarray,
-    groups: tuple[str, ...],
-    members: Sequence[Array],
-    options: CertificateOptions,
-) -> tuple[Array, ...]:
-    """Forces, low, high, near_low, near_high, normal, direction, spread of a few frames."""
+    problem: TensionProblem, tension: Tension, frames: np.ndarray, members: Sequence[Array], options: CertificateOptions
+) -> dict[str, Array]:
+    """Fields of `ContactIntervals` of a few frames."""
     solved = solved_frames(problem, tension, frames)
     functions = group_functions(problem, solved, members)
     lower, upper = open_bounds(problem, solved, options)
-    shape = (len(frames), len(groups))
+    shape = (len(frames), len(members))
     result = np.einsum("fgin,fn->fgi", functions, solved.x)
     least = np.full((*shape, 2, 4), np.nan)
     good = np.flatnonzero(tension.status[frames] == OPTIMAL)
@@ -349,7 +341,7 @@ def _part(
             costs = np.stack([functions[number], -functions[number]], axis=1).reshape(-1, functions.shape[-1])
             values, points = np.empty(len(costs)), np.empty(costs.shape)
             least_values(solved.A[number], solved.x[number], lower[number], upper[number], costs, values, points)
-            least[number] = values.reshape(len(groups), 2, 4)
+            least[number] = values.reshape(len(members), 2, 4)
 
     over_frames(extend, len(good), chunk=4)
     low, high = least[:, :, 0] + 0.0, 0.0 - least[:, :, 1]
@@ -358,7 +350,11 @@ def _part(
         bounds = lower[good], upper[good]
         near[:, good] = near_extremes(solved.of(good), bounds, functions[good, :, :3], options.near)
     direction, spread = _least_determined(solved, good, functions[..., :3, :], options.near)
-    return result[..., :3], low, high, near[0], near[1], result[..., 3], direction, spread
+    return {
+        "forces": result[..., :3], "low": low[..., :3], "high": high[..., :3], "normal": result[..., 3],
+        "normal_low": low[..., 3], "normal_high": high[..., 3], "near_low": near[0], "near_high": near[1],
+        "direction": direction, "spread": spread,
+    }  # fmt: skip
 
 
 def _least_determined(solved: SolvedFrames, good: np.ndarray, functions: Array, near: float) -> tuple[Array, Array]:
@@ -387,21 +383,3 @@ def _least_determined(solved: SolvedFrames, good: np.ndarray, functions: Array, 
     cost = solved.cost(solved.x)[good]
     spread[good] = np.sqrt(2.0 * np.maximum(size[:, -1], 0.0) * near * cost)
     return direction, spread
-
-
-def _groups(problem: TensionProblem) -> tuple[tuple[str, ...], list[Array]]:
-    """Names of groups in the order of their first site, and which generators belong to each."""
-    assert problem.contacts is not None
-    generators = problem.contacts.generators
-    labels = [site.group for site in generators.sites]
-    names = tuple(dict.fromkeys(labels))
-    return names, [np.array([labels[number] == name for number in generators.site]) for name in names]
-
-
-def _chosen(tension: Tension, frames: Sequence[int] | None) -> np.ndarray:
-    chosen = np.arange(len(tension)) if frames is None else np.asarray(frames, np.int64)
-    if not len(chosen):
-        raise BadData("no frame is asked for")
-    if not (chosen.min() >= 0 and chosen.max() < len(tension)):
-        raise BadData(f"frame {chosen.max()} is asked for, but the tensions have {len(tension)}")
-    return chosen

@@ -13,7 +13,7 @@ them differ from 0, so that the answer has a name.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -22,14 +22,13 @@ from myomorph.model.arrays import Array, read_only
 from myomorph.model.contacts import Cone, Site
 from myomorph.model.errors import BadData
 from myomorph.model.model import GROUND
-from myomorph.rigid.kinematics import Poses, center_of_mass, forward_kinematics
-from myomorph.tension.certificates import subject_weight
+from myomorph.rigid.kinematics import center_of_mass, forward_kinematics
 from myomorph.tension.dual import MISSING
 from myomorph.tension.problem import TensionProblem
 from myomorph.tension.simplex import extremes
 from myomorph.tension.tension import Tension
 from myomorph.tension.terms.actuators import body_directions, compile_body_actuators, default_reserves, floating_joints
-from myomorph.tension.terms.cones import GRAVITY, ConeGenerators, compile_cones
+from myomorph.tension.terms.cones import ConeGenerators, compile_cones, subject_weight
 from myomorph.tension.terms.contacts import ContactTerm
 
 Kind = Literal["contact", "friction", "most", "pull", "residual"]
@@ -99,44 +98,26 @@ LEAST = 0.1
 STILL = np.zeros(3)
 
 
-@dataclass(eq=False)
 class Roots:
-    """The equations of motion of all bodies that float, in all frames."""
+    """The equations of motion of all bodies that float, in all frames.
+    `bodies`: that float; `weights` (bodies,) of the subject or object that each carries, of small ones `LEAST` of the
+    whole `weight` [N]; generalized forces of unit forces, `residuals` (frames, rows, 6 bodies): and of moments at the
+    bodies' mass centers, `pushes` (frames, rows, generators): along the generators of the sites' cones, `axes` (frames,
+    rows, 3 sites): along the ground's axes at the middles of the sites; `heights` (frames, sites) of the middles above
+    where the sites of their group touch, in the median, above where any do for a group that never touches [m];
+    `center`: median height of the center of mass above the lowest of these places [m]; `z` (frames, generators) forces
+    of the solution [N]; `left` (frames, 6 bodies) forces and moments that contacts leave [N], [N m].
+    """
 
-    problem: TensionProblem
-    contacts: ContactTerm
-    tension: Tension
-    poses: Poses = field(init=False)
-    bodies: tuple[str, ...] = field(init=False)  # the bodies that float
-    # up, weight: against gravity, and of the whole model [N]
-    up: Array = field(init=False)
-    weight: float = field(init=False)
-    # (bodies,) of the subject or object that each carries, of small ones `LEAST` of the whole [N]
-    weights: Array = field(init=False)
-    # (frames, rows, 6 bodies) generalized forces of unit forces and moments at the bodies' mass centers
-    residuals: Array = field(init=False)
-    # (frames, rows, generators) of unit forces along the generators of the sites' cones
-    pushes: Array = field(init=False)
-    # (frames, rows, 3 sites) of unit forces along the ground's axes at the middles of the sites
-    axes: Array = field(init=False)
-    # (frames, sites) of the middles above where the sites of their group touch, in the median; above where any do for a
-    # group that never touches [m]
-    heights: Array = field(init=False)
-    center: float = field(init=False)  # height of the center of mass above the lowest of these places, the median [m]
-    z: Array = field(init=False)  # (frames, generators) forces of the solution [N]
-    left: Array = field(init=False)  # (frames, 6 bodies) forces and moments that contacts leave [N], [N m]
-
-    def __post_init__(self) -> None:
-        tree, generators, c = self.problem.assembly.tree, self.contacts.generators, self.problem.coordinates
+    def __init__(self, problem: TensionProblem, contacts: ContactTerm, tension: Tension):
+        self.problem, self.contacts = problem, contacts
+        tree, generators, c = problem.assembly.tree, contacts.generators, problem.coordinates
         roots = floating_joints(tree.model)
         self.bodies = tuple(joint.child for joint in roots)
         self._rows = [tree.model.coordinate_names.index(name) for joint in roots for name in joint.coordinates]
         self.poses = forward_kinematics(tree, c)
-        gravity = float(np.linalg.norm(tree.model.gravity))
-        self.weight = tree.model.mass * (gravity or GRAVITY)
-        each = [subject_weight(tree, body) for body in self.bodies]
-        self.weights = np.maximum(each, LEAST * self.weight)
-        self.up = -tree.model.gravity / gravity if gravity > 0.0 else np.eye(3)[1]
+        self.up, self.weight = tree.model.up, tree.model.weight
+        self.weights = np.maximum([subject_weight(tree, body) for body in self.bodies], LEAST * self.weight)
         self.residuals = self._residuals()
         self.pushes = self._dense(generators)
         middles = [Site(s.name, s.body, s.points.mean(axis=0)[None], Cone(None), s.against) for s in generators.sites]
@@ -144,14 +125,14 @@ class Roots:
         self.axes = self._dense(between)
         _, places, _, _ = between.evaluate(c)
         heights = places @ self.up
-        levels = _levels(heights, self.contacts)
+        levels = _levels(heights, contacts)
         self.heights = np.maximum(heights - levels, 0.0)
         center = np.nanmedian(center_of_mass(tree, self.poses) @ self.up) - float(levels.min())
         self.center = max(float(center), 1e-3)
-        self.z = np.nan_to_num(self.problem.amplitudes * self.contacts.amounts)
+        self.z = np.nan_to_num(problem.amplitudes * contacts.amounts)
         # What muscles and reserves give together is, at a root, what contacts and residuals do.
         names = tree.model.coordinate_names
-        needed = self.tension.torques[:, [self.tension.coordinates.index(names[j]) for j in self._rows]]
+        needed = tension.torques[:, [tension.coordinates.index(names[j]) for j in self._rows]]
         missing = needed - np.einsum("fre,fe->fr", self.pushes, self.z)
         self.left = np.linalg.solve(self.residuals, missing[..., None])[..., 0]
 
@@ -219,14 +200,16 @@ def smallest_relaxation(roots: Roots, frame: int, limits: Array) -> tuple[Allowa
     columns = [*_residuals(roots, frame, limits), *_generators(roots, frame), *_beyond_cones(roots, frame)]
     matrix = np.array([column.column for column in columns]).T
     rows, count = matrix.shape
-    limited = _limited(roots, frame)
+    sites, touching = roots.contacts.generators.sites, roots.contacts.activations[frame] > 0.0
+    bounded = [site.cone.direction is not None and np.isfinite(site.cone.most) for site in sites]
+    limited = np.flatnonzero(touching & bounded).tolist()
     # Each greatest force: sum of normal forces = what is allowed + what is beyond.
     A = np.zeros((rows + len(limited), count + 2 * len(limited)))
     A[:rows, :count] = matrix
     start = np.array([column.at for column in columns])
     normals = [_normals(roots, columns, number) for number in limited]
     for r, index in enumerate(limited):
-        most, now = roots.contacts.generators.sites[index].cone.most, float(normals[r] @ start)
+        most, now = sites[index].cone.most, float(normals[r] @ start)
         A[rows + r, :count] = normals[r]
         A[rows + r, count + 2 * r : count + 2 * r + 2] = -1.0
         still = np.zeros(rows)
@@ -291,17 +274,6 @@ def _beyond_cones(roots: Roots, frame: int) -> list[_Column]:
         for kind, push in ways:
             result.append(_Column(kind, number, False, push, middle @ push, COSTS[kind], 0.0, np.inf, 0.0))
     return result
-
-
-def _limited(roots: Roots, frame: int) -> list[int]:
-    """Sites that touch and have a greatest force along a direction."""
-    sites = roots.contacts.generators.sites
-    touching = np.flatnonzero(roots.contacts.activations[frame] > 0.0).tolist()
-    return [
-        number
-        for number in touching
-        if sites[number].cone.direction is not None and np.isfinite(sites[number].cone.most)
-    ]
 
 
 def _normals(roots: Roots, columns: Sequence[_Column], site: int) -> Array:

@@ -70,25 +70,18 @@ class EmgTargets:
 class ContactWarnings:
     """Warnings about the contact forces of a solution."""
 
-    intervals: tuple[ContactIntervals, ...]  # what the data leave open, a few instants each
+    intervals: ContactIntervals | None  # what the data leave open, None where no instant was asked for
     infeasible: tuple[Relaxation, ...]  # frames whose contacts cannot carry the motion
     lines: tuple[str, ...]  # the same for runs of frames, one line each
 
     def table(self) -> Table:
         """Forces with what the data leave open: `<group>_fx`, `<group>_fx_low`, `<group>_fx_high`, ... [N]."""
-        time = np.concatenate([interval.time for interval in self.intervals])
-        parts = [
-            np.concatenate([getattr(interval, name) for interval in self.intervals])
-            for name in ("forces", "low", "high")
-        ]
-        names = tuple(
-            f"{group}_f{axis}{ending}"
-            for group in self.intervals[0].groups
-            for axis in "xyz"
-            for ending in ("", "_low", "_high")
-        )
-        values = np.stack(parts, axis=3).reshape(len(time), -1)
-        return Table(time, names, values, facts=FrozenMap({"name": "What the data leave open of contact forces"}))
+        asked = self.intervals
+        assert asked is not None
+        endings = ("", "_low", "_high")
+        names = tuple(f"{group}_f{axis}{ending}" for group in asked.groups for axis in "xyz" for ending in endings)
+        values = np.stack([asked.forces, asked.low, asked.high], axis=3).reshape(len(asked), -1)
+        return Table(asked.time, names, values, facts=FrozenMap({"name": "What the data leave open of contact forces"}))
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,15 +231,10 @@ def contact_warnings(
     solution: ContactSolution, frames: Sequence[int], advance: Callable[[int], None]
 ) -> ContactWarnings:
     """Ask at some instants what the data leave open, and of all frames whether contacts carry them."""
-    problem, tension = solution
-    marked = relaxations(problem, tension)
-    near = CertificateOptions.near if len(tension.muscles) <= LARGE else 0.0
-    intervals = []
-    for start in range(0, len(frames), AT_ONCE):
-        part = frames[start : start + AT_ONCE]
-        intervals.append(contact_intervals(problem, tension, part, CertificateOptions(near=near)))
-        advance(len(part))
-    return ContactWarnings(tuple(intervals), marked, relaxation_lines(marked))
+    marked = relaxations(*solution)
+    options = CertificateOptions(near=CertificateOptions.near if len(solution.found.muscles) <= LARGE else 0.0)
+    intervals = contact_intervals(*solution, frames, options, advance, AT_ONCE) if frames else None
+    return ContactWarnings(intervals, marked, relaxation_lines(marked))
 
 
 def evenly_spaced(count: int, frames: int) -> list[int]:

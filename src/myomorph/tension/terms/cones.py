@@ -16,12 +16,11 @@ from numpy.typing import NDArray
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.contacts import Site
 from myomorph.model.errors import BadModel
+from myomorph.model.model import STANDARD_GRAVITY
 from myomorph.rigid.kernels import kernel
 from myomorph.rigid.kinematics import body_poses
 from myomorph.rigid.tree import ROTATION, Tree
 from myomorph.rigid.vectors import cross, dot, matrix, minus, plus, put_vector, turned, vector
-
-GRAVITY = 9.80665  # Where a model has no gravity, what its bodies would weigh [m/s^2]
 
 
 class ConeArrays(NamedTuple):
@@ -108,7 +107,7 @@ def compile_cones(tree: Tree, sites: Sequence[Site]) -> ConeGenerators:
         lower=np.array([point.lower[e] for _, point, e in rows], dtype=np.float64),
         cost=np.array([point.cost[e] for _, point, e in rows], dtype=np.float64),
         names=tuple(f"{point.label} generator {e}" for _, point, e in rows),
-        weight=np.array([_weight(tree, site) for site in sites], dtype=np.float64),
+        weight=np.array([subject_weight(tree, site.body, site.against) for site in sites], dtype=np.float64),
     )
 
 
@@ -174,11 +173,11 @@ def _reached(tree: Tree, site: Site) -> tuple[list[int], list[float], list[int],
     return axes, [1.0 if supports[axis] else -1.0 for axis in axes], touched, slots
 
 
-def _weight(tree: Tree, site: Site) -> float:
-    """Weight of the subject or object that a site is a part of, the heavier of the two that touch [N]."""
+def subject_weight(tree: Tree, *bodies: str) -> float:
+    """Weight of the heaviest subject or object that bodies belong to: all that hangs on one joint to the ground [N]."""
     root, mass = tree.roots, tree.arrays.mass
-    gravity = float(np.linalg.norm(tree.arrays.gravity)) or GRAVITY
-    ends = {int(root[tree.body_index[name]]) for name in (site.body, site.against)} - {0}
+    gravity = float(np.linalg.norm(tree.arrays.gravity)) or STANDARD_GRAVITY
+    ends = {int(root[tree.body_index[name]]) for name in bodies} - {0}
     heaviest = max((float(mass[root == end].sum()) for end in ends), default=0.0)
     return gravity * (heaviest or float(mass.sum()) or 1.0)
 

@@ -232,7 +232,7 @@ def _write_warnings(trial: TrialInputs, solution: ContactSolution, output: StepO
     with progress(f"{trial.name}: what is left open", len(frames)) as advance:
         warnings = contact_warnings(solution, frames, advance)
     contact_store.put_warnings(output.writer, warnings.intervals, warnings.infeasible)
-    if warnings.intervals:
+    if warnings.intervals is not None:
         write_sto(warnings.table(), output.folder / "contact_intervals.sto")
     return warnings.lines
 
