@@ -173,23 +173,17 @@ def _coupling(T, L, c, slopes, C):
 
 
 @kernel
-def fold(T, L, coordinates, slopes, entries, forces, torques, values, right):
+def fold(T, L, coordinates, slopes, entries, forces, anyway, torques, values, right, left):
     """Fill A and b of every frame.
     `T`, `L`: arrays of the tree, `Links`; `coordinates` (frames, coordinates) all values; `slopes` (frames, dependents
     of loops, coordinates); `entries` (frames, entries) generalized forces of unit forces; `forces` (frames, variables)
-    force of a unit of each variable; `torques` (frames, coordinates) of inverse dynamics; `values`, `right` (frames,
-    entries of A), (frames, rows) filled.
+    force of a unit of each variable; `anyway` (frames, leading variables) forces that act whatever the variables are;
+    `torques` (frames, coordinates) of inverse dynamics; `values` (frames, entries of A), `right` (frames, rows) of all
+    that has to be balanced, and `left`, the same without what acts anyway, filled.
     """
     C = np.zeros((L.driven.shape[0], coordinates.shape[1]))
     for frame in range(coordinates.shape[0]):
         _coupling(T, L, coordinates[frame], slopes[frame], C)
-        for index in range(values.shape[1]):
-            values[frame, index] = 0.0
-        for index in range(L.variable.shape[0]):
-            share = entries[frame, L.source[index]] * forces[frame, L.variable[index]]
-            if L.dependent[index] >= 0:
-                share *= C[L.dependent[index], L.follows[index]]
-            values[frame, L.target[index]] += share
         for j in range(L.row.shape[0]):
             if L.row[j] >= 0:
                 right[frame, L.row[j]] = torques[frame, j]
@@ -198,17 +192,14 @@ def fold(T, L, coordinates, slopes, entries, forces, torques, values, right):
             for j in range(L.row.shape[0]):
                 if L.row[j] >= 0 and C[index, j] != 0.0:
                     right[frame, L.row[j]] += C[index, j] * dependent
-
-
-@kernel
-def take_off(T, L, coordinates, slopes, entries, passive, right):
-    """Take the torques of given forces (frames, leading unknowns) off right (frames, rows)."""
-    C = np.zeros((L.driven.shape[0], coordinates.shape[1]))
-    for frame in range(right.shape[0]):
-        _coupling(T, L, coordinates[frame], slopes[frame], C)
+        for index in range(right.shape[1]):
+            left[frame, index] = right[frame, index]
+        for index in range(values.shape[1]):
+            values[frame, index] = 0.0
         for index in range(L.variable.shape[0]):
-            if L.variable[index] < passive.shape[1]:
-                share = entries[frame, L.source[index]] * passive[frame, L.variable[index]]
-                if L.dependent[index] >= 0:
-                    share *= C[L.dependent[index], L.follows[index]]
-                right[frame, L.row[L.follows[index]]] -= share
+            entry, variable, slope = entries[frame, L.source[index]], L.variable[index], 1.0
+            if L.dependent[index] >= 0:
+                slope = C[L.dependent[index], L.follows[index]]
+            values[frame, L.target[index]] += entry * forces[frame, variable] * slope
+            if variable < anyway.shape[1]:
+                left[frame, L.row[L.follows[index]]] -= entry * anyway[frame, variable] * slope

@@ -20,10 +20,10 @@ from myomorph.rigid.dynamics import rates_of
 from myomorph.rigid.frames import CHUNK, over_frames
 from myomorph.rigid.loops import loop_basis, loop_slopes, refuse_open
 from myomorph.rigid.tree import Tree, compile_tree
-from myomorph.tension.assembly import assemble, fold, take_off
+from myomorph.tension.assembly import assemble, fold
 from myomorph.tension.dual import OPTIMAL, solve_separable
 from myomorph.tension.separable import Links, Separable, no_links
-from myomorph.tension.tension import PassivePeaks, Tension, TensionOptions, greatest_peaks, passive_peaks
+from myomorph.tension.tension import PassivePeaks, Tension, TensionOptions, passive_peaks
 from myomorph.tension.terms.actuators import ActuatorTerm, default_reserves, free_coordinates
 from myomorph.tension.terms.contacts import ContactTask, ContactTerm, contact_terms
 from myomorph.tension.terms.emg import EmgTarget
@@ -46,9 +46,9 @@ class TensionInputs:
 
     def enabled_actuators(self) -> tuple[Actuator, ...]:
         """The model's own and those that are added, which replace those of the same name."""
-        model, options = self.model, self.options
-        default = self.actuators is None
-        added = default_reserves(model, options.reserve, options.residual) if default else tuple(self.actuators or ())
+        model, added = self.model, self.actuators
+        if added is None:
+            added = default_reserves(model, self.options.reserve, self.options.residual)
         replaced = {actuator.name for actuator in added}
         kept = [actuator for actuator in model.actuators if actuator.name not in replaced]
         enabled = tuple(actuator for actuator in (*kept, *added) if actuator.enabled)
@@ -178,7 +178,7 @@ class TensionProblem:
         self._residual = np.empty(frames)
         self._iterations = np.empty(frames, np.int64)
         self._status = np.empty(frames, np.int8)
-        self._passive: list[PassivePeaks] = []
+        self._passive = np.empty((frames, count if options.passive else 0))
 
     def _separable(self, variables: Variables) -> Separable:
         """Weights, exponents and bounds of all unknowns, checked."""
@@ -219,11 +219,9 @@ class TensionProblem:
         frames = Frames(part, c, self._rates[part])
         columns = [term.columns(frames) for term in self.terms]
         entries, forces = (np.hstack([getattr(column, name) for column in columns]) for name in ("entries", "forces"))
-        values, right = np.empty((count, len(self.separable.row))), np.zeros((count, len(assembly.pattern.order)))
-        slopes, arrays, links = self._slopes[part], assembly.tree.arrays, assembly.links
-        fold(arrays, links, c, slopes, entries, forces, self._tau[part], values, right)
-        torques = right[:, assembly.coordinate_row]
-        take_off(arrays, links, c, slopes, entries, _given(columns), right)
+        values, whole = np.empty((count, len(self.separable.row))), np.zeros((count, len(assembly.pattern.order)))
+        inputs, right = (c, self._slopes[part], entries, forces, _given(columns), self._tau[part]), np.empty_like(whole)
+        fold(assembly.tree.arrays, assembly.links, *inputs, values, whole, right)
         if self._adding:
             filled = [item.row_values(rows, frames) for item, rows in self._adding]
             units = np.concatenate([row.unit for row in self.rows])
@@ -231,6 +229,7 @@ class TensionProblem:
             values[:, assembly.extra_place] = np.hstack([*(row for row, _ in filled), own])
             right[:, assembly.extra_row] = np.hstack([row for _, row in filled])
         muscles = self.muscles.forces(frames)
+        torques = whole[:, assembly.coordinate_row]
         return Balance(values, right, muscles.active, muscles.passive, muscles.viscous, torques)
 
     def solve(self, start: int, stop: int) -> None:
@@ -274,14 +273,16 @@ class TensionProblem:
         if self.muscles.viscous:
             self._viscous[part] = balance.viscous
         if self.options.passive:
-            self._passive.append(passive_peaks(balance.passive, self.muscles.strength, self._time[part]))
+            self._passive[part] = balance.passive
         if self.contacts is not None:
             place = (part, self.coordinates[part], self.amplitudes[part])
             self._contact_forces[:, part] = self.contacts.forces_of(*place)
 
     def result(self) -> Tension:
         """What was found, as a value."""
-        peaks = greatest_peaks(self._passive, self._forces.shape[1])
+        peaks = PassivePeaks(*np.zeros((2, self._forces.shape[1])))
+        if self.options.passive:
+            peaks = passive_peaks(self._passive, self.muscles.strength, self._time)
         all_names = self.assembly.tree.model.muscle_names
         outcome = None
         if self.contacts is not None:

@@ -318,19 +318,10 @@ class PassivePeaks(NamedTuple):
 
 
 def passive_peaks(passive: Array, strength: Array, time: Array) -> PassivePeaks:
-    """The peaks in some frames, from forces (frames, muscles) and maximum isometric forces (muscles,) [N]."""
+    """The peaks of forces (frames, muscles), over maximum isometric forces (muscles,) [N]."""
     share = np.nan_to_num(passive) / np.where(strength > 0.0, strength, 1.0)
     frame = share.argmax(axis=0)
     return PassivePeaks(share[frame, np.arange(len(strength))], time[frame])
-
-
-def greatest_peaks(parts: Sequence[PassivePeaks], muscles: int) -> PassivePeaks:
-    """The peaks of all frames; 0 at 0 s where there are no parts."""
-    if not parts:
-        return PassivePeaks(np.zeros(muscles), np.zeros(muscles))
-    share, time = (np.stack(item) for item in zip(*parts, strict=True))
-    best, each = share.argmax(axis=0), np.arange(muscles)
-    return PassivePeaks(share[best, each], time[best, each])
 
 
 def passive_notes(tension: Tension) -> tuple[str, ...]:
@@ -358,14 +349,12 @@ def contact_notes(tension: Tension) -> tuple[str, ...]:
     """A line where a muscle's passive force in the problem that found contact forces passes all it can pull with."""
     if not tension.overstretched:
         return ()
-    order = sorted(tension.overstretched, key=lambda name: -tension.passive_share[tension.muscles.index(name)])
-    at = [tension.muscles.index(name) for name in order[:3]]
-    worst = ", ".join(
-        f"{tension.muscles[i]} {tension.passive_share[i]:.1f} times at {tension.passive_time[i]:.2f} s" for i in at
-    )
+    count = len(tension.overstretched)
+    largest = [item for item in tension.large_passive if item[0] in tension.overstretched][:3]
+    worst = ", ".join(f"{name} {share:.1f} times at {time:.2f} s" for name, share, time in largest)
     return (
-        f"contact forces: passive force above the maximum isometric force in {len(order)} of {len(tension.muscles)} "
-        f"muscles ({worst}{' ...' if len(order) > 3 else ''}): fibers of the model do not fit the motion; compare with "
+        f"contact forces: passive force above the maximum isometric force in {count} of {len(tension.muscles)} muscles "
+        f"({worst}{' ...' if count > 3 else ''}): fibers of the model do not fit the motion; compare with "
         "--no-contact-passive",
     )
 
