@@ -81,21 +81,13 @@ class CoContractionTerm(Term):
         ends = np.zeros(count), np.full(count, np.inf)
         return Variables(names, np.full(count, LIMIT_COST), np.full(count, 2.0), *ends)
 
-    def entries(self) -> Sequence[tuple[int, int]]:
-        """No generalized forces."""
-        return ()
-
     def rows(self, unknowns: Unknowns) -> Rows:
         """A row a coordinate, of the muscles that cross it and of what passes."""
         self._muscles = next(term for term in unknowns.terms if isinstance(term, MuscleTerm))
-        first, columns = unknowns.of(self._muscles).start, unknowns.of(self).start
-        count = len(self.coordinates)
-        row = np.concatenate([np.full(len(of) + 1, j) for j, of in enumerate(self._crossing)])
-        column = np.concatenate([np.append(first + of, columns + j) for j, of in enumerate(self._crossing)])
+        first, beyond = unknowns.of(self._muscles).start, unknowns.of(self).start
+        columns = [np.append(first + of, beyond + j) for j, of in enumerate(self._crossing)]
         names = tuple(f"co-contraction of {name}" for name in self.coordinates)
-        every, wide = np.ones(count), np.full(count, np.inf)
-        shape = row.astype(np.int64), column.astype(np.int64), np.zeros(len(row)), np.zeros(count)
-        return Rows(names, *shape, every, WEIGHT * every, -wide, wide, on_forces=True)
+        return Rows.of_frames(names, columns, 1.0, WEIGHT, on_forces=True)
 
     def row_values(self, rows: Rows, frames: Frames) -> tuple[Array, Array]:
         """|r| F / A of each muscle, and |tau| / A + 2 level."""

@@ -197,8 +197,9 @@ class ContactTerm(Term):
 def _refuse_unfit(time: Array, task: ContactTask) -> None:
     activations = task.activations
     refuse_other_times("activations of contacts", activations.time, time)
-    if not np.all((activations.values >= 0.0) & (activations.values <= 1.0)):
-        frame, site = np.argwhere(~((activations.values >= 0.0) & (activations.values <= 1.0)))[0]
+    outside = np.argwhere(~((activations.values >= 0.0) & (activations.values <= 1.0)))
+    if len(outside):
+        frame, site = outside[0]
         raise BadData(
             f"activation of contact site '{activations.names[site]}' at frame {frame} is "
             f"{activations.values[frame, site]:g}: expected 0 to 1"
@@ -258,13 +259,8 @@ class MeasuredTerm(Term):
         measured, first = self._contacts.task.measured, unknowns.of(self._contacts).start
         names = tuple(f"{wrench.name} {label}" for wrench in measured for label in COMPONENTS)
         sd = [s for wrench in measured for s in (*(3 * [wrench.force_sd]), *(3 * [wrench.moment_sd]))]
-        columns = [mine for mine in self._members for _ in COMPONENTS]
-        row = np.repeat(np.arange(len(names)), [len(column) for column in columns])
-        everything = np.concatenate([*columns, np.zeros(0, np.int64)])
-        free = np.full(len(names), np.inf)
-        none = np.zeros(len(row)), np.zeros(len(names))
-        unit, cost = np.array(sd, dtype=np.float64), np.full(len(names), MEASURED_COST)
-        return Rows(names, row, first + everything, *none, unit, cost, -free, free, measured=True)
+        columns = [first + mine for mine in self._members for _ in COMPONENTS]
+        return Rows.of_frames(names, columns, sd, MEASURED_COST, measured=True)
 
     def row_values(self, rows: Rows, frames: Frames) -> tuple[Array, Array]:
         """What one unit of each amplitude gives; a component that was not measured has none and asks for nothing."""
@@ -302,13 +298,9 @@ class GreatestForceTerm(Term):
 
     def rows(self, unknowns: Unknowns) -> Rows:
         """One row a limit, whose unknown is the share of the greatest force that is used."""
-        count, first = len(self._limits), unknowns.of(self._contacts).start
-        row = np.repeat(np.arange(count), [len(mine) for *_, mine in self._limits])
-        column = np.concatenate([*(mine for *_, mine in self._limits), np.zeros(0, np.int64)])
-        unit, one = np.array([most for _, most, _, _ in self._limits], dtype=np.float64), np.ones(count)
-        names = tuple(name for name, *_ in self._limits)
-        none = np.zeros(len(row)), np.zeros(count)
-        return Rows(names, row, first + column, *none, unit, LIMIT_COST * one, -one, one)
+        first, names = unknowns.of(self._contacts).start, tuple(name for name, *_ in self._limits)
+        columns = [first + mine for *_, mine in self._limits]
+        return Rows.of_frames(names, columns, [most for _, most, _, _ in self._limits], LIMIT_COST, 1.0)
 
     def row_values(self, rows: Rows, frames: Frames) -> tuple[Array, Array]:
         """Force of one unit of each amplitude along the direction that is limited."""

@@ -10,7 +10,6 @@ from myomorph.model.arrays import Array, freeze, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.model import index_of
 from myomorph.model.series import Series
-from myomorph.tension.terms.muscles import MuscleTerm
 from myomorph.tension.terms.term import Penalties, Term, Unknowns
 
 STIFFNESS = 1e4
@@ -74,17 +73,10 @@ class EmgTarget(Term):
         measured = np.arange(len(names)) < len(self.muscles)
         soft = ~measured | (self.mode == "soft")
         weight = np.where(measured, self.weight if self.mode == "soft" else STIFFNESS, self.others_weight)
-        goals = np.where(soft, _beyond_effort(values, weight, columns, unknowns), values)
+        effort, held = unknowns.muscle_term.variables(), np.clip(values, 0.0, 1.0)
+        factors, exponents = effort.weight[columns], effort.exponent[columns]
+        firm = values + factors * exponents * held ** (exponents - 1.0) / (2.0 * (1.0 + weight))
+        goals = np.where(soft, firm, values)
         slack = np.where(soft, 0.0, self.slack)
         stiffness = np.where(np.isfinite(values), weight, 0.0)
         return Penalties(columns, goals - slack, goals + slack, stiffness)
-
-
-def _beyond_effort(values: Array, weight: Array, columns: list[int], unknowns: Unknowns) -> Array:
-    """Targets (frames, muscles) at which effort and the cost of a weight (muscles,) are least at `values` together."""
-    effort = next((term.variables() for term in unknowns.terms if isinstance(term, MuscleTerm)), None)
-    if effort is None:
-        return values
-    factors, exponents = effort.weight[columns], effort.exponent[columns]
-    held = np.clip(values, 0.0, 1.0)
-    return values + factors * exponents * held ** (exponents - 1.0) / (2.0 * (1.0 + weight))

@@ -50,14 +50,9 @@ class JointLoadTerm(Term):
         """Three rows a joint, of the muscles that cross it."""
         self._muscles = next(term for term in unknowns.terms if isinstance(term, MuscleTerm))
         first = unknowns.of(self._muscles).start
-        row = [np.full(len(of), 3 * j + index) for j, of in enumerate(self._crossing) for index in range(3)]
-        column = [first + of for of in self._crossing for _ in range(3)]
+        columns = [first + of for of in self._crossing for _ in range(3)]
         names = tuple(f"load of {name} {axis}" for name in self.joints for axis in "xyz")
-        count = len(names)
-        every, wide = np.ones(count), np.full(count, np.inf)
-        entries = np.concatenate(row).astype(np.int64), np.concatenate(column).astype(np.int64)
-        values = np.zeros(len(entries[0]))
-        return Rows(names, *entries, values, np.zeros(count), every, self._weight * every, -wide, wide, on_forces=True)
+        return Rows.of_frames(names, columns, 1.0, self._weight, on_forces=True)
 
     def row_values(self, rows: Rows, frames: Frames) -> tuple[Array, Array]:
         """Force per unit activation on the bodies that hang on each joint, and what else the joint carries."""

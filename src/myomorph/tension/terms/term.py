@@ -195,6 +195,23 @@ class Rows:
         return cls._dense(name, G, h, LIMIT_COST, -np.inf, 0.0)
 
     @classmethod
+    def of_frames(
+        cls,
+        names: tuple[str, ...],
+        columns: Sequence[NDArray[np.int64]],
+        unit: ArrayLike,
+        weight: float,
+        bound: float = np.inf,
+        **kinds: bool,
+    ) -> Rows:
+        """Rows that `Term.row_values` fills: `columns` has the unknowns of each; e from -`bound` to `bound`."""
+        row = np.repeat(np.arange(len(names)), [len(column) for column in columns])
+        units, weights, wide = (np.full(len(names), values, np.float64) for values in (unit, weight, bound))
+        none = np.zeros(len(row)), np.zeros(len(names))
+        column = np.concatenate([np.zeros(0, np.int64), *columns])
+        return cls(names, row, column, *none, units, weights, -wide, wide, **kinds)
+
+    @classmethod
     def _dense(cls, name: str, S: ArrayLike, target: ArrayLike, weight: float, lower: float, upper: float) -> Rows:
         S = np.atleast_2d(np.asarray(S, dtype=np.float64))
         target = np.atleast_1d(np.asarray(target, dtype=np.float64))
