@@ -29,7 +29,7 @@ def test_a_run_takes_the_links_of_its_own_frames_and_fills_them_only(monkeypatch
         _every=1,
         _pass=solve,
         _missed=lambda frames, x: (np.zeros(5), np.ones(5)),
-        _certificates=[],
+        _outcomes=[],
         _mark=lambda start, stop: marks.append((start, stop)),
     )
     out = (np.zeros((9, 2)), np.zeros((9, 1)), np.full(9, np.nan), np.zeros(9, int), np.full(9, MISSING))

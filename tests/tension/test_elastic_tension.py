@@ -226,7 +226,7 @@ def test_joint_loads_take_part_by_tendon_forces(data):
     """What the rows leave is the force of each joint, as the reactions of the same tensions say, and it falls."""
     model, motion, torques = arm(data)
     term = joint_load_term(model, motion, None, 1e-3)
-    problem = elastic.elastic_problem(TensionInputs(model, motion, torques, ELASTIC, terms=[term]))
+    problem = elastic.ElasticProblem(TensionInputs(model, motion, torques, ELASTIC, terms=[term]))
     problem.solve(0, len(motion))
     found = problem.result()
     assert found.optimal.all()

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from myomorph.tension.elastic import windows
+from myomorph.tension.elastic.interior import Outcome
 from myomorph.tension.elastic.program import Point
 
 ZERO = Point(np.zeros((3, 2)), np.zeros((2, 2)), np.zeros((3, 1)))
@@ -19,7 +20,7 @@ OTHER = Point(np.array([[3.0, 0.0], [0.0, -4.0], [0.0, 0.0]]), np.array([[0.0, 0
 )
 def test_two_starts_give_their_distance_and_the_one_that_is_solved(monkeypatch, solved, taken):
     """Root mean squares of differences: 0.2 in one of four activations, 3 and 4 in two of six forces."""
-    outcomes = [SimpleNamespace(point=one, solved=yes) for one, yes in zip((ZERO, OTHER), solved, strict=True)]
+    outcomes = [(one, Outcome(0.0, 0.0, 0, yes)) for one, yes in zip((ZERO, OTHER), solved, strict=True)]
     starts = []
 
     def solver(program, start, y):
@@ -28,15 +29,16 @@ def test_two_starts_give_their_distance_and_the_one_that_is_solved(monkeypatch, 
 
     monkeypatch.setattr(windows, "Solver", solver)
     monkeypatch.setattr(windows, "integrated", lambda program, a: np.full((3, 2), a.mean()))
-    found, far = windows.solve_part(None, ZERO, np.ones((3, 1)), again=True)
-    assert found is outcomes[taken]
-    assert far == pytest.approx((0.1, np.sqrt(25.0 / 6.0)))
+    point, found = windows.solve_part(None, ZERO, np.ones((3, 1)), again=True)
+    assert point is outcomes[taken][0]
+    assert found.solved is outcomes[taken][1].solved
+    assert found.far == pytest.approx((0.1, np.sqrt(25.0 / 6.0)))
     (first, y), (second, no_y) = starts
     assert first is ZERO
     assert (y.all(), no_y.any()) == (True, False)
     assert (second.a == windows.SECOND_START).all()
     assert (second.f == windows.SECOND_START).all()
     starts.clear()
-    alone, unknown = windows.solve_part(None, ZERO, np.ones((3, 1)), again=False)
+    alone = windows.solve_part(None, ZERO, np.ones((3, 1)), again=False)
     assert alone is outcomes[0]
-    assert np.isnan(unknown).all()
+    assert np.isnan(alone[1].far).all()

@@ -36,8 +36,8 @@ def test_derivatives_of_equilibrium_are_those_of_finite_differences(kind):
     speeds = H.fiber * rng.uniform(-3.0, 3.0, shape)
 
     def of(f, a):
-        out, fibers = np.empty((*shape, 10)), np.empty((*shape, 2))
-        elements(E, own, f, a, lengths, speeds, steps, out, fibers)
+        out = np.empty((*shape, 10))
+        elements(E, own, f, a, lengths, speeds, steps, out)
         return out
 
     at, h = of(f, a), 1e-6
@@ -68,9 +68,9 @@ def test_forces_integrated_from_activations_are_in_equilibrium_as_steps_shrink(k
         a = 0.4 + 0.2 * np.sin(5.0 * middle) + np.zeros(5)
         lengths = 1.03 * E.hill.tendon + E.hill.fiber * (1.0 + 0.1 * np.sin(4.0 * middle))
         speeds = E.hill.fiber * 0.4 * np.cos(4.0 * middle)
-        f, out, fibers = np.empty((frames, 5)), np.empty((frames - 1, 5, 10)), np.empty((frames - 1, 5, 2))
+        f, out = np.empty((frames, 5)), np.empty((frames - 1, 5, 10))
         integrate(E, own, a, lengths, speeds, np.diff(time), 1e-3, 2.0, f)
-        elements(E, own, f, a, lengths, speeds, np.diff(time), out, fibers)
+        elements(E, own, f, a, lengths, speeds, np.diff(time), out)
         missed.append(np.abs(out[frames // 5 :, :, 0]).max())
     assert missed[0] < 0.1
     assert missed[1] < 0.4 * missed[0]

@@ -8,7 +8,6 @@ steps (Waechter and Biegler 2006; primal-dual interior-point methods: Nocedal an
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -40,17 +39,15 @@ RESTARTS = 6  # How often the solver begins anew from the forces that its activa
 
 
 class Outcome(NamedTuple):
-    """Where the solver ended."""
+    """How the solver ended."""
 
-    point: Point  # forces, activations and others
-    y: Array  # (frames, rows) multipliers of the balance
     residual: float  # greatest KKT residual
     equilibrium: float  # greatest difference of tendon and fiber force, normalized
-    # cost, steps, solved: objective, iterations, whether the tolerance was met
-    cost: float
+    # steps, solved: iterations, whether the tolerance was met
     steps: int
     solved: bool
-    fibers: Array  # (frames - 1, muscles, 2) normalized fiber lengths and velocities
+    # root mean square distance of activations and of forces from another start's, NaN where none was asked for
+    far: tuple[float, float] = (np.nan, np.nan)
 
 
 @dataclass(eq=False)
@@ -58,7 +55,6 @@ class Linearized:
     """The problem at a point: what a step is made of."""
 
     g: Array
-    fibers: Array
     cost: float
     slope_a: Array
     bend_a: Array
@@ -125,8 +121,8 @@ class Solver:
     def linearize(self, v: list[Array], y: Array) -> Linearized:
         """The problem at a point."""
         p, (f, a, x) = self.p, v[:3]
-        g, fibers = np.empty((*a.shape, 10)), np.empty((*a.shape, 2))
-        elements(p.arrays, p.own, f, a, p.lengths, p.speeds, p.steps, g, fibers)
+        g = np.empty((*a.shape, 10))
+        elements(p.arrays, p.own, f, a, p.lengths, p.speeds, p.steps, g)
         cost_a, slope_a, bend_a = p.activation.terms(a)
         cost_x, slope_x, bend_x = p.other.terms(x)
         none = (np.zeros((2, 0, 0)), np.zeros((2, 2, 0, 0)), np.zeros((2, 0, 0)))
@@ -134,9 +130,7 @@ class Solver:
         if self.second:
             rate = rate - v[3]
         cost = cost_a + cost_x + SMOOTH * float((np.diff(f, axis=0) ** 2).sum())
-        return Linearized(
-            g, fibers, cost, slope_a, bend_a, slope_x, bend_x, self._balance(f, x, self.y), rate, *rate_curves
-        )
+        return Linearized(g, cost, slope_a, bend_a, slope_x, bend_x, self._balance(f, x, self.y), rate, *rate_curves)
 
     def multipliers(self, at: Linearized) -> tuple[Array, Array]:
         """Slope of the Lagrangian without equilibrium over a, and the multipliers of equilibrium."""
@@ -310,11 +304,12 @@ class Solver:
         self.taken = length
         return there
 
-    def solve(self, log: Callable[[str], None] | None = None) -> Outcome:
-        """Follow the barrier down to the solution."""
+    def solve(self) -> tuple[Point, Outcome]:
+        """Follow the barrier down to the solution: forces, activations and others, and how near they are to it."""
         shift, steps, restarts, errors = 0.0, 0, 0, (np.inf, np.inf, np.inf)
         at = self.linearize(self.v, self.y)
-        for steps in range(1, STEPS + 1):
+        for _ in range(STEPS):
+            steps += 1
             while True:
                 errors = self.errors(at, self.mu)
                 if max(errors) > ENOUGH * self.mu or self.mu <= LAST:
@@ -322,8 +317,6 @@ class Solver:
                 self.mu = max(LAST, min(0.2 * self.mu, self.mu**1.5))
                 self.filter = []
             self.near = errors[0] < NEAR_SLOPE
-            if log is not None:
-                log(f"{steps} mu {self.mu:.1e} cost {at.cost:.6f} errors {errors} shift {shift} bent {self.bent}")
             if self.mu <= LAST and _solved(errors):
                 break
             result = self.step(at, shift)
@@ -341,10 +334,8 @@ class Solver:
             shift = shift / 4.0 if shift > 1e-4 else 0.0
             at = there
         residual = max(self.errors(at, 0.0)[0], errors[2])
-        return Outcome(
-            Point(*self.v[:3]), self.y, max(residual, errors[1]), float(np.abs(at.g[..., 0]).max(initial=0.0)), at.cost,
-            steps, _solved(errors), at.fibers,
-        )  # fmt: skip
+        equilibrium = float(np.abs(at.g[..., 0]).max(initial=0.0))
+        return Point(*self.v[:3]), Outcome(max(residual, errors[1]), equilibrium, steps, _solved(errors))
 
 
 def _solved(errors: tuple[float, float, float]) -> bool:

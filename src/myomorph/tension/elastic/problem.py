@@ -7,7 +7,6 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +19,7 @@ from myomorph.rigid.tree import compile_tree
 from myomorph.tension.dual import INFEASIBLE, MISSING, OPTIMAL, STALLED
 from myomorph.tension.elastic import windows
 from myomorph.tension.elastic.interior import Outcome
+from myomorph.tension.elastic.program import Point
 from myomorph.tension.elastic.windows import ElasticMuscleTerm, along, fibers_at
 from myomorph.tension.problem import Balance, TensionInputs, TensionProblem
 from myomorph.tension.tension import Certificate, Fibers, Tension, Unreachable
@@ -36,31 +36,14 @@ LONGEST_FIBER = 1.8  # Normalized length beyond which fibers are said not to rea
 MISSED = 1e-3  # Torque left over, relative to 1 + the greatest, above which a frame is infeasible
 
 
-def elastic_problem(inputs: TensionInputs) -> ElasticProblem:
-    """What `solve_tension` solves with elastic tendons, set up but not solved; errors are those of it."""
-    if inputs.options.curves == "constant":
-        raise BadData("curves 'constant' with elastic tendons: a tendon stretches fibers, which need curves")
-    return ElasticProblem(inputs)
-
-
 def solve_elastic(inputs: TensionInputs, progress: Callable[[int], None] | None = None) -> Tension:
     """`solve_tension` with elastic tendons; errors are those of it."""
     # Threads of the package share out windows and parts; those of BLAS would only wait for each other.
     with threadpool_limits(1, "blas"):
-        return elastic_problem(inputs).solve_all(progress)
+        return ElasticProblem(inputs).solve_all(progress)
 
 
-Solved = tuple[Outcome, tuple[float, float]]
-
-
-class _Found(NamedTuple):
-    """What one window's certificate says."""
-
-    residual: float
-    equilibrium: float
-    steps: int
-    solved: bool
-    far: tuple[float, float]
+Solved = tuple[Point, Outcome]
 
 
 class ElasticProblem(TensionProblem):
@@ -72,6 +55,8 @@ class ElasticProblem(TensionProblem):
     muscles: ElasticMuscleTerm
 
     def __init__(self, inputs: TensionInputs):
+        if inputs.options.curves == "constant":
+            raise BadData("curves 'constant' with elastic tendons: a tendon stretches fibers, which need curves")
         super().__init__(inputs, ElasticMuscleTerm(compile_tree(inputs.model), inputs.options))
         time = self._time
         frames, muscles = len(time), len(self.muscles.strength)
@@ -92,7 +77,7 @@ class ElasticProblem(TensionProblem):
         self._tendon_forces = np.full((frames, muscles), np.nan)
         self._bridged = np.zeros(frames, np.bool_)
         self._transient = np.zeros(frames, np.bool_)
-        self._certificates: list[_Found] = []
+        self._outcomes: list[Outcome] = []
 
     def _measure(self, start: int, stop: int) -> None:
         c = np.ascontiguousarray(self.coordinates[start:stop])
@@ -139,7 +124,11 @@ class ElasticProblem(TensionProblem):
         self._status[part] = status[kept]
         self._tendon_forces[part] = forces[kept]
         self._bridged[part] = (~good & np.isfinite(x[:, 0]))[kept]
-        self._store_window(part, x[kept], forces[kept], Balance(*(array[kept] for array in balance)))
+        stored = Balance(*(array[kept] for array in balance))
+        self._store(part, x[kept], stored)
+        # Muscles on elastic tendons pull with the tendons' forces.
+        pulls, elastic = forces[kept] * self.muscles.strength + stored.viscous, self.muscles.elastic
+        self._forces[part][:, elastic] = pulls[:, elastic]
 
     def _bridgeable(self, begin: int, good: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Frames of gaps short enough to be bridged."""
@@ -157,7 +146,7 @@ class ElasticProblem(TensionProblem):
         """Solve frames without a gap that is not bridged, into the arrays of the window."""
         frames, status = self._frames(balance, begin, part, good)
         x, forces, residual, iterations, steps_status = out
-        results: list[_Found] = []
+        results: list[Outcome] = []
         if len(frames.time) > 1:
             penalties_here = frames.penalties
             for _ in range(1 if self.smooth is None else PASSES):
@@ -173,10 +162,10 @@ class ElasticProblem(TensionProblem):
         iterations[part] = max((result.steps for result in results), default=0)
         status = np.where((status == OPTIMAL) & (residual[part] > MISSED * scale), INFEASIBLE, status)
         steps_status[part] = np.where(good, status, MISSING)
-        self._certificates += results
+        self._outcomes += results
         self._mark(begin + part.start, begin + part.stop)
 
-    def _pass_thinned(self, frames: windows.Frames) -> list[_Found]:
+    def _pass_thinned(self, frames: windows.Frames) -> list[Outcome]:
         """Solve some of the frames; those between follow them, their forces as near by as balances their torques."""
         keep, elastic = windows.picked(len(frames.time), self._every), np.flatnonzero(self.muscles.elastic)
         few = frames.at(keep)
@@ -193,7 +182,7 @@ class ElasticProblem(TensionProblem):
         frames.x = np.where(on_elastic, frames.x, held)
         return result
 
-    def _pass(self, frames: windows.Frames) -> list[_Found]:
+    def _pass(self, frames: windows.Frames) -> list[Outcome]:
         """Solve the parts of a run of frames from what `frames` has of x and y, and put there what was found."""
         dynamics, again = self.options.activation_dynamics, self.options.second_start
         programs = [windows.program_of(part, frames, self.separable, self.muscles, dynamics) for part in self.parts]
@@ -201,15 +190,14 @@ class ElasticProblem(TensionProblem):
             partial(windows.solve_part, program, *windows.start_of(one, frames, program), again)
             for one, program in zip(self.parts, programs, strict=True)
         ]
-        result = []
-        for part, (outcome, far) in zip(self.parts, _at_once(tasks, self.window >= len(self._time)), strict=True):
-            frames.forces[:, part.muscles] = outcome.point.f
+        solved = _at_once(tasks, self.window >= len(self._time))
+        for part, (point, _) in zip(self.parts, solved, strict=True):
+            frames.forces[:, part.muscles] = point.f
             # Activations at the frames: the mean of those before and after, at the ends the nearest.
-            a = outcome.point.a
+            a = point.a
             frames.x[:, part.muscles] = np.concatenate([a[:1], 0.5 * (a[1:] + a[:-1]), a[-1:]])
-            frames.x[:, part.others] = outcome.point.x
-            result.append(_Found(outcome.residual, outcome.equilibrium, outcome.steps, outcome.solved, far))
-        return result
+            frames.x[:, part.others] = point.x
+        return [outcome for _, outcome in solved]
 
     def _frames(
         self, balance: Balance, begin: int, part: slice, good: NDArray[np.bool_]
@@ -259,28 +247,21 @@ class ElasticProblem(TensionProblem):
         if last == len(time) or not known[last] or np.isnan(self._tau[last]).any():
             self._transient[first:last] |= time[first:last] > time[last - 1] - TRANSIENT
 
-    def _store_window(self, part: slice, x: Array, forces: Array, balance: Balance) -> None:
-        """Keep what was found: as with rigid tendons, but for the forces of muscles on elastic ones."""
-        self._store(part, x, balance)
-        elastic = self.muscles.elastic
-        pulls = forces * self.muscles.strength + balance.viscous
-        self._forces[part][:, elastic] = pulls[:, elastic]
-
     def result(self) -> Tension:
         """What was found, as a value, with its fibers."""
         tension = super().result()
-        outcome = fibers_at(self.muscles, self._time, self.lengths, self.speeds, self._tendon_forces, tension.forces)
+        paths = (self.lengths, self.speeds, self._tendon_forces, tension.forces)
         all_names = self.assembly.tree.model.muscle_names
         rigid = tuple(name for name, item in zip(all_names, self.muscles.elastic, strict=True) if not item)
-        seconds = np.array([certificate.far for certificate in self._certificates]).reshape(-1, 2)
+        seconds = np.array([outcome.far for outcome in self._outcomes]).reshape(-1, 2)
         certificate = Certificate(
-            max((certificate.residual for certificate in self._certificates), default=0.0),
-            max((certificate.equilibrium for certificate in self._certificates), default=0.0),
-            max((certificate.steps for certificate in self._certificates), default=0),
+            max((outcome.residual for outcome in self._outcomes), default=0.0),
+            max((outcome.equilibrium for outcome in self._outcomes), default=0.0),
+            max((outcome.steps for outcome in self._outcomes), default=0),
             *(float(np.sqrt(np.mean(seconds[:, index] ** 2))) if len(seconds) else np.nan for index in range(2)),
         )
-        fibers = Fibers(*outcome, self._transient, self._bridged, rigid, self.unreachable, certificate)
-        return replace(tension, fibers=fibers)
+        kept = (self._transient, self._bridged, rigid, self.unreachable, certificate)
+        return replace(tension, fibers=Fibers(*fibers_at(self.muscles, self._time, *paths), *kept))
 
 
 def _at_once(tasks: Sequence[Callable[[], Solved]], threads: bool) -> list[Solved]:

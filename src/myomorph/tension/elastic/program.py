@@ -37,12 +37,11 @@ VALUE, FIRST, SECOND, BY_A = 0, 1, 2, 3
 
 
 @kernel
-def elements(E, own, f, a, lengths, speeds, steps, out, fibers):
+def elements(E, own, f, a, lengths, speeds, steps, out):
     """Fill G and its derivatives of all elements.
     `E`, `own`: `ElasticArrays`, (muscles,) the numbers in it of the muscles of the columns; `f`, `a` (frames, muscles),
     (frames - 1, muscles); `lengths`, `speeds` (frames - 1, muscles) of the paths between frames [m], [m/s]; `steps`
-    (frames - 1,) time between frames [s]; `out` (frames - 1, muscles, 10) filled; `fibers` (frames - 1, muscles, 2)
-    filled with normalized fiber length and velocity.
+    (frames - 1,) time between frames [s]; `out` (frames - 1, muscles, 10) filled.
     """
     P = np.empty(10)
     for m in range(own.shape[0]):
@@ -54,8 +53,7 @@ def elements(E, own, f, a, lengths, speeds, steps, out, fibers):
             dt = steps[index]
             x = lengths[index, m] - 0.5 * slack * (s0 + n0)
             u = speeds[index, m] - slack * (n0 - s0) / dt
-            length, velocity = fiber_jet(E, i, x, u, a[index, m], P)
-            fibers[index, m, 0], fibers[index, m, 1] = length, velocity
+            fiber_jet(E, i, x, u, a[index, m], P)
             xk, xn, uk, un = -0.5 * slack * s1, -0.5 * slack * n1, slack * s1 / dt, -slack * n1 / dt
             g = out[index, m]
             g[0] = 0.5 * (f[index, m] + f[index + 1, m]) - P[0]

@@ -8,7 +8,7 @@ muscles do has no part that 200 frames a second miss.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +18,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from myomorph.model.arrays import Array
+from myomorph.model.arrays import runs as unbroken
 from myomorph.muscles.fiber_jets import tendon_jet
 from myomorph.muscles.hill import activation_times, compile_elastic, fill_hill_forces, has_elastic_tendon, muscle_models
 from myomorph.rigid.kernels import kernel
@@ -148,27 +149,18 @@ class Frames:
 
     def at(self, keep: NDArray[np.int64]) -> Frames:
         """Some of the frames."""
-        return Frames(
-            self.time[keep], self.values[keep], self.right[keep],
-            self.penalties[keep] if len(self.penalties) == len(self.time) else self.penalties, self.lengths[keep],
-            self.speeds[keep], self.x[keep], self.y[keep], self.forces[keep],
-        )  # fmt: skip
+        parts = {part.name: getattr(self, part.name) for part in fields(self)}
+        return Frames(**{name: part[keep] if len(part) == len(self.time) else part for name, part in parts.items()})
 
 
 def runs(good: NDArray[np.bool_], bridge: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """Ranges of frames that begin and end with a good one, the gaps inside them bridged."""
-    results: list[tuple[int, int]] = []
-    start = None
-    for index, (one, other) in enumerate(zip(good, bridge, strict=True)):
-        if one and start is None:
-            start = index
-        if not one and not other and start is not None:
-            results.append((start, index))
-            start = None
-    if start is not None:
-        results.append((start, len(good)))
-    ends = [np.flatnonzero(good[a:b])[-1] + 1 for a, b in results]
-    return [(a, a + int(end)) for (a, _), end in zip(results, ends, strict=True)]
+    results = []
+    for start, stop in unbroken(good | bridge):
+        known = start + np.flatnonzero(good[start:stop])
+        if len(known):
+            results.append((int(known[0]), int(known[-1]) + 1))
+    return results
 
 
 def filled(time: Array, values: Array, good: NDArray[np.bool_]) -> Array:
@@ -274,17 +266,16 @@ def start_of(part: Part, frames: Frames, program: Program) -> tuple[Point, Array
     return point, frames.y[:, part.rows] * program.other.share
 
 
-def solve_part(program: Program, start: Point, y: Array, again: bool) -> tuple[Outcome, tuple[float, float]]:
-    """The solution, and how far that from another start is: root mean square of activations and of forces."""
-    result = Solver(program, start, y).solve()
+def solve_part(program: Program, start: Point, y: Array, again: bool) -> tuple[Point, Outcome]:
+    """The solution, or that from another start where this alone is solved; `again`: whether there is another start."""
+    point, outcome = Solver(program, start, y).solve()
     if not again:
-        return result, (np.nan, np.nan)
+        return point, outcome
     flat = np.full_like(start.a, SECOND_START)
-    other = replace(start, f=integrated(program, flat), a=flat)
-    second = Solver(program, other, np.zeros_like(y)).solve()
-    distances = (second.point.a - result.point.a, second.point.f - result.point.f)
-    far = tuple(float(np.sqrt(np.mean(distance**2))) for distance in distances)
-    return (second if second.solved and not result.solved else result), (far[0], far[1])
+    other, second = Solver(program, replace(start, f=integrated(program, flat), a=flat), np.zeros_like(y)).solve()
+    activations, forces = (float(np.sqrt(np.mean(apart**2))) for apart in (other.a - point.a, other.f - point.f))
+    point, outcome = (other, second) if second.solved and not outcome.solved else (point, outcome)
+    return point, outcome._replace(far=(activations, forces))
 
 
 FASTEST = 200.0  # Frames a second that are solved at most
