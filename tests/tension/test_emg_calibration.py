@@ -310,7 +310,7 @@ def test_a_level_is_given_up_where_torques_are_so_much_likelier_without_it(misfi
 def test_emg_takes_no_part_where_channels_that_are_left_out_come_out_worse(pair, after, weight):
     model, motion, torques, _, _ = pair
     held = object.__new__(HeldOut)
-    held.found = SimpleNamespace(channels=tuple(PAIR))
+    held.calibration = SimpleNamespace(channels=tuple(PAIR))
     held._without = lambda channel, out: np.array([0.5, *np.full(len(WEIGHTS), after)])
     held._with_twins = list
     calibration = held.chosen(uncalibrated(tuple(PAIR), DELAY))

@@ -16,9 +16,9 @@ from myomorph.motion.emg_activation import LIKELIHOOD_95, USUAL, ChannelMap, Emg
 from myomorph.motion.emg_checks import envelope_faults, refuse_unfit, without_faults
 from myomorph.motion.filters import lowpass
 from myomorph.tension.emg_groups import calibration_of, kept_level, settled_fit, some_names, synergy_groups
-from myomorph.tension.emg_held_out import EmgTrial, HeldOut, swap_lines
+from myomorph.tension.emg_held_out import HELD_FRAMES, EmgTrial, HeldOut, swap_lines
 from myomorph.tension.emg_targets import EmgOptions, mapped_muscles
-from myomorph.tension.emg_tracking import Fit, Prior, TorqueTracking, gain_prior, tracked_frames
+from myomorph.tension.emg_tracking import Fit, Prior, TorqueTracking, few_frames, gain_prior, tracked_frames
 from myomorph.tension.problem import TensionInputs
 from myomorph.tension.tension import TensionOptions
 
@@ -60,7 +60,8 @@ def calibrate_emg(
     if options.gains == "normalized":
         return uncalibrated(names, USUAL if options.delay is None else options.delay, options.shape or 0.0)
     cleaned = [without_faults(trial.emg, envelope_faults(trial.emg)) for trial in trials]
-    told = [_smooth(Emg(emg.time, names, np.array([emg[name] for name in names]).T)) for emg in cleaned]
+    cleaned = [Emg(emg.time, names, np.array([emg[name] for name in names]).T) for emg in cleaned]
+    told = [_smooth(emg) for emg in cleaned]
     every = max(sum(len(trial.motion) for trial in trials) // MAX_FRAMES, 1)
     tells = np.array([[muscle in channels[name] for name in names] for muscle in model.muscle_names], dtype=float)
     # The matrices are small: waking further threads of BLAS for them costs more than they save.
@@ -75,13 +76,14 @@ def calibrate_emg(
         bounds = np.array([(maxima or {}).get(name, np.nan) for name in names])
         groups = synergy_groups(frames, names, tells, peaks)
         prior = gain_prior(peaks, bounds)
-        noise = _noise([Emg(emg.time, names, np.array([emg[name] for name in names]).T) for emg in cleaned], told)
-        tracking = TorqueTracking(frames, tells, groups, prior, options.offsets, noise=noise)
+        tracking = TorqueTracking(frames, tells, groups, prior, options.offsets, noise=_noise(cleaned, told))
         result = _Search(tracking, names, options, gain_prior(peaks, bounds, 0.0)).found(model.muscle_names)
     if any(trial.contacts is not None for trial in trials):
         # No channel is left out where forces of contacts are unknown: nothing shows that synergies tell of others.
         return result if options.unmeasured_weight else replace(result, synergies=())
-    held = HeldOut(model, trials, channels, options, (tension, actuators), tracking, result, peaks, bounds, every)
+    step = every * max(sum(len(trial.motion) for trial in trials) // every // HELD_FRAMES, 1)
+    few = [few_frames(trial.motion, trial.torques, step) for trial in trials]
+    held = HeldOut(model, channels, options, (tension, actuators), tracking, result, peaks, bounds, few)
     result = replace(result, warnings=(*swap_lines(names, held.swapped()), *result.warnings))
     return result if options.mode == "driven" or options.weight is not None else held.chosen(result)
 
@@ -116,7 +118,7 @@ def _noise(envelopes: Sequence[Emg], smooth: Sequence[Emg]) -> Array:
         if beyond <= 0.0:
             continue
         known = np.isfinite(fast)
-        squares += np.where(known, fast, 0.0).__pow__(2).sum(axis=0) * SMOOTH / beyond
+        squares += (np.where(known, fast, 0.0) ** 2).sum(axis=0) * SMOOTH / beyond
         counts += known.sum(axis=0)
     return np.sqrt(squares / np.maximum(counts, 1.0))
 

@@ -46,9 +46,7 @@ def _by_muscle(tension: Tension, target: EmgTarget) -> Iterator[EmgConflict]:
     limit = APART + (target.slack if target.mode == "driven" else 0.0)
     for name, told in zip(target.muscles, target.activations.T, strict=True):
         result = tension.activations[:, tension.muscles.index(name)]
-        for first, last, worst in _stretches(tension.time, np.abs(result - told), limit):
-            start, stop, at = tension.time[[first, last, worst]].tolist()
-            yield EmgConflict(name, "", start, stop, at, float(told[worst]), float(result[worst]))
+        yield from _stretches(tension.time, np.abs(result - told), limit, (name, ""), (told, result))
 
 
 def _by_reserve(model: Model, tension: Tension, target: EmgTarget) -> Iterator[EmgConflict]:
@@ -67,16 +65,19 @@ def _by_reserve(model: Model, tension: Tension, target: EmgTarget) -> Iterator[E
         wanted = tension.torques[:, tension.coordinates.index(coordinate)]
         largest = float(np.nanmax(np.abs(wanted), initial=0.0))
         borne = np.where(known, np.abs(values), 0.0)
-        for first, last, worst in _stretches(tension.time, borne, max(BORNE * largest, 1e-9)):
-            start, stop, at = tension.time[[first, last, worst]].tolist()
-            yield EmgConflict("", coordinate, start, stop, at, float(wanted[worst]), float(values[worst]))
+        limit = max(BORNE * largest, 1e-9)
+        yield from _stretches(tension.time, borne, limit, ("", coordinate), (wanted, values))
 
 
-def _stretches(time: Array, values: Array, limit: float) -> Iterator[tuple[int, int, int]]:
-    """First, last and worst frame of each stretch in which values (frames,) are beyond a limit."""
-    for first, stop in runs(np.nan_to_num(values) > limit):
+def _stretches(
+    time: Array, apart: Array, limit: float, names: tuple[str, str], values: tuple[Array, Array]
+) -> Iterator[EmgConflict]:
+    """Stretches in which what is apart (frames,) is beyond a limit; `values`: by EMG and by the solution (frames,)."""
+    for first, stop in runs(np.nan_to_num(apart) > limit):
         if time[stop - 1] - time[first] >= SHORTEST:
-            yield first, stop - 1, first + int(np.argmax(values[first:stop]))
+            worst = first + int(np.argmax(apart[first:stop]))
+            times = time[[first, stop - 1, worst]].tolist()
+            yield EmgConflict(*names, *times, *(float(item[worst]) for item in values))
 
 
 def conflict_line(conflicts: Sequence[EmgConflict], table: str) -> tuple[str, ...]:

@@ -18,7 +18,7 @@ from myomorph.model.series import Emg, Motion, Series
 from myomorph.motion.emg_activation import ChannelMap, EmgCalibration, channel_means, shifted
 from myomorph.tension.emg_groups import SAME, calibration_of, kept_level, settled_fit, some_names, synergy_groups
 from myomorph.tension.emg_targets import EmgOptions, emg_targets
-from myomorph.tension.emg_tracking import TorqueTracking, action_cosines, few_frames, gain_prior
+from myomorph.tension.emg_tracking import TorqueTracking, action_cosines, gain_prior
 from myomorph.tension.solve import solve_tension
 from myomorph.tension.tension import TensionOptions
 from myomorph.tension.terms.contacts import ContactTask
@@ -99,36 +99,29 @@ class EmgTrial:
     contacts: ContactTask | None = None
 
 
+@dataclass(eq=False)
 class HeldOut:
     """Channels left out in turn: what the EMG of the others does to the activation of the muscles under them.
     Delay, shape and errors of torques are those of all channels; gains and synergies are found anew.
     """
 
-    def __init__(
-        self,
-        model: Model,
-        trials: Sequence[EmgTrial],
-        channels: ChannelMap,
-        options: EmgOptions,
-        told: tuple[TensionOptions | None, Sequence[Actuator] | None],
-        tracking: TorqueTracking,
-        result: EmgCalibration,
-        peaks: Array,
-        maxima: Array,
-        every: int,
-    ):
-        self.model, self.channels, self.options = model, channels, options
-        self.told = told
-        self.trials, self.tracking, self.found, self.peaks, self.maxima = trials, tracking, result, peaks, maxima
+    model: Model
+    channels: ChannelMap
+    options: EmgOptions
+    told: tuple[TensionOptions | None, Sequence[Actuator] | None]  # options and actuators of `solve_tension`
+    tracking: TorqueTracking
+    calibration: EmgCalibration  # of all channels
+    # peaks, maxima: as of `gain_prior`
+    peaks: Array
+    maxima: Array
+    few: Sequence[tuple[Motion, Series]]  # some frames of each trial: a motion with velocities, its torques
 
-        total = sum(len(trial.motion) for trial in trials)
-        step = every * max(total // every // HELD_FRAMES, 1)
-        self.few = [few_frames(trial.motion, trial.torques, step) for trial in trials]
-        self.alone = [solve_tension(model, *recording, *told).activations for recording in self.few]
+    def __post_init__(self) -> None:
+        self.alone = [solve_tension(self.model, *recording, *self.told).activations for recording in self.few]
 
     def swapped(self) -> tuple[Swap, ...]:
         """Pairs of channels that look exchanged."""
-        muscles = {name: self.channels[name] for name in self.found.channels}
+        muscles = {name: self.channels[name] for name in self.calibration.channels}
         return swapped_channels(
             np.vstack([self._measured(index) for index in range(len(self.few))]),
             np.vstack([channel_means(muscles, self.model.muscle_names, activations) for activations in self.alone]),
@@ -136,7 +129,7 @@ class HeldOut:
 
     def _measured(self, index: int) -> Array:
         """Envelopes (frames, channels) of a trial at the delay found."""
-        return shifted(self.tracking.frames[index].emg, self.few[index][0].time, self.found.delays)
+        return shifted(self.tracking.frames[index].emg, self.few[index][0].time, self.calibration.delays)
 
     def chosen(self, emg_calibration: EmgCalibration) -> EmgCalibration:
         """A calibration with the firmest weight at which channels come out as well as without EMG, 0 for no such."""
@@ -169,7 +162,7 @@ class HeldOut:
 
     def _without(self, c: int, out: Sequence[int]) -> Array:
         """Correlations (1 + weights,) of a channel without EMG, and with EMG but for some channels at each weight."""
-        names = self.found.channels
+        names = self.calibration.channels
         rest = np.setdiff1d(np.arange(len(names)), out)
         left = {names[number]: self.channels[names[number]] for number in rest}
         calibration = self._calibrated(rest)
@@ -195,7 +188,7 @@ class HeldOut:
 
     def _calibrated(self, rest: np.ndarray) -> EmgCalibration:
         """Gains and synergies of some channels alone."""
-        names = tuple(self.found.channels[number] for number in rest)
+        names = tuple(self.calibration.channels[number] for number in rest)
         frames = [
             replace(frame, emg=Emg(frame.emg.time, names, frame.emg.values[:, rest])) for frame in self.tracking.frames
         ]
@@ -203,7 +196,7 @@ class HeldOut:
         groups, wide = synergy_groups(frames, names, tells, peaks), gain_prior(peaks, self.maxima[rest])
         noise = self.tracking.noise[rest]
         tracking = TorqueTracking(frames, tells, groups, wide, self.options.offsets, self.tracking.errors, noise)
-        delays, shapes = self.found.delays[rest], self.found.shapes[rest]
+        delays, shapes = self.calibration.delays[rest], self.calibration.shapes[rest]
         with threadpool_limits(limits=1, user_api="blas"):
             tracking.whiten(delays)
             prior = kept_level(tracking, gain_prior(peaks, self.maxima[rest], 0.0), delays, shapes)
@@ -213,7 +206,7 @@ class HeldOut:
     def _warnings(self, held: Array) -> tuple[str, ...]:
         fallen = [
             f"{name} ({before:.2f} to {after:.2f})"
-            for name, (before, after) in zip(self.found.channels, held, strict=True)
+            for name, (before, after) in zip(self.calibration.channels, held, strict=True)
             if np.isfinite(before) and not after >= before - WORSE
         ]
         text = f"EMG of the other channels misleads the muscles of {some_names(fallen)}: correlation with their own "

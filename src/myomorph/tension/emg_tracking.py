@@ -142,7 +142,7 @@ class Fit(NamedTuple):
     # gains, offsets: (channels,)
     gains: Array
     offsets: Array
-    weights: tuple[Array, ...]  # of each group of synergies (muscles, synergies)
+    parameters: Array  # gains, offsets where channels may have any, weights of the synergies in muscles without EMG
     deviation: Array  # (channels,) standard deviation of the gains' logarithms
     misfit: float  # the part of the cost that is of torques, without that of the priors
 
@@ -229,10 +229,11 @@ class TorqueTracking:
 
     def fit(self, delays: Array, shapes: Array, prior: Prior | None = None) -> Fit:
         """The most probable gains at delays (channels,) [s] and shape factors (channels,), by a prior."""
-        parts = [self._design(index, delays, shapes) for index in range(len(self.frames))]
-        size = parts[0][0].shape[1]
+        designs = [self._rows(columns, index, delays, shapes) for index, (columns, _) in enumerate(self._white)]
+        size = designs[0].shape[2]
         matrix, slope, square = np.zeros((size, size)), np.zeros(size), 0.0
-        for design, target in parts:
+        for rows, (_, torques) in zip(designs, self._white, strict=True):
+            design, target = rows.reshape(-1, size), torques.reshape(-1)
             matrix += design.T @ design
             slope += design.T @ target
             square += float(target @ target)
@@ -273,40 +274,24 @@ class TorqueTracking:
             white[good] = np.linalg.solve(lower, both)
             self._white.append((white[..., :-1], white[..., -1]))
 
-    def _drives(self, index: int, delays: Array, shapes: Array) -> tuple[Array, Array, list[Array]]:
-        """Shaped envelopes (frames, channels), shares (frames, measured, channels), courses of each group."""
-        one = self.frames[index]
-        envelopes = shifted(one.emg, one.time, delays)
-        known = np.isfinite(envelopes)
-        shares = self._shares(known)
-        drives = shaped(np.where(known, envelopes, 0.0), shapes)
-        courses = [
-            np.nan_to_num(shifted(one_course, one.time, np.full(1, delays[group.channels].mean())))
-            for group, one_course in zip(self.groups, self._courses[index], strict=True)
-        ]
-        return drives, shares, courses
-
     def _rows(self, columns: Array, index: int, delays: Array, shapes: Array) -> Array:
         """Generalized force of one unit of each parameter, (frames, rows, parameters)."""
-        drives, shares, courses = self._drives(index, delays, shapes)
-        mixed = np.einsum("krm,kmc->krc", columns[..., self.measured], shares)
-        parts = [mixed * drives[:, None]]
+        frames = self.frames[index]
+        envelopes = shifted(frames.emg, frames.time, delays)
+        known = np.isfinite(envelopes)
+        mixed = np.einsum("krm,kmc->krc", columns[..., self.measured], self._shares(known))
+        parts = [mixed * shaped(np.where(known, envelopes, 0.0), shapes)[:, None]]
         parts += [mixed] if self.offsets else []
-        for group, course in zip(self.groups, courses, strict=True):
+        for group, courses in zip(self.groups, self._courses[index], strict=True):
+            course = np.nan_to_num(shifted(courses, frames.time, np.full(1, delays[group.channels].mean())))
             both = columns[..., group.muscles, None] * course[:, None, None]
             parts.append(both.reshape(*both.shape[:2], -1))
         return np.concatenate(parts, axis=2)
 
-    def _design(self, index: int, delays: Array, shapes: Array) -> tuple[Array, Array]:
-        columns, torques = self._white[index]
-        rows = self._rows(columns, index, delays, shapes)
-        return rows.reshape(-1, rows.shape[2]), torques.reshape(-1)
-
     def _left(self, index: int, fit: Fit, delays: Array, shapes: Array) -> Array:
         """Torques (frames, rows) that the fit leaves."""
-        parameters = [fit.gains, *([fit.offsets] if self.offsets else []), *(weight.ravel() for weight in fit.weights)]
         rows = self._rows(self.frames[index].columns, index, delays, shapes)
-        return self.frames[index].torques - rows @ np.concatenate(parameters)
+        return self.frames[index].torques - rows @ fit.parameters
 
     def _ridge(self, size: int, prior: Prior) -> Array:
         """Precision of the prior of offsets and weights (parameters, parameters), gains aside.
@@ -374,16 +359,10 @@ class TorqueTracking:
         curved = (matrix + ridge)[np.ix_(free, free)] * np.outer(scale, scale)
         curved[:count, :count] += precision
         deviation = np.sqrt(np.diag(np.linalg.inv(curved))[:count])
-        offsets, start = np.zeros(count), count
-        if self.offsets:
-            offsets, start = x[count : 2 * count], 2 * count
-        weights = []
-        for group in self.groups:
-            shape = (len(group.muscles), len(group.synergies))
-            stop = start + shape[0] * shape[1]
-            weights.append(np.minimum(x[start:stop].reshape(shape), 1.0))
-            start = stop
-        return Fit(cost, gains, offsets, tuple(weights), deviation, misfit)
+        offsets = x[count : 2 * count] if self.offsets else np.zeros(count)
+        weights = slice(count + self.offsets * count, None)
+        x[weights] = np.minimum(x[weights], 1.0)
+        return Fit(cost, gains, offsets, x, deviation, misfit)
 
 
 def _courses(tracked_frames: TrackedFrames, group: Group) -> Emg:
