@@ -77,16 +77,17 @@ def set_contacts(
     raised = _raised(plan, reported, model, motion, feet)
     reported += [contacts for contacts, _ in raised.values()]
     contacts = _all_contacts(plan, reported, model, standing, sites, seen, ContactStateOptions(floor=height))
-    elsewhere = (
-        ()
-        if plan.reported is None
-        else (*never_during(plan.reported, known.recorded.time), *unreported_feet(plan.reported, feet))
-    )
+    elsewhere: tuple[str, ...] = ()
+    if plan.reported is not None:
+        elsewhere = (*never_during(plan.reported, known.recorded.time), *unreported_feet(plan.reported, feet))
     ready = contact_activations(model, standing, sites, contacts, ActivationOptions(floor=height))
     ready = _with(ready, {name: activation for name, (_, activation) in raised.items()})
     if plan.measured == "exact" and measured is not None:
         ready = without_measured(model, ready, sites, measured)
-    shared = _shared(known, model, motion, sites, contacts) if plan.measured == "shared" else ()
+    shared: tuple[SharedWrench, ...] = ()
+    plates = known.plates if any(len(plate.forces) for plate in known.plates) else measured
+    if plan.measured == "shared" and plates is not None:
+        shared = shared_wrenches(model, motion, sites, contacts, plates, known.plate_time)
     exact = measured if plan.measured == "exact" else None
     if heard is not None:
         # Their forces are known already.
@@ -152,15 +153,6 @@ def never_during(reported: Contacts, time: Array) -> tuple[str, ...]:
                 f"'{name}' is specified to touch at {spans}, the motion is {start:g} to {stop:g} s: it never touches"
             )
     return tuple(texts)
-
-
-def _shared(
-    known: Measurements, model: Model, motion: Motion, sites: tuple[Site, ...], contacts: Contacts
-) -> tuple[SharedWrench, ...]:
-    """What plates tell of the sites that stand on them; with their outlines where these are known."""
-    if any(len(plate.forces) for plate in known.plates):
-        return shared_wrenches(model, motion, sites, contacts, known.plates, known.plate_time)
-    return () if known.wrenches is None else shared_wrenches(model, motion, sites, contacts, known.wrenches)
 
 
 def _soles(plan: ContactPlan, model: Model) -> tuple[Site, ...]:

@@ -92,26 +92,19 @@ def _of_knee(model: Model, knee: Joint, surfaces: Mapping[str, Surface]) -> tupl
 
 def _lateral(model: Model, knee: Joint, poses: Poses, down: Array, side: str) -> Array:
     """Unit vector on the tibia, across its length, that points away from the other leg."""
-    tibia = compile_tree(model).body_index[knee.child]
-    axis = hinge_axis(model, knee, poses, down)
-    up = np.asarray(model.up, dtype=np.float64)
-    forward = _forward(model, poses, tibia)
-    right = poses.rotations[0, tibia].T @ np.cross(forward, up)
-    away = right if side == "right" else -right
-    return np.asarray(axis if axis @ away > 0.0 else -axis)
-
-
-def _forward(model: Model, poses: Poses, tibia: int) -> Array:
-    """Where the body looks in its default pose: the way of the feet, else the x axis of the tibia, in ground."""
-    index = {name: number for number, name in enumerate(compile_tree(model).body_index)}
+    index, up = compile_tree(model).body_index, model.up
+    tibia = poses.rotations[0, index[knee.child]]
+    # Where the body looks in its default pose: the way of the feet, else the x axis of the tibia.
     ahead = np.zeros(3)
     for foot in feet_of(model):
         ahead += poses.rotations[0, index[foot]] @ model.body(foot).mass_center
-    up = np.asarray(model.up, dtype=np.float64)
     if np.linalg.norm(ahead) < 1e-6:
-        ahead = poses.rotations[0, tibia] @ np.array([1.0, 0.0, 0.0])
+        ahead = tibia @ np.array([1.0, 0.0, 0.0])
     ahead -= (ahead @ up) * up
-    return ahead / np.linalg.norm(ahead)
+    right = tibia.T @ np.cross(ahead / np.linalg.norm(ahead), up)
+    away = right if side == "right" else -right
+    axis = hinge_axis(model, knee, poses, down)
+    return np.asarray(axis if axis @ away > 0.0 else -axis)
 
 
 def _bone(model: Model, knee: Joint, surfaces: Mapping[str, Surface]) -> tuple[Array | None, str]:

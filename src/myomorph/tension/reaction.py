@@ -12,7 +12,7 @@ coordinates) included. What acts on a coordinate is not a load on a body: it is 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import lru_cache
 from typing import Literal
 
@@ -238,7 +238,8 @@ def joint_reactions(
     tree = compile_tree(model)
     c, cdot, cddot = motion_arrays(tree, motion)
     refuse_open(tree, c)
-    chosen = [_joint(model, name) for name in (joints or [joint.name for joint in model.joints])]
+    joint_names = tuple(joint.name for joint in model.joints)
+    chosen = [model.joints[index_of("joint", name, joint_names)] for name in joints or joint_names]
     sides, frames = _each(on, len(chosen), "on"), _each(frame, len(chosen), "frame")
     poses = forward_kinematics(tree, c)
     loads = _Loads(tree, motion, poses, c, cdot)
@@ -283,25 +284,18 @@ def caused_motion(
     return replace(motion, names=model.coordinate_names, values=c, velocities=cdot, accelerations=cddot)
 
 
-@dataclass(eq=False)
 class _Loads:
-    """What acts on bodies and along coordinates, added up."""
+    """What acts on bodies and along coordinates, added up.
+    `bodies` (frames, bodies, 6) wrenches; `along` (frames, coordinates) forces of actuators of coordinates; `moved`
+    (frames, coordinates) what muscles do through points that move in their bodies, gathered; `lever` (frames, bodies,
+    6) or 0.0, what the patella as a lever changes of `bodies`: nothing that moves the model.
+    """
 
-    tree: Tree
-    motion: Motion
-    poses: Poses
-    c: Array
-    cdot: Array
-    bodies: Array = field(init=False)  # (frames, bodies, 6) wrenches
-    along: Array = field(init=False)  # (frames, coordinates) forces of actuators of coordinates
-    # (frames, coordinates) what muscles do through points that move in their bodies, gathered
-    moved: Array = field(init=False)
-    # (frames, bodies, 6) or 0.0, what the patella as a lever changes of `bodies`: nothing that moves the model
-    lever: Array | float = field(init=False, default=0.0)
-
-    def __post_init__(self) -> None:
-        self.bodies = of_bushings(self.tree, self.poses, self.tree.model.bushings, self.cdot)
-        self.along, self.moved = np.zeros_like(self.c), np.zeros_like(self.c)
+    def __init__(self, tree: Tree, motion: Motion, poses: Poses, c: Array, cdot: Array):
+        self.tree, self.motion, self.poses, self.c, self.cdot = tree, motion, poses, c, cdot
+        self.bodies = of_bushings(tree, poses, tree.model.bushings, cdot)
+        self.along, self.moved = np.zeros_like(c), np.zeros_like(c)
+        self.lever: Array | float = 0.0
 
     def add_external(self, wrenches: Wrenches | None, contacts: object) -> None:
         for values in (wrenches, contacts.wrenches("site") if hasattr(contacts, "wrenches") else None):
@@ -338,10 +332,7 @@ class _Loads:
         known = {values.name: values for values in (*model.actuators, *added)}
         if isinstance(tension, Tension):
             names, values = tension.reserve_names, tension.reserves
-            order = [
-                index_of("muscle", muscle_name, tension.muscles, "the table of forces")
-                for muscle_name in model.muscle_names
-            ]
+            order = [index_of("muscle", name, tension.muscles, "the table of forces") for name in model.muscle_names]
             tensions = tension.forces[:, order]
         else:
             names = tuple(name for name in tension.names if name not in model.muscle_names)
@@ -349,9 +340,8 @@ class _Loads:
             tensions = np.zeros((len(tension), len(model.muscles)))
             for m, muscle in enumerate(model.muscles):
                 if muscle.enabled:
-                    tensions[:, m] = tension.values[
-                        :, index_of("muscle", muscle.name, tension.names, "the table of forces")
-                    ]
+                    column = index_of("muscle", muscle.name, tension.names, "the table of forces")
+                    tensions[:, m] = tension.values[:, column]
         for name in names:
             check_name("actuator", name, known, "the model with the actuators given")
         return [known[name] for name in names], values, tensions
@@ -369,11 +359,6 @@ def _each(given: str | Sequence[str], count: int, what: str) -> list[str]:
     if len(given) not in (1, count):
         raise BadData(f"{what} names {len(given)} for {count} joints: expected one for all, or one a joint")
     return list(given) * (count if len(given) == 1 else 1)
-
-
-def _joint(model: Model, name: str) -> Joint:
-    names = tuple(joint.name for joint in model.joints)
-    return model.joints[index_of("joint", name, names)]
 
 
 def _seen(
