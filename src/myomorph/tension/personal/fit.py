@@ -241,11 +241,15 @@ def _left_to_errors(parts: Sequence[Part], effective: float) -> float:
     return float(np.clip(1.0 - effective / max(seen, 1e-12), 0.5, 1.0)) ** 2 * INFORMATION
 
 
+def path_ends(windows: Sequence[Windows]) -> Array:
+    """(2, muscles) least and greatest lengths of the paths in frames that count [m]."""
+    every = np.concatenate([window.lengths[window.counted] for window in windows])
+    return np.array([every.min(axis=0), every.max(axis=0)])
+
+
 def _outside(prior: Prior, shapes: MuscleShapes, windows: Sequence[Windows], p: Array) -> tuple[Array, Array]:
     """Rows that pull muscles into physiological lengths, (2 muscles, parameters) and (2 muscles,)."""
-    muscles = len(prior.names)
-    every = np.concatenate([window.lengths[window.counted] for window in windows])
-    ends = np.array([every.min(axis=0), every.max(axis=0)])
+    muscles, ends = len(prior.names), path_ends(windows)
     sizes = prior.sizes(p)
     before, now = (rigid_lengths(shapes, values, ends) for values in (prior.start, sizes))
     low, high = np.minimum(PHYSIOLOGICAL[0], before[0]), np.maximum(PHYSIOLOGICAL[1], before[1])

@@ -64,22 +64,15 @@ def map_generic(generic: Model, scaled: Model, poses: int = POSES) -> GenericMap
         raise BadModel(f"model '{scaled.name}' has no muscle of the generic model '{generic.name}' ({some} ...)")
     reference, own = _lengths(generic, scaled, poses)
     shapes, sizes = muscle_shapes(generic), sizes_of(generic)
-    active = np.ones_like(reference)[None]
-    x = follow(shapes, sizes, reference[None], np.zeros_like(active), active, np.inf).length[0]
+    x = _active_lengths(generic, reference)
     w = np.sqrt(np.maximum(x**2 - shapes.sine**2, 0.0))
     tendon = np.where(shapes.rigid, 1.0, (reference - sizes.fiber * w) / np.maximum(sizes.slack, 1e-9))
     before = _active_lengths(scaled, own)
-    muscles, notes = (
-        list(scaled.muscles),
-        [
-            f"muscle '{name}' is not in the generic model: it keeps its lengths"
-            for name in scaled.muscle_names
-            if name not in names
-        ],
-    )
-    counts = np.zeros(len(names))
-    for index, name in enumerate(names):
-        g, m = generic.muscle_names.index(name), scaled.muscle_names.index(name)
+    others = (name for name in scaled.muscle_names if name not in names)
+    notes = [f"muscle '{name}' is not in the generic model: it keeps its lengths" for name in others]
+    muscles, counts = list(scaled.muscles), np.zeros(len(names))
+    pick = [generic.muscle_names.index(name) for name in names], [scaled.muscle_names.index(name) for name in names]
+    for index, (name, g, m) in enumerate(zip(names, *pick, strict=True)):
         good = (x[:, g] > REACH[0]) & (x[:, g] < REACH[1]) & (tendon[:, g] >= 0.98) & np.isfinite(own[:, m])
         counts[index] = good.sum()
         if counts[index] < MIN_COUNT:
@@ -95,7 +88,6 @@ def map_generic(generic: Model, scaled: Model, poses: int = POSES) -> GenericMap
         muscles[m] = replace(muscles[m], optimal_fiber_length=lo, tendon_slack_length=ls)
     mapped = replace(scaled, muscles=tuple(muscles))
     after = _active_lengths(mapped, own)
-    pick = [generic.muscle_names.index(name) for name in names], [scaled.muscle_names.index(name) for name in names]
     counted = (x[:, pick[0]] > REACH[0]) & (x[:, pick[0]] < REACH[1])
     error = [np.where(counted, values[:, pick[1]] - x[:, pick[0]], np.nan) for values in (before, after)]
     shown = [np.sqrt(np.nansum(item**2, axis=0) / np.maximum(counted.sum(axis=0), 1)) for item in error]
@@ -114,11 +106,7 @@ def _least_squares(w: Array, t: Array, length: Array, fiber: float, slack: float
 
 def _lengths(generic: Model, scaled: Model, poses: int) -> tuple[Array, Array]:
     """(poses, muscles) path lengths of both models in the same poses."""
-    shared = [
-        coordinate
-        for coordinate in free_coordinates(generic)
-        if coordinate in scaled.coordinate_names and coordinate in generic.coordinate_names
-    ]
+    shared = [coordinate for coordinate in free_coordinates(generic) if coordinate in scaled.coordinate_names]
     ranges = {coordinate.name: coordinate.range for coordinate in generic.coordinates}
     unit = qmc.Halton(len(shared), scramble=False).random(poses) if shared else np.zeros((poses, 0))
     results = []

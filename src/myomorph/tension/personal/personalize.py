@@ -14,7 +14,7 @@ from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.tension.personal.fibers import MuscleShapes, muscle_shapes, rigid_lengths
-from myomorph.tension.personal.fit import Fitted, HeldOut, fit, held_out, split
+from myomorph.tension.personal.fit import Fitted, HeldOut, fit, held_out, path_ends, split
 from myomorph.tension.personal.generic_map import GenericMap, map_generic
 from myomorph.tension.personal.prior import Prior, PriorOptions, prior_of, with_sizes
 from myomorph.tension.personal.recordings import PersonalTrial, Windows, torque_floors, windows_of
@@ -187,7 +187,7 @@ def personalize(
     sizes = prior.sizes(p)
     made = with_sizes(start, sizes, prior.start)
     estimates = _estimates(prior, fitted, p, () if checked is None else checked.kept)
-    ends = _ends(windows)
+    ends = path_ends(windows)
     before, after = (rigid_lengths(shapes, values, ends).T for values in (prior.start, sizes))
     counted = sum(weight * recording.counted.sum() for weight, recording in zip(fitted.weights, seen, strict=True))
     frames = (float(counted), sum(int(recording.counted.sum()) for recording in seen))
@@ -200,43 +200,29 @@ def personalize(
     )  # fmt: skip
 
 
-def _ends(windows: Sequence[Windows]) -> Array:
-    every = np.concatenate([window.lengths[window.counted] for window in windows])
-    return np.array([every.min(axis=0), every.max(axis=0)])
-
-
 def _cannot_reach(model: Model, shapes: MuscleShapes, windows: Sequence[Windows]) -> tuple[np.ndarray, list[str]]:
     """Muscles whose path is shorter than the slack tendon in half of the frames, or that are off; and lines on them."""
-    fixed, notes = np.zeros(len(model.muscles), bool), []
-    for m, muscle in enumerate(model.muscles):
-        if not muscle.enabled:
-            fixed[m] = True
-            continue
-        share, worst = 0, (0.0, "", 0.0)
-        total = 0
-        for window in windows:
-            length, time = window.lengths[..., m][window.counted], window.time[window.counted]
-            short = (muscle.tendon_slack_length - length) / muscle.optimal_fiber_length
-            x = (length - muscle.tendon_slack_length) / muscle.optimal_fiber_length
-            for excess, what in (
-                (short, "is shorter than its slack tendon"),
-                (x - OVERSTRETCHED, "stretches it beyond"),
-            ):
-                index = int(np.argmax(excess))
-                if excess[index] > max(worst[0], 0.0):
-                    worst = (float(excess[index]), what, float(time[index]))
-                    where = window.name
-            share += int(np.sum((short > 0.0) | (x > OVERSTRETCHED)))
-            total += len(length)
+    fixed, notes = np.array([not muscle.enabled for muscle in model.muscles], bool), []
+    lengths = np.concatenate([window.lengths[window.counted] for window in windows])
+    time = np.concatenate([window.time[window.counted] for window in windows])
+    where = [window.name for window in windows for _ in range(int(window.counted.sum()))]
+    for m in np.flatnonzero(~fixed):
+        muscle = model.muscles[m]
+        fiber = muscle.optimal_fiber_length
+        short = (muscle.tendon_slack_length - lengths[:, m]) / fiber
+        excess = np.stack([short, -short - OVERSTRETCHED], axis=1)
+        share = int((excess > 0.0).any(axis=1).sum())
         if share:
+            frame, long = divmod(int(np.argmax(excess)), 2)
+            worst = float(excess[frame, long])
             told = (
-                f"{worst[1]} by {1e3 * worst[0] * muscle.optimal_fiber_length:.0f} mm"
-                if "tendon" in worst[1]
-                else f"{worst[1]} {OVERSTRETCHED:g} optimal fiber lengths, to {worst[0] + OVERSTRETCHED:.2f}"
+                f"stretches it beyond {OVERSTRETCHED:g} optimal fiber lengths, to {worst + OVERSTRETCHED:.2f}"
+                if long
+                else f"is shorter than its slack tendon by {1e3 * worst * fiber:.0f} mm"
             )
             notes.append(
-                f"muscle '{muscle.name}' cannot reach in {share} of {total} frames of the model given: its path {told} "
-                f"at {worst[2]:.2f} s of '{where}'"
+                f"muscle '{muscle.name}' cannot reach in {share} of {len(time)} frames of the model given: its path "
+                f"{told} at {time[frame]:.2f} s of '{where[frame]}'"
             )
     return fixed, notes
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
-from myomorph.model.frozen_map import FrozenMap
+from myomorph.model.frozen_map import FrozenMap, grouped
 from myomorph.model.model import Model
 from myomorph.model.sides import split_side
 from myomorph.muscles.hill import MODELS, compile_hill, muscle_model
@@ -202,21 +202,14 @@ def muscle_groups(
 
 def _shared_emg(names: Sequence[str], windows: Sequence[Windows]) -> tuple[tuple[str, ...], NDArray[np.int64]]:
     """Muscles whose EMG is the same all along share a gain; recordings at rest know none."""
-    moving = [window for window in windows if np.isfinite(window.step)]
-    gain = np.full(len(names), -1, np.int64)
-    keys: dict[bytes, int] = {}
-    members: list[list[str]] = []
-    for m, name in enumerate(names):
-        told = np.concatenate([recording.emg[..., m].ravel() for recording in moving]) if moving else np.zeros(0)
-        if not np.isfinite(told).any():
-            continue
-        key = np.nan_to_num(told, nan=-1.0).tobytes()
-        if key not in keys:
-            keys[key] = len(members)
-            members.append([])
-        members[keys[key]].append(name)
-        gain[m] = keys[key]
-    return tuple(" ".join(member) for member in members), gain
+    count, gain = len(names), np.full(len(names), -1, np.int64)
+    told = [window.emg.reshape(-1, count) for window in windows if np.isfinite(window.step)]
+    columns = enumerate(np.concatenate([np.zeros((0, count)), *told]).T)
+    known = ((np.nan_to_num(column, nan=-1.0).tobytes(), m) for m, column in columns if np.isfinite(column).any())
+    members = list(grouped(known).values())
+    for number, muscles in enumerate(members):
+        gain[muscles] = number
+    return tuple(" ".join(names[m] for m in muscles) for muscles in members), gain
 
 
 def with_sizes(model: Model, sizes: MuscleSizes, before: MuscleSizes) -> Model:

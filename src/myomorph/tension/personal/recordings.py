@@ -96,15 +96,8 @@ class _Read:
         balance = problem.balance(0, len(motion))
         force = np.maximum(compile_hill(model).force, 1e-9)
         self.rows = problem.assembly.rows
-        shape, muscles = problem.separable, len(model.muscles)
-        dense = np.zeros((len(motion), len(self.rows), muscles))
-        place = np.empty(balance.right.shape[1], np.int64)
-        place[:] = -1
-        place[problem.assembly.coordinate_row] = np.arange(len(self.rows))
-        for m in range(muscles):
-            here = slice(shape.start[m], shape.start[m + 1])
-            dense[:, place[shape.row[here]], m] = balance.values[:, here] / force[m]
-        self.arms, self.torques = dense, np.array(balance.torques)
+        dense = problem.separable.dense(balance.values)[:, problem.assembly.coordinate_row, : len(force)]
+        self.arms, self.torques = np.ascontiguousarray(dense / force), np.array(balance.torques)
         if measured is not None:
             self.torques[~measured[:, [model.coordinate_names.index(name) for name in self.rows]]] = np.nan
         self.emg = np.full(self.lengths.shape, np.nan)
@@ -178,11 +171,7 @@ def _gap(own: Array, time: Array) -> Array:
 
 def torque_floors(model: Model, names: Sequence[str], windows: Sequence[Windows]) -> Array:
     """(rows,) least error of the torques: 0.1 N m on a body of human size, and 1 % of what is carried [N m or N]."""
-    size = {
-        reserve.coordinate: reserve.optimal_force
-        for reserve in default_reserves(model)
-        if hasattr(reserve, "coordinate")
-    }
+    size = {reserve.coordinate: reserve.optimal_force for reserve in default_reserves(model)}
     least = np.array([size.get(name, 1.0) for name in names])
     every = np.concatenate([window.torques[window.counted] for window in windows])
     counts = np.maximum(np.isfinite(every).sum(axis=0), 1)
