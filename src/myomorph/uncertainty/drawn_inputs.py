@@ -9,7 +9,7 @@ import numpy as np
 
 from myomorph.model.arrays import Array, runs
 from myomorph.model.contacts import Site
-from myomorph.model.errors import BadData
+from myomorph.model.errors import BadData, check_name
 from myomorph.model.model import Model
 from myomorph.model.segments import segments_of
 from myomorph.model.series import Emg, Markers, Motion, Series, Wrenches
@@ -141,16 +141,19 @@ def drawn_angles(model: Model, motion: Motion, draw: Draw) -> Motion:
     True
     """
     frames, width = len(motion), _width(motion.time, draw.sources.skin_time)
-    values, size = np.array(motion.values), draw.sources.angle
-    driven = {coupler.dependent for coupler in model.couplers}
-    floating = floating_coordinates(model)
+    values, size, free = np.array(motion.values), draw.sources.angle, free_angles(model)
     for index, name in enumerate(motion.names):
-        coordinate = model.coordinate(name)
-        slides = coordinate.motion != "rotational"
-        if not size or coordinate.locked or name in driven or slides or name in floating:
-            continue
-        values[:, index] += size * draw.normals.process(draw.number, "angle", name, frames, width, 1)[:, 0]
+        check_name("coordinate", name, model.coordinate_names)
+        if size and name in free:
+            values[:, index] += size * draw.normals.process(draw.number, "angle", name, frames, width, 1)[:, 0]
     return replace(motion, values=values)
+
+
+def free_angles(model: Model) -> tuple[str, ...]:
+    """Coordinates that turn joints: not locked, not driven by others, not those of a body that floats."""
+    fixed = {coupler.dependent for coupler in model.couplers}.union(floating_coordinates(model))
+    turning = (item for item in model.coordinates if item.motion == "rotational" and not item.locked)
+    return tuple(coordinate.name for coordinate in turning if coordinate.name not in fixed)
 
 
 def drawn_wrenches(wrenches: Wrenches, up: Array, draw: Draw) -> Wrenches:

@@ -14,12 +14,11 @@ from myomorph.model.model import Model
 from myomorph.model.series import Markers
 from myomorph.motion.causal import CausalFilter, CausalStream
 from myomorph.motion.ik import InverseKinematicsOptions, pose_problem, tracked_markers
-from myomorph.motion.turns import floating_coordinates
 from myomorph.rigid.coordinates import couple_frames
 from myomorph.rigid.kinematics import forward_kinematics
 from myomorph.rigid.tree import Tree, compile_tree
 from myomorph.uncertainty.bodies import Draw
-from myomorph.uncertainty.drawn_inputs import skin_sizes
+from myomorph.uncertainty.drawn_inputs import free_angles, skin_sizes
 
 TOGETHER = 8  # Draws between two pauses
 FORGETS = 6.0  # Delays after which the filter of noise has forgotten how it began
@@ -104,7 +103,7 @@ class MarkerErrors:
         seen = np.ones(len(self._names), np.bool_)
         if not self._posed:
             seen[:] = np.isfinite(row[self._columns]).all(axis=1)
-        places = self._places[0].at(pose)
+        places = self._places[0].at(pose[None])[0]
         if not self._posed:
             away = np.where(seen, np.sum((row[self._columns] - places) ** 2, axis=1, where=seen[:, None]), 0.0)
             self._squares += away
@@ -113,7 +112,7 @@ class MarkerErrors:
         yield
         apart = self._moved(time)
         for index, place in enumerate(self._places[1:]):
-            apart[index] -= place.at(pose) - places
+            apart[index] -= place.at(pose[None])[0] - places
             if index % TOGETHER == TOGETHER - 1:
                 yield
         apart[:, ~seen] = 0.0
@@ -140,15 +139,8 @@ class AngleErrors:
     """Errors of angles of a body without markers, as of `drawn_angles`; `rate` as of `MarkerErrors`."""
 
     def __init__(self, model: Model, draws: Sequence[Draw], rate: float):
-        driven, floating = {coupler.dependent for coupler in model.couplers}, floating_coordinates(model)
-        free = [
-            coordinate.motion == "rotational"
-            and not coordinate.locked
-            and coordinate.name not in driven
-            and coordinate.name not in floating
-            for coordinate in model.coordinates
-        ]
-        self._sizes = draws[0].sources.angle * np.array(free, dtype=np.float64)
+        free = np.isin(model.coordinate_names, free_angles(model))
+        self._sizes = draws[0].sources.angle * free.astype(np.float64)
         self._noise = SlowNoise(draws[0].sources.skin_time, len(draws) * len(free), draws[0].normals.seed, rate)
 
     def forget(self) -> None:
@@ -161,17 +153,17 @@ class AngleErrors:
 
 
 class _Places:
-    """Where a model's markers are in a pose."""
+    """Where a model's markers are in poses."""
 
     def __init__(self, tree: Tree, names: Sequence[str]):
         self._tree = tree
         marked = [tree.model.marker(name) for name in names]
         self._bodies = np.array([self._tree.body_number(marker.body) for marker in marked], np.int64)
-        self._locations = np.array([marker.location for marker in marked])
+        self._locations = np.array([marker.location for marker in marked]).reshape(-1, 3)
 
-    def at(self, pose: Array) -> Array:
-        """(markers, 3) in ground [m]."""
-        return forward_kinematics(self._tree, pose[None]).points(self._bodies, self._locations)[0]
+    def at(self, poses: Array) -> Array:
+        """(frames, markers, 3) in ground [m]."""
+        return forward_kinematics(self._tree, poses).points(self._bodies, self._locations)
 
 
 CARRIES = 1.0  # Vertical force from which on a center of pressure is taken from a wrench [N]
@@ -223,6 +215,7 @@ class SlopeFinder:
 
     def __init__(self, model: Model, names: tuple[str, ...], weights: Array, options: InverseKinematicsOptions):
         self.names, self._weights, self._tree = names, weights, compile_tree(model)
+        self._places = _Places(self._tree, names)
         self._problem, self._posture = pose_problem(self._tree, names, weights, options), options.posture_weight
 
     def at(self, coordinates: Array, seen: np.ndarray) -> Array:
@@ -241,7 +234,7 @@ class SlopeFinder:
             shifted[index + 1, :, j] += steps[index]
         flat = shifted.reshape(-1, values.shape[1])
         couple_frames(self._tree.arrays, flat)
-        places = _places(self._tree, self.names, flat).reshape(len(free) + 1, frames, width)
+        places = self._places.at(flat).reshape(len(free) + 1, frames, width)
         shifted = flat.reshape(shifted.shape)
         J = np.moveaxis((places[1:] - places[0]) / steps[:, None, None], 0, 2)
         C = np.moveaxis((shifted[1:] - shifted[0]) / steps[:, None, None], 0, 2)
@@ -255,8 +248,3 @@ class SlopeFinder:
         # What no marker shows has no derivative: it stays.
         H += np.maximum(own_weight / problem.unit[free] ** 2, 1e-12)[:, :, None] * np.eye(len(free))
         return np.asarray(C @ np.linalg.solve(H, np.swapaxes(weighted, 1, 2)))
-
-
-def _places(tree: Tree, names: tuple[str, ...], coordinates: Array) -> Array:
-    """(frames, markers, 3) of a model's markers, in ground [m]."""
-    return forward_kinematics(tree, coordinates).markers([tree.model.marker(name) for name in names])

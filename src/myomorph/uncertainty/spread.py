@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Mapping
+from contextlib import ExitStack
 from dataclasses import field, replace
 from pathlib import Path
-from types import TracebackType
 from zlib import crc32
 
 import numpy as np
@@ -16,6 +16,7 @@ from myomorph.model.frozen_map import FrozenMap
 from myomorph.uncertainty.sources import SourceSize
 
 LEVEL = 0.9
+TAILS = (0.5 - 0.5 * LEVEL, 0.5 + 0.5 * LEVEL)
 IN_MEMORY = 100e6  # Draws that take more [bytes] are kept on disk, so that memory does not grow with their number
 AT_ONCE = 20e6  # Values that are sorted together [bytes]
 
@@ -105,31 +106,20 @@ class Uncertainty:
         return f"{text}, widened by factors ({wider})" if wider else text
 
 
-class Draws:
-    """Tables of many draws, of shapes by name."""
+class Draws(ExitStack):
+    """Tables of many draws, of shapes by name; what lies on disk is gone after it."""
 
     def __init__(self, count: int, shapes: Mapping[str, tuple[int, ...]]):
-        self.count, self.done = count, list[int]()
-        self._folder: tempfile.TemporaryDirectory[str] | None = None
-        size = 4.0 * count * sum(float(np.prod(shape)) for shape in shapes.values())
-        if size > IN_MEMORY:
-            self._folder = tempfile.TemporaryDirectory(prefix="myomorph-draws.", ignore_cleanup_errors=True)
-        self._values = {name: self._room(name, (count, *shape)) for name, shape in shapes.items()}
-
-    def __enter__(self) -> Draws:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._values.clear()
-        if self._folder is not None:
-            self._folder.cleanup()
-
-    def _room(self, name: str, shape: tuple[int, ...]) -> np.ndarray:
-        if self._folder is None:
-            return np.empty(shape, np.float32)
-        return np.memmap(Path(self._folder.name) / f"{len(shape)}-{name}", np.float32, "w+", shape=shape)
+        super().__init__()
+        self.count, self.done, self._values, folder = count, list[int](), dict[str, np.ndarray](), ""
+        if 4.0 * count * sum(float(np.prod(shape)) for shape in shapes.values()) > IN_MEMORY:
+            made = tempfile.TemporaryDirectory(prefix="myomorph-draws.", ignore_cleanup_errors=True)
+            folder = self.enter_context(made)
+        for name, shape in shapes.items():
+            path, whole = Path(folder) / f"{len(shape) + 1}-{name}", (count, *shape)
+            values = np.memmap(path, np.float32, "w+", shape=whole) if folder else np.empty(whole, np.float32)
+            self._values[name] = values
+        self.callback(self._values.clear)
 
     def put(self, draw: int, tables: Mapping[str, Array]) -> None:
         """Keep what one draw came to."""
@@ -141,17 +131,16 @@ class Draws:
         """One draw of a table, in single precision."""
         return np.asarray(self._values[name][draw], np.float64)
 
-    def spread(self, name: str, time: Array, names: tuple[str, ...], level: float = LEVEL) -> Spread:
+    def spread(self, name: str, time: Array, names: tuple[str, ...]) -> Spread:
         """Limits and standard deviation of a table (frames, names)."""
         values, done = self._values[name], np.array(self.done)
         frames = values.shape[1]
         low, high, deviation = (np.empty(values.shape[1:]) for _ in range(3))
         step = max(1, int(AT_ONCE / (4.0 * values.shape[0] * max(values.shape[2], 1))))
-        tails = (0.5 - 0.5 * level, 0.5 + 0.5 * level)
         for start in range(0, frames, step):
             part = slice(start, start + step)
             taken = np.asarray(values[done, part], np.float64)
-            low[part], high[part] = np.quantile(taken, tails, axis=0)
+            low[part], high[part] = np.quantile(taken, TAILS, axis=0)
             deviation[part] = taken.std(axis=0, ddof=1)
         return Spread(time, names, low, high, deviation)
 
@@ -200,7 +189,7 @@ class ValueErrors:
         if len(known) < 2:
             none = np.full(len(self.names), np.nan)
             return none, none, none
-        low, high = np.quantile(known, (0.5 - 0.5 * LEVEL, 0.5 + 0.5 * LEVEL), axis=0)
+        low, high = np.quantile(known, TAILS, axis=0)
         return low, high, known.std(axis=0, ddof=1)
 
 
@@ -209,7 +198,7 @@ def widened_errors(errors: Array, factors: Array) -> Array:
     known = np.isfinite(errors).all(axis=1)
     if not known.any():
         return errors
-    low, high = np.quantile(errors[known], (0.5 - 0.5 * LEVEL, 0.5 + 0.5 * LEVEL), axis=0)
+    low, high = np.quantile(errors[known], TAILS, axis=0)
     middle = 0.5 * (low + high)
     return np.asarray(middle + factors * (errors - middle))
 
