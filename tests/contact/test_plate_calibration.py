@@ -120,7 +120,7 @@ def test_the_pose_found_is_a_least_one():
     given = pushes(noise=USUAL, tip=True)
     found = calibrate_plate(given)
     best = solve_pose(given, found.rotation, found.center).cost
-    lines = _Lines.of(given)
+    lines = _Lines(given)
     for k in range(6):
         for size in (1e-5, -1e-5):
             turn = axis_rotation(np.eye(3)[k], size) if k < 3 else np.eye(3)
@@ -132,7 +132,7 @@ def test_the_pose_found_is_a_least_one():
 def test_derivatives_of_lengths_are_those_of_finite_differences():
     """The sum of squares is free of how the sides across a force are chosen."""
     given = pushes(noise=USUAL, tip=True)
-    lines = _Lines.of(given)
+    lines = _Lines(given)
     axes, center = axis_rotation((1, 0, 0), 0.02) @ AXES, CENTER + 0.003
 
     def cost(step):

@@ -88,15 +88,12 @@ def assign_bodies(wrenches: Wrenches, positions: Mapping[str, Array]) -> Assignm
                 contact = _contact(wrenches, plate, here, distances[here, plate], size[here], names)
                 contacts.append(contact)
                 if contact.distance > 0.6 * contact.other_distance:
-                    warnings.append(_warning(contact))
+                    warnings.append(
+                        f"{contact.plate} may carry two bodies from {contact.start:.2f} to {contact.stop:.2f} s: its "
+                        f"force went to '{contact.body}', {contact.distance:.2f} m away (another: "
+                        f"{contact.other_distance:.2f} m)"
+                    )
     return Assignment(_split(wrenches, carried, names), tuple(contacts), tuple(warnings))
-
-
-def _warning(contact: Contact) -> str:
-    return (
-        f"{contact.plate} may carry two bodies from {contact.start:.2f} to {contact.stop:.2f} s: its force went to "
-        f"'{contact.body}', {contact.distance:.2f} m away (another: {contact.other_distance:.2f} m)"
-    )
 
 
 def _distances(wrenches: Wrenches, points: Array, name: str) -> Array:
@@ -153,37 +150,28 @@ def _contact(
     means = np.where(total > 0, weighted.sum(axis=0) / np.where(total > 0, total, 1.0), np.inf)
     body = int(np.argmin(means))
     others = np.delete(means, body)
-    time = wrenches.time[here]
-    return Contact(
-        wrenches.names[plate],
-        names[body],
-        float(time[0]),
-        float(time[-1]),
-        float(means[body]),
-        float(others.min()) if len(others) else float("inf"),
-    )
+    start, stop = wrenches.time[here][[0, -1]].tolist()
+    other = float(others.min()) if len(others) else float("inf")
+    return Contact(wrenches.names[plate], names[body], start, stop, float(means[body]), other)
 
 
 def _split(wrenches: Wrenches, carried: NDArray[np.int64], names: tuple[str, ...]) -> Wrenches:
     """One wrench for every plate and body that met; a plate that met none keeps its body unknown."""
-    labels, bodies, forces, points, torques = [], [], [], [], []
+    parts = []
     for plate, plate_name in enumerate(wrenches.names):
         met = sorted(set(carried[:, plate].tolist()) - {-1})
         for body in met or [-1]:
-            mine = (carried[:, plate] == body)[:, None]
-            labels.append(plate_name if len(met) < 2 else f"{plate_name}_{names[body]}")
-            bodies.append(names[body] if met else "")
-            forces.append(np.where(mine, wrenches.forces[:, plate], 0.0))
-            points.append(wrenches.points[:, plate])
-            torques.append(np.where(mine, wrenches.torques[:, plate], 0.0))
-    return replace(
-        wrenches,
-        names=tuple(labels),
-        bodies=tuple(bodies),
-        forces=np.stack(forces, axis=1),
-        points=np.stack(points, axis=1),
-        torques=np.stack(torques, axis=1),
-    )
+            label = plate_name if len(met) < 2 else f"{plate_name}_{names[body]}"
+            parts.append((plate, label, names[body] if met else "", carried[:, plate] == body))
+    return shared_out(wrenches, parts)
+
+
+def shared_out(wrenches: Wrenches, parts: Sequence[tuple[int, str, str, NDArray[np.bool_]]]) -> Wrenches:
+    """Parts of wrenches: of each the number of its wrench, its name, its body, and when it acts (frames,)."""
+    numbers, names, bodies, acts = zip(*parts, strict=True)
+    taken, mine = wrenches.columns(numbers), np.stack(acts, axis=1)[..., None]
+    forces, torques = (np.where(mine, values, 0.0) for values in (taken.forces, taken.torques))
+    return replace(taken, names=names, bodies=bodies, forces=forces, torques=torques)
 
 
 LOADED = 20.0  # Force from which a plate counts as loaded [N]
@@ -217,10 +205,8 @@ class OnlineFeet:
         self._feet = [self.bodies.index(item) for item in feet]
         self._numbers = [self._tree.body_index[item] for item in feet]
         self._ends = np.array([heel_and_ball(model, item) for item in feet]).reshape(-1, 2, 3)
-        gravity = np.asarray(model.gravity, dtype=np.float64)
-        size = float(np.linalg.norm(gravity))
-        self.up = -gravity / size if size > 0.0 else np.array([0.0, 1.0, 0.0])
-        self._trusted = SURE * size * model.mass
+        self.up = model.up
+        self._trusted = SURE * float(np.linalg.norm(model.gravity)) * model.mass
         self.nobody = np.zeros(len(plates), np.int64)
 
     def given(self, wrenches: Array, coordinates: Array | None) -> Array:
@@ -235,10 +221,7 @@ class OnlineFeet:
                 continue
             force = np.linalg.norm(wrenches[:, plate, 3:], axis=1)
             loaded = force > LOADED
-            edges = np.flatnonzero(np.diff(loaded)) + 1
-            for first, stop in zip([0, *edges], [*edges, len(loaded)], strict=True):
-                if first == stop:
-                    continue
+            for first, stop in _runs(loaded) if len(loaded) else ():
                 if not loaded[first]:
                     self._owner[plate], self._sure[plate] = -1, False
                     continue

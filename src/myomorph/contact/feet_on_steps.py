@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 from pathlib import Path
 from typing import Literal
 
@@ -111,13 +112,8 @@ def _warnings(
     result = []
     step_time = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
     for number, step in enumerate(steps):
-        bodies = np.stack(
-            [
-                standing[:, number, [i for i, s in enumerate(sites) if s.body == body]].any(axis=1)
-                for body in _bodies(sites)
-            ],
-            axis=1,
-        )
+        stands = _bodies_on(standing[:, number], sites)
+        bodies = np.stack(list(stands.values()), axis=1)
         alone = loaded[:, number] & ~bodies.any(axis=1)
         if alone.any():
             result.append(
@@ -126,7 +122,7 @@ def _warnings(
             )
         several = bodies.sum(axis=1) > 1
         if several.any():
-            who = [body for body, any_ in zip(_bodies(sites), bodies[several].any(axis=0), strict=True) if any_]
+            who = [body for body, stood in stands.items() if stood[several].any()]
             result.append(
                 f"step '{step.name}' carries {' and '.join(who)} together for {several.sum() * step_time:.3g} s: its "
                 "force is shared"
@@ -134,8 +130,10 @@ def _warnings(
     return result
 
 
-def _bodies(sites: Sequence[Site]) -> list[str]:
-    return list(dict.fromkeys(site.body for site in sites))
+def _bodies_on(standing: np.ndarray, sites: Sequence[Site]) -> dict[str, np.ndarray]:
+    """(frames,) whether each body stands on a step, by which of its sites (frames, sites) do."""
+    bodies = dict.fromkeys(site.body for site in sites)
+    return {body: standing[:, [site.body == body for site in sites]].any(axis=1) for body in bodies}
 
 
 def stair_wrenches(feet: FeetOnSteps, unmeasured: Unmeasured = "unknown") -> tuple[Wrenches, tuple[str, ...]]:
@@ -158,11 +156,7 @@ def stair_wrenches(feet: FeetOnSteps, unmeasured: Unmeasured = "unknown") -> tup
         if missing:
             notes.append(f"step '{step.name}' does not measure force along {', '.join(missing)}: taken for zero")
         columns |= {(step.name, body): part for body, part in _parts(feet, number).items()}
-    frames = len(feet.time)
-    values = [np.zeros((frames, len(columns), 3)) for _ in range(3)]
-    for j, parts in enumerate(columns.values()):
-        for table, values_of in zip(values, parts, strict=True):
-            table[:, j] = values_of
+    values = np.array(list(columns.values())).reshape(-1, 3, len(feet.time), 3).transpose(1, 2, 0, 3)
     names = tuple(f"{step}_{body}" for step, body in columns)
     return Wrenches(feet.time, names, tuple(body for _, body in columns), *values), tuple(notes)
 
@@ -171,13 +165,12 @@ def _parts(feet: FeetOnSteps, index: int) -> dict[str, tuple[Array, Array, Array
     """Force, point and free torque (frames, 3) of a step on each body that stands on it."""
     step = feet.steps[index]
     force = np.nan_to_num(feet.forces[:, index])
-    bodies = [body for body in _bodies(feet.sites) if feet.standing[:, index, _of(feet, body)].any()]
-    where = {body: _place(feet, index, body) for body in bodies}
-    here = {body: np.asarray(feet.standing[:, index, _of(feet, body)].any(axis=1)) for body in bodies}
+    here = {body: on for body, on in _bodies_on(feet.standing[:, index], feet.sites).items() if on.any()}
+    where = {body: _place(feet, index, body) for body in here}
     center, torque = _center_of_pressure(step, force, feet.moments[:, index])
-    shares = _shares(bodies, here, where, center)
+    shares = _shares(here, where, center)
     result = {}
-    for body in bodies:
+    for body in here:
         alone = shares[body] == 1.0
         point = np.where((alone & np.isfinite(center).all(axis=1))[:, None], center, where[body])
         point = np.where(here[body][:, None], point, step.pose.translation)
@@ -185,13 +178,9 @@ def _parts(feet: FeetOnSteps, index: int) -> dict[str, tuple[Array, Array, Array
     return result
 
 
-def _of(feet: FeetOnSteps, body: str) -> list[int]:
-    return [i for i, site in enumerate(feet.sites) if site.body == body]
-
-
 def _place(feet: FeetOnSteps, index: int, body: str) -> Array:
     """(frames, 3) mean place of a body's sites that stand on a step, brought down onto its tread; 0 where none does."""
-    members = _of(feet, body)
+    members = [site.body == body for site in feet.sites]
     on = feet.standing[:, index, members][..., None]
     mean = np.where(on, feet.places[:, members], 0.0).sum(axis=1) / np.maximum(on.sum(axis=1), 1)
     pose = feet.steps[index].pose
@@ -215,21 +204,17 @@ def _center_of_pressure(step: Step, force: Array, moment: Array) -> tuple[Array,
     return center, np.nan_to_num(np.where(np.isfinite(center), torque, 0.0))
 
 
-def _shares(
-    bodies: Sequence[str], here: dict[str, np.ndarray], where: dict[str, Array], center: Array
-) -> dict[str, Array]:
+def _shares(here: dict[str, np.ndarray], where: dict[str, Array], center: Array) -> dict[str, Array]:
     """Share (frames,) of a step's force that each body has."""
-    count = np.sum([here[body] for body in bodies], axis=0) if bodies else np.zeros(len(center))
-    shares = {body: np.where(here[body], 1.0 / np.maximum(count, 1), 0.0) for body in bodies}
-    for i, each_body in enumerate(bodies):
-        for other in bodies[i + 1 :]:
-            two = here[each_body] & here[other] & (count == 2) & np.isfinite(center).all(axis=1)
-            apart = where[other] - where[each_body]
-            square = (apart**2).sum(axis=1)
-            along = np.clip(((center - where[each_body]) * apart).sum(axis=1) / np.maximum(square, 1e-12), 0.0, 1.0)
-            along = np.where(square > 1e-12, along, 0.5)
-            shares[each_body] = np.where(two, 1.0 - along, shares[each_body])
-            shares[other] = np.where(two, along, shares[other])
+    count = np.sum(list(here.values()), axis=0)
+    shares = {body: np.where(stands, 1.0 / np.maximum(count, 1), 0.0) for body, stands in here.items()}
+    for body, other in combinations(here, 2):
+        two = here[body] & here[other] & (count == 2) & np.isfinite(center).all(axis=1)
+        apart = where[other] - where[body]
+        square = (apart**2).sum(axis=1)
+        along = np.clip(((center - where[body]) * apart).sum(axis=1) / np.maximum(square, 1e-12), 0.0, 1.0)
+        along = np.where(square > 1e-12, along, 0.5)
+        shares[body], shares[other] = np.where(two, 1.0 - along, shares[body]), np.where(two, along, shares[other])
     return shares
 
 
@@ -250,8 +235,7 @@ def shared_stairs(feet: FeetOnSteps, leave_out: Collection[str] = ()) -> tuple[S
             force = feet.forces[frames, index]
             forces[frames] = force
             # About the ground's origin a moment needs the forces across it.
-            middle = np.array(step.pose.translation)
-            arm = np.array([[0, -middle[2], middle[1]], [middle[2], 0, -middle[0]], [-middle[1], middle[0], 0]])
+            arm = np.cross(np.eye(3), step.pose.translation)
             used = np.abs(arm) > 1e-12
             open_ = (used[None] & np.isnan(force)[:, None, :]).any(axis=2)
             moved = feet.moments[frames, index] + np.nan_to_num(force) @ arm.T

@@ -80,10 +80,23 @@ def check_mirrors(inspection: Inspection) -> Iterator[Finding]:
         fits = _share(np.asarray(stands.any(axis=1) if owner is None else stands[:, owner]), weights) > STANDS
         if not fits or result.distance > min(FITS * feet.unit, MARKED * before):
             continue
+        name, near = inspection.name(number), f"{100.0 * result.distance:.0f} cm"
+        axes = " and ".join("xyz"[int(np.argmax(np.abs(axis)))] for axis in result.axes)
         if result.distance < CLEARER * exchanged:
-            yield _mirrored(inspection.name(number), result, before)
+            middle = ", ".join(f"{item:.2f}" for item in result.middle)
+            text = (
+                f"the center of pressure of force '{name}' lies {100.0 * before:.0f} cm from the foot that the belt "
+                f"carries, {near} when mirrored along {axes} (about {middle} m): its plate seems mirrored about its "
+                "own middle, and torques there are wrong: check the plate's corners or the sign of its moments"
+            )
+            yield Finding(MIRRORED_PLATE, name, text)
         elif exchanged > CLEARER * result.distance:
-            yield _unsure(inspection.name(number), result, exchanged)
+            text = (
+                f"force '{name}' is put on the wrong foot ({100.0 * exchanged:.0f} cm from the other one), or its "
+                f"plate is mirrored along {axes} ({near} from its own then): the recording does not say which: nothing "
+                "was changed; check the plate's corners, or name its body (--bodies, --plates)"
+            )
+            yield Finding(UNSURE, name, text)
 
 
 def _carriers(stands: NDArray[np.bool_], own: int | None) -> NDArray[np.bool_]:
@@ -141,30 +154,6 @@ def _mirror(inspection: Inspection, centers: Array, carriers: NDArray[np.bool_],
 def _reflected(centers: Array, axes: Array, middle: Array) -> Array:
     """Points (frames, 3) mirrored along axes about a middle."""
     return np.asarray(centers + 2.0 * (middle - centers @ axes.T) @ axes)
-
-
-def _named(axes: Array) -> str:
-    return " and ".join("xyz"[int(np.argmax(np.abs(axis)))] for axis in axes)
-
-
-def _mirrored(name: str, mirror: Mirror, before: float) -> Finding:
-    middle = ", ".join(f"{item:.2f}" for item in mirror.middle)
-    text = (
-        f"the center of pressure of force '{name}' lies {100.0 * before:.0f} cm from the foot that the belt carries, "
-        f"{100.0 * mirror.distance:.0f} cm when mirrored along {_named(mirror.axes)} (about {middle} m): its "
-        "plate seems mirrored about its own middle, and torques there are wrong: check the plate's corners or the sign "
-        "of its moments"
-    )
-    return Finding(MIRRORED_PLATE, name, text)
-
-
-def _unsure(name: str, mirror: Mirror, exchanged: float) -> Finding:
-    text = (
-        f"force '{name}' is put on the wrong foot ({100.0 * exchanged:.0f} cm from the other one), or its plate is "
-        f"mirrored along {_named(mirror.axes)} ({100.0 * mirror.distance:.0f} cm from its own then): the recording "
-        "does not say which: nothing was changed; check the plate's corners, or name its body (--bodies, --plates)"
-    )
-    return Finding(UNSURE, name, text)
 
 
 def check_progress(inspection: Inspection) -> Iterator[Finding]:

@@ -289,7 +289,7 @@ def supported(inspection: Inspection) -> NDArray[np.bool_]:
     on_plate = np.zeros(len(feet.time), bool)
     elsewhere = np.zeros(len(feet.time), bool)
     for foot in range(len(feet.feet)):
-        for start, stop in _joined(list(runs(stands[:, foot])), pause):
+        for start, stop in runs(_bridged(stands[:, foot], pause)):
             if carries[start:stop, foot].mean() > CARRIED:
                 on_plate[start:stop] = True
             elif stop - start > pause:
@@ -311,12 +311,10 @@ def _carries(inspection: Inspection) -> NDArray[np.bool_]:
     return result
 
 
-def _joined(parts: list[tuple[int, int]], pause: int) -> list[tuple[int, int]]:
-    """Runs with short gaps between them closed."""
-    result: list[tuple[int, int]] = []
-    for start, stop in parts:
-        if result and start - result[-1][1] <= pause:
-            result[-1] = (result[-1][0], stop)
-        else:
-            result.append((start, stop))
-    return result
+def _bridged(flags: NDArray[np.bool_], pause: int) -> NDArray[np.bool_]:
+    """The flags (frames,) with gaps of so many frames or fewer closed."""
+    flags = flags.copy()
+    for start, stop in runs(~flags):
+        if start > 0 and stop < len(flags) and stop - start <= pause:
+            flags[start:stop] = True
+    return flags

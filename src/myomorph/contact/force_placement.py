@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 from typing import NamedTuple
@@ -11,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from myomorph.contact.assign import shared_out
 from myomorph.contact.force_inspection import Change, Inspection, change_repair, standing
 from myomorph.model.arrays import Array, runs
 from myomorph.model.findings import Finding, Repair
@@ -103,12 +103,8 @@ def _scaled(points: float, moments: float) -> Change:
 
 def _origin(force: Array, point: Array, torque: Array) -> Array:
     """The point that moments are about (3,), by least squares: torque = (point - origin) x force [m]."""
-    rows = np.zeros((len(force), 3, 3))
     # force x origin, as a matrix on the origin
-    rows[:, 0, 1], rows[:, 0, 2] = -force[:, 2], force[:, 1]
-    rows[:, 1, 0], rows[:, 1, 2] = force[:, 2], -force[:, 0]
-    rows[:, 2, 0], rows[:, 2, 1] = -force[:, 1], force[:, 0]
-    matrix = rows.reshape(-1, 3)
+    matrix = np.cross(np.eye(3), force[:, None]).reshape(-1, 3)
     # Along the mean force the origin says nothing: a weak pull to 0 settles it.
     weak = 1e-3 * float(np.linalg.norm(matrix))
     solved = np.linalg.lstsq(
@@ -201,23 +197,12 @@ def _lost(inspection: Inspection, number: int, spans: list[slice], distances: Ar
 def on_carriers(wrenches: Wrenches, name: str, carriers: tuple[str, ...], edges: list[float]) -> Wrenches:
     """Each step of a wrench on its own body, as a wrench for each; `carriers` by step, `edges` between steps [s]."""
     index, met = wrenches.names.index(name), tuple(dict.fromkeys(carriers))
-    acts = np.array([[carrier == body for body in met] for carrier in carriers])[np.searchsorted(edges, wrenches.time)]
-
-    def spread(values: Array) -> Array:
-        mine = np.repeat(values[:, [index]], len(met), axis=1)
-        return np.concatenate([values[:, :index], mine, values[:, index + 1 :]], axis=1)
-
-    factor = np.ones((len(wrenches), len(wrenches.names) - 1 + len(met), 1), bool)
-    factor[:, index : index + len(met), 0] = acts
+    step, always = np.searchsorted(edges, wrenches.time), np.ones(len(wrenches), bool)
+    acts = np.array([[carrier == body for carrier in carriers] for body in met])[:, step]
+    parts = [(number, label, wrenches.bodies[number], always) for number, label in enumerate(wrenches.names)]
     labels = [name] if len(met) == 1 else [f"{name}_{body}" for body in met]
-    return replace(
-        wrenches,
-        names=(*wrenches.names[:index], *labels, *wrenches.names[index + 1 :]),
-        bodies=(*wrenches.bodies[:index], *met, *wrenches.bodies[index + 1 :]),
-        forces=np.where(factor, spread(wrenches.forces), 0.0),
-        points=spread(wrenches.points),
-        torques=np.where(factor, spread(wrenches.torques), 0.0),
-    )
+    parts[index : index + 1] = [(index, *part) for part in zip(labels, met, acts, strict=True)]
+    return shared_out(wrenches, parts)
 
 
 def _between(inspection: Inspection, distances: Array) -> NDArray[np.bool_]:

@@ -18,9 +18,10 @@ from myomorph.contact.states import (
     find_contacts,
     hysteresis,
     steady,
+    touches_of,
 )
-from myomorph.model.arrays import Array, runs
-from myomorph.model.contacts import Contacts, Site, Touch
+from myomorph.model.arrays import Array
+from myomorph.model.contacts import Contacts, Site
 from myomorph.model.errors import BadData
 from myomorph.model.model import GROUND, Model
 from myomorph.model.series import Motion
@@ -44,8 +45,8 @@ def find_holds(model: Model, motion: Motion, sites: Sequence[Site]) -> Contacts:
         raise BadData(f"a motion of {len(motion)} frames: when an object is held shows in how it moves")
     tree = compile_tree(model)
     poses = forward_kinematics(tree, tree.coordinates_of(motion))
-    touches: list[Touch] = []
-    for site in sites:
+    held = np.zeros((len(motion), len(sites)), np.bool_)
+    for number, site in enumerate(sites):
         if site.against == GROUND:
             raise BadData(f"site '{site.name}' is against the ground: expected a body, the object that it holds")
         hand, thing = tree.body_index[site.body], tree.body_index[site.against]
@@ -60,12 +61,9 @@ def find_holds(model: Model, motion: Motion, sites: Sequence[Site]) -> Contacts:
                 "found from motion; name the times in a table of contacts"
             )
         apart = np.linalg.norm(place - np.median(place[moving], axis=0), axis=1)
-        held = steady(hysteresis(apart <= NEAR, apart > FAR), motion.time, SHORTEST)
-        touches += [
-            Touch(site.name, float(motion.time[first]), float(motion.time[stop - 1]), site.against, source=KINEMATICS)
-            for first, stop in runs(held)
-        ]
-    return Contacts(tuple(site.name for site in sites), tuple(touches))
+        held[:, number] = steady(hysteresis(apart <= NEAR, apart > FAR), motion.time, SHORTEST)
+    touches = touches_of(sites, held, np.ones(held.shape), motion.time, KINEMATICS)
+    return Contacts(tuple(site.name for site in sites), touches)
 
 
 RESTING = 10.0  # Percentile of a site's heights that is taken for the height it rests at

@@ -20,7 +20,7 @@ import numpy as np
 
 from myomorph.contact.plate_placements import Placement
 from myomorph.contact.plates import plate_axes
-from myomorph.model.arrays import Array, frozen_array, read_only
+from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.model import STANDARD_GRAVITY
 from myomorph.model.series import PlateRecording
@@ -48,7 +48,8 @@ class PlatePose:
     # rotation, center: (3, 3) the plate's axes as columns, (3,) of its top surface [m]
     rotation: Array
     center: Array
-    # (6, 6) of rotation vector [rad] and center [m] about the laboratory's axes, zero where not shown
+    # (6, 6) of rotation vector [rad] and center [m] about the laboratory's axes, from the residuals, zero where not
+    # shown
     covariance: Array
     unknown: Array  # (6, k) unit directions of (0.2 m times the rotation vector, center) that no placement shows
     cost: float  # sum of squared residuals in standard deviations
@@ -62,38 +63,20 @@ def across(directions: Array) -> Array:
     return np.stack([first, np.cross(directions, first)], axis=1)
 
 
-@read_only
 class _Lines:
     """Placements as arrays: lines in the plate's axes, points and directions in the laboratory, and what they weigh."""
 
-    nearest: Array
-    forces: Array
-    points: Array
-    directions: Array
-    beside: Array
-    noise: Array
-    contacts: Array
-    contact_noise: float
-
-    @classmethod
-    def of(cls, placements: Sequence[Placement]) -> _Lines:
-        nearest, forces = (np.array(part) for part in zip(*(placement.line for placement in placements), strict=True))
+    def __init__(self, placements: Sequence[Placement]):
+        lines = zip(*(placement.line for placement in placements), strict=True)
+        self.nearest, self.forces = (np.array(part) for part in lines)
+        self.points = np.array([placement.point for placement in placements])
+        self.directions = np.array([placement.direction for placement in placements])
+        self.beside = across(self.directions)
         sizes = np.array([placement.size for placement in placements])
-        directions = np.array([placement.direction for placement in placements])
-        angle = np.hypot(DIRECTION_NOISE, FORCE_NOISE / sizes)
-        distance = np.hypot(POINT_NOISE, MOMENT_NOISE / sizes)
-        return cls(
-            nearest=nearest,
-            forces=forces,
-            points=np.array([placement.point for placement in placements]),
-            directions=directions,
-            beside=across(directions),
-            noise=np.stack([angle, angle, distance, distance], axis=1),
-            contacts=np.array([placement.contact for placement in placements if placement.contact is not None]).reshape(
-                -1, 3
-            ),
-            contact_noise=POINT_NOISE,
-        )
+        angle, distance = np.hypot(DIRECTION_NOISE, FORCE_NOISE / sizes), np.hypot(POINT_NOISE, MOMENT_NOISE / sizes)
+        self.noise = np.stack([angle, angle, distance, distance], axis=1)
+        contacts = [placement.contact for placement in placements if placement.contact is not None]
+        self.contacts = np.array(contacts).reshape(-1, 3)
 
     def residuals(self, rotation: Array, center: Array) -> tuple[Array, Array, Array]:
         """Residuals (placements, 4) [rad], [m], turned forces and their sides (placements, 2, 3)."""
@@ -119,14 +102,14 @@ class _Lines:
         normal, away = rotation[:, 2], self.contacts - center
         heights = np.hstack([np.cross(normal, away), np.tile(-normal, (len(away), 1))])
         return (
-            np.concatenate([values, away @ normal / self.contact_noise]),
-            np.concatenate([slopes, heights / self.contact_noise]),
+            np.concatenate([values, away @ normal / POINT_NOISE]),
+            np.concatenate([slopes, heights / POINT_NOISE]),
         )
 
 
 def residuals(placements: Sequence[Placement], rotation: Array, center: Array) -> Array:
     """Residuals (placements, 4): the angle's two parts [rad], then the distance's two [m]."""
-    return _Lines.of(placements).residuals(rotation, center)[0]
+    return _Lines(placements).residuals(rotation, center)[0]
 
 
 def sizes(found: Array) -> tuple[Array, Array]:
@@ -136,7 +119,7 @@ def sizes(found: Array) -> tuple[Array, Array]:
 
 def solve_pose(placements: Sequence[Placement], rotation: Array, center: Array) -> PlatePose:
     """Gauss-Newton from a start; what the placements do not show stays where the start has it."""
-    return _solved(_Lines.of(placements), rotation, center, ITERATIONS)
+    return _solved(_Lines(placements), rotation, center, ITERATIONS)
 
 
 def _solved(lines: _Lines, rotation: Array, center: Array, iterations: int) -> PlatePose:
@@ -163,7 +146,7 @@ def _solved(lines: _Lines, rotation: Array, center: Array, iterations: int) -> P
 
 def best_pose(placements: Sequence[Placement], start: tuple[Array, Array] | None) -> PlatePose:
     """The best of solutions from a nominal pose and from starts all around the force."""
-    lines = _Lines.of(placements)
+    lines = _Lines(placements)
     force, up = lines.forces.mean(axis=0), lines.directions.mean(axis=0)
     up = up / np.linalg.norm(up)
     level = least_rotation(force / np.linalg.norm(force), up)
@@ -200,11 +183,7 @@ def believed(placements: Sequence[Placement]) -> tuple[list[Placement], list[str
     for name in dict.fromkeys(item.weight for item in kept if not item.pushed):
         same = [item for item in kept if item.weight == name and not item.pushed]
         usual = float(np.median([placement.size for placement in same]))
-        odd = (
-            [placement for placement in same if abs(placement.size - usual) > MOST_WRONG * usual]
-            if len(same) > 2
-            else []
-        )
+        odd = [item for item in same if len(same) > 2 and abs(item.size - usual) > MOST_WRONG * usual]
         for placement in odd:
             notes.append(
                 f"placement '{placement.name}' was left out: it weighs {_kilograms(placement.size)}, the other "
@@ -246,13 +225,10 @@ def unknown_notes(pose: PlatePose, kept: Sequence[Placement], known: bool) -> li
         turn, shift = direction[:3], direction[3:]
         moves = np.linalg.norm(shift) > np.linalg.norm(turn)
         axis = (shift if moves else turn) / np.linalg.norm(shift if moves else turn)
-        upright = abs(axis @ up) > 0.95 * np.linalg.norm(up)
-        if moves:
-            what = "the height" if upright else f"the place along ({', '.join(f'{x:.2f}' for x in axis)})"
-        else:
-            what = (
-                "the turn about the vertical" if upright else f"the turn about ({', '.join(f'{x:.2f}' for x in axis)})"
-            )
+        place = f"({', '.join(f'{x:.2f}' for x in axis)})"
+        what = f"the place along {place}" if moves else f"the turn about {place}"
+        if abs(axis @ up) > 0.95 * np.linalg.norm(up):
+            what = "the height" if moves else "the turn about the vertical"
         hint = "forces that are all vertical never show it; push with a marked rod, or give its tip" if moves else ""
         notes.append(f"{what} of the plate is not shown by these placements: {stays}" + (f" ({hint})" if hint else ""))
     return notes
@@ -301,15 +277,9 @@ def sign_notes(kept: Sequence[Placement], pose: PlatePose) -> list[str]:
 
 
 @read_only
-class PlateCalibration:
+class PlateCalibration(PlatePose):
     """A plate's pose in the laboratory and how well the placements agree on it."""
 
-    rotation: Array  # (3, 3) the plate's axes as columns
-    center: Array  # (3,) of the top surface [m]
-    # (6, 6) of a rotation vector about the laboratory's axes [rad] and the center [m], from the residuals; zero in
-    # directions that are not shown
-    covariance: Array
-    unknown: Array  # (6, k) unit directions of rotation (times 0.2 m) and center that no placement shows
     names: tuple[str, ...]  # of the placements used
     distances: Array  # (placements,) from the marked point to the measured line [m]
     angles: Array  # (placements,) between marked and measured direction [rad]
@@ -350,16 +320,13 @@ def calibrate_plate(placements: Sequence[Placement], nominal: PlateRecording | N
     notes += outlier_notes(kept, distances, out_distances) + sign_notes(kept, pose)
     shares = [item.size / item.expected for item in kept if np.isfinite(item.expected)]
     return PlateCalibration(
-        rotation=frozen_array(pose.rotation),
-        center=frozen_array(pose.center),
-        covariance=frozen_array(pose.covariance),
-        unknown=frozen_array(pose.unknown),
+        **vars(pose),
         names=tuple(item.name for item in kept),
-        distances=frozen_array(distances),
-        angles=frozen_array(angles),
-        left_out_distances=frozen_array(out_distances),
-        left_out_angles=frozen_array(out_angles),
-        left_out_shifts=frozen_array([np.linalg.norm(other.center - pose.center) for other in left_out]),
+        distances=distances,
+        angles=angles,
+        left_out_distances=out_distances,
+        left_out_angles=out_angles,
+        left_out_shifts=np.array([np.linalg.norm(other.center - pose.center) for other in left_out]),
         scale=float(np.mean(shares)) if shares else float("nan"),
         notes=tuple(notes),
     )

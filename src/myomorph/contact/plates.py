@@ -334,14 +334,12 @@ def wrenches_from_plates(plates: Sequence[ForcePlate], plate_time: Array, time: 
     if not plates:
         raise BadData("there is no force plate to make wrenches of")
     clock = np.asarray(plate_time, dtype=np.float64) if time is None else np.asarray(time, dtype=np.float64)
-    forces, points, torques = (np.zeros((len(clock), len(plates), 3)) for _ in range(3))
+    values = np.zeros((3, len(clock), len(plates), 3))
     for index, plate in enumerate(plates):
         if len(plate.forces) != len(plate_time):
             raise BadData(f"{plate.name} has {len(plate.forces)} samples, but its clock has {len(plate_time)}")
-        parts = _on_clock(plate, np.asarray(plate_time), clock)
-        forces[:, index], points[:, index], torques[:, index] = parts
-    names = tuple(plate.name for plate in plates)
-    return Wrenches(clock, names, ("",) * len(plates), forces, points, torques)
+        values[:, :, index] = _on_clock(plate, np.asarray(plate_time), clock)
+    return Wrenches(clock, tuple(plate.name for plate in plates), ("",) * len(plates), *values)
 
 
 def _on_clock(plate: ForcePlate, plate_time: Array, clock: Array) -> tuple[Array, Array, Array]:

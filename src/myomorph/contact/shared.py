@@ -13,6 +13,7 @@ from myomorph.contact.states import hysteresis, steady
 from myomorph.model.arrays import Array
 from myomorph.model.contacts import Contacts, SharedWrench, Site
 from myomorph.model.errors import BadData
+from myomorph.model.frozen_map import grouped
 from myomorph.model.model import Model
 from myomorph.model.series import ForcePlate, Motion, Series, Wrenches
 from myomorph.motion.sync import refuse_other_times
@@ -43,31 +44,25 @@ def shared_wrenches(
     [s]; `margin`, `reach`: see `MARGIN`, `REACH`.
     """
     moving = site_motion(model, motion, sites)
-    wrenches, outlines = _on_motion(plates, plate_time, motion)
+    if isinstance(plates, Wrenches):
+        refuse_other_times("forces of plates", plates.time, motion.time)
+        wrenches = plates
+    elif plate_time is None:
+        raise BadData("plates with outlines need their clock: give plate_time")
+    else:
+        wrenches = wrenches_from_plates(plates, plate_time, motion.time)
     touching = contacts.states(motion.time).values[:, [contacts.sites.index(site.name) for site in sites]] > 0.0
     weight = model.weight
     pressing = np.nan_to_num(wrenches.forces @ moving.up)
     state = hysteresis(pressing > LOADED * weight, pressing < UNLOADED * weight)
     loaded = np.stack([steady(column, motion.time, SHORTEST) for column in state.T], axis=1)
-    if outlines is not None:
-        near = _over(moving, outlines, margin * moving.height)
+    if isinstance(plates, Wrenches):
+        near = _beside(model, moving, plates, sites, reach * moving.height)
     else:
-        near = _beside(model, moving, wrenches, sites, reach * moving.height)
+        near = _over(moving, [plate.corners for plate in plates], margin * moving.height)
     standing = near & loaded[:, :, None] & touching[:, None]
     deviations = (DEVIATION * weight, DEVIATION * weight * moving.height)
     return _wrenches(_together(standing, loaded), wrenches, sites, deviations)
-
-
-def _on_motion(
-    plates: Sequence[ForcePlate] | Wrenches, plate_time: Array | None, motion: Motion
-) -> tuple[Wrenches, list[Array] | None]:
-    """Wrenches at the motion's times, and the corners of the plates where they are known."""
-    if not isinstance(plates, Wrenches):
-        if plate_time is None:
-            raise BadData("plates with outlines need their clock: give plate_time")
-        return wrenches_from_plates(plates, plate_time, motion.time), [plate.corners for plate in plates]
-    refuse_other_times("forces of plates", plates.time, motion.time)
-    return plates, None
 
 
 def _over(moving: SiteMotion, outlines: Sequence[Array], margin: float) -> np.ndarray:
@@ -90,8 +85,7 @@ def _beside(model: Model, moving: SiteMotion, wrenches: Wrenches, sites: Sequenc
     groups, bodies = _groups(sites), group_bodies(model, sites)
     near = np.zeros((len(moving.time), len(wrenches.names), len(sites)), np.bool_)
     for plate, body in enumerate(wrenches.bodies):
-        apart = moving.places - np.nan_to_num(wrenches.points[:, plate, None])
-        distance = np.linalg.norm(apart - (apart @ moving.up)[..., None] * moving.up, axis=2)
+        distance = moving.beside(np.nan_to_num(wrenches.points[:, plate]))
         for group, members in groups.items():
             if body:
                 near[:, plate, members] = body in bodies[group]
@@ -101,7 +95,7 @@ def _beside(model: Model, moving: SiteMotion, wrenches: Wrenches, sites: Sequenc
 
 
 def _groups(sites: Sequence[Site]) -> dict[str, list[int]]:
-    return {site.group: [index for index, other in enumerate(sites) if other.group == site.group] for site in sites}
+    return grouped((site.group, index) for index, site in enumerate(sites))
 
 
 def group_bodies(model: Model, sites: Sequence[Site]) -> dict[str, set[str]]:
@@ -135,7 +129,7 @@ def without_measured(model: Model, ready: Series, sites: Sequence[Site], measure
 
 def _together(standing: np.ndarray, loaded: np.ndarray) -> dict[tuple[tuple[int, ...], tuple[int, ...]], list[int]]:
     """Frames in which some plates, taken together, carry some sites: ((plates), (sites)) to frames."""
-    result: dict[tuple[tuple[int, ...], tuple[int, ...]], list[int]] = {}
+    together: list[tuple[tuple[tuple[int, ...], tuple[int, ...]], int]] = []
     for frame in range(len(standing)):
         parts: list[tuple[set[int], set[int]]] = []
         for plate in np.flatnonzero(loaded[frame]):
@@ -147,10 +141,8 @@ def _together(standing: np.ndarray, loaded: np.ndarray) -> dict[tuple[tuple[int,
                 else:
                     apart.append((others, taken))
             parts = [*apart, (plates, members)]
-        for plates, members in parts:
-            if members:
-                result.setdefault((tuple(sorted(plates)), tuple(sorted(members))), []).append(frame)
-    return result
+        together += [((tuple(sorted(plates)), tuple(sorted(members))), frame) for plates, members in parts if members]
+    return grouped(together)
 
 
 def _wrenches(

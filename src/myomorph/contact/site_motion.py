@@ -54,6 +54,11 @@ class SiteMotion:
         """Speed that thresholds are relative to: sqrt(g height), whose Froude number is 1 [m/s]."""
         return float(np.sqrt(STANDARD_GRAVITY * self.height))
 
+    def beside(self, points: Array) -> Array:
+        """Horizontal distance of each site to points (frames, 3), as centers of pressure (frames, sites) [m]."""
+        apart = self.places - points[:, None]
+        return np.linalg.norm(apart - (apart @ self.up)[..., None] * self.up, axis=2)
+
 
 @read_only
 class Floor:

@@ -239,22 +239,13 @@ def body_sites(model: Model, names: Sequence[str]) -> tuple[Site, ...]:
     --------
     >>> import numpy as np
     >>> import myomorph as mm
-    >>> at = {"pelvis": ("ground", (0.0, 1.0, 0.0))}
-    >>> for side, z in (("r", 0.1), ("l", -0.1)):
-    ...     at |= {f"femur_{side}": ("pelvis", (0.0, -0.1, z)), f"tibia_{side}": (f"femur_{side}", (0.0, -0.4, 0.0))}
-    ...     at |= {f"calcn_{side}": (f"tibia_{side}", (-0.05, -0.42, 0.0))}
-    ...     at |= {f"toes_{side}": (f"calcn_{side}", (0.18, 0.0, 0.0))}
-    >>> def pose(place):
-    ...     return mm.model.Transform(np.eye(3), np.array(place))
-    >>> bodies = [mm.model.Body(name, 5.0, np.zeros(3), 0.05 * np.eye(3)) for name in at]
-    >>> joints = [
-    ...     mm.model.Joint(f"to_{name}", "WeldJoint", parent, name, pose(place), pose((0.0, 0.0, 0.0)))
-    ...     for name, (parent, place) in at.items()
-    ... ]
-    >>> model = mm.Model("legs", tuple(bodies), tuple(joints), (), [0.0, -9.80665, 0.0])
-    >>> (seat,) = mm.contact.body_sites(model, ["seat"])
-    >>> seat.body, seat.points.shape
-    ('pelvis', (4, 3))
+    >>> body = mm.model.Body("hand_r", 0.5, np.array([0.0, -0.05, 0.0]), 0.001 * np.eye(3))
+    >>> still = mm.model.Transform.identity()
+    >>> wrist = mm.model.Joint("wrist", "WeldJoint", "ground", "hand_r", still, still)
+    >>> model = mm.Model("hand", (body,), (wrist,), (), [0.0, -9.80665, 0.0])
+    >>> (hand,) = mm.contact.body_sites(model, ["hand_r"])
+    >>> hand.body, hand.points.tolist()
+    ('hand_r', [[0.0, -0.05, 0.0]])
     """
     sites = []
     for name in names:

@@ -179,9 +179,11 @@ def _told_apart(
         scale = np.where(loud > 0.0, loud, 1.0)
         shares, _ = nnls(bleed * scale / scale[:, None], energy / scale)
         scaled = shares * scale
-        for time, i, onset in _first_of_each(group):
-            enough = scaled[i] >= OWN * max(energy[i], 1e-300) and scaled[i] >= SOFTEST * loud[i]
-            if enough:
+        # The first arrival of every instrument.
+        first = {i: (time, onset) for time, i, onset in reversed(group)}
+        for i in dict.fromkeys(i for _, i, _ in group):
+            time, onset = first[i]
+            if scaled[i] >= OWN * max(energy[i], 1e-300) and scaled[i] >= SOFTEST * loud[i]:
                 sure = scaled[i] / (energy[i] + onset.background)
                 impacts.append(HeardImpact(instruments[i].name, time, float(scaled[i]), float(min(sure, 1.0))))
     return impacts
@@ -227,14 +229,6 @@ def _bleed(instruments: Sequence[Instrument], energies: Array) -> Array:
                 near = max(source.distance, 0.02)
                 result[i, j] = min((near / max(source.others[other.channel], 0.02)) ** 2, 1.0)
     return result
-
-
-def _first_of_each(group: Sequence[tuple[float, int, Onset]]) -> list[tuple[float, int, Onset]]:
-    """The first arrival of every instrument in a group."""
-    first: dict[int, tuple[float, int, Onset]] = {}
-    for entry in group:
-        first.setdefault(entry[1], entry)
-    return list(first.values())
 
 
 def _without_echoes(impacts: Sequence[HeardImpact]) -> list[HeardImpact]:

@@ -122,7 +122,8 @@ def step_loads(
     pressing, loaded, noise = np.zeros((frames, count)), np.zeros((frames, count), np.bool_), np.zeros(count)
     for index, step in enumerate(steps):
         raw = channels.values[:, [channels.names.index(channel) for channel in step.channels]]
-        components = _components(step, raw)
+        # Of force on the animal, in the cell's axes.
+        components = float(step.sense) * (raw if step.matrix is None else raw @ step.matrix.T)
         if options.tare == "quiet":
             components -= _idle(components, step, weight, options)
         pressing[:, index] = np.nan_to_num(components[:, step.measures.index("fz")])
@@ -162,12 +163,6 @@ def _check(steps: Sequence[Step], channels: Series, weight: float) -> None:
                 )
 
 
-def _components(step: Step, raw: Array) -> Array:
-    """(samples, components) of force on the animal, in the cell's axes."""
-    components = raw if step.matrix is None else raw @ step.matrix.T
-    return float(step.sense) * np.array(components, dtype=np.float64)
-
-
 def _idle(own: Array, step: Step, weight: float, options: StairOptions) -> Array:
     """What the components read with nobody on the step: the mode of what presses least, all medians of it."""
     press = own[:, step.measures.index("fz")]
@@ -202,13 +197,7 @@ def _in_ground(step: Step, own: Array) -> tuple[Array, Array]:
     for column, name in enumerate(step.measures):
         full[:, COMPONENTS.index(name)] = own[:, column]
     rotation = step.pose.rotation
-    shift = np.array(
-        [
-            [0.0, -step.origin[2], step.origin[1]],
-            [step.origin[2], 0.0, -step.origin[0]],
-            [-step.origin[1], step.origin[0], 0.0],
-        ]
-    )
+    shift = np.cross(np.eye(3), step.origin)
     moment = full[:, 3:] + full[:, :3] @ shift.T
     moment_known = known[3:] & _reached(np.abs(shift) > 0.0, known[:3])
     force_in, moment_in = (

@@ -127,24 +127,18 @@ def by_kinematics(
     nearest = (margin <= 1.25 * margin.min(axis=1, keepdims=True)) & (margin < 2.0)
     guessed = held_up[:, None] & nearest
     sure = np.where(guessed, 0.5, np.clip(1.0 - 0.5 * margin, 0.5, 1.0))
-    touches = _touches(sites, touching | guessed, sure, moving.time, KINEMATICS)
+    touches = touches_of(sites, touching | guessed, sure, moving.time, KINEMATICS)
     return Contacts(tuple(site.name for site in sites), touches, _unsupported(moving, held_up & ~guessed.any(axis=1)))
 
 
-def _touches(sites: Sequence[Site], touching: Bools, sure: Array, time: Array, source: str) -> tuple[Touch, ...]:
+def touches_of(sites: Sequence[Site], touching: Bools, sure: Array, time: Array, source: str) -> tuple[Touch, ...]:
     """Every run of frames in which a site touches (frames, sites), with the mean of how sure that is."""
-    return tuple(
-        Touch(
-            site.name,
-            float(time[start]),
-            float(time[stop - 1]),
-            site.against,
-            float(sure[start:stop, index].mean()),
-            source,
-        )
-        for index, site in enumerate(sites)
-        for start, stop in runs(touching[:, index])
-    )
+    touches = []
+    for index, site in enumerate(sites):
+        for start, stop in runs(touching[:, index]):
+            times, mean = time[[start, stop - 1]].tolist(), float(sure[start:stop, index].mean())
+            touches.append(Touch(site.name, *times, site.against, mean, source))
+    return tuple(touches)
 
 
 def _unsupported(moving: SiteMotion, lacking: Bools) -> tuple[str, ...]:
@@ -195,7 +189,7 @@ def by_plates(
         load = np.nan_to_num(pressing[:, plate])
         state = hysteresis(load > options.loaded * weight, load < options.unloaded * weight)
         state = steady(state, moving.time, options.shortest)
-        away = _beside(moving, plates.points[:, plate])
+        away = moving.beside(plates.points[:, plate])
         for start, stop in runs(state):
             here = slice(start, stop)
             share = load[here, None] * np.isfinite(away[here])
@@ -208,15 +202,8 @@ def by_plates(
             level = moving.lowest[here][:, members]
             low = level < np.nanmin(level, axis=1, keepdims=True) + options.high * moving.height
             touching[here, members] |= low
-    touches = _touches(sites, touching, np.ones(touching.shape), moving.time, PLATES)
+    touches = touches_of(sites, touching, np.ones(touching.shape), moving.time, PLATES)
     return Contacts(tuple(site.name for site in sites), touches)
-
-
-def _beside(moving: SiteMotion, points: Array) -> Array:
-    """Horizontal distance of each site to a plate's center of pressure (frames, sites) [m]."""
-    apart = moving.places - points[:, None]
-    flat = apart - (apart @ moving.up)[..., None] * moving.up
-    return np.linalg.norm(flat, axis=2)
 
 
 def merge_contacts(sources: Sequence[Contacts]) -> Contacts:
