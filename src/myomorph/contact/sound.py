@@ -97,9 +97,9 @@ def hear_impacts(
     impacts = _told_apart(instruments, arrivals, heard, speed)
     kept: list[HeardImpact] = []
     for name in names:
-        kept += _without_echoes([impact for impact in impacts if impact.instrument == name])
-    for name in names:
-        if not any(item.instrument == name for item in kept):
+        on_it = _without_echoes([impact for impact in impacts if impact.instrument == name])
+        kept += on_it
+        if not on_it:
             warnings.append(f"no impact on '{name}' was heard")
     return HeardImpacts(tuple(instruments), tuple(sorted(kept, key=lambda item: item.time)), tuple(warnings))
 

@@ -18,7 +18,7 @@ from myomorph.motion.filters import lowpass
 from myomorph.tension.emg_groups import calibration_of, kept_level, settled_fit, some_names, synergy_groups
 from myomorph.tension.emg_held_out import HELD_FRAMES, EmgTrial, HeldOut, swap_lines
 from myomorph.tension.emg_targets import EmgOptions, mapped_muscles
-from myomorph.tension.emg_tracking import Fit, Prior, TorqueTracking, few_frames, gain_prior, tracked_frames
+from myomorph.tension.emg_tracking import Prior, TorqueTracking, few_frames, gain_prior, tracked_frames
 from myomorph.tension.problem import TensionInputs
 from myomorph.tension.tension import TensionOptions
 
@@ -126,77 +126,68 @@ def _noise(envelopes: Sequence[Emg], smooth: Sequence[Emg]) -> Array:
 PEAK = 99.0  # Percentile of the envelopes over all trials that counts as a channel's largest: a spike is none
 
 
-def _unusual(delays: Array | float) -> Array:
-    """Squared distances of delays from the usual one, in standard deviations."""
-    return ((np.asarray(delays) - USUAL) / DELAY_SPREAD) ** 2
-
-
 class _Search:
-    """Delays and shape by the profile of the posterior: at each of them the most probable gains."""
+    """Delay and shape of all channels by the profile of the posterior: at each of them the most probable gains."""
 
     def __init__(self, tracking: TorqueTracking, names: tuple[str, ...], options: EmgOptions, level: Prior):
         self.tracking, self.names, self.options = tracking, names, options
         self.level, self.prior = level, tracking.prior
-        self.delays = np.full(len(names), USUAL if options.delay is None else options.delay)
-        self.shapes = np.full(len(names), options.shape or 0.0)
+        self.delay, self.shape = USUAL if options.delay is None else options.delay, options.shape or 0.0
         self.warnings: list[str] = []
 
     def found(self, muscles: tuple[str, ...]) -> EmgCalibration:
-        self.tracking.learn_errors(self.delays, self.shapes)
-        self.prior = kept_level(self.tracking, self.level, self.delays, self.shapes)
+        tracking = self.tracking
+        tracking.learn_errors(*self._each(self.delay, self.shape))
+        self.prior = kept_level(tracking, self.level, *self._each(self.delay, self.shape))
         for _ in range(ROUNDS):
-            before = np.concatenate([self.delays, self.shapes])
+            before = np.array([self.delay, self.shape])
             self._step()
-            if np.abs(before - np.concatenate([self.delays, self.shapes])).max() < COARSE:
+            if np.abs(before - [self.delay, self.shape]).max() < COARSE:
                 break
-            self.tracking.learn_errors(self.delays, self.shapes, self.prior)
-        return self._calibration(settled_fit(self.tracking, self.prior, self.delays, self.shapes), muscles)
+            tracking.learn_errors(*self._each(self.delay, self.shape), self.prior)
+        each = self._each(self.delay, self.shape)
+        result = calibration_of(tracking, settled_fit(tracking, self.prior, *each), self.names, muscles, *each)
+        silent = [name for name, item in zip(self.names, result.by_torque, strict=True) if not item]
+        if silent:
+            self.warnings.append(f"torques say little of the EMG gain of {some_names(silent)}: a usual one is taken")
+        return replace(result, warnings=tuple(self.warnings))
+
+    def _each(self, delay: float, shape: float) -> tuple[Array, Array]:
+        """Delays and shapes of all channels."""
+        return np.full(len(self.names), delay), np.full(len(self.names), shape)
+
+    def _cost(self, delay: float, shape: float) -> float:
+        """Minus the logarithm of the posterior of delay and shape."""
+        unusual = (delay - USUAL) / DELAY_SPREAD
+        return self.tracking.fit(*self._each(delay, shape), self.prior).cost + 0.5 * float(unusual**2)
 
     def _step(self) -> None:
-        """The most probable delays, and shape for all channels, at the errors of torques known so far.
+        """The most probable delay and shape at the errors of torques known so far.
         The shape is not straight only where torques are more likely so.
         """
         free = self.options.shape is None
-        tried = list[tuple[float, float, Array]]()
-        for shape in (0.0, *SHAPES) if free else (float(self.shapes[0]),):
-            shapes = np.full(len(self.names), shape)
-            delays = self.delays if self.options.delay is not None else self._delays(shapes)
-            cost = self.tracking.fit(delays, shapes, self.prior).cost + 0.5 * float(np.sum(_unusual(np.unique(delays))))
-            tried.append((cost, shape, delays))
+        tried = list[tuple[float, float, float]]()
+        for shape in (0.0, *SHAPES) if free else (self.shape,):
+            delay = self._delay(shape) if self.options.delay is None else self.delay
+            tried.append((self._cost(delay, shape), shape, delay))
         best = min(tried, key=lambda candidate: candidate[0])
         if free and best[0] > tried[0][0] - LIKELIHOOD_95:
             best = tried[0]
-        self.shapes, self.delays = np.full(len(self.names), best[1]), best[2]
+        _, self.shape, self.delay = best
 
-    def _delays(self, shapes: Array) -> Array:
-        """The most probable delay, one for all channels of the subject."""
-
-        def cost(delay: float) -> float:
-            delays = np.full(len(self.names), delay)
-            return self.tracking.fit(delays, shapes, self.prior).cost + 0.5 * float(_unusual(delay))
-
+    def _delay(self, shape: float) -> float:
+        """The most probable delay; a warning where torques say nothing of it, or want one beyond the range."""
         coarse = np.append(np.arange(0.0, LONGEST, COARSE), LONGEST)
-        costs = np.array([cost(delay) for delay in coarse])
+        costs = np.array([self._cost(delay, shape) for delay in coarse])
         best = int(np.argmin(costs))
         low, high = coarse[max(best - 1, 0)], coarse[min(best + 1, len(coarse) - 1)]
         fine = np.arange(low, high + 0.5 * FINE, FINE)
-        delay = float(fine[int(np.argmin([cost(delay) for delay in fine]))])
-        self._warning(coarse, costs, delay)
-        return np.full(len(self.names), delay)
-
-    def _warning(self, coarse: Array, costs: Array, delay: float) -> None:
-        """Warn where torques say nothing of the delay, or want one beyond the range."""
-        likely = costs - 0.5 * _unusual(coarse)
+        delay = float(fine[int(np.argmin([self._cost(delay, shape) for delay in fine]))])
+        likely = costs - 0.5 * ((coarse - USUAL) / DELAY_SPREAD) ** 2
         self.warnings = [text for text in self.warnings if "delay of all EMG channels " not in text]
         if float(np.ptp(likely)) < LIKELIHOOD_95:
             self.warnings.append(f"no delay of all EMG channels shows in the torques: {delay:.3f} s taken")
         elif delay >= LONGEST - 0.5 * FINE:
             text = f"the delay of all EMG channels is {delay:g} s or more: EMG and motion may not be on one clock"
             self.warnings.append(text)
-
-    def _calibration(self, fit: Fit, muscles: tuple[str, ...]) -> EmgCalibration:
-        result = calibration_of(self.tracking, fit, self.names, muscles, self.delays, self.shapes)
-        silent = [name for name, item in zip(self.names, result.by_torque, strict=True) if not item]
-        if silent:
-            self.warnings.append(f"torques say little of the EMG gain of {some_names(silent)}: a usual one is taken")
-        return replace(result, warnings=tuple(self.warnings))
+        return delay

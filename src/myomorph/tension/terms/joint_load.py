@@ -41,8 +41,7 @@ class JointLoadTerm(Term):
         child = {joint.name: joint.child for joint in model.joints}
         self._crossing = [np.flatnonzero(muscles[name]) for name in joints]
         self._pairs = [np.flatnonzero(self._paths.tree.hanging(child[name])[self._paths.pull_body]) for name in joints]
-        mass = sum(body.mass for body in model.bodies)
-        self._body_weight = mass * float(np.linalg.norm(model.gravity))
+        self._body_weight = model.mass * float(np.linalg.norm(model.gravity))
         if not self._body_weight > 0.0:
             raise BadModel(f"model '{model.name}' has no weight to take joint loads in shares of")
 
