@@ -225,7 +225,7 @@ STEPS = 4  # Steps from which standing feet alone are believed about the clock
 CLOCK, SLACK = 0.012, 0.1
 """Lag beyond its own uncertainty from which it is named, twice the largest of clean recordings (6 ms); and the largest
 that is looked for [s]."""
-
+LAGS = np.arange(-SLACK, SLACK + 1e-9, 0.005)  # That are tried [s]
 CLOCK_OF_FEET = 0.033  # Lag by standing feet that is named [s]
 SHORTEST = 0.3  # Time that the center of mass must be compared for [s]
 EXPLAINED = 0.5
@@ -251,11 +251,10 @@ def check_clock(inspection: Inspection) -> Iterator[Finding]:
             sure = f" (±{2000.0 * balanced.sd:.0f} ms)"
             yield _late(inspection, balanced.lag, sure, "the acceleration of the center of mass")
         return
-    lags = np.arange(-SLACK, SLACK + 1e-9, 0.005)
-    gliding = _gliding(inspection, lags)
+    gliding = _gliding(inspection, LAGS)
     if gliding is None:
         return
-    by_feet, left = _least(lags, gliding)
+    by_feet, left = _least(LAGS, gliding)
     if left < SHARP_FEET and abs(by_feet) > CLOCK_OF_FEET:
         yield _late(inspection, by_feet, "", "the feet that stand")
 
@@ -293,14 +292,13 @@ def _lag(inspection: Inspection, measured: Array, needed: Array, frames: NDArray
     lasts = float(frames.sum() * np.median(np.diff(time)))
     if frames.sum() < 10 or lasts < SHORTEST:
         return None
-    lags = np.arange(-SLACK, SLACK + 1e-9, 0.005)
 
     def part(values: Array, lag: float) -> Array:
         late = np.column_stack([np.interp(time + lag, time, column) for column in values.T])[frames]
         return np.asarray(late - late.mean(axis=0))
 
     wanted = part(needed, 0.0)
-    lag, _ = _least(lags, np.array([np.sum((part(measured, lag) - wanted) ** 2) for lag in lags]))
+    lag, _ = _least(LAGS, np.array([np.sum((part(measured, lag) - wanted) ** 2) for lag in LAGS]))
     best = part(measured, lag)
     left = float(np.mean((best - wanted) ** 2))
     slope = float(np.mean(part(np.gradient(measured, time, axis=0), lag) ** 2))

@@ -86,19 +86,12 @@ class Solver:
         # Where much of the torque is left to reserves, bounds press as hard, and the barrier has to begin as wide.
         effort = (p.activation.terms(start.a)[0] + p.other.terms(start.x)[0]) / len(start.f)
         mu = self.mu = FIRST * float(np.clip(effort, 1.0, 1e3))
-        f = Box.inside(np.full_like(start.f, MIN_FORCE), np.full_like(start.f, MAX_FORCE), start.f)
-        low, high = (np.broadcast_to(values, start.a.shape) for values in (p.activation.lower, p.activation.upper))
-        a = Box.inside(low, high, start.a)
-        low_x, high_x = (np.broadcast_to(values, start.x.shape) for values in (p.other.lower, p.other.upper))
-        x = Box.inside(low_x, high_x, start.x)
-        self.v = [f, a, x]
-        self.boxes = [
-            Box(np.asarray(MIN_FORCE), np.asarray(MAX_FORCE), f, mu),
-            Box(low, high, a, mu),
-            Box(low_x, high_x, x, mu),
-        ]
+        forces = (np.asarray(MIN_FORCE), np.asarray(MAX_FORCE))
+        bounds = (forces, (p.activation.lower, p.activation.upper), (p.other.lower, p.other.upper))
+        self.v = [Box.inside(*ends, v) for ends, v in zip(bounds, (start.f, start.a, start.x), strict=True)]
+        self.boxes = [Box(*ends, v, mu) for ends, v in zip(bounds, self.v, strict=True)]
         if self.second:
-            s = np.maximum(self._rates(a)[0], NEAR)
+            s = np.maximum(self._rates(self.v[1])[0], NEAR)
             self.v.append(s)
             self.boxes.append(Box(np.asarray(0.0), np.asarray(np.inf), s, mu))
         self.filter: list[tuple[float, float]] = []

@@ -260,10 +260,10 @@ class Box:
         return down, up
 
     @staticmethod
-    def inside(low: Array, high: Array, v: Array, near: float = NEAR) -> Array:
+    def inside(low: Array, high: Array, v: Array) -> Array:
         """The values moved off their bounds."""
         span = np.where(np.isfinite(high - low), high - low, 1.0)
-        gap = np.minimum(near * np.maximum(1.0, np.abs(v)), near * span)
+        gap = np.minimum(NEAR * np.maximum(1.0, np.abs(v)), NEAR * span)
         return np.where(v - low < gap, low + gap, np.where(high - v < gap, high - gap, v))
 
     def force(self) -> Array:
