@@ -133,7 +133,7 @@ def _warnings(
 def _bodies_on(standing: np.ndarray, sites: Sequence[Site]) -> dict[str, np.ndarray]:
     """(frames,) whether each body stands on a step, by which of its sites (frames, sites) do."""
     bodies = dict.fromkeys(site.body for site in sites)
-    return {body: standing[:, [site.body == body for site in sites]].any(axis=1) for body in bodies}
+    return {body: np.asarray(standing[:, [site.body == body for site in sites]].any(axis=1)) for body in bodies}
 
 
 def stair_wrenches(feet: FeetOnSteps, unmeasured: Unmeasured = "unknown") -> tuple[Wrenches, tuple[str, ...]]:

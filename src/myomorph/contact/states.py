@@ -136,8 +136,8 @@ def touches_of(sites: Sequence[Site], touching: Bools, sure: Array, time: Array,
     touches = []
     for index, site in enumerate(sites):
         for start, stop in runs(touching[:, index]):
-            times, mean = time[[start, stop - 1]].tolist(), float(sure[start:stop, index].mean())
-            touches.append(Touch(site.name, *times, site.against, mean, source))
+            first, last, mean = *time[[start, stop - 1]].tolist(), float(sure[start:stop, index].mean())
+            touches.append(Touch(site.name, first, last, site.against, mean, source))
     return tuple(touches)
 
 

@@ -236,9 +236,9 @@ def program_of(part: Part, frames: Frames, shared: Separable, term: ElasticMuscl
         return result
 
     def costs(unknowns: NDArray[np.int64], penalty: Array, weight: Array) -> Costs:
-        parts = (values[unknowns] for values in (shared.weight, shared.exponent, shared.lower, shared.upper))
-        held = np.where(penalty[2] > 0.0, penalty, 0.0)[:, :, unknowns]
-        return Costs(*parts, np.ascontiguousarray(held), weight)
+        lower, upper = shared.lower[unknowns], shared.upper[unknowns]
+        held = np.ascontiguousarray(np.where(penalty[2] > 0.0, penalty, 0.0)[:, :, unknowns])
+        return Costs(shared.weight[unknowns], shared.exponent[unknowns], lower, upper, held, weight)
 
     at_frames = np.moveaxis(np.broadcast_to(frames.penalties, (count, *frames.penalties.shape[1:])), 1, 0)
     m, times = part.muscles, term.rates

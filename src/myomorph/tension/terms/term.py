@@ -202,14 +202,15 @@ class Rows:
         unit: ArrayLike,
         weight: float,
         bound: float = np.inf,
-        **kinds: bool,
+        measured: bool = False,
+        on_forces: bool = False,
     ) -> Rows:
         """Rows that `Term.row_values` fills: `columns` has the unknowns of each; e from -`bound` to `bound`."""
         row = np.repeat(np.arange(len(names)), [len(column) for column in columns])
         units, weights, wide = (np.full(len(names), values, np.float64) for values in (unit, weight, bound))
         none = np.zeros(len(row)), np.zeros(len(names))
         column = np.concatenate([np.zeros(0, np.int64), *columns])
-        return cls(names, row, column, *none, units, weights, -wide, wide, **kinds)
+        return cls(names, row, column, *none, units, weights, -wide, wide, measured, on_forces)
 
     @classmethod
     def _dense(cls, name: str, S: ArrayLike, target: ArrayLike, weight: float, lower: float, upper: float) -> Rows:
