@@ -103,8 +103,12 @@ def _scaled(points: float, moments: float) -> Change:
 
 def _origin(force: Array, point: Array, torque: Array) -> Array:
     """The point that moments are about (3,), by least squares: torque = (point - origin) x force [m]."""
+    rows = np.zeros((len(force), 3, 3))
     # force x origin, as a matrix on the origin
-    matrix = np.cross(np.eye(3), force[:, None]).reshape(-1, 3)
+    rows[:, 0, 1], rows[:, 0, 2] = -force[:, 2], force[:, 1]
+    rows[:, 1, 0], rows[:, 1, 2] = force[:, 2], -force[:, 0]
+    rows[:, 2, 0], rows[:, 2, 1] = -force[:, 1], force[:, 0]
+    matrix = rows.reshape(-1, 3)
     # Along the mean force the origin says nothing: a weak pull to 0 settles it.
     weak = 1e-3 * float(np.linalg.norm(matrix))
     solved = np.linalg.lstsq(
