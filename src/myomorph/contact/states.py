@@ -136,7 +136,8 @@ def touches_of(sites: Sequence[Site], touching: Bools, sure: Array, time: Array,
     touches = []
     for index, site in enumerate(sites):
         for start, stop in runs(touching[:, index]):
-            first, last, mean = *time[[start, stop - 1]].tolist(), float(sure[start:stop, index].mean())
+            first, last = time[[start, stop - 1]].tolist()
+            mean = float(sure[start:stop, index].mean())
             touches.append(Touch(site.name, first, last, site.against, mean, source))
     return tuple(touches)
 
