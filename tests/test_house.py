@@ -6,7 +6,7 @@ import pytest
 from benchmarks.house import CHECKOUT, checkout_texts, count
 
 LIMITS = {
-    ("lines", "src"): 124_213,
+    ("lines", "src"): 123_804,
     ("lines", "benchmarks"): 26_552,
     ("words", "documentation"): 99_801,
     ("vague", "src"): 6.5,
