@@ -74,8 +74,7 @@ class Controller:
         aims.pull(muscles, self._tone, effort)
         aims.pull(slice(m.nu, None), np.zeros(B.shape[1] - m.nu), 1e-7)
         aims.pull(slice(-3, None), lapel, PULL**-2)
-        solution = _solve(aims.H, aims.c, m.nu, len(feet) // 3, FRICTION)
-        self._before = np.clip(solution[muscles], 0.0, 1.0)
+        self._before = np.clip(_solve(aims.H, aims.c, m.nu, len(feet) // 3)[muscles], 0.0, 1.0)
         return self._before
 
     def _accelerations(self, data: Any, feet: Array, grip: Array) -> tuple[Array, Array]:
@@ -164,21 +163,29 @@ def _between(m: Any, data: Any, first: str, second: str) -> tuple[Array, Array]:
     return first_jacobian - other, data.site_xpos[a] - data.site_xpos[b]
 
 
-def _solve(H: Array, c: Array, muscles: int, corners: int, friction: float) -> Array:
+def _solve(H: Array, c: Array, muscles: int, corners: int) -> Array:
     """Min x'Hx/2 + c'x with activations in 0..1 and forces of corners inside pyramids about y."""
     n = len(c)
     low, high = np.full(n, -np.inf), np.full(n, np.inf)
     low[:muscles], high[:muscles] = 0.0, 1.0
-    across = np.array([[1.0, -friction, 0.0], [-1.0, -friction, 0.0], [0.0, -friction, 1.0], [0.0, -friction, -1.0]])
+    forces = slice(muscles, muscles + 3 * corners)
+    low[forces][1::3] = 0.0
     G = np.zeros((4 * corners, n))
-    for i in range(corners):
-        at = muscles + 3 * i
-        G[4 * i : 4 * i + 4, at : at + 3] = across
-        low[at + 1] = 0.0
+    G[:, forces] = pyramids(corners, FRICTION)
+    return least(H, c, low, high, G if corners else None, 1e-5)
+
+
+def pyramids(corners: int, friction: float) -> Array:
+    """G (4 corners, 3 corners) of forces inside friction pyramids about y: those of G f <= 0."""
+    across = [[1.0, -friction, 0.0], [-1.0, -friction, 0.0], [0.0, -friction, 1.0], [0.0, -friction, -1.0]]
+    return np.kron(np.eye(corners), across)
+
+
+def least(H: Array, c: Array, low: Array, high: Array, G: Array | None, accuracy: float) -> Array:
+    """Min x'Hx/2 + c'x with low <= x <= high and G x <= 0."""
     solver = piqp.DenseSolver()
-    solver.settings.eps_abs = solver.settings.eps_rel = 1e-5
-    faces = (G, None, np.zeros(len(G))) if corners else (None, None, None)
-    solver.setup(H, c, None, None, *faces, low, high)
+    solver.settings.eps_abs = solver.settings.eps_rel = accuracy
+    solver.setup(H, c, None, None, G, None, None if G is None else np.zeros(len(G)), low, high)
     solver.solve()
     return np.array(solver.result.x)
 

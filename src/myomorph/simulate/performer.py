@@ -13,7 +13,6 @@ from typing import Any
 
 import mujoco
 import numpy as np
-import piqp
 
 from myomorph.io.mjcf.read import coordinates_from_qpos, model_from_mujoco
 from myomorph.model.arrays import Array, read_only
@@ -21,7 +20,7 @@ from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series
 from myomorph.motion.filters import natural_spline
 from myomorph.simulate import fighter
-from myomorph.simulate.bout import mass_matrix, moments, muscle_strength
+from myomorph.simulate.bout import least, mass_matrix, moments, muscle_strength, pyramids
 from myomorph.simulate.plan import Aim, jacobian, posed, start_pose
 
 KNOT_RATE = 20.0  # Poses of a plan a second.
@@ -29,6 +28,7 @@ STEP = 2.5e-4  # Of derivatives by differences [s].
 MASS, HEIGHT = 72.0, 1.75  # Of the person [kg, m].
 FRICTION, ALONE = 0.6, ("",)  # Of the soles; names of joints begin with nothing.
 EXACT = 1e-4  # Share of a newton, or newton meter, that a wrench or torque may be missed by for a cost of 1e4.
+ACCURACY = 1e-7  # Of the choices of forces and activations.
 
 
 @read_only
@@ -247,7 +247,7 @@ def _dynamics(
         miss = (torques[frame] - arms.T @ passive) / EXACT / 100.0
         cost = effort * (0.05 + np.abs(before - tone))
         H, c = pull.T @ pull + np.diag(cost), -pull.T @ miss - cost * tone
-        before = np.clip(_least(H, c, np.zeros(len(c)), np.ones(len(c))), 0.0, 1.0)
+        before = np.clip(least(H, c, np.zeros(len(c)), np.ones(len(c)), None, ACCURACY), 0.0, 1.0)
         activations[frame] = before
     return forces, wrench, torques, activations
 
@@ -276,14 +276,4 @@ def _shared(
     c = -1e-3 * cost * wanted.ravel() - moment.T @ wrench / EXACT
     low, high = np.full(3 * count, -np.inf), np.full(3 * count, np.inf)
     low[1::3] = 0.0
-    across = np.array([[1.0, -FRICTION, 0.0], [-1.0, -FRICTION, 0.0], [0.0, -FRICTION, 1.0], [0.0, -FRICTION, -1.0]])
-    return _least(H, c, low, high, np.kron(np.eye(count), across)).reshape(count, 3)
-
-
-def _least(H: Array, c: Array, low: Array, high: Array, G: Array | None = None) -> Array:
-    """Min x'Hx/2 + c'x with low <= x <= high and G x <= 0."""
-    solver = piqp.DenseSolver()
-    solver.settings.eps_abs = solver.settings.eps_rel = 1e-7
-    solver.setup(H, c, None, None, G, None, None if G is None else np.zeros(len(G)), low, high)
-    solver.solve()
-    return np.array(solver.result.x)
+    return least(H, c, low, high, pyramids(count, FRICTION), ACCURACY).reshape(count, 3)
