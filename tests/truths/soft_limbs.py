@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from myomorph.io.mjcf.write import text
 from myomorph.model.arrays import Array
-from myomorph.simulate.laboratory import words
 
 RADIUS = 0.03  # Of soft tissue, as a ball [m].
 
@@ -34,10 +34,10 @@ class SoftTissue:
         angular = 2.0 * np.pi * self.frequency
         sag = down / angular**2
         slides = "".join(
-            f'<joint type="slide" axis="{words(axis)}" stiffness="{self.mass * angular**2!r}" '
+            f'<joint type="slide" axis="{text(axis)}" stiffness="{self.mass * angular**2!r}" '
             f'damping="{2.0 * self.damping * self.mass * angular!r}" springref="{float(-drop)!r}"/>'
             for axis, drop in zip(np.eye(3), sag, strict=True)
         )
-        size = words(np.full(3, 0.4 * self.mass * RADIUS**2))
+        size = text(np.full(3, 0.4 * self.mass * RADIUS**2))
         inertia = f'<inertial pos="0 0 0" mass="{self.mass!r}" diaginertia="{size}"/>'
-        return f'<body name="tissue" pos="{words(self.place)}">{slides}{inertia}</body>'
+        return f'<body name="tissue" pos="{text(self.place)}">{slides}{inertia}</body>'

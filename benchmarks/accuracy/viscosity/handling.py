@@ -9,9 +9,10 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from myomorph.io.mjcf.write import text
 from myomorph.model.arrays import Array
 from myomorph.model.series import Markers
-from myomorph.simulate.laboratory import Sampled, sampled, words
+from myomorph.simulate.laboratory import Sampled, sampled
 from myomorph.simulate.limb import BaseLoad, HeldLimb, swing_mjcf
 from myomorph.viscosity.trust.law import hinge_slopes
 
@@ -62,7 +63,7 @@ class Gimbal:
     def mjcf(self) -> str:
         """Its joints."""
         return "".join(
-            f'<joint name="hinge{number}" type="hinge" axis="{words(axis)}" damping="{float(damping)!r}"/>'
+            f'<joint name="hinge{number}" type="hinge" axis="{text(axis)}" damping="{float(damping)!r}"/>'
             for number, (axis, damping) in enumerate(zip(self.axes, self.damping, strict=True))
         )
 
@@ -90,11 +91,11 @@ class Clamp:
         """Its joints, of a stiffness [N m/rad]."""
         damping = 2.0 * RATIO * float(np.sqrt(stiffness * CARRIED))
         joints = "".join(
-            f'<joint type="hinge" pos="{words(self.anchor)}" axis="{words(axis)}" stiffness="{stiffness!r}" '
+            f'<joint type="hinge" pos="{text(self.anchor)}" axis="{text(axis)}" stiffness="{stiffness!r}" '
             f'damping="{damping!r}" springref="{float(-moment / stiffness)!r}"/>'
             for axis, moment in zip(np.eye(3), self.moment, strict=True)
         )
-        return f'{joints}<inertial pos="{words(self.anchor)}" mass="0.001" diaginertia="{words(FIXTURE)}"/>'
+        return f'{joints}<inertial pos="{text(self.anchor)}" mass="0.001" diaginertia="{text(FIXTURE)}"/>'
 
     def swings(
         self, text: dict[str, object], starts: list[tuple[Array, Array]], sway: float, seconds: float, step: float

@@ -13,6 +13,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from myomorph.io.mjcf.write import text
 from myomorph.model.arrays import Array
 from myomorph.model.frozen_map import FrozenMap, grouped
 
@@ -181,14 +182,14 @@ def fighter_mjcf(prefix: str, build: Build, place: tuple[float, float, float], t
     children = grouped((segment.parent, segment) for segment in segments())
     sites: dict[str, list[str]] = {segment.name: [] for segment in segments()}
     for name, (body, place_on) in marker_points().items():
-        sites[body].append(f'<site name="{prefix}marker_{name}" pos="{_text(s * place_on)}"/>')
+        sites[body].append(f'<site name="{prefix}marker_{name}" pos="{text(s * place_on)}"/>')
     for side in "rl":
-        sites[f"forearm_{side}"].append(f'<site name="{prefix}grip_{side}" pos="{_text(s * np.array(GRIP))}"/>')
+        sites[f"forearm_{side}"].append(f'<site name="{prefix}grip_{side}" pos="{text(s * np.array(GRIP))}"/>')
     tendons, actuators = [], []
     for name, (force, points) in muscle_points().items():
         path = []
         for index, (body, *at) in enumerate(points):
-            sites[body].append(f'<site name="{prefix}{name}-{index}" pos="{_text(s * np.array(at))}"/>')
+            sites[body].append(f'<site name="{prefix}{name}-{index}" pos="{text(s * np.array(at))}"/>')
             path.append(f'<site site="{prefix}{name}-{index}"/>')
         tendons.append(f'<spatial name="{prefix}{name}_tendon">{"".join(path)}</spatial>')
         strength = force * build.strength * build.strengths.get(name, 1.0)
@@ -198,9 +199,9 @@ def fighter_mjcf(prefix: str, build: Build, place: tuple[float, float, float], t
         inner = [_joints(segment, prefix), _inertial(segment, build), *_geoms(segment, prefix, s), *sites[segment.name]]
         inner += [tree(child) for child in children.get(segment.name, [])]
         if segment.parent:
-            start = f'pos="{_text(s * np.array(segment.place))}"'
+            start = f'pos="{text(s * np.array(segment.place))}"'
         else:
-            start = f'pos="{_text(np.array(place))}" euler="0 {turn!r} 0"'
+            start = f'pos="{text(place)}" euler="0 {turn!r} 0"'
         return f'<body name="{prefix}{segment.name}" {start}>{"".join(inner)}</body>'
 
     return tree(MIDDLE[0]), "".join(tendons), "".join(actuators)
@@ -209,7 +210,7 @@ def fighter_mjcf(prefix: str, build: Build, place: tuple[float, float, float], t
 def _joints(segment: Segment, prefix: str) -> str:
     if not segment.joints:
         return f'<freejoint name="{prefix}{segment.name}"/>'
-    return "".join(f'<joint name="{prefix}{name}" axis="{_text(np.array(axis))}"/>' for name, axis in segment.joints)
+    return "".join(f'<joint name="{prefix}{name}" axis="{text(axis)}"/>' for name, axis in segment.joints)
 
 
 def _inertial(segment: Segment, build: Build) -> str:
@@ -217,17 +218,17 @@ def _inertial(segment: Segment, build: Build) -> str:
     square = (build.size * np.array(segment.size)) ** 2
     moments = mass / 3.0 * (square.sum() - square)
     place = build.size * np.array(segment.center)
-    return f'<inertial mass="{mass!r}" pos="{_text(place)}" diaginertia="{_text(moments)}"/>'
+    return f'<inertial mass="{mass!r}" pos="{text(place)}" diaginertia="{text(moments)}"/>'
 
 
 def _geoms(segment: Segment, prefix: str, s: float) -> list[str]:
     """What is seen of a segment, and what of a foot stands on the mat."""
     shown = [(segment.center, segment.size), *([HEAD] if segment.name == "torso" else [])]
-    geoms = [f'<geom class="shown" pos="{_text(s * np.array(a))}" size="{_text(s * np.array(b))}"/>' for a, b in shown]
+    geoms = [f'<geom class="shown" pos="{text(s * np.array(a))}" size="{text(s * np.array(b))}"/>' for a, b in shown]
     if segment.name.startswith("foot"):
         for name, at in sole_points(segment.name[-1]).items():
             geoms.append(
-                f'<geom name="{prefix}{segment.name}_{name}" class="sole" pos="{_text(s * at + (0.0, BALL, 0.0))}"/>'
+                f'<geom name="{prefix}{segment.name}_{name}" class="sole" pos="{text(s * at + (0.0, BALL, 0.0))}"/>'
             )
     return geoms
 
@@ -241,10 +242,6 @@ def _muscle(name: str, force: float, path: float) -> str:
         f'<general name="{name}" tendon="{name}_tendon" class="muscle" gainprm="{parameters}" biasprm="{parameters}" '
         f'lengthrange="{low!r} {high!r}"/>'
     )
-
-
-def _text(values: Array) -> str:
-    return " ".join(repr(float(value)) for value in values)
 
 
 STEP = 1e-3  # Of the integrator [s].
@@ -306,7 +303,7 @@ def fighter_text(part: str, build: Build) -> str:
 
 def _with_site(tree: str, body: str, name: str, place: Array) -> str:
     start = tree.index(">", tree.index(f'<body name="{body}"')) + 1
-    return f'{tree[:start]}<site name="{name}" pos="{_text(place)}"/>{tree[start:]}'
+    return f'{tree[:start]}<site name="{name}" pos="{text(place)}"/>{tree[start:]}'
 
 
 def with_fibers(builds: Mapping[str, Build], compiled: Any, qpos: Array) -> dict[str, Build]:

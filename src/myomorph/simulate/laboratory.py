@@ -11,12 +11,12 @@ import mujoco
 import numpy as np
 import trimesh
 from mujoco import rollout
-from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 from myomorph.io.c3d.write import write_c3d
 from myomorph.io.mesh import read_mesh
+from myomorph.io.mjcf.write import text
 from myomorph.io.sto import write_sto
 from myomorph.io.trc import write_trc
 from myomorph.model.arrays import Array, read_only
@@ -154,12 +154,7 @@ def inertial(parameters: Array) -> str:
     center = parameters[1:4] / parameters[0]
     about = inertia_matrices(parameters) - parameters[0] * (center @ center * np.eye(3) - np.outer(center, center))
     full = (about[0, 0], about[1, 1], about[2, 2], about[0, 1], about[0, 2], about[1, 2])
-    return f'<inertial pos="{words(center)}" mass="{float(parameters[0])!r}" fullinertia="{words(full)}"/>'
-
-
-def words(numbers: ArrayLike) -> str:
-    """Numbers as MJCF writes them, to the last digit."""
-    return " ".join(repr(float(value)) for value in np.asarray(numbers))
+    return f'<inertial pos="{text(center)}" mass="{float(parameters[0])!r}" fullinertia="{text(full)}"/>'
 
 
 def write_recording(trial: VirtualTrial, stem: Path) -> None:

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from myomorph.io.mjcf.write import text
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadModel
 from myomorph.model.inertia import inertial_parameters
@@ -16,7 +17,7 @@ from myomorph.model.model import Joint, Marker, Model
 from myomorph.model.paths import Muscle, Path, PathPoint, TendonWrap, WrapObject
 from myomorph.model.spatial import Transform
 from myomorph.rigid.kinematics import standing_poses
-from myomorph.simulate.laboratory import SENSORS, inertial, words
+from myomorph.simulate.laboratory import SENSORS, inertial
 from myomorph.viscosity.specimen.bodies import moved_parameters
 from myomorph.viscosity.specimen.model import Specimen
 from myomorph.viscosity.tracking.limb_shape import limb_poses
@@ -98,8 +99,8 @@ class BaseLoad:
 
     def mjcf(self, center: Array) -> str:
         """Its inertia on the base's body, whose origin is the joint's center (3,) in the base's frame."""
-        size = words(np.full(3, 0.4 * self.mass * LOAD_RADIUS**2))
-        place = words(np.array(self.place) - center)
+        size = text(np.full(3, 0.4 * self.mass * LOAD_RADIUS**2))
+        place = text(np.array(self.place) - center)
         return f'<inertial pos="{place}" mass="{self.mass!r}" diaginertia="{size}"/>'
 
 
@@ -175,14 +176,14 @@ def swing_mjcf(
     tendons = "".join(f'<spatial name="{name}" damping="{muscle!r}">{path}</spatial>' for name, path in paths.items())
     speeds = "".join(f'<tendonvel name="{name}" tendon="{name}"/>' for name in paths) + "</sensor>"
     return f"""<mujoco model="virtual specimen">
-  <option gravity="{words(specimen.model.gravity)}"/>
+  <option gravity="{text(specimen.model.gravity)}"/>
   <default><geom contype="0" conaffinity="0" mass="0" group="4"/><site size="0.002" group="4"/></default>
   <worldbody>
-    <body name="base" pos="{words(center)}">
+    <body name="base" pos="{text(center)}">
       <site name="plate"/>
       {f'<body name="clamped">{clamp}' if clamp else ""}
-      <body name="scapula" quat="{words(quaternion(stand.rotation))}">{on_base}</body>
-      <body name="limb" quat="{words(quaternion(rest))}">
+      <body name="scapula" quat="{text(quaternion(stand.rotation))}">{on_base}</body>
+      <body name="limb" quat="{text(quaternion(rest))}">
         {joint or f'<joint name="joint" type="ball" damping="{damping!r}"/>'}
         {inertial(parameters)}
         <site name="center"/>
@@ -205,7 +206,7 @@ def _muscles_mjcf(model: Model, frame: Callable[[str], Transform]) -> tuple[dict
         return name
 
     for item in model.wrap_objects:
-        size = words(item.size[:1]) + (" 0.1" if item.kind == "cylinder" else "")
+        size = text(item.size[:1]) + (" 0.1" if item.kind == "cylinder" else "")
         pose = _pose(frame(item.body) @ item.pose)
         inside[item.body].append(f'<geom name="{item.name}" type="{item.kind}" size="{size}" {pose}/>')
     for muscle in model.muscles:
@@ -222,11 +223,11 @@ def _muscles_mjcf(model: Model, frame: Callable[[str], Transform]) -> tuple[dict
 
 
 def _site(name: str, location: Array) -> str:
-    return f'<site name="{name}" pos="{words(location)}"/>'
+    return f'<site name="{name}" pos="{text(location)}"/>'
 
 
 def _pose(pose: Transform) -> str:
-    return f'pos="{words(pose.translation)}" quat="{words(quaternion(pose.rotation))}"'
+    return f'pos="{text(pose.translation)}" quat="{text(quaternion(pose.rotation))}"'
 
 
 def quaternion(rotation: Array) -> Array:
@@ -261,7 +262,7 @@ def specimen_mjcf(specimen: Specimen) -> str:
     ]
     return f"""<mujoco model="{model.name}">
 <compiler autolimits="true"/>
-<option gravity="{words(model.gravity)}"/>
+<option gravity="{text(model.gravity)}"/>
 <default><geom contype="0" conaffinity="0" group="4"/><site size="0.002"/></default>
 <worldbody>
 {body(specimen.base)}</worldbody>
@@ -276,12 +277,12 @@ def _joint(joint: Joint) -> tuple[Transform, str]:
     pose = joint.parent_frame @ joint.child_frame.inverse()
     back = joint.child_frame
     if joint.kind == "ball":
-        return pose, f'<joint name="{joint.name}" type="ball" pos="{words(back.translation)}"/>'
+        return pose, f'<joint name="{joint.name}" type="ball" pos="{text(back.translation)}"/>'
     parts = []
     for axis in joint.axes:
         if axis.kind != "rotation" or float(axis.function(1.0)) != 1.0 or float(axis.function(0.0)) != 0.0:
             raise BadModel(f"joint '{joint.name}' does more than turn: a virtual specimen has hinges only")
-        anchor = f'pos="{words(back.apply(axis.origin))}" axis="{words(back.rotation @ axis.vector)}"'
+        anchor = f'pos="{text(back.apply(axis.origin))}" axis="{text(back.rotation @ axis.vector)}"'
         parts.append(f'<joint name="{axis.coordinates[0]}" type="hinge" {anchor}/>')
     return pose, "".join(parts)
 
