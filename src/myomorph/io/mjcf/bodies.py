@@ -47,8 +47,7 @@ class MjcfNames:
         kind = mujoco.mjtObj
         self.model = bytes(m.names).split(b"\0", 1)[0].decode("utf-8", "replace")
         bodies = _names(m, kind.mjOBJ_BODY, m.nbody)
-        self.bodies = _unique((name or f"body_{i}" for i, name in enumerate(bodies[1:], 1)), (GROUND,))
-        self.bodies = [GROUND, *self.bodies]
+        self.bodies = _unique([GROUND, *(name or f"body_{i}" for i, name in enumerate(bodies[1:], 1))])
         joints = _names(m, kind.mjOBJ_JOINT, m.njnt)
         owners = [self.bodies[b] for b in m.jnt_bodyid]
         self.joints = _unique(name or f"{owner}_joint" for name, owner in zip(joints, owners, strict=True))
@@ -67,15 +66,18 @@ def _names(m: Any, kind: Any, count: int) -> list[str]:
     return [mujoco.mj_id2name(m, kind, i) or "" for i in range(count)]
 
 
-def _unique(names: Iterable[str], taken: Iterable[str] = ()) -> list[str]:
-    seen, unique = set(taken), []
-    for name in names:
-        candidate, count = name, 2
-        while candidate in seen:
-            candidate, count = f"{name}_{count}", count + 1
-        seen.add(candidate)
-        unique.append(candidate)
-    return unique
+def _unique(names: Iterable[str]) -> list[str]:
+    taken: set[str] = set()
+    return [new_name(name, taken) for name in names]
+
+
+def new_name(name: str, taken: set[str]) -> str:
+    """The name, with a number behind it where it is taken; it is taken from then on."""
+    candidate, count = name, 2
+    while candidate in taken:
+        candidate, count = f"{name}_{count}", count + 1
+    taken.add(candidate)
+    return candidate
 
 
 def pose_of(position: ArrayLike, quaternion: ArrayLike) -> Transform:

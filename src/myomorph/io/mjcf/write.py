@@ -12,6 +12,7 @@ from lxml import etree
 from numpy.typing import ArrayLike
 
 from myomorph.io.mesh import write_obj
+from myomorph.io.mjcf.bodies import new_name
 from myomorph.io.mjcf.couplings import Cam, curve_text
 from myomorph.model.errors import BadModel, quoted
 from myomorph.model.functions import PiecewisePolynomial
@@ -63,28 +64,12 @@ def text(values: ArrayLike) -> str:
     return " ".join(repr(float(value)) for value in np.atleast_1d(np.asarray(values, dtype=np.float64)))
 
 
-class _Names:
-    """Names of one kind of object, each used once."""
-
-    def __init__(self) -> None:
-        self.taken: set[str] = set()
-
-    def new(self, name: str) -> str:
-        """The name, with a number behind it where it is taken."""
-        candidate, count = name, 2
-        while candidate in self.taken:
-            candidate, count = f"{name}_{count}", count + 1
-        self.taken.add(candidate)
-        return candidate
-
-
 class _Writer:
     def __init__(self, model: Model, path: Path, surfaces: dict[str, Surface]):
         self.model, self.path, self.surfaces = model, path, surfaces
         self.warnings: list[str] = []
         self.elements: dict[str, etree._Element] = {}
-        self.sites, self.geoms, self.meshes = _Names(), _Names(), _Names()
-        self.tendons, self.actuators = _Names(), _Names()
+        self.sites, self.geoms, self.meshes, self.tendons, self.actuators = (set[str]() for _ in range(5))
         self.placed: dict[tuple[str, tuple[float, ...]], str] = {}
         self.files: dict[str, str] = {}
         self.folder = f"{path.stem}_meshes"
@@ -191,11 +176,11 @@ class _Writer:
             return
         if mesh.file not in self.files:
             stem = Path(mesh.file.replace("\\", "/")).stem
-            self.files[mesh.file] = self.meshes.new(stem) + ".obj"
+            self.files[mesh.file] = new_name(stem, self.meshes) + ".obj"
             folder = self.path.parent / self.folder
             folder.mkdir(parents=True, exist_ok=True)
             write_obj(surface, folder / self.files[mesh.file])
-        name = self.geoms.new(Path(self.files[mesh.file]).stem)
+        name = new_name(Path(self.files[mesh.file]).stem, self.geoms)
         file = self.files[mesh.file]
         put(self.assets, "mesh", name=name, file=file, scale=text(mesh.scale), inertia="shell")
         put(self.elements[body], "geom", type="mesh", mesh=name, **pose(mesh.pose))
@@ -205,7 +190,7 @@ class _Writer:
         self.wraps = {}
         for item in self.model.wrap_objects:
             if item.name in used:
-                self.wraps[item.name] = self.geoms.new(item.name)
+                self.wraps[item.name] = new_name(item.name, self.geoms)
                 size = item.size[:1] if item.kind == "sphere" else (item.size[0], min(0.5 * item.size[1], 0.05))
                 put(
                     self.elements[item.body],
@@ -219,24 +204,30 @@ class _Writer:
                 )
         self.marker_sites = []
         for marker in self.model.markers:
-            name = self.sites.new(marker.name)
+            name = new_name(marker.name, self.sites)
             self.marker_sites.append(name)
             put(self.elements[marker.body], "site", name=name, pos=text(marker.location), rgba="0.9 0.3 0.6 1")
         for frame in self.model.frames:
-            put(self.elements[frame.body], "site", name=self.sites.new(frame.name), group=HIDDEN, **pose(frame.pose))
+            put(
+                self.elements[frame.body],
+                "site",
+                name=new_name(frame.name, self.sites),
+                group=HIDDEN,
+                **pose(frame.pose),
+            )
 
     def _site(self, name: str, body: str, place: ArrayLike, group: str = "3") -> str:
         """A site, which may be there already."""
         key = body, tuple(np.asarray(place, dtype=np.float64).tolist())
         if key not in self.placed:
-            self.placed[key] = self.sites.new(name)
+            self.placed[key] = new_name(name, self.sites)
             put(self.elements[body], "site", name=self.placed[key], pos=text(place), group=group)
         return self.placed[key]
 
     def _muscle(self, muscle: Muscle) -> None:
         if muscle.kind != "mujoco":
             raise BadModel(f"muscle '{muscle.name}' is a {muscle.kind}, and no muscle of MuJoCo")
-        tendon = self.tendons.new(f"{muscle.name}_tendon")
+        tendon = new_name(f"{muscle.name}_tendon", self.tendons)
         spatial = put(self.tendon, "spatial", name=tendon)
         path, divisors = muscle.path, muscle.path.divisors or (1.0,) * (len(muscle.path.points) - 1)
         now = 1.0
@@ -260,7 +251,7 @@ class _Writer:
         put(
             self.actuator,
             "muscle",
-            name=self.actuators.new(muscle.name),
+            name=new_name(muscle.name, self.actuators),
             tendon=tendon,
             ctrllimited="true",
             ctrlrange=text((muscle.min_activation, muscle.max_activation)),
@@ -288,7 +279,7 @@ class _Writer:
         for cam in cams:
             tendons = []
             for sign, word in ((1.0, "out"), (-1.0, "back")):
-                tendons.append(self.tendons.new(f"{cam.follower}_{word}"))
+                tendons.append(new_name(f"{cam.follower}_{word}", self.tendons))
                 spatial = put(self.tendon, "spatial", name=tendons[-1], group=HIDDEN, rgba="0 0 0 0")
                 for branch in cam.branches:
                     if branch.weight * sign > 0.0:
@@ -333,7 +324,7 @@ class _Writer:
     def _loop(self, loop: Loop) -> None:
         ends = []
         for body, frame in ((loop.body_1, loop.pose_1), (loop.body_2, loop.pose_2)):
-            ends.append(self.sites.new(f"{loop.name}_{body}"))
+            ends.append(new_name(f"{loop.name}_{body}", self.sites))
             put(self.elements[body], "site", name=ends[-1], group=HIDDEN, **pose(frame))
         tag = "weld" if "weld" in loop.kind.lower() else "connect"
         put(self.equality, tag, name=loop.name, site1=ends[0], site2=ends[1])
@@ -349,7 +340,7 @@ class _Writer:
             put(
                 self.actuator,
                 "motor",
-                name=self.actuators.new(actuator.name),
+                name=new_name(actuator.name, self.actuators),
                 joint=actuator.coordinate,
                 gear=text(actuator.optimal_force),
                 ctrllimited="true" if limited else "false",
