@@ -106,9 +106,9 @@ class PlayedBody:
         masses = [sum(model.body(name).mass for name in subject.bodies) for subject in self.subjects]
         # Arrows are drawn by the weight of the heaviest subject.
         weight = self.scene.weight * (max(masses) / model.mass if model.mass > 0.0 else 1.0)
-        self._measured = _Arrows(wrenches, motion.time, weight, self.size)
+        self._measured = _arrows(wrenches, motion.time, weight, self.size)
         estimated = None if results.contacts.forces is None else results.contacts.forces.wrenches("group")
-        self._estimated = _Arrows(estimated, motion.time, weight, self.size)
+        self._estimated = _arrows(estimated, motion.time, weight, self.size)
 
     @cached_property
     def tube_muscles(self) -> np.ndarray:
@@ -140,7 +140,7 @@ class PlayedBody:
             known=known, rotations=rotations, origins=origins,
             tubes=tubes(points.places[0], points.muscle, *self._muscles.look(frame, self.size, chosen)),
             recorded=self._markers.recorded[frame], modelled=self._markers.modelled(rotations, origins),
-            measured=self._measured.at(frame), estimated=self._estimated.at(frame), centers=self.centers[posed],
+            measured=self._measured[frame], estimated=self._estimated[frame], centers=self.centers[posed],
         )  # fmt: skip
 
     def middle_of(self, frame: int, muscle: int) -> Array:
@@ -202,16 +202,14 @@ class _Muscles:
         if results.tension is not None and len(results.tension.time):
             columns = {name: i for i, name in enumerate(results.tension.muscles)}
             order = np.array([columns.get(name, -1) for name in model.muscle_names])
-            near, inside = nearest_samples(results.tension.time, time), _inside(results.tension.time, time)
+            clock, fibers = results.tension.time, results.tension.fibers
 
             def of_muscles(recorded: Array) -> Array:
                 values = np.full(shape, np.nan)
-                values[:, order >= 0] = recorded[near][:, order[order >= 0]]
-                values[~inside] = np.nan
+                values[:, order >= 0] = _nearest(clock, recorded, time)[:, order[order >= 0]]
                 return values
 
             self.activations, self.tensions = map(of_muscles, (results.tension.activations, results.tension.forces))
-            fibers = results.tension.fibers
             if fibers is not None:
                 optimal = np.array([muscle.optimal_fiber_length for muscle in model.muscles])
                 self.fibers = of_muscles(fibers.lengths) / optimal, of_muscles(fibers.tendon_strains)
@@ -242,8 +240,7 @@ class _Markers:
         self.recorded = np.full((len(time), 0 if recorded is None else len(recorded.names), 3), np.nan)
         markers = model.markers
         if recorded is not None and len(recorded):
-            self.recorded = np.array(recorded.values[nearest_samples(recorded.time, time)])
-            self.recorded[~_inside(recorded.time, time)] = np.nan
+            self.recorded = _nearest(recorded.time, recorded.values, time)
             markers = tuple(marker for marker in markers if marker.name in recorded.names)
         self._bodies = np.array([numbers[marker.body] for marker in markers], dtype=np.int64)
         self._places = np.array([marker.location for marker in markers]).reshape(-1, 3)
@@ -253,28 +250,19 @@ class _Markers:
         return np.einsum("mij,mj->mi", rotations[self._bodies], self._places) + origins[self._bodies]
 
 
-class _Arrows:
-    """External forces at the motion's times."""
-
-    def __init__(self, wrenches: Wrenches | None, time: Array, weight: float, size: float):
-        self._wrenches = wrenches if wrenches is not None and len(wrenches) and wrenches.names else None
-        self._weight, self._scale = weight, WEIGHT * size / weight
-        if self._wrenches is not None:
-            self._near = nearest_samples(self._wrenches.time, time)
-            self._inside = _inside(self._wrenches.time, time)
-
-    def at(self, frame: int) -> Array:
-        """(forces, 2, 3) start and end of their arrows at a frame, NaN where none acts [m]."""
-        if self._wrenches is None:
-            return np.zeros((0, 2, 3))
-        near = self._near[frame]
-        start, force = self._wrenches.points[near], self._wrenches.forces[near]
-        acts = np.isfinite(start).all(axis=1) & (np.linalg.norm(force, axis=1) > MIN_FORCE * self._weight)
-        ends = np.stack([start, start + self._scale * force], axis=1)
-        return np.where((acts & self._inside[frame])[:, None, None], ends, np.nan)
+def _arrows(wrenches: Wrenches | None, time: Array, weight: float, size: float) -> Array:
+    """(frames, forces, 2, 3) start and end of arrows of external forces at times, NaN where none acts [m]."""
+    if wrenches is None or not len(wrenches) or not wrenches.names:
+        return np.zeros((len(time), 0, 2, 3))
+    start, force = (_nearest(wrenches.time, values, time) for values in (wrenches.points, wrenches.forces))
+    acts = np.isfinite(start).all(axis=-1) & (np.linalg.norm(force, axis=-1) > MIN_FORCE * weight)
+    ends = np.stack([start, start + WEIGHT * size / weight * force], axis=-2)
+    return np.where(acts[..., None, None], ends, np.nan)
 
 
-def _inside(clock: Array, time: Array) -> np.ndarray:
-    """Which times lie within a clock that may be coarser, to one and a half of its steps."""
-    near = 1.5 * float(np.median(np.diff(clock))) if len(clock) > 1 else 1e-6
-    return (time >= clock[0] - near) & (time <= clock[-1] + near)
+def _nearest(clock: Array, values: Array, time: Array) -> Array:
+    """Values at times, each the nearest of a clock that may be coarser; NaN beyond one and a half of its steps."""
+    beyond = 1.5 * float(np.median(np.diff(clock))) if len(clock) > 1 else 1e-6
+    nearest = np.array(values[nearest_samples(clock, time)])
+    nearest[(time < clock[0] - beyond) | (time > clock[-1] + beyond)] = np.nan
+    return nearest
