@@ -167,15 +167,15 @@ def bone_section(morph: Morph) -> Section:
     printed = [name.replace("[m]", "[mm]").replace("_", " ") for name in measures]
     head = ("Bone", "Basis", "Size", "Features", *(name[:1].upper() + name[1:] for name in printed))
     noted = tuple((bone.body, text) for bone in bones for text in bone.notes)
-    grids = [Grid(head, tuple(rows), "Maps of the bones", len(rows) > MAX_OPEN_ROWS)]
-    if noted:
-        grids.append(Grid(("Bone", "Note"), noted, "Notes of the maps"))
+    grids = (
+        Grid(head, tuple(rows), "Maps of the bones", len(rows) > MAX_OPEN_ROWS),
+        Grid(("Bone", "Note"), noted, "Notes of the maps"),
+    )
     lead = (
         "The target's bones, colored by the distance of the source's mapped bones: blue "
         "where the target lies inside, red where outside. Size is the scale of the target relative to the source."
     )
-    drawn = tuple(Figure(svg) for svg in figures)
-    return Section("bones", "Bones and their maps", lead, (), drawn, tuple(grids))
+    return Section("bones", "Bones and their maps", lead, (), tuple(Figure(svg) for svg in figures), grids)
 
 
 def _measured(name: str, value: float | None) -> str:
@@ -277,14 +277,13 @@ def path_section(morph: Morph, checks: MorphChecks) -> Section:
         f". {len(checks.penetrations)} pairs of a muscle and a bone have the path below the bone's surface somewhere "
         "in the joints' ranges, in source or target."
     )
-    grids = [
+    grids = (
+        Grid(("Part", "Reason"), tuple(morph.left_out.items()), "Excluded"),
         tables.penetration_rows(checks).grid("Paths below the surface of bones, largest increase first", True),
         tables.point_rows(morph).grid(f"All {len(morph.points)} points", True),
         tables.wrap_rows(checks).grid("Wrap objects, and how surely they lie", True),
-    ]
-    if morph.left_out:
-        grids.insert(0, Grid(("Part", "Reason"), tuple(morph.left_out.items()), "Excluded"))
-    return Section("paths", "Muscle paths", lead, (), (), tuple(grid for grid in grids if grid.rows))
+    )
+    return Section("paths", "Muscle paths", lead, (), (), grids)
 
 
 def joint_section(morph: Morph) -> Section | None:

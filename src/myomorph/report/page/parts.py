@@ -97,7 +97,7 @@ class Section:
     title: str
     lead: str = ""  # a sentence or two before the figures
     legend: tuple[tuple[str, str], ...] = ()  # styles and what they stand for
-    # figures, grids: shown in this order
+    # figures, grids: shown in this order; a grid without rows is not
     figures: tuple[Figure, ...] = ()
     grids: tuple[Grid, ...] = ()
     listed: bool = True  # whether the contents name it

@@ -136,7 +136,7 @@ def _quality(study: StudyInput) -> list[Section]:
             size = f"{most.value:.0f}" if most.unit.startswith("of ") else number(most.value)
             words = f"{size} {most.unit}: {worst.subject}, {worst.trial}"
             rows.append((name, f"{len(over)} of {len(with_value)}", words))
-    grids = (Grid(("Quantity", "Trials over the limit", "Worst"), tuple(rows), "Over the limit"),) if rows else ()
+    grids = (Grid(("Quantity", "Trials over the limit", "Worst"), tuple(rows), "Over the limit"),)
     lead = "Marker errors, residuals and reserves beside the community’s limits; one dot a trial."
     return [Section("quality", "Quality", lead, figures=tuple(figures), grids=grids)]
 
@@ -150,11 +150,10 @@ def _described(study: StudyInput) -> list[Section]:
     first = [described for described in study.described if described.quantity.startswith(of_strides)]
     rest = [described for described in study.described if described not in first]
     parts = ((first, "Strides", False), (rest, f"All {len(rest)}{' others' if first else ''}", True))
-    tables = [(tuple(map(_described_row, part)), title, folded) for part, title, folded in parts if part]
-    grids = [Grid(("Quantity", *names), *table) for table in tables]
+    grids = tuple(Grid(("Quantity", *names), tuple(map(_described_row, part)), *shown) for part, *shown in parts)
     each = "subjects, each the mean of its trials" if unit == "subjects" else "trials: there is one subject"
     lead = f"Mean ± standard deviation of {each}."
-    return [Section("values", "Values", lead, grids=tuple(grids))]
+    return [Section("values", "Values", lead, grids=grids)]
 
 
 def _described_row(described: Described) -> tuple[str, ...]:

@@ -48,7 +48,7 @@ def contact_force_section(prepared: Prepared, behind: Backdrop, who: Sequence[Su
     legend = [(group.style, group.label) for group in groups] if len(blocks) == 1 else []
     if any(group.measured is not None for group in groups):
         legend.append(("measured", "measured"))
-    grids = tuple(grid for grid in (_grid(prepared, groups, who), infeasible) if grid.rows)
+    grids = (_grid(prepared, groups, who), infeasible)
     return Section("contact-forces", "Contact forces", _lead(prepared, groups), tuple(legend), tuple(figures), grids)
 
 

@@ -78,8 +78,7 @@ def body_section(model: Model, identification: Identification | None, surfaces: 
         Grid(("Reason", "Frames", "Of all"), lost, "Frames excluded"),
         Grid(("Note",), tuple((text,) for text in identification.notes), "Notes of the identification"),
     )
-    shown = tuple(grid for grid in grids if grid.rows)
-    return Section("body-identified", "The identified body", lead, (), tuple(figures), shown)
+    return Section("body-identified", "The identified body", lead, (), tuple(figures), grids)
 
 
 def body_picture(model: Model, share: Array | None, surfaces: Mapping[str, Surface]) -> str:
@@ -99,19 +98,21 @@ def mass_section(identification: Identification) -> Section:
     shown = [i for i in heavy if max(mass[i] for mass in masses.values()) >= 0.001]
     names, values = [bodies[i] for i in shown], [mass[shown] for mass in masses.values()]
     plot = dot_plot("Mass of each link", "kg", names, values, STYLES[: len(masses)], list(masses), 880)
-    grids = [tables.mass_sheet(identification).grid("Mass of each link [kg]", len(bodies) > MAX_OPEN_ROWS, " [kg]")]
-    spine = tables.spine_sheet(bodies, masses)
-    if spine.rows:
-        grids.append(spine.grid("Spread of the vertebrae's masses: population standard deviation [kg]", told=" [kg]"))
     sheet = tables.link_sheet(identification)
     keep = [sheet.head.index(name) for name in ("link", "mass [kg]", "share from the data")] + [5, 6, 7]
     cut = Sheet(tuple(sheet.head[i] for i in keep), tuple(tuple(row[i] for i in keep) for row in sheet.rows))
-    grids.append(cut.grid(f"Physical consistency of {len(sheet.rows)} links", True, " [kg]"))
+    grids = (
+        tables.mass_sheet(identification).grid("Mass of each link [kg]", len(bodies) > MAX_OPEN_ROWS, " [kg]"),
+        tables.spine_sheet(bodies, masses).grid(
+            "Spread of the vertebrae's masses: population standard deviation [kg]", told=" [kg]"
+        ),
+        cut.grid(f"Physical consistency of {len(sheet.rows)} links", True, " [kg]"),
+    )
     left = len(bodies) - len(shown)
     lead = "Every method's mass of every link, heaviest first."
     lead += f" {left} links below one gram are only in the table." if left else ""
     legend = tuple(zip(STYLES, masses, strict=False))
-    return Section("masses", "Mass of each link", lead, legend, (Figure(plot, "full"),), tuple(grids))
+    return Section("masses", "Mass of each link", lead, legend, (Figure(plot, "full"),), grids)
 
 
 def segment_section(identification: Identification) -> list[Section]:
@@ -175,8 +176,7 @@ def base_section(identification: Identification) -> Section:
         title = f"Not identifiable from {motion} motion"
         grids.append(Grid((title,), tuple((name,) for name in parameters), f"{title}: {len(parameters)}", True))
     legend = (("first", "identifiable"), ("middle", "not identifiable"))
-    shown = tuple(grid for grid in grids if grid.rows)
-    return Section("base", "Base parameters", lead, legend, (Figure(plot, "full"),), shown)
+    return Section("base", "Base parameters", lead, legend, (Figure(plot, "full"),), tuple(grids))
 
 
 def _words(value: float | None) -> str:

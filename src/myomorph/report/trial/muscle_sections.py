@@ -139,11 +139,11 @@ def emg_conflict_section(prepared: Prepared) -> Section | None:
     )
     if not conflicts:
         lead = "EMG and joint torques are consistent: no muscle departs from its EMG, and no reserve makes up for it."
-    grids = []
-    for title, head, rows in (("Muscles", CONFLICT_HEAD, muscles), ("Reserves", RESERVE_HEAD, reserves)):
-        if rows:
-            grids.append(Grid(head, tuple(_conflict_row(row) for row in rows), title, folded=len(rows) > SHOWN))
-    return Section("emg-conflicts", "EMG against joint torques", lead, (), (), tuple(grids))
+    grids = tuple(
+        Grid(head, tuple(map(_conflict_row, rows)), title, folded=len(rows) > SHOWN)
+        for title, head, rows in (("Muscles", CONFLICT_HEAD, muscles), ("Reserves", RESERVE_HEAD, reserves))
+    )
+    return Section("emg-conflicts", "EMG against joint torques", lead, grids=grids)
 
 
 def _conflict_row(conflict: EmgConflict) -> tuple[str, ...]:

@@ -45,7 +45,7 @@ def phase_section(analysis: MotionAnalysis) -> Section | None:
     if who:
         lead += f" Center of gravity and muscles of {who}."
     grids = (_center_grid(analysis), _doing_grid(analysis))
-    return Section("phases", "Phases", lead, (), tuple(figures), tuple(grid for grid in grids if grid.rows))
+    return Section("phases", "Phases", lead, (), tuple(figures), grids)
 
 
 def _center_grid(analysis: MotionAnalysis) -> Grid:

@@ -103,11 +103,9 @@ def force_section(prepared: Prepared) -> Section | None:
     figures = [Figure(chart, "medium" if first and i == 0 else "small") for i, chart in enumerate(drawn) if chart]
     if not figures:
         return None
-    grids: tuple[Grid, ...] = ()
-    if prepared.movement.measures:
-        measures = prepared.movement.measures
-        rows = tuple((each.name, f"{number(each.value)} {each.unit}", each.source) for each in measures)
-        grids = (Grid(("Measure", "Value", "From"), rows, "The movement in numbers"),)
+    measures = prepared.movement.measures
+    rows = tuple((each.name, f"{number(each.value)} {each.unit}", each.source) for each in measures)
+    grids = (Grid(("Measure", "Value", "From"), rows, "The movement in numbers"),)
     title = "Ground forces and center of mass" if wrenches is not None else "Center of mass"
     legend: tuple[tuple[str, str], ...] = ()
     if wrenches is not None:

@@ -133,8 +133,8 @@ def calibration_section(calibration: Calibration, recordings: Sequence[str]) -> 
         Grid(head, tuple(zeros), "Zero angles", len(zeros) > MAX_OPEN_ROWS),
         Grid(("Note",), tuple((text,) for text in calibration.notes), "Notes of the calibration"),
     )
-    drawn, shown = tuple(Figure(figure, "medium") for figure in figures), tuple(grid for grid in grids if grid.rows)
-    return Section("calibration", "Lengths and markers", lead, (), drawn, shown)
+    drawn = tuple(Figure(figure, "medium") for figure in figures)
+    return Section("calibration", "Lengths and markers", lead, (), drawn, grids)
 
 
 def _millimetres(value: float) -> str:
