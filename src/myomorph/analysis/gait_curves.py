@@ -22,7 +22,7 @@ from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series, Wrenches
 from myomorph.model.sides import split_side
 from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import Tree, compile_tree
+from myomorph.rigid.tree import compile_tree
 
 SIDES = ("right", "left")
 SAMPLES = 51  # Every 2 % of the cycle, as gait scores are defined
@@ -140,12 +140,6 @@ def _coordinate(model: Model, key: str, side: str) -> str:
     return next((name for name in model.coordinate_names if split_side(name) in spellings), "")
 
 
-def _sign(model: Model, key: str, name: str) -> float:
-    """-1 where a knee's coordinate goes down as it bends, as in OpenSim's gait2392."""
-    low, high = model.coordinate(name).range
-    return -1.0 if key == "knee_flexion" and -low > high else 1.0
-
-
 def _stood(force: Array, stride: Stride) -> bool:
     """Whether the foot was on plates for its stance, by its vertical force over the cycle (samples,)."""
     duty = stride.duty if np.isfinite(stride.duty) else MIN_STANCE
@@ -171,7 +165,10 @@ class _Body:
         values = tree.coordinates_of(motion)
         known = np.asarray(np.isfinite(values).all(axis=1), np.bool_)
         values[~known] = tree.defaults
-        poses, neutral = forward_kinematics(tree, values), forward_kinematics(tree, _standing(tree)[None])
+        # The default pose, upright and facing forward, joints straight.
+        turns = np.array([coordinate.motion == "rotational" for coordinate in model.coordinates])
+        standing = np.where(turns, 0.0, tree.defaults)
+        poses, neutral = forward_kinematics(tree, values), forward_kinematics(tree, standing[None])
         names = [_coordinate(model, "hip_flexion", side) for side in SIDES]
         hips = [next(joint for joint in model.joints if name in joint.coordinates) for name in names]
         pelvis = hips[0].parent
@@ -189,12 +186,6 @@ class _Body:
         feet = {side: turned(limb) for side, limb in limbs.items()}
         axes = np.stack([forward, up, np.cross(forward, up)], axis=1)
         return cls(model, motion, FrozenMap(limbs), turned(pelvis), place, feet, axes)
-
-
-def _standing(tree: Tree) -> Array:
-    """(coordinates,) of the default pose, upright and facing forward, joints straight."""
-    turns = np.array([coordinate.motion == "rotational" for coordinate in tree.model.coordinates])
-    return np.where(turns, 0.0, tree.defaults)
 
 
 def _columns(body: _Body, strides: Strides, side: str, torques: Series | None, wrenches: Wrenches | None) -> Array:
@@ -215,7 +206,9 @@ def _columns(body: _Body, strides: Strides, side: str, torques: Series | None, w
         name = _coordinate(model, key, side)
         if not name:
             continue
-        sign, column = _sign(model, key, name), motion.names.index(name)
+        # A knee's coordinate goes down as it bends in OpenSim's gait2392.
+        low, high = model.coordinate(name).range
+        sign, column = -1.0 if key == "knee_flexion" and -low > high else 1.0, motion.names.index(name)
         out[key] = np.degrees(sign * motion.values[:, column])
         rates[key] = sign * velocities[:, column]
         if torques is not None and name in torques.names:

@@ -134,14 +134,11 @@ def read_mesh(path: str | Path) -> Surface:
         raise
     except Exception as error:
         # A parser fed with damaged bytes fails in every way there is; all of them mean the same to users.
-        raise BadFile(path, f"is not a readable mesh ({_line(error)})", "is the file cut off?") from None
+        reason = " ".join(str(error).split())[:160] or type(error).__name__
+        raise BadFile(path, f"is not a readable mesh ({reason})", "is the file cut off?") from None
     if not len(surface.faces):
         raise BadFile(path, "holds no triangles")
     return surface
-
-
-def _line(error: BaseException) -> str:
-    return " ".join(str(error).split())[:160] or type(error).__name__
 
 
 def _read_other(path: Path, kind: str) -> Surface:

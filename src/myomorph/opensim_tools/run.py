@@ -104,7 +104,9 @@ def run_inverse_dynamics(setup: InverseDynamicsSetup, source: Path) -> ToolResul
     """
     model_path = needed(setup.model, "model_file", source)
     motion_path = needed(setup.coordinates, "coordinates_file", source)
-    target = table_path(setup.results, setup.output)
+    # OpenSim adds the ending where a name has none.
+    plain = Path(setup.output.replace("\\", "/")).name
+    target = setup.results / (plain if Path(plain).suffix.lower() in (".sto", ".mot") else f"{plain}.sto")
     check_outputs([target], (source, model_path, motion_path, setup.loads))
 
     model = reading.open_model(model_path)
@@ -153,12 +155,6 @@ def torques_in_order(model: Model, torques: Series) -> Series:
     names = [name for joint in joints for name in joint.coordinates]
     names += [name for name in torques.names if name not in names]
     return torques.columns([torques.names.index(name) for name in names])
-
-
-def table_path(folder: Path, name: str) -> Path:
-    """A table in the folder of results; OpenSim adds the ending where a name has none."""
-    plain = Path(name.replace("\\", "/")).name
-    return folder / (plain if Path(plain).suffix.lower() in (".sto", ".mot") else f"{plain}.sto")
 
 
 def nearest_frames(markers: Markers, span: tuple[float, float], path: Path) -> Markers:

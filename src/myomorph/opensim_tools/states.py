@@ -151,7 +151,9 @@ def analyzed(
     if setup.states is not None and setup.coordinates is not None:
         notes.append("coordinates_file is left out: there is a states_file")
     everything = reading.read_motion(path, model)
-    kept = without_twins(everything)
+    # Integrators log frames at the time of the one before, which no spline bears.
+    steps = np.diff(everything.time)
+    kept = np.concatenate([[True], steps > TWIN * np.median(steps)]) if len(steps) else np.array([True])
     cutoff = setup.cutoff if setup.states is None else None
     recorded = everything.frames(kept)
     if cutoff is not None:
@@ -177,7 +179,9 @@ def analyzed(
             "no states_file, and equilibrium is not asked for: fibers and forces of muscles are those of the model's "
             "default activations and fiber lengths, as in OpenSim; lengths and moment arms do not depend on them"
         )
-    taking_part = without_forces(model) if setup.replace_forces else model
+    taking_part = model
+    if setup.replace_forces:
+        taking_part = replace(model, muscles=(), actuators=(), passive_torques=(), bushings=())
     balanced = setup.equilibrium
     return Analyzed(taking_part, actuators, recorded, motion, first, stored, balanced, setup.loads), notes
 
@@ -200,17 +204,6 @@ def stepped(first: int, count: int, step: int) -> np.ndarray:
     """The frames that OpenSim analyses of `count` from the file's frame `first` on: the ends, and every `step`-th."""
     frames = np.arange(count)
     return frames[(frames == 0) | (frames == count - 1) | ((frames + first) % step == 0)]
-
-
-def without_forces(model: Model) -> Model:
-    """The model without all that its set of forces holds."""
-    return replace(model, muscles=(), actuators=(), passive_torques=(), bushings=())
-
-
-def without_twins(motion: Motion) -> np.ndarray:
-    """(frames,) False for a frame at the time of the one before, which integrators log and no spline bears."""
-    steps = np.diff(motion.time)
-    return np.concatenate([[True], steps > TWIN * np.median(steps)]) if len(steps) else np.array([True])
 
 
 def with_twins(motion: Motion, everything: Motion, kept: np.ndarray) -> Motion:

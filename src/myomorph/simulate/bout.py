@@ -23,7 +23,7 @@ import piqp
 
 from myomorph.model.arrays import Array, read_only
 from myomorph.simulate.fighter import PARTS, SLEEVE_DAMPING, SLEEVE_LENGTH, SLEEVE_STIFFNESS, STEP, Build, sole_points
-from myomorph.simulate.plan import Plan, jacobian
+from myomorph.simulate.plan import Plan, jacobian, roots
 
 HORIZON = 0.012  # Time over which a choice of activations is to give the accelerations that are wanted [s].
 SMALL = 1e-3  # Difference of speeds for a slope [m/s].
@@ -45,9 +45,7 @@ class Controller:
         self._m, self._weight, self._tone = compiled, weight, tone
         self._before = tone.copy()
         self._scale = np.full(compiled.nv, ACCELERATION)
-        for j in np.flatnonzero(compiled.jnt_type == int(mujoco.mjtJoint.mjJNT_FREE)):
-            start = compiled.jnt_dofadr[j]
-            self._scale[start : start + 6] = ROOT
+        self._scale[roots(compiled)] = ROOT
 
     def activations(
         self, data: Any, wanted: Array, standing: Sequence[tuple[int, Array, Array]], lapel: Array, pull: float

@@ -306,6 +306,12 @@ def _with_site(tree: str, body: str, name: str, place: Array) -> str:
     return f'{tree[:start]}<site name="{name}" pos="{text(place)}"/>{tree[start:]}'
 
 
+def misjudged(build: Build, error: float, random: np.random.Generator) -> Build:
+    """A build whose muscles' strengths are not well known."""
+    factors = np.exp(error * random.standard_normal(len(build.paths)))
+    return replace(build, strengths=dict(zip(build.paths, factors.tolist(), strict=True)))
+
+
 def with_fibers(builds: Mapping[str, Build], compiled: Any, qpos: Array) -> dict[str, Build]:
     """The builds, "" of one alone, with muscles whose fibers have their optimal length in a pose (nq,)."""
     data = mujoco.MjData(compiled)

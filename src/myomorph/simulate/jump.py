@@ -54,12 +54,6 @@ def recording_path() -> Path:
     return path
 
 
-def standing_mass(trial: Trial, model: Model) -> float:
-    """Mass of the jumper [kg]: mean vertical force of plate 1 in quiet standing over gravity."""
-    still = (trial.plate_time >= QUIET[0]) & (trial.plate_time <= QUIET[1])
-    return float(trial.plates[0].forces[still, 1].mean() / np.linalg.norm(model.gravity))
-
-
 def with_mirrored(markers: Markers) -> Markers:
     """The recording with the right leg's markers mirrored in the pelvis' middle plane, for a left leg."""
     middle, side = middle_plane(markers)
@@ -322,7 +316,9 @@ def jump_study() -> JumpStudy:
     if trial.markers is None or not trial.plates or trial.analog is None:
         raise BadData(f"{path}: expected markers, force plates and analog channels")
     quiet = cut(trial.markers, *QUIET)
-    mass = standing_mass(trial, model)
+    still = (trial.plate_time >= QUIET[0]) & (trial.plate_time <= QUIET[1])
+    # Plate 1 carries the jumper in quiet standing.
+    mass = float(trial.plates[0].forces[still, 1].mean() / np.linalg.norm(model.gravity))
     model, factors = fitted_model(model, quiet, mass)
     model = calibrated(model, quiet)
     wrenches, share = shared_wrenches(trial)

@@ -8,7 +8,7 @@ uke's right forearm. How the fighters choose activations stands in `bout`; it is
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import mujoco
@@ -121,7 +121,7 @@ def _setting(
     plan = make_plan(compiled, builds, options.kind, random, options.vigor)
     weight = np.exp(options.weight_spread * random.standard_normal(compiled.nu))
     tone = random.uniform(*options.tone, compiled.nu)
-    believed = {part: _misjudged(build, options.strength_error, random) for part, build in builds.items()}
+    believed = {part: fighter.misjudged(build, options.strength_error, random) for part, build in builds.items()}
     return compiled, builds, believed, plan, weight, tone
 
 
@@ -130,12 +130,6 @@ def fighter_model(part: str, build: fighter.Build) -> Model:
     compiled = mujoco.MjModel.from_xml_string(fighter.fighter_text(part, build))
     markers = tuple(Marker(name, body, build.size * place) for name, (body, place) in fighter.marker_points().items())
     return model_from_mujoco(compiled, name=part).with_markers(markers)
-
-
-def _misjudged(build: fighter.Build, error: float, random: np.random.Generator) -> fighter.Build:
-    """A build whose muscles' strengths are not well known."""
-    factors = np.exp(error * random.standard_normal(len(build.paths)))
-    return replace(build, strengths=dict(zip(build.paths, factors.tolist(), strict=True)))
 
 
 def _truth(

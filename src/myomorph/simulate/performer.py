@@ -81,11 +81,13 @@ class Performance:
 def performed(part: Part) -> Performance:
     """The performance."""
     random = np.random.default_rng(part.seed)
-    build = _fitted(fighter.Build(MASS, HEIGHT))
+    build = fighter.Build(MASS, HEIGHT)
+    # Fibers have their optimal length in the pose that all poses start from.
+    fitting = mujoco.MjModel.from_xml_string(fighter.fighter_text("tori", build))
+    build = fighter.with_fibers({"": build}, fitting, start_pose(fitting, ALONE))[""]
     text = with_marker_tuple(fighter.fighter_text("tori", build))
     believed = mujoco.MjModel.from_xml_string(text)
-    strengths = np.exp(0.15 * random.standard_normal(len(build.paths)))
-    person = replace(build, strengths=dict(zip(build.paths, strengths.tolist(), strict=True)))
+    person = fighter.misjudged(build, 0.15, random)
     true = mujoco.MjModel.from_xml_string(fighter.fighter_text("tori", person))
     _disturb(true, random)
     time = np.arange(round(part.duration * part.rate) + 1) / part.rate
@@ -123,12 +125,6 @@ def worn(model: Model, random: np.random.Generator, shift: float = 0.005) -> Mod
 def sole(side: str, ends: str = "") -> Array:
     """Corners of a sole, all or those of the "heel" or the "toe", (points, 3) in the foot's frame [m]."""
     return np.array([at for name, at in fighter.sole_points(side).items() if name.startswith(ends)])
-
-
-def _fitted(build: fighter.Build) -> fighter.Build:
-    """The build with muscles whose fibers have their optimal length in the pose that all poses start from."""
-    compiled = mujoco.MjModel.from_xml_string(fighter.fighter_text("tori", build))
-    return fighter.with_fibers({"": build}, compiled, start_pose(compiled, ALONE))[""]
 
 
 def _disturb(compiled: Any, random: np.random.Generator) -> None:

@@ -44,7 +44,7 @@ def posed(compiled: Any, start: Array, aims: Sequence[Aim], posture: float = 0.0
         away = np.empty(n)
         mujoco.mj_differentiatePos(compiled, away, 1.0, q, start)
         keep = np.full(n, posture)
-        keep[_roots(compiled)] = 1e-4
+        keep[roots(compiled)] = 1e-4
         rows, errors = [np.diag(keep)], [keep * away]
         for aim in aims:
             J, error = _row(compiled, data, aim)
@@ -59,7 +59,8 @@ def posed(compiled: Any, start: Array, aims: Sequence[Aim], posture: float = 0.0
     return q
 
 
-def _roots(compiled: Any) -> np.ndarray:
+def roots(compiled: Any) -> np.ndarray:
+    """Rates of free joints by their indices."""
     free = [j for j in range(compiled.njnt) if compiled.jnt_type[j] == mujoco.mjtJoint.mjJNT_FREE]
     return np.concatenate([compiled.jnt_dofadr[j] + np.arange(6) for j in free])
 

@@ -74,7 +74,9 @@ def write_trial(path: str | os.PathLike[str], trial: Trial) -> None:
     groups["POINT"]["DATA_START"] = np.array([2 + blocks], np.int16)
     section = _section(groups)
     section = section[:2] + bytes([blocks]) + section[3:]
-    header = _header(len(markers.names), len(channels), every, first, len(markers), 2 + blocks, rate)
+    frames = min(first, LAST), min(first + len(markers) - 1, LAST)
+    head = (2, KEY, len(markers.names), len(channels) * every, *frames, 0, -1.0, 2 + blocks, every, rate)
+    header = struct.pack("<BBHHHHHfHHf", *head).ljust(BLOCK, b"\0")
     with written(path) as stream:
         stream.buffer.write(header + section.ljust(blocks * BLOCK, b"\0") + _frames(markers, channels, every))
 
@@ -221,12 +223,6 @@ def _body(value: object) -> bytes:
     whole = numbers.dtype.kind in "iu"
     data = numbers.astype("<i2" if whole else "<f4").tobytes(order="F")
     return struct.pack("<bB", 2 if whole else 4, numbers.ndim) + bytes(numbers.shape) + data
-
-
-def _header(points: int, channels: int, every: int, first: int, frames: int, block: int, rate: float) -> bytes:
-    last = min(first + frames - 1, LAST)
-    numbers = (2, KEY, points, channels * every, min(first, LAST), last, 0, -1.0, block, every, rate)
-    return struct.pack("<BBHHHHHfHHf", *numbers).ljust(BLOCK, b"\0")
 
 
 def _frames(markers: Markers, channels: list[Channel], every: int) -> bytes:

@@ -41,7 +41,8 @@ def read_mvnx(path: Path) -> InertialSensors:
     if not frames or not names or _first(frames[0], tag) is None:
         raise BadFile(path, "has no frame with orientations", "export sensorOrientation or orientation")
     rate = float(subject.get("frameRate") or "nan")
-    time = np.array([_milliseconds(frame, index, rate) for index, frame in enumerate(frames)])
+    clock = [frame.get("time") for frame in frames]
+    time = np.array([float(milliseconds) * 1e-3 if milliseconds else i / rate for i, milliseconds in enumerate(clock)])
     signals: dict[str, Any] = {"orientations": _vectors(frames, tag, len(names), 4, path)}
     if kind == "sensor":
         fields = {"angular_velocities": "sensorAngularVelocity", "magnetic_fields": "sensorMagneticField"}
@@ -59,11 +60,6 @@ def _all(element: etree._Element, tag: str) -> list[etree._Element]:
 
 def _first(element: etree._Element, tag: str) -> etree._Element | None:
     return next((child for child in element.iter() if etree.QName(child).localname == tag), None)
-
-
-def _milliseconds(frame: etree._Element, index: int, rate: float) -> float:
-    time = frame.get("time")
-    return float(time) * 1e-3 if time else index / rate
 
 
 def _vectors(frames: list[etree._Element], tag: str, count: int, width: int, path: Path) -> Array:

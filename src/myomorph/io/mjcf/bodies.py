@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -85,13 +85,7 @@ def pose_of(position: ArrayLike, quaternion: ArrayLike) -> Transform:
     return Transform(rotation_from_quaternion(quaternion), np.asarray(position, dtype=np.float64))
 
 
-def polynomial_degree(coefficients: Array) -> int:
-    """Highest power whose coefficient is not zero."""
-    used = np.flatnonzero(coefficients)
-    return int(used[-1]) if len(used) else 0
-
-
-def geom_mesh(m: Any, names: MjcfNames, i: int, source: str) -> Mesh | None:
+def _geom_mesh(m: Any, i: int, source: str) -> Mesh | None:
     """Drawing of geom `i`, None where MuJoCo does not draw it or it is a plane or height field.
 
     MuJoCo moves a mesh to its center and principal axes when it compiles; the pose given here is that
@@ -160,10 +154,9 @@ def _dofs(m: Any, names: MjcfNames, values: Any) -> list[str]:
 
 
 def bodies_and_joints(
-    m: Any, names: MjcfNames, source: str
+    m: Any, names: MjcfNames, meshes: Sequence[tuple[Mesh, ...]]
 ) -> tuple[tuple[Body, ...], tuple[Joint, ...], list[Coordinate]]:
-    """Bodies in MuJoCo's order, the joint of each to its parent, and all coordinates."""
-    meshes = _meshes_of_bodies(m, names, source)
+    """Bodies in MuJoCo's order, the joint of each to its parent, and all coordinates; `meshes`: see `meshes_of`."""
     bodies, joints, coordinates = [], [], []
     for b in range(1, m.nbody):
         turn = rotation_from_quaternion(m.body_iquat[b])
@@ -180,14 +173,14 @@ def bodies_and_joints(
     return tuple(bodies), tuple(joints), coordinates
 
 
-def _meshes_of_bodies(m: Any, names: MjcfNames, source: str) -> list[tuple[Mesh, ...]]:
+def meshes_of(m: Any, source: str) -> list[tuple[Mesh, ...]]:
+    """Drawings of the geoms of each body, the ground first."""
     meshes: list[list[Mesh]] = [[] for _ in range(m.nbody)]
     for i in range(m.ngeom):
-        if m.geom_bodyid[i]:
-            mesh = geom_mesh(m, names, i, source)
-            if mesh is not None:
-                meshes[m.geom_bodyid[i]].append(mesh)
-    return [tuple(some) for some in meshes]
+        mesh = _geom_mesh(m, i, source)
+        if mesh is not None:
+            meshes[m.geom_bodyid[i]].append(mesh)
+    return list(map(tuple, meshes))
 
 
 def _joint(m: Any, names: MjcfNames, b: int) -> tuple[Joint, list[Coordinate]]:
@@ -280,7 +273,7 @@ def _join(
     y, x = int(m.eq_obj1id[e]), int(m.eq_obj2id[e])
     y0, data = float(m.qpos0[m.jnt_qposadr[y]]), np.array(m.eq_data[e, :5])
     name, follower = names.equalities[e], names.joints[y]
-    degree = polynomial_degree(data)
+    degree = int(np.flatnonzero(data).max(initial=0))
     if x < 0 or degree == 0:
         locked[follower] = y0 + float(data[0])
         return

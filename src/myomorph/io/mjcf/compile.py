@@ -73,7 +73,10 @@ def compile_guarded(path: Path, root: Path | None, time_limit: float) -> tuple[A
         result = json.loads(answer.read_text(encoding="utf-8"))
         if result["error"]:
             reason = " ".join(result["error"].split())
-            raise BadFile(path, f"MuJoCo cannot compile it: {reason}", _hint(missing, result["error"]))
+            hint = "does it open in MuJoCo's own viewer?"
+            if missing and "mass" in result["error"]:
+                hint = f"bodies have no mass without the missing meshes ({quoted(missing, 3)}): get these files"
+            raise BadFile(path, f"MuJoCo cannot compile it: {reason}", hint)
         compiled = mujoco.MjModel.from_binary_path(str(binary))
     kept = [Kept("missing file", name, "no such file: its geoms are left out", "", "asset") for name in missing]
     if result["weightless"]:
@@ -171,12 +174,6 @@ def _inside(name: str, folder: Path, survey: _Survey, kind: str, look: bool = Tr
         problem = f"its {kind} file '{name}' lies outside of the model's folder '{survey.tree}'"
         raise BadFile(survey.main, problem, "put the file inside, or name the model's top folder (root=...)")
     return file
-
-
-def _hint(missing: list[str], error: str) -> str:
-    if missing and "mass" in error:
-        return f"bodies have no mass without the missing meshes ({quoted(missing, 3)}): get these files"
-    return "does it open in MuJoCo's own viewer?"
 
 
 def _compile(job: str, binary: str, answer: str) -> None:

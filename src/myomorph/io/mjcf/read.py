@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from myomorph.io.formats import COMPOSED
-from myomorph.io.mjcf.bodies import MjcfNames, bodies_and_joints, couplers_and_loops, geom_mesh, left_out, pose_of
+from myomorph.io.mjcf.bodies import MjcfNames, bodies_and_joints, couplers_and_loops, left_out, meshes_of, pose_of
 from myomorph.io.mjcf.compile import DEFAULT_TIME_LIMIT, compile_guarded, silent_mujoco
 from myomorph.io.mjcf.muscles import actuators_of, muscles_of
 from myomorph.io.mjcf.original import original_of
@@ -25,7 +25,7 @@ from myomorph.io.mjcf.write import MARKERS
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, BadFile, BadModel
 from myomorph.model.inertia import made_up_inertias
-from myomorph.model.model import Frame, Kept, Marker, Mesh, Model
+from myomorph.model.model import Frame, Kept, Marker, Model
 from myomorph.model.spatial import euler_xyz_from_rotation, rotation_from_quaternion
 
 WIDTHS = {"free": (7, 6), "ball": (4, 3), "slide": (1, 1), "hinge": (1, 1), "weld": (0, 0)}
@@ -78,8 +78,8 @@ def model_from_mujoco(
     `kept`: what was left out before. Raises `BadModel` where there is no body, or a number that is not finite.
     """
     _check(compiled, source)
-    names = MjcfNames(compiled)
-    bodies, joints, free_coordinates = bodies_and_joints(compiled, names, source)
+    names, meshes = MjcfNames(compiled), meshes_of(compiled, source)
+    bodies, joints, free_coordinates = bodies_and_joints(compiled, names, meshes)
     coordinates, couplers, loops, lost_equalities = couplers_and_loops(compiled, names, free_coordinates)
     muscles, wraps, lost_tendons = muscles_of(compiled, names)
     actuators, lost_actuators = actuators_of(compiled, names)
@@ -97,7 +97,7 @@ def model_from_mujoco(
         couplers=couplers,
         loops=loops,
         frames=_frames(compiled, names),
-        ground_meshes=_ground_meshes(compiled, names, source),
+        ground_meshes=meshes[0],
         kept=(*kept, *left_out(compiled, names), *lost_equalities, *lost_tendons, *lost_actuators),
         source=source,
         warnings=made_up_inertias(bodies),
@@ -131,11 +131,6 @@ def _markers(m: Any, names: MjcfNames, pattern: str | None) -> tuple[Marker, ...
         members = range(first, first + int(m.tuple_size[number])) if number >= 0 else ()
         sites = [int(m.tuple_objid[i]) for i in members if m.tuple_objtype[i] == int(mujoco.mjtObj.mjOBJ_SITE)]
     return tuple(Marker(names.sites[i], names.bodies[m.site_bodyid[i]], m.site_pos[i]) for i in sites)
-
-
-def _ground_meshes(m: Any, names: MjcfNames, source: str) -> tuple[Mesh, ...]:
-    meshes = (geom_mesh(m, names, i, source) for i in range(m.ngeom) if m.geom_bodyid[i] == 0)
-    return tuple(mesh for mesh in meshes if mesh is not None)
 
 
 def coordinates_from_qpos(model: Model, qpos: ArrayLike) -> Array:

@@ -89,8 +89,9 @@ class _Writer:
         self.elements[GROUND] = put(root, "worldbody")
         for mesh in self.model.ground_meshes:
             self._mesh(GROUND, mesh)
-        for body, joint in self._bodies():
-            self._body(body, joint)
+        joints = {joint.child: joint for joint in self.model.joints}
+        for body in self.model.bodies:
+            self._body(body, joints[body.name])
         self._surfaces_and_sites()
         self.tendon, self.equality, self.actuator = (put(root, tag) for tag in ("tendon", "equality", "actuator"))
         for muscle in self.model.muscles:
@@ -107,10 +108,6 @@ class _Writer:
             root.remove(markers.getparent())
         self._left_out()
         return root
-
-    def _bodies(self) -> list[tuple[Body, Joint]]:
-        joints = {joint.child: joint for joint in self.model.joints}
-        return [(body, joints[body.name]) for body in self.model.bodies]
 
     def _body(self, body: Body, joint: Joint) -> None:
         frame = joint.parent_frame

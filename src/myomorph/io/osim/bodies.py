@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from itertools import count
 
 import numpy as np
 from lxml import etree
@@ -160,7 +161,7 @@ def write_body_parts(
             continue
         at = next((frame.name for frame in frames if _close(frame.pose, mesh.pose)), "")
         if not at:
-            at = _free_name(f"{name}_geom_frame", holders)
+            at = next(free for i in count(1) if (free := f"{name}_geom_frame_{i}") not in holders)
             holders[at] = write_offset_frame(components, at, body_path(name), mesh.pose)
             frames.append(Frame(at, name, mesh.pose))
         _write_meshes(holders[at], [mesh], at)
@@ -172,11 +173,6 @@ def write_body_parts(
     for wrap in model.wrap_objects:
         if wrap.body == name:
             _write_wrap(objects, wrap)
-
-
-def _free_name(stem: str, taken: Iterable[str]) -> str:
-    used = set(taken)
-    return next(name for i in range(1, len(used) + 2) if (name := f"{stem}_{i}") not in used)
 
 
 def _close(first: Transform, second: Transform) -> bool:

@@ -58,7 +58,8 @@ def read_joint(node: Node, frames: Frames, old_child: str = "") -> ReadJoint:
     kind = node.kind
     if kind not in KINDS:
         raise BadModel(f"{node.document.path}: joint '{node.name}' is a {kind}: expected one of {', '.join(KINDS)}")
-    coordinates = _coordinates(node)
+    items = node.items("coordinates") or node.items("CoordinateSet")
+    coordinates = tuple(_coordinate(item) for item in items if item.kind == "Coordinate")
     if kind == "CustomJoint":
         axes, coordinates = _custom(node, coordinates)
     else:
@@ -101,11 +102,6 @@ def _ends(node: Node, frames: Frames, old_child: str) -> tuple[End, End]:
     if node.document.version < 30514 and node.flag("reverse", False):
         parent, child = child, parent
     return parent, child
-
-
-def _coordinates(node: Node) -> tuple[Coordinate, ...]:
-    items = node.items("coordinates") or node.items("CoordinateSet")
-    return tuple(_coordinate(item) for item in items if item.kind == "Coordinate")
 
 
 def _coordinate(node: Node) -> Coordinate:

@@ -14,7 +14,6 @@ from myomorph.io.osim.functions import read_function, write_function
 from myomorph.io.osim.paths import PathReader, write_path
 from myomorph.model.errors import BadModel
 from myomorph.model.frozen_map import FrozenMap
-from myomorph.model.functions import Function
 from myomorph.model.paths import Muscle
 
 DAMPER = "_viscosity"
@@ -52,11 +51,6 @@ FREE_CURVES = (
 )  # fmt: skip
 FLAGS = frozenset({"ignore_tendon_compliance", "ignore_activation_dynamics", "ignore_passive_fiber_force"})
 FOREIGN = "Millard2012EquilibriumMuscle"
-
-
-def damper_expression(viscosity: float) -> str:
-    """The force of a damper as OpenSim's expression of the lengthening speed `ldot`."""
-    return f"{float(viscosity)!r}*ldot"
 
 
 def with_dampers(muscles: list[Muscle], forces: list[Node], paths: PathReader) -> tuple[list[Muscle], list[Node]]:
@@ -108,6 +102,8 @@ def read_muscle(node: Node, paths: PathReader, groups: tuple[str, ...]) -> Muscl
     low, high = _controls(node)
     speed = node.number("Vmax", 10.0) if node.kind == "Thelen2003Muscle_Deprecated" else 10.0
     pennation = node.number("pennation_angle_at_optimal", node.number("pennation_angle", 0.0))
+    # Older classes keep curves as functions of normalized length or velocity.
+    curves = {tag: node.inner(tag) for tag in FREE_CURVES}
     return Muscle(
         node.name,
         node.kind,
@@ -122,14 +118,8 @@ def read_muscle(node: Node, paths: PathReader, groups: tuple[str, ...]) -> Muscl
         FrozenMap(_parameters(node)),
         groups,
         node.is_applied,
-        FrozenMap(_free_curves(node)),
+        FrozenMap({tag: read_function(inner, node) for tag, inner in curves.items() if inner is not None}),
     )
-
-
-def _free_curves(node: Node) -> dict[str, Function]:
-    """Curves that older classes keep as functions of normalized length or velocity."""
-    curves = {tag: node.inner(tag) for tag in FREE_CURVES}
-    return {tag: read_function(inner, node) for tag, inner in curves.items() if inner is not None}
 
 
 def _controls(node: Node) -> tuple[float, float]:
@@ -209,7 +199,7 @@ def write_viscosity(parent: etree._Element, muscle: Muscle, joints: dict[str, st
     element = child(parent, "ExpressionBasedPathForce", name=f"{muscle.name}{DAMPER}")
     put(element, appliesForce=muscle.enabled)
     write_path(element, muscle.name, muscle.path, joints, [])
-    put(element, expression=damper_expression(muscle.viscosity), clamp_stretch=False)
+    put(element, expression=f"{float(muscle.viscosity)!r}*ldot", clamp_stretch=False)
 
 
 def _write_parameters(element: etree._Element, muscle: Muscle) -> None:

@@ -20,7 +20,7 @@ from myomorph.io.osim.paths import PathReader, read_ligaments
 from myomorph.io.osim.setup_parts import read_markers
 from myomorph.model.errors import BadFile, BadModel
 from myomorph.model.inertia import made_up_inertias
-from myomorph.model.model import GROUND, Actuator, Body, Coordinate, Joint, Kept, Loop, Marker, Mesh, Model
+from myomorph.model.model import GROUND, Actuator, Body, Coordinate, Joint, Kept, Loop, Marker, Model
 from myomorph.model.paths import Ligament, Muscle, WrapObject
 from myomorph.model.spatial import Transform
 
@@ -100,7 +100,9 @@ def read_osim(path: str | os.PathLike[str]) -> Model:
     forces = read_forces(node, frames, names, wrap_names)
     couplers, loops, constraints = read_constraints(node, frames, names)
     kept = (*constraints, *forces.kept, *kept_elsewhere(node, bodies))
-    for line in (*_massless(tree.bodies), *made_up_inertias(tree.bodies), *warnings_of(kept)):
+    if tree.bodies and sum(body.mass for body in tree.bodies) == 0.0:
+        document.warn("all bodies have zero mass: the model moves, but has no dynamics")
+    for line in (*made_up_inertias(tree.bodies), *warnings_of(kept)):
         document.warn(line)
     return Model(
         node.name or Path(path).stem,
@@ -115,7 +117,7 @@ def read_osim(path: str | os.PathLike[str]) -> Model:
         couplers,
         (*tree.loops, *loops),
         frames.all(),
-        _ground_meshes(ground),
+        () if ground is None else read_meshes(ground),
         kept,
         str(path),
         tuple(document.warnings),
@@ -133,10 +135,6 @@ def _check_units(node: Node) -> None:
         unit = node.text("", tag)
         if unit and unit not in usual:
             node.document.warn(f"{tag} is '{unit}': read as {usual[0]}, as OpenSim does")
-
-
-def _ground_meshes(ground: Node | None) -> tuple[Mesh, ...]:
-    return () if ground is None else read_meshes(ground)
 
 
 def _joints(node: Node, bodies: list[Node], frames: Frames) -> list[ReadJoint]:
@@ -240,9 +238,3 @@ def _markers(node: Node, frames: Frames) -> tuple[Marker, ...]:
     markers = read_markers(node, frames)
     names = unique([marker.name for marker in markers], "marker", node.document)
     return tuple(replace(marker, name=name) for marker, name in zip(markers, names, strict=True))
-
-
-def _massless(bodies: list[Body]) -> list[str]:
-    if bodies and sum(body.mass for body in bodies) == 0.0:
-        return ["all bodies have zero mass: the model moves, but has no dynamics"]
-    return []

@@ -53,8 +53,9 @@ def heat_map(
         tall = len(columns) * row
         area = frame(left, y, right, y + tall, span, (0.0, float(len(columns))))
         parts += [_heat_block(area, label, [names[i] for i in columns], index[:, columns], every)]
-        shown = (event for event in events if _beside(event, label) and span[0] <= event.time <= span[1])
-        parts += [event_line(area, event, "over") for event in shown]
+        # Events of the block's side, or of no side.
+        beside = [event for event in events if not event.side or not label or event.side.lower() == label.lower()]
+        parts += [event_line(area, event, "over") for event in beside if span[0] <= event.time <= span[1]]
         y += tall + gap
     bottom = y - gap
     parts.append(grid_along(frame(left, top, right, bottom, span, unit="s"), 9, lines=False, drop=14.0))
@@ -76,11 +77,6 @@ def _heat_block(area: Frame, label: str, names: Sequence[str], index: NDArray[np
     for place in range(0, len(names), every):
         parts.append(text(area.x.start - 4, y + (place + 0.5) * tall / len(names) + 3, names[place], "tick y row"))
     return "".join(parts) + (text(10.0, y + tall / 2, label, "block", turned=True) if label else "")
-
-
-def _beside(event: Event, label: str) -> bool:
-    """Whether an event is of a block's side, or one of them of no side."""
-    return not event.side or not label or event.side.lower() == label.lower()
 
 
 def _color_bar(x: float, axis: Axis, unit: str) -> str:

@@ -18,12 +18,8 @@ _LEVEL = ("#b5485d", "#d98c4a", "#d9c05a", "#6fa887", "#2f6f8f")
 _ACTIVATION = ("#4477b6", "#7a86b8", "#a586a8", "#c4708a", "#d64f60", "#d7262f")
 
 
-def _channels(color: str) -> tuple[int, int, int]:
-    return int(color[1:3], 16), int(color[3:5], 16), int(color[5:7], 16)
-
-
 def _ramp(colors: tuple[str, ...], steps: int = 256) -> Bytes:
-    anchors = np.array([_channels(color) for color in colors], dtype=np.float64)
+    anchors = np.array([[int(color[i : i + 2], 16) for i in (1, 3, 5)] for color in colors], dtype=np.float64)
     at = np.linspace(0.0, len(colors) - 1.0, steps)
     table = np.stack([np.interp(at, np.arange(len(colors)), anchors[:, i]) for i in range(3)], axis=1)
     return table.round().astype(np.uint8)

@@ -185,6 +185,8 @@ def player(scene: Scene) -> str:
     low, high = cloud.min(axis=0), cloud.max(axis=0)
     step = max(float((high - low).max()), 1e-9) / 60000.0
     middle = low + 30000.0 * step
+    scaled = np.round((points - middle) / step)
+    packed = np.where(np.isnan(scaled), HIDDEN, np.nan_to_num(scaled)).astype(np.int16)
     used = np.unique(bodies).astype(np.int64) if len(bodies) else np.zeros(0, np.int64)
     turns = scene.rotations[:, used].reshape(len(scene.time), -1, 9)
     poses = np.concatenate([turns, scene.origins[:, used]], axis=2).astype(np.float32)
@@ -201,17 +203,12 @@ def player(scene: Scene) -> str:
         "names": [muscle.name for muscle in scene.muscles],
         "counts": [int(muscle.points.shape[1]) for muscle in scene.muscles],
         "radii": [round(float(muscle.radius), 6) for muscle in scene.muscles], "middle": _short(middle), "step": step,
-        "points": base64_text(_packed(points, middle, step)), "activation": base64_text(words),
+        "points": base64_text(packed), "activation": base64_text(words),
         "colors": base64_text(ACTIVATION),
         "forces": np.where(np.isfinite(forces), np.round(forces, 4), 0.0).reshape(len(scene.time), -1).tolist(),
     }  # fmt: skip
     # A name must not be able to end the script element that carries this.
     return json.dumps(value, separators=(",", ":")).replace("<", "\\u003c")
-
-
-def _packed(points: Array, middle: Array, step: float) -> np.ndarray:
-    scaled = np.round((points - middle) / step)
-    return np.where(np.isnan(scaled), HIDDEN, np.nan_to_num(scaled)).astype(np.int16)
 
 
 def _short(values: Array) -> list[float]:

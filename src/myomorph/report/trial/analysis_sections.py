@@ -188,7 +188,7 @@ def score_section(prepared: Prepared, analysis: MotionAnalysis, behind: Backdrop
         legend = [("right", "right"), ("left dotted", "left")]
     if len(analysis.persons) > 1:
         legend += motion_analysis.person_legend(analysis)
-    if any(_measured(prepared, person) for person in analysis.persons):
+    if any(emg_of(prepared, pair) for person in analysis.persons for pair in person.muscles):
         legend.append(("emg", "EMG"))
     title, figure = f"{analysis.preset.title}: pictures, contacts and muscles", Figure("".join(rows), "full")
     return Section("analysis", title, _lead(analysis, bool(graph)), tuple(legend), (figure,))
@@ -245,10 +245,6 @@ def _heights(analysis: MotionAnalysis, behind: Backdrop) -> str:
     still = analysis.persons[0].still if len(analysis.persons) == 1 else float("nan")
     levels = [Level(factor * still, "at rest", "middle")] if np.isfinite(still) else []
     return draw_track(behind, "Height of COG", unit, lines, 86, levels=levels)
-
-
-def _measured(prepared: Prepared, person: Person) -> bool:
-    return any(emg_of(prepared, pair) for pair in person.muscles)
 
 
 def _muscles(prepared: Prepared, analysis: MotionAnalysis, person: Person, behind: Backdrop) -> list[str]:

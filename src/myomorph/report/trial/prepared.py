@@ -15,7 +15,7 @@ from myomorph.analysis.strides import Strides
 from myomorph.analysis.walking import walking_strides
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.series import Event, Motion, Series
-from myomorph.report.page.parts import Verdict
+from myomorph.report.page.parts import Quantity, Verdict
 from myomorph.report.trial import tables
 from myomorph.report.trial.estimated_forces import contact_verdicts
 from myomorph.report.trial.report_input import ReportInput
@@ -179,7 +179,8 @@ def _verdicts(prepared: Prepared) -> list[Verdict]:
         rows += tables.residual_verdicts(model, torques, wrenches, prepared.center_height)
     rows += contact_verdicts(results, prepared.center_height)
     if tension is not None:
-        rows.append(tables.unsolved_verdict(tension.optimal[tension.asked], tension.time[tension.asked]))
+        asked = tension.asked
+        rows.append(tables.counted_verdict(Quantity.NOT_OPTIMAL, ~tension.optimal[asked], tension.time[asked]))
         if model is not None and torques is not None:
             names, reserves = results.reserve_coordinates, tension.reserves
             rows += tables.reserve_verdicts(model, torques, names, reserves, tension.time, results.muscles.driven)

@@ -58,7 +58,7 @@ def marker_verdicts(fit: KinematicsFit, scale: float = 1.0) -> list[Verdict]:
     rows = [
         Verdict(Quantity.MARKER_RMS, values[0], "cm", limits[0], "all markers", first, HICKS, detail),
         Verdict(Quantity.MARKER_LARGEST, values[1], "cm", limits[1], fit.marker_names[who], at, HICKS),
-        _counted(Quantity.NOT_CONVERGED, fit.seen & ~np.asarray(fit.converged, dtype=bool), time),
+        counted_verdict(Quantity.NOT_CONVERGED, fit.seen & ~np.asarray(fit.converged, dtype=bool), time),
     ]
     if fit.closure is not None:
         frame = int(np.nanargmax(fit.closure))
@@ -67,7 +67,7 @@ def marker_verdicts(fit: KinematicsFit, scale: float = 1.0) -> list[Verdict]:
     return rows
 
 
-def _counted(quantity: Quantity, flags: np.ndarray, time: Array) -> Verdict:
+def counted_verdict(quantity: Quantity, flags: np.ndarray, time: Array) -> Verdict:
     """Frames that are flagged, of which there should be none."""
     first = float(time[int(np.argmax(flags))]) if flags.any() else None
     return Verdict(quantity, float(flags.sum()), f"of {len(flags)}", 0.0, time=first)
@@ -243,11 +243,6 @@ def stretch_verdict(names: Sequence[str], count: int, passive: Sequence[tuple[st
         detail += f"{'; ' if detail else ''}largest passive forces of the maximum isometric force: {shares}"
     worst = names[0] if names else ""
     return Verdict(Quantity.OVERSTRETCHED, float(len(names)), f"of {count}", 0.0, worst, detail=detail)
-
-
-def unsolved_verdict(solved: np.ndarray, time: Array) -> Verdict:
-    """Frames whose muscle tensions are not optimal."""
-    return _counted(Quantity.NOT_OPTIMAL, ~np.asarray(solved, dtype=bool), time)
 
 
 def range_verdicts(model: Model, motion: Motion) -> list[Verdict]:
