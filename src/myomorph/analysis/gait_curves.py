@@ -128,7 +128,10 @@ def gait_curves(
         values = np.array(over_cycles(series, [(stride.start, stride.stop) for stride in own], SAMPLES).values)
         force = values[..., KEYS.index("vertical_force")]
         for index, stride in enumerate(own):
-            if not _stood(force[index], stride):
+            duty = stride.duty if np.isfinite(stride.duty) else MIN_STANCE
+            stance = force[index, : max(int(duty * len(force[index])), 1)]
+            # The foot was not on plates for its stance.
+            if not np.mean(np.nan_to_num(stance) > LOADED) >= STOOD:
                 values[index, :, ANGLES:] = np.nan
         cycles[side] = Cycles(KEYS, values)
     return GaitCurves(cycles["right"], cycles["left"], {side: strides.of(limbs[side]) for side in SIDES})
@@ -138,13 +141,6 @@ def _coordinate(model: Model, key: str, side: str) -> str:
     """Name of a joint angle's coordinate, "" where the model has none."""
     spellings = [(base, side) for base in SPELLINGS[key]]
     return next((name for name in model.coordinate_names if split_side(name) in spellings), "")
-
-
-def _stood(force: Array, stride: Stride) -> bool:
-    """Whether the foot was on plates for its stance, by its vertical force over the cycle (samples,)."""
-    duty = stride.duty if np.isfinite(stride.duty) else MIN_STANCE
-    stance = force[: max(int(duty * len(force)), 1)]
-    return bool(np.mean(np.nan_to_num(stance) > LOADED) >= STOOD)
 
 
 @read_only
@@ -221,7 +217,10 @@ def _columns(body: _Body, strides: Strides, side: str, torques: Series | None, w
         if works:
             out[key] = np.sum(works, axis=0)
     if wrenches is not None and model.weight > 0.0:
-        out["vertical_force"] = _vertical(model, body.limbs[side], motion.time, wrenches) / model.weight
+        bodies = chains(model, walking_limbs(model))[body.limbs[side]]
+        columns = [index for index, carrier in enumerate(wrenches.bodies) if carrier in bodies]
+        force = np.nan_to_num(wrenches.forces[:, columns] @ np.asarray(model.up)).sum(axis=1)
+        out["vertical_force"] = np.interp(motion.time, wrenches.time, force) / model.weight
     return np.stack([out[key] for key in KEYS], axis=1)
 
 
@@ -241,11 +240,3 @@ def _ways(body: _Body, strides: Strides, own: Sequence[Stride]) -> Array:
         if np.linalg.norm(way) > 0.5 * abs(stride.length) > 0.0:
             ways[during] = way / np.linalg.norm(way)
     return ways
-
-
-def _vertical(model: Model, limb: str, time: Array, wrenches: Wrenches) -> Array:
-    """(frames,) upward force on the bodies of a limb [N]."""
-    bodies = chains(model, walking_limbs(model))[limb]
-    columns = [index for index, body in enumerate(wrenches.bodies) if body in bodies]
-    force = np.nan_to_num(wrenches.forces[:, columns] @ np.asarray(model.up)).sum(axis=1)
-    return np.interp(time, wrenches.time, force)

@@ -55,7 +55,10 @@ def read_qualisys_mat(path: str | os.PathLike[str], unidentified: bool = False) 
     if np.isfinite(announced) and announced != frames:
         notes.append(f"the file announces {announced:.0f} frames, but holds {frames}")
     facts = {"maker": "Qualisys Track Manager", "recording": name, "unit of length": "mm", "point rate": f"{rate:g} Hz"}
-    facts |= _fragment_facts(fragments, rate)
+    if len(fragments):
+        seen = np.isfinite(fragments).all(axis=2).sum(axis=1) / rate
+        lasting = f"together {seen.sum():.1f} s, the longest {seen.max():.2f} s"
+        facts["unidentified fragments"] = f"{len(fragments)}, {lasting}"
     unread = [part for part in ("Analog", "Force", "EMG", "RigidBodies") if _field(recording, part) is not None]
     if unread:
         notes.append(f"not read: {', '.join(unread)}; export the recording as C3D for these")
@@ -149,10 +152,3 @@ def _positions(group: Any, path: Path, kind: str) -> Array:
         raise BadFile(path, shape, "expected (trajectories, 3 or 4, frames)")
     places = data[:, :3].transpose(0, 2, 1)
     return np.where(np.isfinite(places).all(axis=2, keepdims=True), places, np.nan)
-
-
-def _fragment_facts(fragments: Array, rate: float) -> dict[str, str]:
-    if not len(fragments):
-        return {}
-    seen = np.isfinite(fragments).all(axis=2).sum(axis=1) / rate
-    return {"unidentified fragments": f"{len(fragments)}, together {seen.sum():.1f} s, the longest {seen.max():.2f} s"}

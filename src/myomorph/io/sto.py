@@ -27,6 +27,7 @@ from myomorph.model.series import Motion, Table
 
 HINT = "give a table that OpenSim writes (.sto or .mot): a header, a line 'endheader', column names, numbers"
 HEADER_LINES = 300
+KEYS = ("nRows", "nColumns", "inDegrees", "DataType", "version", "DataRate", "OpenSimVersion")
 SUFFIXES = {"vec3": 3, "quaternion": 4, "spatialvec": 6, "vec6": 6}
 
 
@@ -101,8 +102,9 @@ def _header(text: str, path: Path) -> tuple[dict[str, str], bool, int, list[str]
         old = re.match(r"(name|datacolumns|datarows|otherdata|range)\s+(.*)", line, re.IGNORECASE)
         if "=" in line:
             key, _, value = line.partition("=")
-            facts[_known_key(key.strip())] = value.strip()
-            if key.strip().lower() == "indegrees":
+            known = next((name for name in KEYS if name.lower() == key.strip().lower()), key.strip())
+            facts[known] = value.strip()
+            if known == "inDegrees":
                 stated = value.strip().lower() in ("yes", "y", "true", "1")
         elif old is not None:
             facts[old.group(1).lower()] = old.group(2).strip()
@@ -113,13 +115,6 @@ def _header(text: str, path: Path) -> tuple[dict[str, str], bool, int, list[str]
     # OpenSim takes an old motion, without a version, as SIMM's own format: angles in degrees.
     old_motion = path.suffix.lower() == ".mot" and "version" not in facts
     return facts, old_motion if stated is None else stated, after, notes
-
-
-def _known_key(key: str) -> str:
-    for known in ("nRows", "nColumns", "inDegrees", "DataType", "version", "DataRate", "OpenSimVersion"):
-        if key.lower() == known.lower():
-            return known
-    return key
 
 
 def _numbers(

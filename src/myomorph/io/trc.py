@@ -45,11 +45,18 @@ def read_trc(path: str | os.PathLike[str]) -> Trial:
     facts, labels, start, delimiter = _header(text, path, notes)
     labels = _labels(labels, facts)
     table, columns = _table(text, start, len(labels), delimiter, path, notes)
-    labels = _marker_names(labels, (columns - 2) // 3, notes)
+    slots = (columns - 2) // 3
+    labels = labels + [""] * (slots - len(labels))
+    if "" in labels:
+        notes.append(f"{labels.count('')} markers have no name")
+    labels = [name or f"unnamed_{slot + 1}" for slot, name in enumerate(labels[:slots])]
     time, table = _clock(table, facts, path, notes)
     values = table[:, 2 : 2 + 3 * len(labels)].reshape(len(table), len(labels), 3)
     values = without_far_away(_hidden(values, labels, notes) * _unit(facts, values, notes), notes)
-    _check(facts, len(time), len(labels), notes)
+    for key, have, what in (("NumFrames", len(time), "frames"), ("NumMarkers", len(labels), "markers")):
+        stated = facts.get(key, "")
+        if stated.isdigit() and int(stated) != have:
+            notes.append(f"the header says {stated} {what}, the file has {have}")
     markers = Markers(time, unique_names(labels, "marker", notes), values)
     return Trial(markers=markers, facts=FrozenMap(facts), warnings=tuple(notes), source=str(path))
 
@@ -154,14 +161,6 @@ def _labels(cells: list[str], facts: Mapping[str, str]) -> list[str]:
     return [cells[3 * slot] for slot in range(places[-1] + 1)]
 
 
-def _marker_names(names: list[str], slots: int, notes: list[str]) -> list[str]:
-    """Name of each marker of the table; a slot without a name becomes `unnamed_k`."""
-    names = names + [""] * (slots - len(names))
-    if "" in names:
-        notes.append(f"{names.count('')} markers have no name")
-    return [name or f"unnamed_{slot + 1}" for slot, name in enumerate(names[:slots])]
-
-
 def _clock(table: Array, facts: Mapping[str, str], path: Path, notes: list[str]) -> tuple[Array, Array]:
     """Time (frames,) and the rows that belong to it."""
     frame, time = table[:, 0], table[:, 1]
@@ -205,13 +204,6 @@ def _unit(facts: dict[str, str], values: Array, notes: list[str]) -> float:
     guess = "mm" if size > 20.0 else "m"
     notes.append(f"the header names no unit that is known ('{facts.get('Units', '')}'): taken as {guess}")
     return METERS[guess]
-
-
-def _check(facts: Mapping[str, str], frames: int, markers: int, notes: list[str]) -> None:
-    for key, have, what in (("NumFrames", frames, "frames"), ("NumMarkers", markers, "markers")):
-        stated = facts.get(key, "")
-        if stated.isdigit() and int(stated) != have:
-            notes.append(f"the header says {stated} {what}, the file has {have}")
 
 
 def write_trc(markers: Markers, path: str | os.PathLike[str], units: str = "mm") -> None:

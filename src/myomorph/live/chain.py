@@ -266,7 +266,11 @@ class LiveChain:
             result = np.concatenate([value, torques, shared.activations, shared.forces])
             limits = self.limits.at(time, result) if state == SOLVED else None
             if self.limits.due(time):
-                self.limits.offer(self._instant(time, pose, row, result))
+                loads = np.zeros((3, len(self.bodies), 6))
+                if self._force_rate:
+                    loads[:] = self._forces.at(time).reshape(loads.shape)
+                derivatives = self._motion.derivatives(time)
+                self.limits.offer(Instant(time, pose.copy(), np.array(row), derivatives, loads, result))
         return ChainFrame(
             time, pose, value.copy(), velocity.copy(), torques, shared, wrenches,
             steady.error, steady.seen, steady.owed, state, limits,
@@ -275,13 +279,6 @@ class LiveChain:
     def idle(self) -> bool:
         """Draw limits."""
         return self.limits is not None and self.limits.idle()
-
-    def _instant(self, time: float, pose: Array, row: Array, result: Array) -> Instant:
-        """What limits are drawn around."""
-        loads = np.zeros((3, len(self.bodies), 6))
-        if self._force_rate:
-            loads[:] = self._forces.at(time).reshape(loads.shape)
-        return Instant(time, pose.copy(), np.array(row), self._motion.derivatives(time), loads, result)
 
     def _state(self, time: float, held: bool, value: Array, wrenches: Array | None) -> int:
         """Whether torques can be known."""

@@ -194,7 +194,11 @@ def run_analyze(setup: AnalyzeSetup, source: Path) -> ToolResult:
 
     model = reading.open_model(model_path)
     warnings += [f"{model_path.name}: {text}" for text in model.warnings]
-    here, notes = analyzed(setup, model, _actuators(setup, model), source)
+    actuators: tuple[Actuator, ...] = ()
+    for path in setup.actuators:
+        with reading.about(path):
+            actuators += read_actuators(path, model)
+    here, notes = analyzed(setup, model, actuators, source)
     warnings += notes
     lines: list[str] = []
     tables: dict[Path, Table] = {}
@@ -277,11 +281,3 @@ def static_optimization(
         "force": Table(tension.time, names, np.hstack([pulls, tension.reserves]), facts=facts),
     }
     return tables, f"static optimization: {tension_line(model, tension)}"
-
-
-def _actuators(setup: AnalyzeSetup, model: Model) -> tuple[Actuator, ...]:
-    result: tuple[Actuator, ...] = ()
-    for path in setup.actuators:
-        with reading.about(path):
-            result += read_actuators(path, model)
-    return result

@@ -131,8 +131,10 @@ class Plan:
 
     def at(self, compiled: Any, time: float) -> tuple[Array, Array, Array]:
         """Pose (nq,), rates and accelerations (nv,) of the plan."""
-        pose, share, length = self._between(time)
-        x = share
+        times = np.array([stance.time for stance in self.stances])
+        pose = int(np.clip(np.searchsorted(times, time, side="right") - 1, 0, len(times) - 2))
+        length = float(times[pose + 1] - times[pose])
+        x = float(np.clip((time - times[pose]) / length, 0.0, 1.0))
         weight = x**3 * (10.0 - 15.0 * x + 6.0 * x * x)
         first, second = 30.0 * x * x * (1.0 - x) ** 2 / length, 60.0 * x * (1.0 - 3.0 * x + 2.0 * x * x) / length**2
         way = np.empty(compiled.nv)
@@ -146,12 +148,6 @@ class Plan:
         times = [stance.time for stance in self.stances]
         lapel, sleeve = ([getattr(stance, what) for stance in self.stances] for what in ("lapel", "sleeve"))
         return float(np.interp(time, times, lapel)), float(np.interp(time, times, sleeve))
-
-    def _between(self, time: float) -> tuple[int, float, float]:
-        times = np.array([stance.time for stance in self.stances])
-        before = int(np.clip(np.searchsorted(times, time, side="right") - 1, 0, len(times) - 2))
-        length = float(times[before + 1] - times[before])
-        return before, float(np.clip((time - times[before]) / length, 0.0, 1.0)), length
 
 
 def make_plan(

@@ -99,7 +99,9 @@ class Player(Page):
         """Put bodies on the page, at the begin of their clock."""
         scene = bodies[0].scene
         self.bodies, self.found = bodies, [()] * len(bodies)
-        self._offsets = _together(bodies)
+        # Recordings that share no time all begin at 0.
+        apart = max(body.time[0] for body in bodies) >= min(body.time[-1] for body in bodies)
+        self._offsets = [float(body.time[0]) if apart and len(bodies) > 1 else 0.0 for body in bodies]
         ends = [(body.time[0] - late, body.time[-1] - late) for body, late in zip(bodies, self._offsets, strict=True)]
         self.span = float(min(end for end, _ in ends)), float(max(end for _, end in ends))
         self.now = self.span[0]
@@ -172,11 +174,3 @@ class Player(Page):
 
 def _label(name: str, activation: float, tension: float) -> str:
     return f"{name}  {activation:.2f}, {tension:.0f} N" if np.isfinite(activation) else name
-
-
-def _together(bodies: Sequence[PlayedBody]) -> list[float]:
-    """What to take off each body's clock: nothing, unless recordings share no time; then all begin at 0 [s]."""
-    first, last = max(body.time[0] for body in bodies), min(body.time[-1] for body in bodies)
-    if len(bodies) == 1 or first < last:
-        return [0.0] * len(bodies)
-    return [float(body.time[0]) for body in bodies]

@@ -96,7 +96,10 @@ def model_from_mujoco(
         actuators=actuators,
         couplers=couplers,
         loops=loops,
-        frames=_frames(compiled, names),
+        frames=tuple(
+            Frame(names.sites[i], names.bodies[body], pose_of(compiled.site_pos[i], compiled.site_quat[i]))
+            for i, body in enumerate(compiled.site_bodyid)
+        ),
         ground_meshes=meshes[0],
         kept=(*kept, *left_out(compiled, names), *lost_equalities, *lost_tendons, *lost_actuators),
         source=source,
@@ -112,13 +115,6 @@ def _check(m: Any, source: str) -> None:
     for name in (*fields, "jnt_range", "site_pos", "geom_pos", "geom_size", "eq_data", "actuator_lengthrange"):
         if not np.all(np.isfinite(getattr(m, name))):
             raise BadModel(f"{where}: a value of '{name}' is not finite")
-
-
-def _frames(m: Any, names: MjcfNames) -> tuple[Frame, ...]:
-    return tuple(
-        Frame(names.sites[i], names.bodies[m.site_bodyid[i]], pose_of(m.site_pos[i], m.site_quat[i]))
-        for i in range(m.nsite)
-    )
 
 
 def _markers(m: Any, names: MjcfNames, pattern: str | None) -> tuple[Marker, ...]:

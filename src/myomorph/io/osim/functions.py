@@ -48,7 +48,10 @@ def read_function(node: Node, user: Node) -> Function:
         omega, phase = (np.array([node.number(*pair)]) for pair in (("omega", 1.0), ("phase", 0.0)))
         return SineProduct(node.number("amplitude", 1.0), omega, phase, node.number("offset", 0.0))
     if kind == "StepFunction":
-        return _step(node)
+        start, end = node.number("transition_start_time", 0.99), node.number("transition_end_time", 1.01)
+        if end <= start:
+            raise node.bad(f"transition_end_time {end:g} is not after transition_start_time {start:g}")
+        return smooth_step(start, end, node.number("start_value", 0.0), node.number("end_value", 1.0))
     if kind in ("SimmSpline", "PiecewiseLinearFunction", "GCVSpline"):
         x, y = _points(node)
         if len(x) == 1:
@@ -68,13 +71,6 @@ def _points(node: Node) -> tuple[Array, Array]:
     if np.any(np.diff(x) <= 0):
         raise node.bad("its x values do not increase")
     return x, y
-
-
-def _step(node: Node) -> PiecewisePolynomial:
-    start, end = node.number("transition_start_time", 0.99), node.number("transition_end_time", 1.01)
-    if end <= start:
-        raise node.bad(f"transition_end_time {end:g} is not after transition_start_time {start:g}")
-    return smooth_step(start, end, node.number("start_value", 0.0), node.number("end_value", 1.0))
 
 
 def smooth_step(start: float, end: float, low: float, high: float) -> PiecewisePolynomial:

@@ -181,7 +181,11 @@ def _tree(node: Node, bodies: list[Body], joints: list[ReadJoint]) -> Tree:
             (joint for joint in waiting if (joint.joint.parent in placed) != (joint.joint.child in placed)), None
         )
         if step is None:
-            step = _base(node, by_name, placed, waiting)
+            children = {joint.joint.child for joint in waiting}
+            loose = [name for name in by_name if name not in placed]
+            base = next((name for name in loose if name not in children), loose[0])
+            node.document.warn(f"no joint leads to body '{base}': it floats freely, as in OpenSim")
+            step = free_joint(base)
             tree.coordinates += step.coordinates
         else:
             waiting.remove(step)
@@ -192,14 +196,6 @@ def _tree(node: Node, bodies: list[Body], joints: list[ReadJoint]) -> Tree:
     for waiting_joint in waiting:
         _cut(node, waiting_joint.joint, tree)
     return tree
-
-
-def _base(node: Node, bodies: dict[str, Body], placed: set[str], waiting: list[ReadJoint]) -> ReadJoint:
-    children = {joint.joint.child for joint in waiting}
-    loose = [name for name in bodies if name not in placed]
-    base = next((name for name in loose if name not in children), loose[0])
-    node.document.warn(f"no joint leads to body '{base}': it floats freely, as in OpenSim")
-    return free_joint(base)
 
 
 def _cut(node: Node, joint: Joint, tree: Tree) -> None:

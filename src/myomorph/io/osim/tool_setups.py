@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
-from lxml import etree
 
 from myomorph.io.osim import setup_parts
 from myomorph.io.osim.document import Node, read_document
@@ -147,8 +146,11 @@ def read_setup(path: str | os.PathLike[str]) -> Setup:
 
 
 def _inverse_kinematics(node: Node) -> InverseKinematicsSetup:
-    trial = next(node.element.iter("IKTrial"), None)
-    settings = node if trial is None else _merged(node, trial)
+    # Before 2.3 a tool had trials inside.
+    trials = list(node.element.iter("IKTrial"))
+    if len(trials) > 1:
+        raise node.bad("holds several trials", "split it into one setup file a trial")
+    settings = Node(trials[0], node.document) if trials else node
     weight = node.number("constraint_weight", np.inf, infinite=True)
     warnings = setup_parts.unknown_parts(node, (*EVERY_TOOL, *READ["InverseKinematicsTool"]))
     if np.isfinite(weight):
@@ -169,13 +171,6 @@ def _inverse_kinematics(node: Node) -> InverseKinematicsSetup:
         node.flag("report_marker_locations", False),
         warnings,
     )
-
-
-def _merged(node: Node, trial: etree._Element) -> Node:
-    """Before 2.3 a tool had trials inside; the first one's settings count."""
-    if len(list(node.element.iter("IKTrial"))) > 1:
-        raise node.bad("holds several trials", "split it into one setup file a trial")
-    return Node(trial, node.document)
 
 
 def _inverse_dynamics(node: Node) -> InverseDynamicsSetup:
