@@ -67,7 +67,10 @@ class ChainViewer(Page):
             if np.isfinite(shown.coordinates).all():
                 self._pose(shown.coordinates)
                 move_batch(self._muscles, self._strings(shown.coordinates, shown.activations, shown.forces))
-                self._draw_forces(shown.wrenches)
+                if self._arrows:
+                    ends = force_ends(shown.wrenches, self._view.scene.up, self._weight, WEIGHT * self._size)
+                    for handle, tubes_of in zip(self._arrows, arrows(ends, self._size, np.zeros(3)), strict=True):
+                        move_batch(handle, tubes_of, colors=False)
             if len(shown.markers):
                 self._show_markers(shown.markers, COLORS["recorded"])
             self._text.content = live_text(self._model, shown, self._rows.of(shown, clock.monotonic()))
@@ -78,13 +81,6 @@ class ChainViewer(Page):
         share = np.sqrt(np.clip(np.nan_to_num(np.abs(forces)) / self._strength.max(initial=1e-9), 0.0, 1.0))
         colors = activation_color(activations) ** DEEPER
         return tubes(drawn.places[0], drawn.muscle, self._size * (SLACK + TIGHT * share), colors)
-
-    def _draw_forces(self, wrenches: Array) -> None:
-        if not self._arrows:
-            return
-        ends = force_ends(wrenches, self._view.scene.up, self._weight, WEIGHT * self._size)
-        for handle, part in zip(self._arrows, arrows(ends, self._size, np.zeros(3)), strict=True):
-            move_batch(handle, part, colors=False)
 
 
 def force_ends(wrenches: Array, up: Array, weight: float, length: float) -> Array:

@@ -19,6 +19,7 @@ from myomorph.model.inertial_sensors import InertialSensors
 HINT = "expected a CSV export of Movella DOT, or of Delsys with a column of times before the channels"
 TIME = re.compile(r"^(x\s*\[s\]|x\s*\(s\)|time.*)$", re.IGNORECASE)
 UNIT = re.compile(r"[\[(]([^\[\]()]*)[\])]\s*$")
+SENSOR_LIKE = re.compile(r"(acc|gyr|mag|quat|orientation)", re.IGNORECASE)  # In the name of a channel.
 
 
 def read_orientations(path: Path) -> InertialSensors:
@@ -79,7 +80,7 @@ def _delsys(path: Path, cells: list[str], mark: str, lines: list[str]) -> Inerti
             names.append(title)
             units.append(unit.group(1) if unit else "")
             parts.append((values[known, clock], values[known, column]))
-    inertial = [i for i, name in enumerate(names) if sensors_like(name) and len(parts[i][0]) > 1]
+    inertial = [i for i, name in enumerate(names) if SENSOR_LIKE.search(name) and len(parts[i][0]) > 1]
     if not inertial:
         raise BadFile(path, "has no channels of accelerometers and gyroscopes", HINT)
     time = max((parts[i][0] for i in inertial), key=len)
@@ -88,11 +89,6 @@ def _delsys(path: Path, cells: list[str], mark: str, lines: list[str]) -> Inerti
     if sensors is None:
         raise BadFile(path, "has no sensor with all axes of an accelerometer and a gyroscope", HINT)
     return InertialSensors(sensors.time, sensors.names, **sensors.signals, warnings=sensors.warnings, source=str(path))
-
-
-def sensors_like(name: str) -> bool:
-    """Whether a channel's name is one of an inertial sensor."""
-    return re.search(r"(acc|gyr|mag|quat|orientation)", name, re.IGNORECASE) is not None
 
 
 CHANNEL = re.compile(

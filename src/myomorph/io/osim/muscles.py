@@ -99,7 +99,12 @@ def read_muscle(node: Node, paths: PathReader, groups: tuple[str, ...]) -> Muscl
     if node.kind not in DEFAULTS:
         known = ", ".join(DEFAULTS)
         raise BadModel(f"{node.document.path}: muscle '{node.name}' is a {node.kind}, which is not built: {known} are")
-    low, high = _controls(node)
+    low, high = (
+        node.number("min_control", DEFAULTS[node.kind], infinite=True),
+        node.number("max_control", 1.0, infinite=True),
+    )
+    # Before 4.0 a lower bound of 0 was a slip, and the class's own counts.
+    low = DEFAULTS[node.kind] if node.document.version < 30513 and low == 0.0 else low
     speed = node.number("Vmax", 10.0) if node.kind == "Thelen2003Muscle_Deprecated" else 10.0
     pennation = node.number("pennation_angle_at_optimal", node.number("pennation_angle", 0.0))
     # Older classes keep curves as functions of normalized length or velocity.
@@ -120,15 +125,6 @@ def read_muscle(node: Node, paths: PathReader, groups: tuple[str, ...]) -> Muscl
         node.is_applied,
         FrozenMap({tag: read_function(inner, node) for tag, inner in curves.items() if inner is not None}),
     )
-
-
-def _controls(node: Node) -> tuple[float, float]:
-    """Bounds of the control; before 4.0 a lower bound of 0 was a slip, and the class's own counts."""
-    low = node.number("min_control", DEFAULTS[node.kind], infinite=True)
-    high = node.number("max_control", 1.0, infinite=True)
-    if node.document.version < 30513 and low == 0.0:
-        low = DEFAULTS[node.kind]
-    return low, high
 
 
 def _parameters(node: Node) -> dict[str, float]:

@@ -27,11 +27,6 @@ class Line:
     low: Array | None = None
     high: Array | None = None
 
-    def within(self, span: tuple[float, float]) -> tuple[Array, Array]:
-        """Times and values inside a span of time [s]."""
-        inside = (self.time >= span[0] - 1e-9) & (self.time <= span[1] + 1e-9)
-        return np.asarray(self.time)[inside], np.asarray(self.values)[inside]
-
     @property
     def ends(self) -> tuple[Line, ...]:
         """The limits as lines of their own; none where there is no band."""
@@ -39,19 +34,25 @@ class Line:
         return tuple(Line(self.time, values, self.style, self.label) for values in limits if values is not None)
 
 
+def within(span: tuple[float, float], time: Array, *values: Array) -> list[Array]:
+    """Times and values (samples,) inside a span of time [s]."""
+    inside = (time >= span[0] - 1e-9) & (time <= span[1] + 1e-9)
+    return [np.asarray(column)[inside] for column in (time, *values)]
+
+
 def line_limits(
     lines: Sequence[Line], span: tuple[float, float], low: float | None, high: float | None
 ) -> tuple[float, float]:
     """Lowest and highest value of lines within a span, zero too where one is filled."""
     low = min(low or 0.0, 0.0) if any(line.filled for line in lines) else low
-    return limits([part.within(span)[1] for line in lines for part in (line, *line.ends)], low, high)
+    return limits([within(span, part.time, part.values)[1] for line in lines for part in (line, *line.ends)], low, high)
 
 
 def drawn_line(area: svg.Frame, curve: Line, span: tuple[float, float]) -> str:
     """A line within a span: thinned, of noise its mean in the band of its extremes, filled down to zero if it is so."""
-    time, values = curve.within(span)
+    time, values = within(span, curve.time, curve.values)
     if curve.low is not None and curve.high is not None:
-        low, high = (end.within(span)[1] for end in curve.ends)
+        _, low, high = within(span, curve.time, curve.low, curve.high)
         alone = drawn_line(area, replace(curve, low=None, high=None), span)
         return svg.band(area, time, low, high, curve.style) + alone
     bins = svg.envelope(time, values)
@@ -85,8 +86,8 @@ def time_plot(
     """
     first, last = span
     top, right = 40.0 if name_events and events else 26.0, width - (36.0 if second else margin)
-    within = line_limits(lines, span, low, high)
-    area = svg.frame(46.0, top, right, height - 22.0, (first, max(last, first + 1e-9)), within, "s")
+    shown = line_limits(lines, span, low, high)
+    area = svg.frame(46.0, top, right, height - 22.0, (first, max(last, first + 1e-9)), shown, "s")
     tall, wide = area.y.start - area.y.stop, area.x.stop - area.x.start
     parts = [svg.grid_up(area, max(2, min(4, int(tall / 32))))]
     parts.append(svg.grid_along(area, max(3, int(wide / 46)), lines=False, drop=14.0))

@@ -151,11 +151,12 @@ def interval_rows(
                 marks += svg.mark("path", f"tack {other.style}", d=f"M{x:.1f} {y - 5:.1f}v10")
         if np.isfinite(value.value):
             marks += svg.dot(float(area.x.cut(value.value)), y, "first" if solid is None or solid[i] else "open", 4.2)
-        rows.append((name, "; ".join([_with_interval(value), *_printed(beside, i)]) + f" {unit}", marks))
+        rows.append((name, "; ".join([with_interval(value), *_printed(beside, i)]) + f" {unit}", marks))
     return named_rows("rows", title, unit, area, rows, width, levels, 7 if signed else 6)
 
 
-def _with_interval(estimate: Estimate) -> str:
+def with_interval(estimate: Estimate) -> str:
+    """A value for print, with its interval where that is known."""
     interval = f" ({number(estimate.low)} to {number(estimate.high)})" if np.isfinite(estimate.low) else ""
     return number(estimate.value) + interval
 
@@ -180,7 +181,7 @@ def interval_bars(
     parts = [svg.grid_up(area), svg.levels_across(area, levels)]
     for i, (name, value) in enumerate(zip(names, values, strict=True)):
         x = float(area.x.at(i + 0.5))
-        known = [] if value is None else [_with_interval(value)]
+        known = [] if value is None else [with_interval(value)]
         marks = svg.text(x, height - 8.0, svg.shortened(name, column / 6.0), "tick x")
         marks += "" if value is None else _bar(area, value, x, half)
         for other in beside:

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from myomorph.analysis.contact_states import Row, is_stroke, limb_of
 from myomorph.analysis.phases import Phase
 from myomorph.analysis.selection import Subject
@@ -16,7 +14,7 @@ from myomorph.model.model import GROUND
 from myomorph.model.series import Event
 from myomorph.report.charts import marks as svg
 from myomorph.report.charts.axis import number
-from myomorph.report.charts.curves import Line, drawn_line, event_line, line_limits
+from myomorph.report.charts.curves import Line, drawn_line, event_line, line_limits, within
 
 WIDTH, LEFT, RIGHT = 1040, 190, 12
 BESIDE = 5.0
@@ -96,18 +94,13 @@ def draw_track(
         parts += [svg.across(area, y, "grid") for y in (area.y.start, area.y.stop)]
     else:
         parts.append(svg.grid_up(area, max(3, int((area.y.start - area.y.stop) / 24))))
-    parts += [svg.band(area, *_within(limits, behind.span), limits.style) for limits in bands]
+    parts += [svg.band(area, *within(behind.span, each.time, each.low, each.high), each.style) for each in bands]
     for i, bar in enumerate(bars):
         aside = BESIDE * (i - (len(bars) - 1) / 2)
-        parts.append(svg.intervals(area, *_within(bar, behind.span), bar.style, aside))
+        parts.append(svg.intervals(area, *within(behind.span, bar.time, bar.low, bar.high), bar.style, aside))
     parts += [drawn_line(area, line, behind.span) for line in lines]
     parts.append(svg.levels_across(area, levels))
     return svg.drawing("time track", title, (WIDTH, height), *parts, unit=None, attributes=area.data)
-
-
-def _within(band: Band, span: tuple[float, float]) -> tuple[Array, Array, Array]:
-    inside = (band.time >= span[0] - 1e-9) & (band.time <= span[1] + 1e-9)
-    return band.time[inside], np.asarray(band.low)[inside], np.asarray(band.high)[inside]
 
 
 def time_axis(behind: Backdrop) -> str:

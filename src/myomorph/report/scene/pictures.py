@@ -15,8 +15,8 @@ from myomorph.model.arrays import Array
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.report.scene.image import ACTIVATION, activation_color, base64_text, data_uri, png
 from myomorph.report.scene.raster import Canvas, View
-from myomorph.report.scene.scene import Scene
-from myomorph.report.scene.shapes import box_corners, normals, reduced
+from myomorph.report.scene.scene import Scene, solid_corners
+from myomorph.report.scene.shapes import normals, reduced
 
 BONE = (0.93, 0.89, 0.80)
 FORCE = (0.10, 0.58, 0.46)
@@ -106,11 +106,8 @@ def plain_color(scene: Scene) -> tuple[float, float, float]:
 
 def _corners(scene: Scene) -> Array:
     """(frames, n, 3) corners of the boxes around all solids and all points of muscle paths, in ground."""
-    clouds = [scene.origins[:, 1:]] + [muscle.points for muscle in scene.muscles]
-    for solid in scene.solids:
-        turned = np.einsum("fij,pj->fpi", scene.rotations[:, solid.body], box_corners(solid.surface))
-        clouds.append(turned + scene.origins[:, None, solid.body])
-    return np.concatenate(clouds, axis=1)
+    solids = solid_corners(scene.solids, scene.rotations, scene.origins)
+    return np.concatenate([scene.origins[:, 1:], *(muscle.points for muscle in scene.muscles), *solids], axis=1)
 
 
 def _framing(scene: Scene, corners: Array, axes: Array) -> tuple[Array, float, float]:

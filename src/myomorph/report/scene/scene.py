@@ -116,14 +116,18 @@ def _solids(model: Model, numbers: Mapping[str, int], surfaces: Mapping[str, Sur
 
 def _extent(poses: Poses, solids: Sequence[Solid], up: Array) -> tuple[float, float, float]:
     """Lowest and highest height and size of the body over the frames [m], from a few points of every solid."""
-    clouds = []
-    for solid in solids:
-        turned = np.einsum("fij,pj->fpi", poses.rotations[:, solid.body], box_corners(solid.surface))
-        clouds.append(turned + poses.origins[:, None, solid.body])
-    stacked = np.concatenate(clouds or [poses.origins[:, 1:]], axis=1)
+    stacked = np.concatenate(solid_corners(solids, poses.rotations, poses.origins) or [poses.origins[:, 1:]], axis=1)
     heights = stacked @ up
     size = float(np.linalg.norm(np.ptp(stacked, axis=1), axis=1).max())
     return float(heights.min()), float(heights.max()), max(size, 1e-6)
+
+
+def solid_corners(solids: Sequence[Solid], rotations: Array, origins: Array) -> list[Array]:
+    """(frames, 8, 3) corners of the box around each solid, in ground, of bodies in their poses."""
+    return [
+        np.einsum("fij,pj->fpi", rotations[:, solid.body], box_corners(solid.surface)) + origins[:, None, solid.body]
+        for solid in solids
+    ]
 
 
 def _facing(model: Model, poses: Poses, up: Array) -> tuple[Array, Array] | None:

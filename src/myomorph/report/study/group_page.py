@@ -14,7 +14,7 @@ from myomorph.model.provenance import Estimate
 from myomorph.model.sides import split_side
 from myomorph.report.charts.axis import number
 from myomorph.report.charts.curves import CycleCurve, cycle_chart
-from myomorph.report.charts.rows import interval_rows
+from myomorph.report.charts.rows import interval_rows, with_interval
 from myomorph.report.page.page import Tile, rendered
 from myomorph.report.page.parts import Figure, Grid, Note, PageHead, Section, cited
 
@@ -130,10 +130,11 @@ def scalar_grid(comparison: Comparison) -> Grid:
     head = ("Parameter", first, second, "Difference", size, "p", "p, Holm", "q")
     rows = []
     for scalar in comparison.scalars:
-        intervals = (scalar.difference, scalar.low, scalar.high), (scalar.g, scalar.g_low, scalar.g_high)
+        effect = Estimate(scalar.g, scalar.g_low, scalar.g_high)
+        intervals = map(with_interval, (Estimate(scalar.difference, scalar.low, scalar.high), effect))
         means = map(mean_words, (scalar.first, scalar.second))
         chances = map(_probability, (scalar.p, scalar.holm, scalar.q))
-        rows.append((scalar.name, *means, *(_with_interval(*interval) for interval in intervals), *chances))
+        rows.append((scalar.name, *means, *intervals, *chances))
     return Grid(head, tuple(rows))
 
 
@@ -183,7 +184,7 @@ def curve_grid(curves: Sequence[CurveDifference], title: str = "All curves: stat
     for curve in curves:
         known = np.isfinite(curve.g)
         at = int(np.argmax(np.where(known, np.abs(curve.g), -1.0)))
-        size = _with_interval(float(curve.g[at]), float(curve.g_low[at]), float(curve.g_high[at]))
+        size = with_interval(Estimate(*(float(values[at]) for values in (curve.g, curve.g_low, curve.g_high))))
         largest = f"{size} at {100.0 * at / max(len(curve.g) - 1, 1):.0f} %" if known.any() else "–"
         where = ", ".join(f"{a:.0f}–{b:.0f} %" for a, b in curve.regions) or "–"
         rows.append((curve.name, largest, _probability(curve.least_p), where))
@@ -194,10 +195,6 @@ def mean_words(words: tuple[float, float, int]) -> str:
     """Mean ± standard deviation, where it is known, and the number of values."""
     mean, spread, count = words
     return number(mean) + (f" ± {number(spread)}" if np.isfinite(spread) else "") + f" (n = {count})"
-
-
-def _with_interval(value: float, low: float, high: float) -> str:
-    return f"{number(value)} ({number(low)} to {number(high)})" if np.isfinite(low) else number(value)
 
 
 def _probability(p: float) -> str:

@@ -35,22 +35,14 @@ def kinematics_line(fit: KinematicsFit, model: Model, markers: Markers | None) -
     sensed = _sensors_text(fit)
     if not np.isfinite(fit.errors).any():
         return f"{text}: {sensed or 'no frame shows a marker'}"
-    scale = tables.body_scale(markers)
-    rms, time = fit.rms, fit.motion.time
-    worst = int(np.nanargmax(rms))
-    frame, marker = np.unravel_index(int(np.nanargmax(fit.errors)), fit.errors.shape)
-    largest = float(fit.errors[frame, marker])
-    within = rms[worst] <= tables.MARKER_RMS * scale and largest <= tables.MARKER_LARGEST * scale
-    limits = (
-        f"{100 * tables.MARKER_RMS * scale:.3g} and {100 * tables.MARKER_LARGEST * scale:.3g} cm (Hicks et al. 2015)"
-    )
-    lost = int((~fit.converged & fit.seen).sum())
+    worst, largest, lost, *_ = tables.marker_verdicts(fit, tables.body_scale(markers))
+    within = "within" if worst.state == largest.state == "ok" else "over"
     closed = "" if fit.closure is None else f"; loops closed to {float(np.nanmax(fit.closure)):.1g} m"
     return (
-        f"{text}: root mean square {100 * float(np.nanmean(rms)):.2f} cm (worst frame {100 * rms[worst]:.2f} cm at "
-        f"{time[worst]:.2f} s), largest {100 * largest:.2f} cm ({fit.marker_names[marker]} at {time[frame]:.2f} s): "
-        f"{'within' if within else 'over'} {limits}{f'; {sensed}' if sensed else ''}"
-        f"{f'; {lost} frames did not converge' if lost else ''}{closed}"
+        f"{text}: root mean square {100 * float(np.nanmean(fit.rms)):.2f} cm (worst frame {worst.value:.2f} cm at "
+        f"{worst.time:.2f} s), largest {largest.value:.2f} cm ({largest.worst} at {largest.time:.2f} s): {within} "
+        f"{worst.limit:.3g} and {largest.limit:.3g} cm (Hicks et al. 2015){f'; {sensed}' if sensed else ''}"
+        f"{f'; {lost.value:.0f} frames did not converge' if lost.value else ''}{closed}"
     )
 
 
