@@ -11,7 +11,7 @@ import numpy as np
 
 from myomorph.io.channels import TIMES
 from myomorph.io.force_columns import UNIT, UNITS, force_columns, guessed_names, table_wrenches
-from myomorph.io.parsing.text import file_text, number, unique_names
+from myomorph.io.parsing.text import file_text, number, number_or_nan, unique_names
 from myomorph.io.sto import read_sto
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, BadFile, MyomorphError, quoted
@@ -167,7 +167,7 @@ def _names(heading: Sequence[Sequence[str]], width: int) -> list[str]:
     units = [""] * width
     for at in range(len(heading) - 1, -1, -1):
         cells = [*heading[at], *[""] * width][:width]
-        words = [cell for cell in cells if cell and not _is_number(cell)]
+        words = [cell for cell in cells if cell and not np.isfinite(number_or_nan(cell))]
         if words and all(cell.lower() in UNITS_OF_CELLS for cell in cells):
             units = cells
             continue
@@ -196,19 +196,12 @@ def _spread(cells: Sequence[str], width: int) -> list[str]:
     return result
 
 
-def _is_number(cell: str) -> bool:
-    try:
-        return bool(np.isfinite(float(cell)))
-    except ValueError:
-        return False
-
-
 def _rate(heading: Sequence[Sequence[str]]) -> float:
     """Samples a second, from a heading that has them: a number alone in its line, or behind a word; 0 without."""
     for cells in heading:
         filled = [cell for cell in cells if cell]
         numbers = [float(element) for cell in filled for element in re.findall(r"\d+(?:\.\d+)?", cell)]
-        alone = len(filled) == 1 and _is_number(filled[0])
+        alone = len(filled) == 1 and np.isfinite(number_or_nan(filled[0]))
         if len(numbers) == 1 and numbers[0] > 0.0 and (alone or RATE.search(" ".join(filled))):
             return numbers[0]
     return 0.0

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from myomorph.io.c3d.raw import BLOCK, KEY, claimed_frames
+from myomorph.io.parsing.text import number_or_nan
 from myomorph.io.trc import trc_head
 from myomorph.model.errors import BadFile, MyomorphError
 
@@ -76,19 +77,12 @@ def _trc(head: bytes, path: Path) -> FrameCount:
         return FrameCount()
     whole = path.stat().st_size * len(text) / len(head) - start
     frames = whole / (sum(map(len, rows)) / len(rows) + 1.0)
-    count = _number(facts.get("NumFrames", ""))
-    times = np.array([_number(row.replace(",", " ").split()[1]) for row in rows[:ROWS] if len(row.split()) > 1])
+    count = number_or_nan(facts.get("NumFrames", ""))
+    times = np.array([number_or_nan(row.replace(",", " ").split()[1]) for row in rows[:ROWS] if len(row.split()) > 1])
     start_time = times[0] if len(times) else float("nan")
     span = times[-1] - times[0] if len(times) > 1 else 0.0
-    rate = (len(times) - 1) / span if span > 0.0 else _number(facts.get("DataRate", ""))
+    rate = (len(times) - 1) / span if span > 0.0 else number_or_nan(facts.get("DataRate", ""))
     return _told(count if abs(frames - count) < SHARE * frames + 2.0 else round(frames), rate, start_time)
-
-
-def _number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        return float("nan")
 
 
 def _keypoints(path: Path) -> FrameCount:

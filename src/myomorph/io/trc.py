@@ -13,6 +13,7 @@ from myomorph.io.parsing.text import (
     file_text,
     line_from,
     number,
+    number_or_nan,
     quick_numbers,
     rising,
     split_cells,
@@ -90,17 +91,10 @@ def _header(text: str, path: Path, notes: list[str]) -> tuple[dict[str, str], li
         raise BadFile(path, "has no column 'Frame#'", HINT)
     # The line of X1 Y1 Z1 may be missing; it never begins with a number.
     below, after = line_from(text, start)
-    if re.search(r"\b[xyz]\d*\b", below, re.IGNORECASE) and not _begins_with_number(below):
+    begin = (below.replace(",", " ").split() or [""])[0]
+    if re.search(r"\b[xyz]\d*\b", below, re.IGNORECASE) and not np.isfinite(number_or_nan(begin)):
         start = after
     return facts, cells[2:], start, delimiter
-
-
-def _begins_with_number(line: str) -> bool:
-    cells = line.replace(",", " ").split()
-    try:
-        return bool(cells) and np.isfinite(float(cells[0]))
-    except ValueError:
-        return False
 
 
 def _header_values(keys: str, values: str) -> dict[str, str]:
@@ -164,10 +158,7 @@ def _labels(cells: list[str], facts: Mapping[str, str]) -> list[str]:
 def _clock(table: Array, facts: Mapping[str, str], path: Path, notes: list[str]) -> tuple[Array, Array]:
     """Time (frames,) and the rows that belong to it."""
     frame, time = table[:, 0], table[:, 1]
-    try:
-        rate = float(facts.get("DataRate", "nan"))
-    except ValueError:
-        rate = float("nan")
+    rate = number_or_nan(facts.get("DataRate", ""))
     keep = rising(time)
     if keep.all():
         return time, table

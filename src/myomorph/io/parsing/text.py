@@ -81,6 +81,14 @@ def split_cells(line: str, delimiter: str | None) -> list[str]:
     return line.split() if delimiter is None else line.rstrip("\r\n").split(delimiter)
 
 
+def number_or_nan(text: str) -> float:
+    """A text as a number, NaN where it is none."""
+    try:
+        return float(text)
+    except ValueError:
+        return float("nan")
+
+
 def number(cell: str) -> float:
     """A cell as a number: blank and every spelling of NaN is nan; raises `ValueError` otherwise."""
     cell = cell.strip().strip('"')
