@@ -237,8 +237,11 @@ def _strides(
         width, step = np.nan, np.nan
         between = np.zeros(0) if other is None else other.strikes[(other.strikes > start) & (other.strikes < stop)]
         if other is not None and len(between):
-            width = _width(time, track, other, (start, float(between[0]), stop), across)
-            last = float(between[-1])
+            struck, last = float(between[0]), float(between[-1])
+            # Distance of the other foot's strike from the line between two of this one.
+            share = (struck - start) / (stop - start)
+            place = (1.0 - share) * _at(time, track.place, start) + share * _at(time, track.place, stop)
+            width = abs(float((_at(time, other.place, struck) - place) @ across))
             step = float((_at(time, track.place, stop) - _at(time, other.place, last)) @ along - ground * (stop - last))
         lift = float(lifts[0]) if len(lifts) else np.nan
         result.append(Stride(name, float(start), lift, float(stop), float(way), width, seen, track.source, step))
@@ -248,16 +251,6 @@ def _strides(
 def _at(time: Array, place: Array, at: float) -> Array:
     known = np.isfinite(place[:, 0])
     return np.array([np.interp(at, time[known], place[known, i]) for i in range(3)])
-
-
-def _width(
-    time: Array, track: FootTrack, other: FootTrack, strikes: tuple[float, float, float], across: Array
-) -> float:
-    """Distance of the other foot's strike from the line between two of this one."""
-    start, at, stop = strikes
-    share = (at - start) / (stop - start)
-    place = (1.0 - share) * _at(time, track.place, start) + share * _at(time, track.place, stop)
-    return abs(float((_at(time, other.place, at) - place) @ across))
 
 
 def _phases(first: Array, strikes: Array) -> Array:

@@ -195,7 +195,13 @@ class _Stream:
         self.name, self.rate = name, float(info.nominal_srate())
         if self.rate <= 0.0:
             raise BadData(f"stream '{name}' has no rate: its sender must name one (samples per second)")
-        self.channels = _channels(info)
+        labels, units = list[str](), list[str]()
+        channel = info.desc().child("channels").child("channel")
+        for _ in range(info.channel_count()):
+            labels.append(channel.child_value("label"))
+            units.append(channel.child_value("unit"))
+            channel = channel.next_sibling("channel")
+        self.channels = labels, units
         self._first, self._count = float("nan"), 0
         self._early: tuple[list[float], float] | None = None
 
@@ -220,17 +226,6 @@ class _Stream:
             rates = f"{self.rate:g} samples a second, but sends {(self._count - 1) / span:.4g}"
             raise BadData(f"stream '{self.name}' says {rates}: correct the rate that its sender names")
         return frozen_array(np.array(times, dtype=np.float64)), np.array(samples, dtype=np.float64)
-
-
-def _channels(info: Any) -> tuple[list[str], list[str]]:
-    """Labels and units of a stream's channels, as its description holds them."""
-    labels, units = [], []
-    channel = info.desc().child("channels").child("channel")
-    for _ in range(info.channel_count()):
-        labels.append(channel.child_value("label"))
-        units.append(channel.child_value("unit"))
-        channel = channel.next_sibling("channel")
-    return labels, units
 
 
 class LabOutlet:

@@ -132,17 +132,14 @@ class MujocoCopy:
         # MuJoCo warns of bodies whose mass is next to nothing.
         with silent_mujoco():
             for frame, row in enumerate(coordinates):
-                result[frame] = self._inverse(row, speeds[frame], accelerations[frame])
+                self._put(row)
+                self.d.qvel[:], self.d.qacc[:] = 0.0, 0.0
+                self.d.qvel[self.dofs] = speeds[frame, self.columns]
+                self.d.qacc[self.dofs] = accelerations[frame, self.columns]
+                mujoco.mj_inverse(m, self.d)
+                result[frame] = self.d.qfrc_inverse[self.dofs]
         m.opt.disableflags, m.dof_armature[:] = flags, armature
         return result
-
-    def _inverse(self, coordinates: Array, speeds: Array, accelerations: Array) -> Array:
-        d = self.d
-        self._put(coordinates)
-        d.qvel[:], d.qacc[:] = 0.0, 0.0
-        d.qvel[self.dofs], d.qacc[self.dofs] = speeds[self.columns], accelerations[self.columns]
-        mujoco.mj_inverse(self.m, d)
-        return np.array(d.qfrc_inverse[self.dofs])
 
     def steps(self, count: int) -> bool:
         """Whether MuJoCo takes steps from the default pose, all values finite and no coordinate lost."""

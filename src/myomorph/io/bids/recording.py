@@ -200,7 +200,12 @@ def write_emg(stem: Path, emg: Series, units: Sequence[str], facts: Mapping[str,
     for name, unit, column in zip(emg.names, units, emg.values.T, strict=True):
         lost = int((~np.isfinite(column)).sum())
         column = np.nan_to_num(column, nan=0.0, posinf=0.0, neginf=0.0)
-        limit = _limit(column)
+        largest = float(np.abs(column).max(initial=0.0))
+        if not largest < 10.0**DIGITS:
+            raise BadData(f"EMG reaches {largest:.3g}, more than a BDF file holds: use another unit")
+        # The smallest number of a header's length that no value passes.
+        decimals = DIGITS - 1 - len(str(int(largest)))
+        limit = max(math.ceil(largest * 10.0**decimals) / 10.0**decimals, 10.0**-5)
         label = name.encode("ascii", "replace").decode()[:LABEL]
         signals.append(
             edfio.BdfSignal(
@@ -214,15 +219,6 @@ def write_emg(stem: Path, emg: Series, units: Sequence[str], facts: Mapping[str,
     write_tsv(stem.with_name(stem.name + CHANNELS), columns, rows)
     known = {RATE: rate, "RecordingDuration": len(emg) / rate, "EMGChannelCount": len(rows), START: float(emg.time[0])}
     write_json(stem.with_name(f"{stem.name}_emg.json"), FACTS | known | dict(facts))
-
-
-def _limit(column: Array) -> float:
-    """The smallest number of a header's length that no value of a channel passes."""
-    largest = float(np.abs(column).max(initial=0.0))
-    if not largest < 10.0**DIGITS:
-        raise BadData(f"EMG reaches {largest:.3g}, more than a BDF file holds: use another unit")
-    decimals = DIGITS - 1 - len(str(int(largest)))
-    return max(math.ceil(largest * 10.0**decimals) / 10.0**decimals, 10.0**-5)
 
 
 def read_emg(path: Path) -> Analog:

@@ -85,7 +85,9 @@ def _points(
         return None, None
     labels = _filled(raw.texts("POINT", "LABELS"), count)
     labels = _full_labels(labels, raw.texts("POINT", "DESCRIPTIONS"), notes)
-    computed = _quantities(raw)
+    # What holds no position, by the lists that the file keeps.
+    kinds = [kind for kind in raw.texts("POINT", "TYPE_GROUPS")[::2] if kind and "MARKER" not in kind.upper()]
+    computed = {label for kind in (*QUANTITIES, *kinds, "USERMOS") for label in raw.texts("POINT", kind) if label}
     qualisys = any("qualisys" in text.lower() for text in raw.texts("MANUFACTURER", "COMPANY"))
     plain = [UNLABELLED.match(label) or (qualisys and re.match(r"U\d+$", label)) for label in labels]
     quantity = [label in computed or bool(QUANTITY_NAME.search(label)) for label in labels]
@@ -123,14 +125,6 @@ def _full_labels(labels: list[str], descriptions: Sequence[str], notes: list[str
         return labels
     notes.append("the labels are cut to four letters and repeat: markers were named by their descriptions")
     return full
-
-
-def _quantities(raw: RawC3d) -> set[str]:
-    """Labels of points that hold no position, by the lists the file keeps of them."""
-    groups = raw.texts("POINT", "TYPE_GROUPS")[::2]
-    lists = [*QUANTITIES, *(group for group in groups if group and "MARKER" not in group.upper())]
-    labels = {label for name in lists for label in raw.texts("POINT", name) if label}
-    return labels | {label for label in raw.texts("POINT", "USERMOS") if label}
 
 
 def _without_prefix(labels: Sequence[str], facts: dict[str, str]) -> list[str]:

@@ -149,7 +149,12 @@ def _pieces(parent: etree._Element, function: PiecewisePolynomial, user: str, wa
         spline = _sampled_points(parent, "GCVSpline", x, y)
         put(spline, half_order=str(half), error_variance="0", weights=np.ones(len(x)))
     else:
-        _sampled(parent, function, user, warnings)
+        # No class of OpenSim's has these pieces: a spline through many points comes close.
+        x = np.linspace(function.breaks[0], function.breaks[-1], SAMPLES)
+        y, between = function(x), 0.5 * (x[1:] + x[:-1])
+        error = float(np.max(np.abs(simm_spline(x, y)(between) - function(between))))
+        warnings.append(f"{user}: written as a spline through {SAMPLES} points, at most {error:.1e} off")
+        _sampled_points(parent, "SimmSpline", x, y)
 
 
 def _with_end(function: PiecewisePolynomial, x: Array, y: Array) -> tuple[Array, Array]:
@@ -171,13 +176,3 @@ def _sampled_points(parent: etree._Element, kind: str, x: Array, y: Array) -> et
     element = child(parent, kind)
     put(element, x=x, y=y)
     return element
-
-
-def _sampled(parent: etree._Element, function: PiecewisePolynomial, user: str, warnings: list[str]) -> None:
-    """No class of OpenSim's has these pieces: a spline through many points comes close."""
-    x = np.linspace(function.breaks[0], function.breaks[-1], SAMPLES)
-    y = function(x)
-    between = 0.5 * (x[1:] + x[:-1])
-    error = float(np.max(np.abs(simm_spline(x, y)(between) - function(between))))
-    warnings.append(f"{user}: written as a spline through {SAMPLES} points, at most {error:.1e} off")
-    _sampled_points(parent, "SimmSpline", x, y)

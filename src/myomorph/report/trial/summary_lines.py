@@ -214,20 +214,14 @@ def muscles_line(model: Model, time: Array, lengths: Array, velocities: Array) -
     """
     text = f"{len(time)} frames, {len(model.muscles)} muscles"
     known = np.isfinite(lengths).all(axis=1)
-    fibers = _fiber_lengths(model, lengths)
+    optimal = np.array([muscle.optimal_fiber_length for muscle in model.muscles])
+    slack = np.array([muscle.tendon_slack_length for muscle in model.muscles])
+    sine = np.sin([muscle.pennation_at_optimal for muscle in model.muscles])
+    fibers = np.hypot(np.maximum(lengths - slack, 0.0) / np.where(optimal > 0.0, optimal, np.nan), sine)
     if not known.any() or not np.isfinite(fibers).any():
         return text
     parts = _range(model, time, fibers), _fastest(model, time, velocities), _jumps(model, time, lengths, velocities)
     return f"{text}: {'; '.join(parts)}"
-
-
-def _fiber_lengths(model: Model, lengths: Array) -> Array:
-    """(frames, muscles) fiber lengths over optimal ones, tendons at slack length; NaN where a muscle has none."""
-    optimal = np.array([muscle.optimal_fiber_length for muscle in model.muscles])
-    slack = np.array([muscle.tendon_slack_length for muscle in model.muscles])
-    sine = np.sin([muscle.pennation_at_optimal for muscle in model.muscles])
-    optimal = np.where(optimal > 0.0, optimal, np.nan)
-    return np.asarray(np.hypot(np.maximum(lengths - slack, 0.0) / optimal, sine))
 
 
 def _range(model: Model, time: Array, fibers: Array) -> str:
