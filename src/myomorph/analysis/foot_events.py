@@ -187,11 +187,7 @@ def on_plates(
     inner = len(wrenches) - 1
     strikes = [at for start, _ in touches if start > 0 and span[0] <= (at := wrenches.time[start]) <= span[1]]
     lifts = [at for _, stop in touches if stop < inner and span[0] <= (at := wrenches.time[stop]) <= span[1]]
-    near = NEAREST * usual
-    return FootTrack(
-        track.place, _replaced(track.strikes, strikes, near), _replaced(track.lifts, lifts, near), track.seen,
-        "plates" if len(strikes) > 1 else "markers",
-    )  # fmt: skip
+    return _with_events(track, strikes, lifts, usual, "plates" if len(strikes) > 1 else "markers")
 
 
 STRIKES, LIFTS = ("foot strike", "foot contact", "heel strike", "initial contact"), ("foot off", "toe off", "foot lift")
@@ -211,11 +207,14 @@ def on_events(track: FootTrack, limb: Limb, events: Sequence[Event], source: str
     usual = float(np.median(np.diff(track.strikes))) if len(track.strikes) > 1 else np.inf
     if not np.isfinite(usual):
         usual = float(np.median(np.diff(sorted(strikes)))) if len(strikes) > 1 else float(np.ptp([*strikes, *lifts]))
-    near = NEAREST * usual
-    return FootTrack(
-        track.place, _replaced(track.strikes, strikes, near), _replaced(track.lifts, lifts, near), track.seen,
-        source if strikes else track.source,
-    )  # fmt: skip
+    return _with_events(track, strikes, lifts, usual, source if strikes else track.source)
+
+
+def _with_events(
+    track: FootTrack, strikes: Sequence[float], lifts: Sequence[float], usual: float, source: str
+) -> FootTrack:
+    better = (_replaced(*pair, NEAREST * usual) for pair in ((track.strikes, strikes), (track.lifts, lifts)))
+    return FootTrack(track.place, *better, track.seen, source)
 
 
 def _replaced(events: Array, better: Sequence[float], near: float) -> Array:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import posixpath
 import re
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -218,21 +217,6 @@ def read_document(path: str | os.PathLike[str], wanted: tuple[str, ...], what: s
 def joined(owner: str, path: str) -> str:
     """A component path made absolute, seen from the component `owner`."""
     return posixpath.normpath(path if path.startswith("/") else posixpath.join(owner or "/", path))
-
-
-def unique(names: list[str], kind: str, document: Document) -> Iterator[str]:
-    """The names, numbered where one comes twice or is empty, as OpenSim does."""
-    taken: set[str] = set()
-    for name in names:
-        free = name or kind.lower()
-        number = 0
-        while free in taken:
-            free = f"{name or kind.lower()}_{number}"
-            number += 1
-        if name and free != name:
-            document.warn(f"two {kind}s are named '{name}': the later one is called '{free}'")
-        taken.add(free)
-        yield free
 
 
 def number(value: float) -> str:

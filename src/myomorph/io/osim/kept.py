@@ -53,9 +53,8 @@ def keep(node: Node, room: str, effect: str) -> Kept:
 
 def kept_force(node: Node) -> Kept:
     """A force or actuator that is not modelled."""
-    if not node.is_applied:
-        return keep(node, "ForceSet", "switched off in the file")
-    return keep(node, "ForceSet", EFFECTS.get(node.kind, "its force is left out"))
+    acting = EFFECTS.get(node.kind, "its force is left out")
+    return keep(node, "ForceSet", acting if node.is_applied else "switched off in the file")
 
 
 def kept_elsewhere(model: Node, bodies: list[Node]) -> list[Kept]:

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
 from myomorph.io.osim.actuators import KINDS, placed_actuator, read_actuator
 from myomorph.io.osim.bodies import read_body, read_meshes, read_wrap_objects
 from myomorph.io.osim.constraints import read_bushings, read_constraints, read_passive_torques
-from myomorph.io.osim.document import NEWEST, OLDEST, Node, read_document, unique
+from myomorph.io.osim.document import NEWEST, OLDEST, Document, Node, read_document
 from myomorph.io.osim.frames import OFFSET_KINDS, Frames
 from myomorph.io.osim.joints import ReadJoint, free_joint, read_joint, reversed_joint
 from myomorph.io.osim.kept import kept_elsewhere, kept_force, warnings_of
@@ -23,6 +25,8 @@ from myomorph.model.inertia import made_up_inertias
 from myomorph.model.model import GROUND, Actuator, Body, Coordinate, Joint, Kept, Loop, Marker, Model
 from myomorph.model.paths import Ligament, Muscle, WrapObject
 from myomorph.model.spatial import Transform
+
+Named = TypeVar("Named", Muscle, Actuator, Joint, Marker)
 
 
 @dataclass(frozen=True)
@@ -47,13 +51,23 @@ def read_forces(model: Node, frames: Frames, coordinates: tuple[str, ...], wraps
             actuators.append(_actuator(item, frames, coordinates))
         else:
             others.append(item)
-    names = unique([muscle.name for muscle in muscles], "muscle", model.document)
-    muscles = [replace(muscle, name=name) for muscle, name in zip(muscles, names, strict=True)]
-    muscles, others = with_dampers(muscles, others, paths)
-    names = unique([actuator.name for actuator in actuators], "actuator", model.document)
-    actuators = [replace(actuator, name=name) for actuator, name in zip(actuators, names, strict=True)]
+    muscles, others = with_dampers(_with_unique_names(muscles, "muscle", model.document), others, paths)
+    actuators = _with_unique_names(actuators, "actuator", model.document)
     kept = tuple(kept_force(other) for other in others)
     return Forces(tuple(muscles), tuple(actuators), kept, read_ligaments(others, paths))
+
+
+def _with_unique_names(items: Sequence[Named], kind: str, document: Document) -> list[Named]:
+    """The items, their names numbered where one comes twice or is empty, as OpenSim does."""
+    result: dict[str, Named] = {}
+    for item in items:
+        name, number = item.name or kind, 0
+        while name in result:
+            name, number = f"{item.name or kind}_{number}", number + 1
+        if item.name and name != item.name:
+            document.warn(f"two {kind}s are named '{item.name}': the later one is called '{name}'")
+        result[name] = replace(item, name=name)
+    return list(result.values())
 
 
 def _actuator(node: Node, frames: Frames, coordinates: tuple[str, ...]) -> Actuator:
@@ -110,7 +124,7 @@ def read_osim(path: str | os.PathLike[str]) -> Model:
         tuple(tree.joints),
         tuple(tree.coordinates),
         node.vector("gravity", (0.0, -9.80665, 0.0)),
-        _markers(node, frames),
+        tuple(_with_unique_names(read_markers(node, frames), "marker", document)),
         forces.muscles,
         wraps,
         forces.actuators,
@@ -149,11 +163,8 @@ def _joints(node: Node, bodies: list[Node], frames: Frames) -> list[ReadJoint]:
                 joints.append(
                     read_joint(Node(inner.element, node.document, f"/jointset/{inner.name}"), frames, body.name)
                 )
-    names = unique([read_joint_.joint.name for read_joint_ in joints], "joint", node.document)
-    return [
-        replace(read_joint_, joint=replace(read_joint_.joint, name=name))
-        for read_joint_, name in zip(joints, names, strict=True)
-    ]
+    renamed = _with_unique_names([read.joint for read in joints], "joint", node.document)
+    return [replace(read, joint=joint) for read, joint in zip(joints, renamed, strict=True)]
 
 
 @dataclass
@@ -228,9 +239,3 @@ def _wraps(
         meant.setdefault(wrap.name, unique_name)
     order = {name: i for i, name in enumerate((GROUND, *tree))}
     return tuple(sorted(wraps, key=lambda wrap: order[wrap.body])), meant
-
-
-def _markers(node: Node, frames: Frames) -> tuple[Marker, ...]:
-    markers = read_markers(node, frames)
-    names = unique([marker.name for marker in markers], "marker", node.document)
-    return tuple(replace(marker, name=name) for marker, name in zip(markers, names, strict=True))

@@ -57,8 +57,7 @@ def acting_forces(results: ReportInput) -> Wrenches | None:
     time = estimated.time
     parts = {what: _at(time, measured.time, getattr(measured, what)) for what in ("forces", "points", "torques")}
     parts["forces"] = np.where(instead[..., None], 0.0, np.nan_to_num(parts["forces"]))
-    stacked = [np.concatenate([getattr(estimated, what), values], axis=1) for what, values in parts.items()]
-    return Wrenches(time, (*estimated.names, *measured.names), (*estimated.bodies, *measured.bodies), *stacked)
+    return estimated.and_others(replace(measured, time=time, **parts))
 
 
 def _instead(forces: ContactForces, measured: Wrenches, model: Model | None) -> np.ndarray:
