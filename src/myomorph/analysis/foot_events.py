@@ -213,7 +213,8 @@ def on_events(track: FootTrack, limb: Limb, events: Sequence[Event], source: str
 def _with_events(
     track: FootTrack, strikes: Sequence[float], lifts: Sequence[float], usual: float, source: str
 ) -> FootTrack:
-    better = (_replaced(*pair, NEAREST * usual) for pair in ((track.strikes, strikes), (track.lifts, lifts)))
+    near = NEAREST * usual
+    better = _replaced(track.strikes, strikes, near), _replaced(track.lifts, lifts, near)
     return FootTrack(track.place, *better, track.seen, source)
 
 

@@ -176,7 +176,7 @@ def _solve(H: Array, c: Array, muscles: int, corners: int) -> Array:
 def pyramids(corners: int, friction: float) -> Array:
     """G (4 corners, 3 corners) of forces inside friction pyramids about y: those of G f <= 0."""
     across = [[1.0, -friction, 0.0], [-1.0, -friction, 0.0], [0.0, -friction, 1.0], [0.0, -friction, -1.0]]
-    return np.kron(np.eye(corners), across)
+    return np.asarray(np.kron(np.eye(corners), across), dtype=np.float64)
 
 
 def least(H: Array, c: Array, low: Array, high: Array, G: Array | None, accuracy: float) -> Array:

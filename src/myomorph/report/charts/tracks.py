@@ -94,10 +94,12 @@ def draw_track(
         parts += [svg.across(area, y, "grid") for y in (area.y.start, area.y.stop)]
     else:
         parts.append(svg.grid_up(area, max(3, int((area.y.start - area.y.stop) / 24))))
-    parts += [svg.band(area, *within(behind.span, each.time, each.low, each.high), each.style) for each in bands]
+    for band in bands:
+        time, least, most = within(behind.span, band.time, band.low, band.high)
+        parts.append(svg.band(area, time, least, most, band.style))
     for i, bar in enumerate(bars):
-        aside = BESIDE * (i - (len(bars) - 1) / 2)
-        parts.append(svg.intervals(area, *within(behind.span, bar.time, bar.low, bar.high), bar.style, aside))
+        time, least, most = within(behind.span, bar.time, bar.low, bar.high)
+        parts.append(svg.intervals(area, time, least, most, bar.style, BESIDE * (i - (len(bars) - 1) / 2)))
     parts += [drawn_line(area, line, behind.span) for line in lines]
     parts.append(svg.levels_across(area, levels))
     return svg.drawing("time track", title, (WIDTH, height), *parts, unit=None, attributes=area.data)

@@ -149,8 +149,8 @@ def _described(study: StudyInput) -> list[Section]:
     of_strides = ("stride ", "speed", "duty", "track")
     first = [described for described in study.described if described.quantity.startswith(of_strides)]
     rest = [described for described in study.described if described not in first]
-    parts = ((first, "Strides", False), (rest, f"All {len(rest)}{' others' if first else ''}", True))
-    grids = tuple(Grid(("Quantity", *names), tuple(map(_described_row, part)), *shown) for part, *shown in parts)
+    parts = ((first, ("Strides", False)), (rest, (f"All {len(rest)}{' others' if first else ''}", True)))
+    grids = tuple(Grid(("Quantity", *names), tuple(map(_described_row, part)), *shown) for part, shown in parts)
     each = "subjects, each the mean of its trials" if unit == "subjects" else "trials: there is one subject"
     lead = f"Mean ± standard deviation of {each}."
     return [Section("values", "Values", lead, grids=grids)]

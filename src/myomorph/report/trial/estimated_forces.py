@@ -57,7 +57,7 @@ def acting_forces(results: ReportInput) -> Wrenches | None:
     time = estimated.time
     parts = {what: _at(time, measured.time, getattr(measured, what)) for what in ("forces", "points", "torques")}
     parts["forces"] = np.where(instead[..., None], 0.0, np.nan_to_num(parts["forces"]))
-    return estimated.and_others(replace(measured, time=time, **parts))
+    return estimated.and_others(Wrenches(time, measured.names, measured.bodies, *parts.values()))
 
 
 def _instead(forces: ContactForces, measured: Wrenches, model: Model | None) -> np.ndarray:
