@@ -19,6 +19,7 @@ from scipy.spatial.transform import Rotation
 
 import myomorph as mm
 from myomorph.io.mjcf.read import model_from_mujoco
+from myomorph.io.mjcf.write import text
 from myomorph.model.arrays import Array
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.inertia import inertia_matrices
@@ -32,7 +33,6 @@ from myomorph.simulate.laboratory import (
     measured_markers,
     measured_wrench,
     simulate,
-    words,
 )
 from myomorph.viscosity.swings.motion import angular_motion, continuous
 from myomorph.viscosity.swings.recording import PARAMETERS, SwingRecording
@@ -337,15 +337,15 @@ def _release(truth: JointTruth, swing: float, random: np.random.Generator) -> tu
 
 def _mjcf(truth: JointTruth, base: Mapping[str, Array], limb: Mapping[str, Array]) -> str:
     """The joint as MJCF; the base is fixed, and free where `<!--free-->` becomes a joint."""
-    hinge = "" if truth.axis is None else f'axis="{words(truth.axis)}" springref="{words(np.rad2deg(truth.rest))}"'
+    hinge = "" if truth.axis is None else f'axis="{text(truth.axis)}" springref="{text(np.rad2deg(truth.rest))}"'
     sites = [
-        [f'<site name="{name}" pos="{words(place)}" size="0.0045"/>' for name, place in places.items()]
+        [f'<site name="{name}" pos="{text(place)}" size="0.0045"/>' for name, place in places.items()]
         for places in (base, limb)
     ]
     return f"""<mujoco model="virtual joint">
-  <option gravity="{words(GRAVITY)}"/>
+  <option gravity="{text(GRAVITY)}"/>
   <worldbody>
-    <body name="base" pos="{words(CENTER)}"><!--free-->
+    <body name="base" pos="{text(CENTER)}"><!--free-->
       <site name="plate"/>
       {"".join(sites[0])}
       <body name="limb">
