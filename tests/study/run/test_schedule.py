@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -9,9 +12,27 @@ import worker_jobs as made
 
 from myomorph.model.errors import BadFile
 from myomorph.store.outcome import Outcome
-from myomorph.study.run.run import run_jobs
+from myomorph.study.run.run import Schedule
+from myomorph.study.run.work import Work
 from myomorph.study.workers.jobs import Ended
 from myomorph.study.workers.local_workers import InProcess
+
+
+@dataclass(frozen=True)
+class Done(Work):
+    """A job that a function does."""
+
+    do: Callable = made.plain
+
+    def __call__(self, model, read=""):
+        return self.do(model, name=self.key[1])
+
+    def reused(self, model, read=""):
+        return None
+
+
+def job(do, name, model=None, needs=(), after=()):
+    return Done("trial", Outcome("s", name, Path(name)), (), None, needs, after, model, do=do)
 
 
 class Told:
@@ -20,11 +41,11 @@ class Told:
     def __init__(self):
         self.order, self.losses = [], []
 
-    def started(self, job):
-        self.order.append(job.key[1])
+    def started(self, key):
+        self.order.append(key[1])
 
-    def lost(self, job, why, again):
-        self.losses.append((job.key[1], why, again))
+    def lost(self, key, why, again):
+        self.losses.append((key[1], why, again))
 
     def ended(self, outcome):
         pass
@@ -55,17 +76,16 @@ def failing(model, name, fault=False):
 
 def run(*jobs, workers=None, read=lambda path: (None, "")):
     told = Told()
-    homes = {job.key: Path(job.key[1]) for job in jobs}
-    found = run_jobs(jobs, homes, workers or InProcess(), read, told)
-    assert set(found) == set(homes)
+    found = Schedule(jobs, workers or InProcess(), read, told).run()
+    assert set(found) == {each.key for each in jobs}
     return {key[1]: outcome for key, outcome in found.items()}, told
 
 
 def test_what_is_needed_comes_first():
     jobs = (
-        made.job(made.plain, "c", needs=(("s", "b"),)),
-        made.job(made.plain, "b", after=(("s", "a"),)),
-        made.job(made.plain, "a"),
+        job(made.plain, "c", needs=(("s", "b"),)),
+        job(made.plain, "b", after=(("s", "a"),)),
+        job(made.plain, "a"),
     )
     found, told = run(*jobs)
     assert told.order == ["a", "b", "c"]
@@ -74,10 +94,10 @@ def test_what_is_needed_comes_first():
 
 def test_a_failure_keeps_those_from_running_that_need_it():
     jobs = (
-        made.job(failing, "a", fault=True),
-        made.job(made.plain, "b", needs=(("s", "a"),)),
-        made.job(made.plain, "c", needs=(("s", "b"),)),
-        made.job(made.plain, "d", after=(("s", "a"),)),
+        job(partial(failing, fault=True), "a"),
+        job(made.plain, "b", needs=(("s", "a"),)),
+        job(made.plain, "c", needs=(("s", "b"),)),
+        job(made.plain, "d", after=(("s", "a"),)),
     )
     found, told = run(*jobs)
     assert told.order == ["a", "d"]
@@ -87,7 +107,7 @@ def test_a_failure_keeps_those_from_running_that_need_it():
 
 
 def test_a_lost_job_is_repeated_once():
-    jobs = [made.job(made.plain, name) for name in "abc"]
+    jobs = [job(made.plain, name) for name in "abc"]
     found, told = run(*jobs, workers=Losing(a=1, b=2))
     assert found["a"].done == found["c"].done == ("done",)
     assert found["b"].error == "its worker was lost twice: out of reach"
@@ -96,7 +116,7 @@ def test_a_lost_job_is_repeated_once():
 
 
 def test_a_full_disk_stops_what_has_not_begun():
-    found, told = run(made.job(made.plain, "a"), made.job(made.no_space, "b"), made.job(made.plain, "c"))
+    found, told = run(job(made.plain, "a"), job(made.no_space, "b"), job(made.plain, "c"))
     assert found["a"].done == ("done",)
     assert found["b"].error.startswith("ik: no space is left")
     assert found["b"].full
@@ -111,7 +131,7 @@ def test_a_model_that_cannot_be_read_fails_its_jobs_only():
             raise BadFile(path, "is no model")
         return None, ""
 
-    jobs = (made.job(made.plain, "a", Path("bad.osim")), made.job(made.plain, "b"))
+    jobs = (job(made.plain, "a", Path("bad.osim")), job(made.plain, "b"))
     found, _ = run(*jobs, read=read)
     assert found["a"].error == "bad.osim: is no model"
     assert found["b"].error == ""
@@ -125,7 +145,7 @@ def test_models_are_let_go_when_no_job_needs_them():
         opened.append(path)
         return None, ""
 
-    jobs = [made.job(made.plain, f"{subject}{trial}", Path(subject)) for subject in "xy" for trial in range(3)]
+    jobs = [job(made.plain, f"{subject}{trial}", Path(subject)) for subject in "xy" for trial in range(3)]
     run(*jobs, read=read)
     assert opened == [Path("x"), Path("y")]
 
@@ -133,5 +153,5 @@ def test_models_are_let_go_when_no_job_needs_them():
 @pytest.mark.parametrize("count", [1, 20_000])
 def test_many_jobs(count):
     """Twenty thousand take seconds; were the time quadratic, they would take hours."""
-    found, told = run(*(made.job(made.plain, str(index)) for index in range(count)))
+    found, told = run(*(job(made.plain, str(index)) for index in range(count)))
     assert len(found) == len(told.order) == count

@@ -96,13 +96,13 @@ def test_jobs_that_compiled_are_left_out(arm, plan, kept, monkeypatch, tmp_path)
     counts = iter([10, 86, 86, 86])
     monkeypatch.setattr("myomorph.study.run.step_times._kernels", lambda: next(counts))
     outcome = replace(work.outcome, frames=61, seconds=1.0, timed=(("ik", 0.5),))
-    learning.started(work.job)
+    learning.started(work.key)
     learning.ended(outcome)
     learning.keep([outcome])
     assert learning.compiled == {work.key}
     assert read_samples(kept) == []
     learning.compiled.clear()
-    learning.started(work.job)
+    learning.started(work.key)
     learning.ended(outcome)
     learning.keep([outcome])
     assert [(sample.step, sample.frames, sample.seconds) for sample in read_samples(kept)] == [("ik", 61, 0.5)]

@@ -65,5 +65,5 @@ def plain(model, name):
     return outcome(name, "done")
 
 
-def job(work, name, model=None, needs=(), after=(), **given):
-    return Job(("s", name), partial(work, name=name, **given), needs, model, after)
+def job(work, name, **given):
+    return Job(("s", name), partial(work, name=name, **given))

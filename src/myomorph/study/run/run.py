@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from graphlib import TopologicalSorter
 from pathlib import Path
-from typing import Any, cast
 
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
@@ -32,58 +30,50 @@ FULL = "no space is left where the results go: make room, then run again"
 class _Models:
     """Models that jobs need, opened once and let go after the last of their jobs."""
 
-    def __init__(self, jobs: Iterable[Job], read: Callable[[Path], tuple[Model, str]]):
+    def __init__(self, works: Iterable[Work], read: Callable[[Path], tuple[Model, str]]):
         self.read, self.open = read, dict[Path, tuple[Model, str]]()
-        self.wanted = Counter(job.model for job in jobs)
+        self.wanted = Counter(work.model for work in works)
 
-    def of(self, job: Job) -> tuple[Model | None, str]:
-        """The model of a job, and the hash of its file."""
-        if job.model is None:
+    def of(self, path: Path | None) -> tuple[Model | None, str]:
+        """The model of a file, and the hash of that."""
+        if path is None:
             return None, ""
-        if job.model not in self.open:
-            self.open[job.model] = self.read(job.model)
-        return self.open[job.model]
+        if path not in self.open:
+            self.open[path] = self.read(path)
+        return self.open[path]
 
-    def done(self, job: Job) -> None:
-        """A job has ended for good."""
-        self.wanted[job.model] -= 1
-        if job.model is not None and not self.wanted[job.model]:
-            self.open.pop(job.model, None)
-
-
-def run_jobs(
-    jobs: Iterable[Job],
-    homes: Mapping[Key, Path],
-    workers: Workers,
-    read: Callable[[Path], tuple[Model, str]],
-    watcher: StudyWatcher,
-) -> dict[Key, Outcome]:
-    """Do all jobs, each once what it needs has ended well; `read` gives the model of a file, and its hash."""
-    jobs = tuple(jobs)
-    return _Loop({job.key: job for job in jobs}, _Models(jobs, read), homes, workers, watcher).run()
+    def done(self, path: Path | None) -> None:
+        """A job with this model has ended for good."""
+        self.wanted[path] -= 1
+        if path is not None and not self.wanted[path]:
+            self.open.pop(path, None)
 
 
-@dataclass
-class _Loop:
-    jobs: dict[Key, Job]
-    models: _Models
-    homes: Mapping[Key, Path]
-    workers: Workers
-    watcher: StudyWatcher
-    outcomes: dict[Key, Outcome] = field(default_factory=dict)
-    losses: Counter[Key] = field(default_factory=Counter)
-    running: int = 0
-    full: bool = False
+class Schedule:
+    """Jobs, each done once what it needs has ended well; `read` gives the model of a file, and its hash."""
 
-    def run(self) -> dict[Key, Outcome]:
-        keys = self.jobs.keys()
-        self.order = TopologicalSorter({job.key: {*job.needs, *job.after} & keys for job in self.jobs.values()})
+    def __init__(
+        self,
+        works: Sequence[Work],
+        workers: Workers,
+        read: Callable[[Path], tuple[Model, str]],
+        watcher: StudyWatcher,
+    ):
+        self.works = {work.key: work for work in works}
+        self.models, self.workers, self.watcher = _Models(works, read), workers, watcher
+        self.outcomes: dict[Key, Outcome] = {}
+        self.losses: Counter[Key] = Counter()
+        self.running, self.full = 0, False
+        self.order = TopologicalSorter({work.key: {*work.needs, *work.after} & self.works.keys() for work in works})
         self.order.prepare()
         self.ready = deque(self.order.get_ready())
+
+    def run(self) -> dict[Key, Outcome]:
+        """Do all of them."""
         while self.ready or self.running:
             until, free = time.monotonic() + PATIENCE, max(1, self.workers.count)
             while self.ready and self.running < free and time.monotonic() < until:
-                self._start(self.jobs[self.ready.popleft()])
+                self._start(self.works[self.ready.popleft()])
             if not self.running:
                 continue
             # Where many results are there already, those that compute are seen to meanwhile.
@@ -95,53 +85,51 @@ class _Loop:
                 self.watcher.idle()
         return self.outcomes
 
-    def _start(self, job: Job) -> None:
+    def _start(self, work: Work) -> None:
         if self.full:
-            self._end(job, not_run(job.key, self.homes[job.key], FULL))
+            self._end(work, not_run(work, FULL))
             return
-        failure = next((self.outcomes[key] for key in job.needs if self.outcomes[key].error), None)
+        failure = next((self.outcomes[key] for key in work.needs if self.outcomes[key].error), None)
         if failure is not None:
-            why = failure.error.removeprefix("not run: ")
-            self._end(job, not_run(job.key, self.homes[job.key], why, failure))
+            self._end(work, not_run(work, failure.error.removeprefix("not run: "), failure.fault))
             return
         try:
-            model, read = self.models.of(job)
+            model, read = self.models.of(work.model)
         except Exception as error:
-            self._end(job, failed(Outcome(*job.key, self.homes[job.key]), error))
+            self._end(work, failed(Outcome(*work.key, work.folder), error))
             return
-        # Jobs with a model also take the hash of its file, so that they see where it has changed since.
-        options = {"read": read} if read else {}
-        reused = None if job.reused is None else cast(Any, job.reused)(model, **options)
+        # With the hash of the model's file they see where it has changed since.
+        reused = None if work.fresh else work.reused(model, read)
         if reused is not None:
-            self._end(job, reused)
+            self._end(work, reused)
             return
         self.running += 1
-        self.watcher.started(job)
-        self.workers.start(replace(job, work=partial(cast(Any, job.work), **options) if options else job.work), model)
+        self.watcher.started(work.key)
+        self.workers.start(Job(work.key, partial(work, read=read)), model)
 
     def _take(self, ended: Ended) -> None:
-        job = self.jobs[ended.job.key]
+        work = self.works[ended.job.key]
         if ended.outcome is not None:
-            self._end(job, ended.outcome)
+            self._end(work, ended.outcome)
             return
-        if no_space(self.homes[job.key]):
+        if no_space(work.folder):
             # A process that cannot write may end of it: nothing is gained by beginning another.
             self.full = True
-        self.losses[job.key] += 1
-        again = self.losses[job.key] < 2 and not self.full
-        self.watcher.lost(job, ended.lost, again)
+        self.losses[work.key] += 1
+        again = self.losses[work.key] < 2 and not self.full
+        self.watcher.lost(work.key, ended.lost, again)
         if again:
-            self.ready.appendleft(job.key)
+            self.ready.appendleft(work.key)
             return
-        text = f"its worker was lost twice: {ended.lost}" if self.losses[job.key] > 1 else f"not run: {FULL}"
-        self._end(job, Outcome(*job.key, self.homes[job.key], error=text))
+        text = f"its worker was lost twice: {ended.lost}" if self.losses[work.key] > 1 else f"not run: {FULL}"
+        self._end(work, Outcome(*work.key, work.folder, error=text))
 
-    def _end(self, job: Job, outcome: Outcome) -> None:
+    def _end(self, work: Work, outcome: Outcome) -> None:
         self.full = self.full or outcome.full
-        self.outcomes[job.key] = outcome
-        self.models.done(job)
+        self.outcomes[work.key] = outcome
+        self.models.done(work.model)
         self.watcher.ended(outcome)
-        self.order.done(job.key)
+        self.order.done(work.key)
         self.ready.extend(self.order.get_ready())
 
 
@@ -229,9 +217,8 @@ def _run(graph: Graph, workers: Workers, watcher: StudyWatcher, learning: Learni
         learning.muscles[path] = len(model.muscles)
         return model, sha
 
-    def done(works: Iterable[Work]) -> tuple[Outcome, ...]:
-        jobs, homes = [work.job for work in works], {work.key: work.folder for work in works}
-        outcomes = run_jobs(jobs, homes, workers, read, watcher)
-        return tuple(outcomes[job.key] for job in jobs)
+    def done(works: Sequence[Work]) -> tuple[Outcome, ...]:
+        outcomes = Schedule(works, workers, read, watcher).run()
+        return tuple(outcomes[work.key] for work in works)
 
     done(graph.last(done(graph.works)))

@@ -19,7 +19,6 @@ from myomorph.model.frozen_map import grouped
 from myomorph.rigid.kernels import kernel_folder
 from myomorph.store.outcome import Key, Outcome
 from myomorph.study.run.work import Work
-from myomorph.study.workers.jobs import Job
 
 VARIABLE = "MYOMORPH_STEP_TIMES"  # Names another file, or none where it is empty.
 
@@ -107,9 +106,9 @@ class Learning:
     compiled: set[Key] = field(default_factory=set)
     _before: dict[Key, int] = field(default_factory=dict)
 
-    def started(self, job: Job) -> None:
+    def started(self, key: Key) -> None:
         """A job begins."""
-        self._before[job.key] = _kernels()
+        self._before[key] = _kernels()
 
     def ended(self, outcome: Outcome) -> None:
         """A job has ended."""

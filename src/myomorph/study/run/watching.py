@@ -20,7 +20,7 @@ from myomorph.store.progress import PATIENCE, shown_bar, silence
 from myomorph.store.results import fixed_date
 from myomorph.study.run.step_times import Learning, in_words
 from myomorph.study.run.work import Graph
-from myomorph.study.workers.jobs import Job, Workers
+from myomorph.study.workers.jobs import Workers
 
 if TYPE_CHECKING:
     from rich.progress import Progress
@@ -113,14 +113,14 @@ class StudyWatcher:
         now = datetime.now().astimezone().isoformat(timespec="seconds")
         _add(self._out / LOG, f"{now} {' '.join(text.split())}")
 
-    def started(self, job: Job) -> None:
+    def started(self, key: Key) -> None:
         """A worker has taken a job."""
-        self._learning.started(job)
-        self._say(f"start {named(job.key)}")
+        self._learning.started(key)
+        self._say(f"start {named(key)}")
 
-    def lost(self, job: Job, why: str, again: bool) -> None:
+    def lost(self, key: Key, why: str, again: bool) -> None:
         """Its worker is lost; the job is done again, or given up."""
-        self._say(f"lost {named(job.key)}: {why}; {'done again' if again else 'given up'}")
+        self._say(f"lost {named(key)}: {why}; {'done again' if again else 'given up'}")
 
     def ended(self, outcome: Outcome) -> None:
         """A job has ended, or could not begin."""

@@ -6,7 +6,6 @@ import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from pathlib import Path
 
 from myomorph.io.frame_count import FrameCount, count_frames
@@ -18,7 +17,6 @@ from myomorph.study.step.job_steps import JobSteps, run_steps
 from myomorph.study.step.step import WHOLE_STUDY
 from myomorph.study.step.step_table import REPORT, Scope
 from myomorph.study.trial.trial_inputs import Settings
-from myomorph.study.workers.jobs import Job
 
 Open = Callable[[Model | None, str, bool], JobSteps]
 """From the model that a job is given ("" or the hash of its file when it was read, whether all is computed anew) to its
@@ -66,12 +64,6 @@ class Work:
         """Of its results."""
         return self.outcome.folder
 
-    @cached_property
-    def job(self) -> Job:
-        """The job, which asks here for results that are there already before it is given out."""
-        reused = None if self.fresh else self.reused
-        return Job(self.key, self, self.needs, self.model, self.after, reused)
-
     def frames(self, count: Callable[[Path], FrameCount] = count_frames) -> int | None:
         """Frames that are used of its recordings, None where the files do not show it at once."""
         counts = [count(recording.path).within(recording.time) for recording in self.recordings]
@@ -96,7 +88,9 @@ class Work:
         return self._told(outcome, started)
 
     def reused(self, model: Model | None, read: str = "") -> Outcome | None:
-        """The outcome where nothing would be computed, None where a worker must look; it tells whatever is wrong."""
+        """The outcome where nothing would be computed, asked before the job is given out; None where a worker must
+        look, which tells whatever is wrong.
+        """
         if not self.folder.is_dir():
             return None
         started = time.monotonic()
@@ -121,9 +115,9 @@ class Work:
         return replace(outcome, subject=subject, trial=trial, condition=condition, seconds=seconds)
 
 
-def not_run(key: Key, folder: Path, why: str, like: Outcome | None = None) -> Outcome:
-    """The outcome of a job that could not begin; `like` is the one that kept it from beginning."""
-    return Outcome(*key, folder, error=f"not run: {why}", fault=like is not None and like.fault)
+def not_run(work: Work, why: str, fault: bool = False) -> Outcome:
+    """The outcome of a job that could not begin; `fault`: by a fault of Myomorph."""
+    return Outcome(*work.key, work.folder, error=f"not run: {why}", fault=fault)
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import pickle
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import IO, Protocol
 
 from myomorph.model.model import Model
@@ -18,19 +17,11 @@ PROTOCOL = 5
 @dataclass(frozen=True)
 class Job:
     """One piece of work that a process does alone: from the model of a file, None where it needs none, to the outcome,
-    which has its own errors.
-
-    `work` is a function of a module or a `partial` of one, so that it can be sent to another process or machine.
-    `needs` are jobs that end well before this one may begin, `after` those that end before, well or not; `reused` is
-    asked before `work`, where jobs are given out, for the outcome of results that are there already.
+    which has its own errors. `work` can be sent to another process or machine: a function of a module, or a `partial`.
     """
 
     key: Key
     work: Callable[[Model | None], Outcome]
-    needs: tuple[Key, ...] = ()
-    model: Path | None = None
-    after: tuple[Key, ...] = ()
-    reused: Callable[[Model | None], Outcome | None] | None = None
 
 
 @dataclass(frozen=True)

@@ -243,12 +243,7 @@ class LocalWorkers:
             threading.Thread(target=_ask_to_stop, args=(process,), daemon=True).start()
         until = time.monotonic() + GRACE
         for process in ending:
-            try:
-                process.child.wait(max(0.0, until - time.monotonic()))
-            except subprocess.TimeoutExpired:
-                process.child.kill()
-                process.child.wait()
-            _bury(process)
+            _bury(process, max(0.0, until - time.monotonic()))
 
 
 def _taken(process: psutil.Process) -> int:
@@ -264,11 +259,11 @@ def _ask_to_stop(process: _Process) -> None:
         send(process.given, Stop())
 
 
-def _bury(process: _Process) -> None:
-    """Close what belonged to a process that has ended."""
-    with contextlib.suppress(subprocess.TimeoutExpired):
-        process.child.wait(GRACE)
-    if process.child.poll() is None:
+def _bury(process: _Process, patience: float = GRACE) -> None:
+    """Close what belonged to a process that has ended, or is ended where it has not after `patience` [s]."""
+    try:
+        process.child.wait(patience)
+    except subprocess.TimeoutExpired:
         process.child.kill()
         process.child.wait()
     for stream in (process.child.stdin, process.errors):
