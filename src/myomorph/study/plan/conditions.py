@@ -25,15 +25,8 @@ class Exclusions:
             if not table.reason.strip():
                 problems.append(f"exclude.{number}: its reason is empty: say why")
 
-    def subject(self, name: str) -> bool:
-        """Whether a subject is left out with all its trials."""
-        return self._left_out(name, "")
-
-    def trial(self, subject: str, name: str) -> bool:
-        """Whether a trial is left out."""
-        return self._left_out(subject, name)
-
-    def _left_out(self, subject: str, trial: str) -> bool:
+    def leaves_out(self, subject: str, trial: str = "") -> bool:
+        """Whether a trial is left out, or a subject with all its trials."""
         reasons = []
         for number, table in enumerate(self.tables):
             meant = bool(table.trial) == bool(trial) and (table.subject or table.trial)
@@ -67,6 +60,26 @@ class Exclusions:
                 )
 
 
+class _Patterns:
+    """Patterns of names by condition, `own` of subjects or of the `study` for those that have none, and which of them
+    (of whom, condition, pattern) fit a trial that was looked at.
+    """
+
+    def __init__(self, study: Mapping[str, Patterns], own: Mapping[str, Mapping[str, Patterns]]) -> None:
+        self.by_owner = {"": study, **own}
+        self.used: set[tuple[str, str, str]] = set()
+
+    def fitting(self, subject: str, trial: str) -> list[str]:
+        """Conditions that a trial's name fits."""
+        owner = subject if self.by_owner.get(subject) else ""
+        names = []
+        for name, patterns in self.by_owner[owner].items():
+            fit = [pattern for pattern in as_list(patterns) if fnmatchcase(trial, pattern)]
+            self.used.update((owner, name, pattern) for pattern in fit)
+            names += [name] if fit else []
+        return names
+
+
 def with_conditions(
     trials: Sequence[TrialFiles],
     study: Mapping[str, Patterns],
@@ -79,47 +92,38 @@ def with_conditions(
     subject or of the `study` for those that have none. A pattern may stand for trials that are `excluded`.
     """
     named = [trial.condition for trial in trials if trial.condition]
-    names = tuple(study) or tuple(dict.fromkeys([*(name for one in own.values() for name in one), *named]))
+    names = tuple(study) or tuple(dict.fromkeys([*(name for some in own.values() for name in some), *named]))
     for subject, conditions in own.items():
         for name in conditions:
             if name not in names:
                 problems.append(
                     f"subject '{subject}': conditions: '{name}' is none of the study's: {listing(name, names)}"
                 )
-    used: set[tuple[str, str, str]] = set()
-    placed = [_placed(trial, study, own.get(trial.subject, {}), names, used, problems) for trial in trials]
+    patterns = _Patterns(study, own)
+    placed = [_placed(trial, patterns.fitting(trial.subject, trial.name), names, problems) for trial in trials]
     found = {}
     for gone in excluded:
-        for name in (own.get(gone.subject) or study) if gone.trial else ():
-            if _matches(gone.subject, gone.trial, name, own.get(gone.subject) or {}, study, used):
-                found[gone.subject, gone.trial] = name
-    for owner, conditions in (("", study), *own.items()):
+        for name in patterns.fitting(gone.subject, gone.trial) if gone.trial else ():
+            found[gone.subject, gone.trial] = name
+    for owner, conditions in patterns.by_owner.items():
         where = f"subject '{owner}'" if owner else "study"
         exist = tuple(dict.fromkeys(trial.name for trial in trials if owner in ("", trial.subject)))
         problems += [
             f"{where}: conditions: '{name}': no trial matches '{pattern}': there are {listing(pattern, exist)}"
-            for name, patterns in conditions.items()
-            for pattern in as_list(patterns)
-            if (owner, name, pattern) not in used
+            for name, some in conditions.items()
+            for pattern in as_list(some)
+            if (owner, name, pattern) not in patterns.used
         ]
-    without = [f"{one.subject}/{one.name}" for one in placed if not one.condition]
+    without = [f"{trial.subject}/{trial.name}" for trial in placed if not trial.condition]
     if names and without:
         remarks.append(f"in no condition: {', '.join(without[:6])}" + (" and others" if len(without) > 6 else ""))
-    found |= {(one.subject, one.name): one.condition for one in placed if one.condition}
+    found |= {(trial.subject, trial.name): trial.condition for trial in placed if trial.condition}
     return placed, Conditions(names, found)
 
 
-def _placed(
-    trial: TrialFiles,
-    study: Mapping[str, Patterns],
-    own: Mapping[str, Patterns],
-    names: Sequence[str],
-    used: set[tuple[str, str, str]],
-    problems: list[str],
-) -> TrialFiles:
-    """A trial with its condition."""
+def _placed(trial: TrialFiles, fits: Sequence[str], names: Sequence[str], problems: list[str]) -> TrialFiles:
+    """A trial with its condition, the one that it fits where its table names none."""
     where = f"subject '{trial.subject}': trial '{trial.name}'"
-    fits = [name for name in (own or study) if _matches(trial.subject, trial.name, name, own, study, used)]
     if trial.condition:
         if trial.condition not in names:
             problems.append(
@@ -129,17 +133,3 @@ def _placed(
     if len(fits) > 1:
         problems.append(f"{where} is in more than one condition: {', '.join(fits)}")
     return replace(trial, condition=fits[0]) if fits else trial
-
-
-def _matches(
-    subject: str,
-    trial: str,
-    name: str,
-    own: Mapping[str, Patterns],
-    study: Mapping[str, Patterns],
-    used: set[tuple[str, str, str]],
-) -> bool:
-    """Whether a trial's name fits a condition; patterns that fit are noted as used."""
-    fit = [pattern for pattern in as_list((own or study)[name]) if fnmatchcase(trial, pattern)]
-    used.update((subject if own else "", name, pattern) for pattern in fit)
-    return bool(fit)

@@ -125,7 +125,8 @@ def _line(
         problems.append(f"{where}: has {len(row)} cells, but there are {len(columns)} columns")
         return None
     cells = {name: (cell.strip(), factor) for (name, factor), cell in zip(columns, row, strict=False) if name}
-    subject = cells.get("subject", ("", 1.0))[0]
+    texts = {name: text for name, (text, _) in cells.items()}
+    subject, sex, model = (texts.get(name, "") for name in ("subject", "sex", "model"))
     if not subject:
         problems.append(f"{where}: names no subject")
         return None
@@ -135,10 +136,8 @@ def _line(
         for name, (text, factor) in cells.items()
         if name not in TEXTS
     }
-    sex = cells.get("sex", ("", 1.0))[0]
     if sex and sex.lower() not in SEXES:
         problems.append(f"{where}: sex '{sex}': expected female or male, or nothing")
-    model = cells.get("model", ("", 1.0))[0]
     if model and not (folder / model).is_file():
         near = [path.name for path in (folder / model).parent.glob("*") if path.suffix.lower() in (".osim", ".xml")]
         problems.append(f"{where}: model file '{model}' does not exist: there are {listing(Path(model).name, near)}")
@@ -146,7 +145,7 @@ def _line(
         subject,
         folder / model if model else None,
         sex=SEXES.get(sex.lower()),
-        group=cells.get("group", ("", 1.0))[0],
+        group=texts.get("group", ""),
         **numbers,
     )
 

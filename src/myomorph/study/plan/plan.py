@@ -13,7 +13,7 @@ from myomorph.model.frozen_map import FrozenMap
 from myomorph.store.outcome import Conditions, Excluded, Key
 from myomorph.store.results import file_name
 from myomorph.store.study_file import checked, existing, read_toml, refuse
-from myomorph.study.inputs.keys import Notes, Place, WordOrFile
+from myomorph.study.inputs.keys import Notes, Place
 from myomorph.study.plan import plan_checks
 from myomorph.study.plan.conditions import Exclusions, with_conditions
 from myomorph.study.plan.groups import GroupPlan, group_members, groups_of, measured_groups
@@ -142,172 +142,145 @@ def read_plan(path: str | Path) -> Plan:
     return plan
 
 
-@dataclass
-class _Subjects:
-    """Subjects and trials while a study file is being read. `tables`: of the subjects, in the order of the file; `own`:
-    settings where they differ from those for all.
+class _Reading:
+    """A study file while it is read: what it says of all subjects, and its subjects and trials so far. `tables`: of the
+    subjects, in the order of the file; `own`: settings where they differ from those for all.
     """
 
-    trials: list[TrialFiles] = field(default_factory=list)
-    steps: list[tuple[str, ...]] = field(default_factory=list)
-    subjects: dict[str, SubjectFiles] = field(default_factory=dict)
-    tables: dict[str, Named] = field(default_factory=dict)
-    own: dict[Key, Settings] = field(default_factory=dict)
+    def __init__(self, file: Any, home: Path, notes: Notes) -> None:
+        self.file, self.home, self.notes = file, home, notes
+        self.settings = given_options(file)
+        check_settings(self.settings, "", notes.problems)
+        self.common = located(file, "subject", Place(home, "study", notes))
+        self.exclusions = Exclusions(file.exclude, notes.problems)
+        named = named_subjects(file.subject, home, notes.problems, notes.remarks)
+        self.names = list(dict.fromkeys(subject.name for subject in named))
+        gone = [name for name in self.names if self.exclusions.leaves_out(name)]
+        self.measures = self._measures(gone)
+        self.trials: list[TrialFiles] = []
+        self.steps: list[tuple[str, ...]] = []
+        self.subjects: dict[str, SubjectFiles] = {}
+        self.tables: dict[str, Named] = {}
+        self.own: dict[Key, Settings] = {}
+        for subject in named:
+            if subject.name not in gone:
+                self._add(subject)
+
+    def _measures(self, gone: Sequence[str]) -> dict[str, Measures]:
+        """The table of measures, with a line for each subject that the study does not leave out."""
+        given, problems, remarks = self.file.study.measures, self.notes.problems, self.notes.remarks
+        path = existing(self.home, given, "study: measures", problems)
+        if path is None:
+            return {}
+        before = len(problems)
+        measures = read_measures(path, problems, remarks)
+        if not measures and len(problems) > before:
+            return {}
+        for name in self.names:
+            if name not in measures and name not in gone:
+                problems.append(
+                    f"{given}: has no line for subject '{name}': there are {listing(name, tuple(measures))}"
+                )
+        others = [name for name in measures if name not in self.names]
+        if others:
+            shown = ", ".join(others[:6]) + (" and others" if len(others) > 6 else "")
+            remarks.append(f"{given}: lines of subjects that the study does not have: {shown}")
+        return measures
+
+    def _add(self, subject: Named) -> None:
+        """Add a subject and its trials."""
+        name, problems, source = subject.name, self.notes.problems, self.file.study.measures
+        model = None
+        if source is not None:
+            table, model = measured(subject, self.measures.get(name), source, self.notes)
+            subject = replace(subject, table=table)
+        given = given_options(subject.table)
+        whole = merged(self.settings, given)
+        if given:
+            self.own[name, ""] = whole
+            check_settings(given, f"subject '{name}': ", problems)
+        steps = tuple(step for step in study_steps() if step in subject.table.steps)
+        trials = []
+        for trial, told in subject_trials(subject, model, self.common, self.exclusions.leaves_out, self.notes):
+            trials.append(trial)
+            if given or told:
+                self.own[name, trial.name] = merged(whole, told)
+                check_settings(told, f"subject '{name}': trial '{trial.name}': ", problems)
+        files = subject_files(subject, model, tuple(trials), self.notes)
+        if name in self.subjects and set(STEPS["subject"]) & {*steps, *self.steps_of(name)}:
+            problems.append(f"subject '{name}' is there twice: put its trials into one table")
+        if trials or not any(gone.subject == name for gone in self.exclusions.found):
+            self.subjects[name] = files
+        self.tables[name] = subject
+        self.trials += trials
+        self.steps += [steps] * len(trials)
 
     def steps_of(self, subject: str) -> list[str]:
         """All steps of a subject's trials."""
-        return [
-            step for trial, own in zip(self.trials, self.steps, strict=True) if trial.subject == subject for step in own
-        ]
+        each = zip(self.trials, self.steps, strict=True)
+        return [step for trial, steps in each if trial.subject == subject for step in steps]
+
+    def put_makers(self, steps: Mapping[str, Sequence[str]]) -> None:
+        """Put who makes a model in the place of who is named, and the file that it began with in that of none."""
+        makers = {name: plan_checks.maker_of(name, self.subjects, steps) for name in self.subjects}
+        for name, maker in makers.items():
+            if not maker:
+                continue
+            first = maker
+            while makers[first]:
+                first = makers[first]
+            model = self.subjects[first].model
+            self.trials = [replace(trial, model=model) if trial.subject == name else trial for trial in self.trials]
+            own = tuple(trial for trial in self.trials if trial.subject == name)
+            self.subjects[name] = replace(self.subjects[name], model=model, model_of=maker, trials=own)
+
+    def groups(self) -> GroupPlan | None:
+        """Which subjects are compared: by the table `[groups]`, or by the column of the table of measures."""
+        file, problems, subjects = self.file, self.notes.problems, tuple(self.subjects)
+        trials = {name: [trial.name for trial in self.trials if trial.subject == name] for name in subjects}
+        if file.groups and file.study.compare:
+            problems.append("study: compare and [groups] both name groups: give one of them")
+        if file.groups:
+            left_out = [name for name in self.names if name not in self.subjects]
+            members = group_members(file.groups, subjects, left_out, problems)
+        else:
+            members = measured_groups(self.measures, subjects, file.study.compare, problems, self.notes.remarks)
+        return groups_of(members, file.strides, trials, problems)
 
 
 def _plan(file: Any, path: Path, notes: Notes) -> Plan:
     """The tables of a file as a plan; worth nothing where the notes have problems."""
-    problems, home = notes.problems, path.parent
-    settings = given_options(file)
-    check_settings(settings, "", problems)
-    common = located(file, "subject", Place(home, "study", notes))
-    exclusions = Exclusions(file.exclude, problems)
-    named = named_subjects(file.subject, home, problems, notes.remarks)
-    names = list(dict.fromkeys(one.name for one in named))
-    gone = [name for name in names if exclusions.subject(name)]
-    measures = _measures(file.study.measures, home, names, gone, notes)
-    found = _Subjects()
-    for one in named:
-        if one.name not in gone:
-            _add(one, found, measures, file.study.measures, settings, common, exclusions, notes)
-    exclusions.unused(names, found.trials, problems)
-    if exclusions.found and not found.trials and not problems:
-        problems.append(
-            f"exclude: nothing is left: {len(exclusions.found)} subjects or trials are excluded, all of them"
-        )
-    steps = {name: found.steps_of(name) for name in found.subjects}
-    plan_checks.check_masses(found.subjects, problems)
-    plan_checks.check_names(found.trials, steps, [one.name for one in file.together], problems, file.study.flat)
-    if file.study.flat and (len(found.subjects) != 1 or file.together or file.groups):
+    problems, read = notes.problems, _Reading(file, path.parent, notes)
+    excluded = read.exclusions.found
+    read.exclusions.unused(read.names, read.trials, problems)
+    if excluded and not read.trials and not problems:
+        problems.append(f"exclude: nothing is left: {len(excluded)} subjects or trials are excluded, all of them")
+    steps = {name: read.steps_of(name) for name in read.subjects}
+    plan_checks.check_masses(read.subjects, problems)
+    plan_checks.check_names(read.trials, steps, [table.name for table in file.together], problems, file.study.flat)
+    if file.study.flat and (len(read.subjects) != 1 or file.together or file.groups):
         problems.append("study: flat is for one subject, without [[together]] and [groups]")
     before = len(problems)
-    plan_checks.check_makers(found.subjects, steps, problems)
+    plan_checks.check_makers(read.subjects, steps, problems)
     if len(problems) == before:
-        _with_makers(found, steps)
-    plan_checks.check_model_names(found.trials, problems)
-    told = {name: table.table.conditions for name, table in found.tables.items() if table.table.conditions}
-    trials, conditions = with_conditions(
-        found.trials, file.study.conditions, told, exclusions.found, problems, notes.remarks
-    )
-    together = tuple(_together(file, trials, home, notes))
-    groups = _groups(file, found, measures, [name for name in names if name not in found.subjects], notes)
+        read.put_makers(steps)
+    plan_checks.check_model_names(read.trials, problems)
+    own = {name: subject.table.conditions for name, subject in read.tables.items() if subject.table.conditions}
+    trials, conditions = with_conditions(read.trials, file.study.conditions, own, excluded, problems, notes.remarks)
+    together = tuple(together_of(table, trials, path.parent, notes) for table in file.together)
+    groups = read.groups()
     return Plan(
         file.study.name,
         path,
         tuple(trials),
-        tuple(found.steps),
-        FrozenMap(settings),
+        tuple(read.steps),
+        FrozenMap(read.settings),
         tuple(dict.fromkeys((*notes.remarks, *notes.found))),
-        found.subjects,
+        read.subjects,
         together,
         groups,
         conditions,
-        tuple(exclusions.found),
-        FrozenMap(found.own),
+        tuple(excluded),
+        FrozenMap(read.own),
         file.study.flat,
     )
-
-
-def _measures(
-    given: str | None, home: Path, names: Sequence[str], gone: Sequence[str], notes: Notes
-) -> dict[str, Measures]:
-    """The table of measures, with a line for each subject that the study does not leave out."""
-    path = existing(home, given, "study: measures", notes.problems)
-    if path is None:
-        return {}
-    before = len(notes.problems)
-    measures = read_measures(path, notes.problems, notes.remarks)
-    if not measures and len(notes.problems) > before:
-        return {}
-    for name in names:
-        if name not in measures and name not in gone:
-            notes.problems.append(
-                f"{given}: has no line for subject '{name}': there are {listing(name, tuple(measures))}"
-            )
-    others = [name for name in measures if name not in names]
-    if others:
-        shown = ", ".join(others[:6]) + (" and others" if len(others) > 6 else "")
-        notes.remarks.append(f"{given}: lines of subjects that the study does not have: {shown}")
-    return measures
-
-
-def _add(
-    one: Named,
-    subjects: _Subjects,
-    measures: Mapping[str, Measures],
-    source: str | None,
-    settings: Settings,
-    common: Mapping[str, Any],
-    exclusions: Exclusions,
-    notes: Notes,
-) -> None:
-    """Add a subject and its trials."""
-    model = None
-    if source is not None:
-        table, model = measured(one, measures.get(one.name), source, notes)
-        one = replace(one, table=table)
-    given = given_options(one.table)
-    whole = merged(settings, given)
-    if given:
-        subjects.own[one.name, ""] = whole
-        check_settings(given, f"subject '{one.name}': ", notes.problems)
-    steps = tuple(step for step in study_steps() if step in one.table.steps)
-    trials = []
-    for trial, told in subject_trials(one, model, common, exclusions.trial, notes):
-        trials.append(trial)
-        if given or told:
-            subjects.own[one.name, trial.name] = merged(whole, told)
-            check_settings(told, f"subject '{one.name}': trial '{trial.name}': ", notes.problems)
-    files = subject_files(one, model, tuple(trials), notes)
-    if one.name in subjects.subjects and set(STEPS["subject"]) & {*steps, *subjects.steps_of(one.name)}:
-        notes.problems.append(f"subject '{one.name}' is there twice: put its trials into one table")
-    if trials or not any(gone.subject == one.name for gone in exclusions.found):
-        subjects.subjects[one.name] = files
-    subjects.tables[one.name] = one
-    subjects.trials += trials
-    subjects.steps += [steps] * len(trials)
-
-
-def _with_makers(subjects: _Subjects, steps: Mapping[str, Sequence[str]]) -> None:
-    """Put who makes a model in the place of who is named, and the file that it began with in that of none."""
-    makers = {name: plan_checks.maker_of(name, subjects.subjects, steps) for name in subjects.subjects}
-    for name, maker in makers.items():
-        if not maker:
-            continue
-        first = maker
-        while makers[first]:
-            first = makers[first]
-        model = subjects.subjects[first].model
-        subjects.trials = [replace(trial, model=model) if trial.subject == name else trial for trial in subjects.trials]
-        own = tuple(trial for trial in subjects.trials if trial.subject == name)
-        subjects.subjects[name] = replace(subjects.subjects[name], model=model, model_of=maker, trials=own)
-
-
-def _together(file: Any, trials: Sequence[TrialFiles], home: Path, notes: Notes) -> list[Together]:
-    """Trials of several subjects that are solved as one."""
-    result = []
-    for one in file.together:
-        contacts = WordOrFile().located("contacts", one.contacts, Place(home, f"together '{one.name}'", notes))
-        result.append(together_of(one, trials, home, contacts, notes.problems))
-    return result
-
-
-def _groups(
-    file: Any, found: _Subjects, measures: Mapping[str, Measures], gone: Sequence[str], notes: Notes
-) -> GroupPlan | None:
-    """Which subjects are compared: by the table `[groups]`, or by the column of the table of measures."""
-    subjects = tuple(found.subjects)
-    trials = {name: [trial.name for trial in found.trials if trial.subject == name] for name in subjects}
-    if file.groups and file.study.compare:
-        notes.problems.append("study: compare and [groups] both name groups: give one of them")
-    if file.groups:
-        members = group_members(file.groups, subjects, gone, notes.problems)
-    else:
-        members = measured_groups(measures, subjects, file.study.compare, notes.problems, notes.remarks)
-    return groups_of(members, file.strides, trials, notes.problems)

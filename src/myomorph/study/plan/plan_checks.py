@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import unicodedata
 from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
 from pathlib import Path
 
 from myomorph.model.errors import MyomorphError, listing
@@ -48,11 +49,10 @@ def check_names(
     subject, by name; `together`: names of trials that are solved as one; `flat`: folders of trials lie beside the
     study's own files.
     """
-    for subject in steps:
-        _possible(subject, f"subject '{subject}'", (*OF_STUDY, *STEPS["study"]), problems)
-    for name in together:
-        _possible(name, f"together '{name}'", (*OF_STUDY, *STEPS["study"]), problems)
-    _clashes([(f"subject '{one}'", one) for one in steps] + [(f"together '{one}'", one) for one in together], problems)
+    named = [(f"subject '{name}'", name) for name in steps] + [(f"together '{name}'", name) for name in together]
+    for what, name in named:
+        _possible(name, what, (*OF_STUDY, *STEPS["study"]), problems)
+    _clashes(named, problems)
     for subject, own in steps.items():
         steps_on = [step_of(step, "subject") for step in STEPS["subject"] if step in own]
         written = (path.split("/")[0] for step in steps_on for path in (step.tables, *step.leaves.values()))
@@ -142,8 +142,7 @@ def check_model_names(trials: Sequence[TrialFiles], problems: list[str]) -> None
     A name that stands in the model's file is taken for right without reading the model, so that a study of many
     models is still checked at once. A model that cannot be read is reported when its trials run.
     """
-    texts: dict[Path, str] = {}
-    models: dict[Path, Model | None] = {}
+    text_of, model_of = cache(_text), cache(_model)
     seen: set[tuple[str, Path, str, str]] = set()
     for trial in trials:
         for kind, what, name in _named_in(trial):
@@ -151,13 +150,10 @@ def check_model_names(trials: Sequence[TrialFiles], problems: list[str]) -> None
             if key in seen:
                 continue
             seen.add(key)
-            if trial.model not in texts:
-                texts[trial.model] = _text(trial.model)
-            if f'"{name}"' in texts[trial.model] or f"'{name}'" in texts[trial.model]:
+            text = text_of(trial.model)
+            if f'"{name}"' in text or f"'{name}'" in text:
                 continue
-            if trial.model not in models:
-                models[trial.model] = _model(trial.model)
-            model = models[trial.model]
+            model = model_of(trial.model)
             if model is None or name in (known := _names(kind, model)):
                 continue
             where = f"subject '{trial.subject}': {what}"

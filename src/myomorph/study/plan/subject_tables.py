@@ -134,23 +134,12 @@ class ExcludeTable(Strict):
 
 def study_tables() -> type[BaseModel]:
     """All tables of a study file, with the options that its steps have."""
-    return _tables(study_steps(), tuple(INPUTS))
+    return _tables(study_steps(), tuple(INPUTS))[0]
 
 
 def trial_table() -> type[BaseModel]:
     """The table of a trial, with the keys of its inputs and the options of its steps."""
-    return _trial(study_steps(), tuple(INPUTS))
-
-
-@cache
-def _options(steps: tuple[str, ...]) -> type[BaseModel]:
-    return options_table(step_settings())
-
-
-@cache
-def _trial(steps: tuple[str, ...], inputs: tuple[str, ...]) -> type[BaseModel]:
-    own: Any = (_options(steps), Field(default_factory=_options(steps)))
-    return create_model("_Trial", __base__=TrialTable, options=own, **input_keys("trial", TrialTable))
+    return _tables(study_steps(), tuple(INPUTS))[1]
 
 
 def input_keys(per: str, base: type[BaseModel]) -> dict[str, Any]:
@@ -163,10 +152,11 @@ def input_keys(per: str, base: type[BaseModel]) -> dict[str, Any]:
 
 
 @cache
-def _tables(steps: tuple[str, ...], inputs: tuple[str, ...]) -> type[BaseModel]:
-    options = _options(steps)
+def _tables(steps: tuple[str, ...], inputs: tuple[str, ...]) -> tuple[type[BaseModel], type[BaseModel]]:
+    """Those of a study file and of a trial, made once for the steps and inputs that there are."""
+    options = options_table(step_settings())
     own: Any = (options, Field(default_factory=options))
-    trial = _trial(steps, inputs)
+    trial = create_model("_Trial", __base__=TrialTable, options=own, **input_keys("trial", TrialTable))
     subject = create_model(
         "_Subject",
         __base__=SubjectTable,
@@ -174,7 +164,7 @@ def _tables(steps: tuple[str, ...], inputs: tuple[str, ...]) -> type[BaseModel]:
         trials=(list[str | trial], ...),  # type: ignore[valid-type]
         **input_keys("subject", SubjectTable),
     )
-    return create_model(
+    file = create_model(
         "StudyFile",
         __base__=Strict,
         study=(StudyHead, ...),
@@ -185,6 +175,7 @@ def _tables(steps: tuple[str, ...], inputs: tuple[str, ...]) -> type[BaseModel]:
         strides=(StridesTable, Field(default_factory=StridesTable)),
         options=own,
     )
+    return file, trial
 
 
 def given_options(table: Any) -> dict[str, dict[str, Any]]:

@@ -65,11 +65,8 @@ def subject_files(named: Named, model: Path | None, trials: tuple[TrialFiles, ..
     table, folder, where, problems = named.table, named.folder, f"subject '{named.name}'", notes.problems
     _check_steps(table, where, problems)
     files = {
-        role: existing(folder, name, f"{where}: {role}", problems)
-        for role, name in (
-            *(("static", table.static), ("skin", table.skin), ("landmarks", table.landmarks)),
-            *(("generic", table.generic), ("detailed", table.detailed)),
-        )
+        role: existing(folder, getattr(table, role), f"{where}: {role}", problems)
+        for role in ("static", "skin", "landmarks", "generic", "detailed")
     }
     passive = [path for given in table.passive for path in matching(folder, given, f"{where}: passive", problems)]
     if "personalize" not in table.steps:

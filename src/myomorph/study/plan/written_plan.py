@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -91,7 +92,8 @@ def _shared(files: SubjectFiles, trials: Sequence[TrialFiles]) -> dict[str, Any]
         if declared.settings is Laboratory and name == "up" and files.static is not None:
             shared[name] = files.static_laboratory.up
         elif key.kind.adds:
-            shared[name] = _beginning(values)
+            alike = takewhile(lambda parts: len(set(parts)) == 1, zip(*values, strict=False))
+            shared[name] = tuple(parts[0] for parts in alike)
         elif key.kind.per != "trial" and values.count(first) == len(values):
             shared[name] = first
     return {name: value for name, value in shared.items() if value != keys[name][1].default}
@@ -104,16 +106,6 @@ def _values(trial: TrialFiles) -> dict[str, Any]:
         for name, (declared, _) in all_keys().items()
         if name != "mass"
     }
-
-
-def _beginning(values: Sequence[tuple[Any, ...]]) -> tuple[Any, ...]:
-    """What several sequences have in common, from the first on."""
-    count = 0
-    for parts in zip(*values, strict=False):
-        if any(part != parts[0] for part in parts):
-            break
-        count += 1
-    return values[0][:count]
 
 
 def _put_options(table: Any, settings: Mapping[str, Any], values: Mapping[str, Any], folder: Path) -> None:

@@ -26,6 +26,7 @@ from myomorph.study.inputs.contact_file import contact_sources, read_contacts
 from myomorph.study.inputs.contacts import ContactsFile
 from myomorph.study.inputs.emg import RecordedEmg
 from myomorph.study.inputs.input import ByType
+from myomorph.study.inputs.keys import Notes, Place, WordOrFile
 from myomorph.study.inputs.loads import ExternalLoads
 from myomorph.study.inputs.markers import Recording
 from myomorph.study.inputs.phases import Phases
@@ -80,11 +81,10 @@ class Together:
     objects: tuple[tuple[ObjectTable, Path], ...] = ()
 
 
-def together_of(
-    table: TogetherTable, trials: Sequence[TrialFiles], folder: Path, contacts: str, problems: list[str]
-) -> Together:
-    """A table of a study file, its trials looked up among the study's; what is wrong is added to the problems."""
-    where = f"together '{table.name}'"
+def together_of(table: TogetherTable, trials: Sequence[TrialFiles], folder: Path, notes: Notes) -> Together:
+    """A table of a study file, its trials looked up among the study's; what is wrong is added to the notes."""
+    where, problems = f"together '{table.name}'", notes.problems
+    contacts = WordOrFile().located("contacts", table.contacts, Place(folder, where, notes))
     if len(table.trials) + len(table.object) < 2:
         problems.append(f"{where}: has one trial and no object: expected two parts or more")
     for subject, trial in table.trials.items():
