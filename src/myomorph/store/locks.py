@@ -92,18 +92,14 @@ def study_lock(out: Path) -> Iterator[RunMark]:
         check_age(read_mark(out))
         now = datetime.now().astimezone().isoformat(timespec="seconds")
         mark = RunMark(out, uuid.uuid4().hex, platform.node() or socket.gethostname(), os.getpid(), now)
-        _write_mark(mark)
+        content = {name: value for name, value in asdict(mark).items() if name != "folder"}
+        try:
+            write_whole(out / MARK, json.dumps(content, indent=1) + "\n")
+        except OSError as error:
+            raise _unwritable(out, error) from None
         yield mark
     finally:
         _let_go(lock)
-
-
-def _write_mark(mark: RunMark) -> None:
-    content = {name: value for name, value in asdict(mark).items() if name != "folder"}
-    try:
-        write_whole(mark.folder / MARK, json.dumps(content, indent=1) + "\n")
-    except OSError as error:
-        raise _unwritable(mark.folder, error) from None
 
 
 def write_whole(path: Path, text: str) -> None:

@@ -171,13 +171,14 @@ def new_netcdf(path: str | os.PathLike[str]) -> Iterator[NetcdfFile]:
 
 @dataclass(frozen=True)
 class NetcdfVariable:
-    """A variable of an open file: the data set, read by its parts, and its attributes but those of the format."""
+    """A variable of an open file: the data set, read by its parts, its attributes but those of the format, and the
+    names of its dimensions.
+    """
 
     name: str
     values: Any
     told: Mapping[str, Any]
-    references: tuple[Any, ...]
-    is_scale: bool
+    dimensions: tuple[str, ...]
 
 
 class NetcdfSource:
@@ -207,17 +208,15 @@ class NetcdfSource:
             if as_text(attributes.get("NAME", "")).startswith(BARE):
                 continue
             told = {attribute: value for attribute, value in attributes.items() if attribute not in INTERNAL}
-            references = tuple(first for first, *_ in attributes.get("DIMENSION_LIST", ()))
-            yield NetcdfVariable(name, values, told, references, as_text(attributes.get("CLASS", "")) == SCALE)
+            dimensions = tuple(self._name(first) for first, *_ in attributes.get("DIMENSION_LIST", ()))
+            own = (name,) if as_text(attributes.get("CLASS", "")) == SCALE else ()
+            yield NetcdfVariable(name, values, told, dimensions or own)
 
-    def dimensions_of(self, variable: NetcdfVariable) -> tuple[str, ...]:
-        """Names of a variable's dimensions."""
-        if variable.is_scale and not variable.references:
-            return (variable.name,)
-        for reference in variable.references:
-            if reference not in self._names:
-                self._names[reference] = self._file[reference].name.removeprefix("/")
-        return tuple(self._names[reference] for reference in variable.references)
+    def _name(self, reference: Any) -> str:
+        """What a reference to a dimension leads to; looked up once."""
+        if reference not in self._names:
+            self._names[reference] = self._file[reference].name.removeprefix("/")
+        return self._names[reference]
 
 
 @contextmanager
@@ -294,9 +293,4 @@ class HeldFile:
         for name, variable in self._variables.items():
             # In the order in which a file gives them.
             told = dict(sorted(variable.attrs.items()))
-            yield NetcdfVariable(name, variable.values, told, variable.dimensions, False)
-
-    @staticmethod
-    def dimensions_of(variable: NetcdfVariable) -> tuple[str, ...]:
-        """Names of a variable's dimensions."""
-        return variable.references
+            yield NetcdfVariable(name, variable.values, told, variable.dimensions)

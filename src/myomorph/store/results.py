@@ -48,6 +48,11 @@ def file_source(role: str, path: str | os.PathLike[str]) -> Source:
         raise BadFile(path, f"cannot be read ({error.strerror or error})") from None
 
 
+def file_sources(*named: tuple[str, Path | None]) -> tuple[Source, ...]:
+    """Files as inputs of a step, each with its role; those that are None are left out."""
+    return tuple(file_source(role, path) for role, path in named if path is not None)
+
+
 def _hash_of(path: str | os.PathLike[str]) -> str:
     """Hash of a file's bytes; a large file that has not been touched since is read only once."""
     digest = hashlib.sha256()
@@ -182,7 +187,7 @@ class ResultWriter:
         for variable in other.variables():
             made_by = as_text(variable.told.get(STEP, ""))
             if variable.name not in self._file and (not made_by or made_by in steps):
-                self._copy_variable(variable, other.dimensions_of(variable))
+                self._copy_variable(variable)
         for name, value in other.attributes.items():
             marked = any(
                 name.startswith(prefix) and name[len(prefix) :] not in steps for prefix in (PROVENANCE, REMARKS)
@@ -190,8 +195,8 @@ class ResultWriter:
             if name not in self._file.attributes and not marked:
                 self.fact(name, value)
 
-    def _copy_variable(self, variable: NetcdfVariable, dimensions: tuple[str, ...]) -> None:
-        name, values = variable.name, variable.values
+    def _copy_variable(self, variable: NetcdfVariable) -> None:
+        name, values, dimensions = variable.name, variable.values, variable.dimensions
         for dimension, size in zip(dimensions, values.shape, strict=True):
             known = self._file.dimensions.setdefault(dimension, size)
             if known != size:

@@ -82,28 +82,20 @@ def get_fit(stored: Stored) -> KinematicsFit | None:
 
 def put_motion(writer: ResultWriter, motion: Motion, model: Model) -> None:
     """Coordinates, with their derivatives where known."""
-    _coordinates(writer, motion, model)
-    two = ("time", "coordinate")
-    writer.put("coordinate_value", two, motion.values, "rad or m", "coordinate")
-    _derivatives(writer, motion)
+    _put_coordinates(writer, motion, model, "coordinate_value", "coordinate")
 
 
 def put_derivatives(writer: ResultWriter, motion: Motion, model: Model) -> None:
     """Coordinates as the forces were computed from them (filtered where asked for), and their derivatives."""
-    _coordinates(writer, motion, model)
-    two = ("time", "coordinate")
-    writer.put("coordinate_filtered", two, motion.values, "rad or m", "coordinate that the forces belong to")
-    _derivatives(writer, motion)
+    _put_coordinates(writer, motion, model, "coordinate_filtered", "coordinate that the forces belong to")
 
 
-def _coordinates(writer: ResultWriter, motion: Motion, model: Model) -> None:
+def _put_coordinates(writer: ResultWriter, motion: Motion, model: Model, name: str, meaning: str) -> None:
     writer.time(motion.time)
     writer.names("coordinate", motion.names)
     writer.texts("coordinate_unit", "coordinate", coordinate_units(model, motion.names))
-
-
-def _derivatives(writer: ResultWriter, motion: Motion) -> None:
     two = ("time", "coordinate")
+    writer.put(name, two, motion.values, "rad or m", meaning)
     if motion.velocities is not None:
         writer.put("coordinate_velocity", two, motion.velocities, "rad/s or m/s", "coordinate velocity")
     if motion.accelerations is not None:

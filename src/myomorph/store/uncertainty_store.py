@@ -94,10 +94,9 @@ def read_value_errors(path: Path) -> ValueErrors | None:
     if not path.is_file():
         return None
     with open_netcdf(path) as file:
-        if all(variable.name != ERRORS for variable in file.variables()):
-            return None
         stored = stored_values(path, file, only=(VALUE, ERRORS))
-    return ValueErrors(_pairs(stored), np.asarray(stored.values[ERRORS], np.float64))
+    errors = stored.values.get(ERRORS)
+    return None if errors is None else ValueErrors(_pairs(stored), np.asarray(errors, np.float64))
 
 
 def _pairs(stored: Stored) -> tuple[tuple[str, str], ...]:
