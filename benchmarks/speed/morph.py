@@ -178,4 +178,4 @@ def _files(data: Path) -> None:
     files = SpeciesFiles(data / MAN, data / MOUSE, geometry=data / BONES)
     morphed, bones = species_files(files, MorphSettings())
     with tempfile.TemporaryDirectory() as folder:
-        write_morphed(morphed, Path(folder) / "mouse.osim", bones=bones)
+        write_morphed(morphed, Path(folder) / "mouse.osim", Path(folder) / "mouse_morph", bones)

@@ -35,7 +35,7 @@ def calibrate_command(
     static : recording of standing still
     marker_set : OpenSim marker set (.xml) that comes before the model's markers
     """
-    from myomorph.store.results import file_source, provenance_of
+    from myomorph.store.results import file_sources, provenance_of
     from myomorph.store.settings import plain_settings, with_settings
     from myomorph.study.inputs.labels import Labels
     from myomorph.study.inputs.markers import MarkersFile
@@ -44,13 +44,13 @@ def calibrate_command(
     from myomorph.study.inputs.time_span import TimeSpan
     from myomorph.study.subject import calibrating
     from myomorph.study.subject.subject_files import SubjectFiles, SubjectInputs
-    from myomorph.study.subject.subjects import check_out_model, tables_folder
+    from myomorph.study.subject.subjects import tables_folder
     from myomorph.study.trial.trial_inputs import TrialFiles
 
     flags.use_threads(threads)
     if not markers and static is None:
         raise BadData("no recording to calibrate from: give --markers FILE, --static FILE or both")
-    check_out_model(out, read=(model,))
+    tables = tables_folder(out, calibrating.STEP.tables, (model,))
     shared, settings = flags.inputs_of_flags(inputs), flags.settings_dict(options)
     tasks, labels = shared.or_default(TasksFile).tasks, shared.or_default(Labels).labels
     body, chosen = open_model(model), with_settings(CalibrationOptions(), settings)
@@ -63,12 +63,11 @@ def calibrate_command(
     files = SubjectFiles(model.stem, model, static=static, trials=trials, labels=labels)
     subject = SubjectInputs(files, {"calibrate": settings}, model, body)
     time = shared.or_default(TimeSpan).time
-    named = [("model", model), *(("markers", path) for path in markers), ("static", static)]
-    named += [("marker set", marker_set), ("tasks", tasks)]
-    sources = [file_source(role, path) for role, path in named if path is not None]
+    recorded = (*(("markers", path) for path in markers), ("static", static))
+    sources = file_sources(("model", model), *recorded, ("marker set", marker_set), ("tasks", tasks))
     plain = plain_settings(chosen) | {"time": time} | ({"labels": dict(labels)} if labels else {})
     made_from = provenance_of("calibrate", sources, plain)
     calibrated = calibrating.calibrated(subject, chosen, made_from)
-    lost = calibrating.write_calibrated(calibrated, out)
+    lost = calibrating.write_calibrated(calibrated, out, tables)
     notes = (*map(str, calibrated.findings), *calibrated.warnings, *calibrated.found.notes, *lost)
-    return made(out, tables_folder(out, calibrating.STEP.tables), calibrating.summary(calibrated.found), notes)
+    return made(out, tables, calibrating.summary(calibrated.found), notes)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
 from pathlib import Path
 from typing import Literal
 
@@ -62,17 +61,16 @@ def identify_command(
     from myomorph.study.inputs.time_span import TimeSpan
     from myomorph.study.subject import identifying
     from myomorph.study.subject.subject_files import BodyShape
-    from myomorph.study.subject.subjects import check_out_model, tables_folder
+    from myomorph.study.subject.subjects import tables_folder
 
     flags.use_threads(threads)
-    check_out_model(out, read=(model,))
+    tables = tables_folder(out, identifying.STEP.tables, (model,))
     settings = flags.settings_dict(options)
     shape = BodyShape(skin, landmarks, height, chest, sex, age)
     scaled = open_model(model)
     shared = flags.inputs_of_flags(inputs)
     named, time = shared.or_default(LoadsFile), shared.or_default(TimeSpan).time
-    force_settings = {field.name: settings.pop(field.name) for field in fields(ForceOptions) if field.name in settings}
-    forces = with_settings(ForceOptions(), force_settings)
+    forces = with_settings(ForceOptions(), settings)
     if live:
         motions = live_motions(scaled, motion, loads, mass, time, settings)
     else:
@@ -81,6 +79,6 @@ def identify_command(
     sources = identifying.input_sources(model, (*motion, *check_motion), (*loads, *check_loads), shape)
     chosen = identifying.IdentifyOptions.of(settings)
     identified = identifying.identify_subject(scaled, motions, shape, mass, chosen, sources)
-    lost = identifying.write_identified(identified, out)
+    lost = identifying.write_identified(identified, out, tables)
     notes = (*scaled.warnings, *identified.found.notes, *lost)
-    return made(out, tables_folder(out, identifying.STEP.tables), identifying.summary(identified), notes)
+    return made(out, tables, identifying.summary(identified), notes)

@@ -66,12 +66,11 @@ def morph_command(
     """
     from myomorph.study.subject import morphing
     from myomorph.study.subject.morph_files import MorphFiles
-    from myomorph.study.subject.subjects import check_out_model, tables_folder
+    from myomorph.study.subject.subjects import tables_folder
     from myomorph.study.trial.reporting import REPORT
 
     use_threads(threads)
-    tables = tables_folder(out, morphing.STEP.tables)
-    check_out_model(out, tables, (source, target, bones, geometry, target_geometry))
+    tables = tables_folder(out, morphing.STEP.tables, (source, target, bones, geometry, target_geometry))
     settings = morphing.MorphSettings.of(settings_dict(options))
     if species or target is not None:
         if bones is not None or target is None:
@@ -92,7 +91,7 @@ def morph_command(
         )
         details = (landmarks, geometry, skin, unit, mass, together, mirror, across, _links(link or []))
         morphed, drawn = morphing.morph_files(MorphFiles(source, bones, *details), settings), None
-    lost = morphing.write_morphed(morphed, out, bones=drawn)
+    lost = morphing.write_morphed(morphed, out, tables, drawn)
     notes = dict.fromkeys((*morphed.warnings, *morphed.morph.notes, *morphing.bone_notes(morphed), *lost))
     return made(out, tables, morphing.summary(morphed), tuple(notes), f"{tables / REPORT} lists them")
 

@@ -42,15 +42,14 @@ def personalize_command(
     generic : the model that was scaled: muscles begin with its operating ranges
     """
     from myomorph.study.inputs.reading import open_model
-    from myomorph.study.subject.subjects import check_out_model, tables_folder
+    from myomorph.study.subject.subjects import tables_folder
 
     flags.use_threads(threads)
-    check_out_model(out, read=(model, generic))
+    tables = tables_folder(out, personalizing.STEP.tables, (model, generic))
     recordings = (motion, loads, torques, emg, passive)
     files = personalizing.PersonalFiles(model, *recordings, generic, flags.inputs_of_flags(inputs))
     scaled = open_model(model)
     personalized = personalizing.personalize_files(files, flags.settings_dict(options), scaled)
-    lost = personalizing.write_personalized(personalized, out)
-    tables = tables_folder(out, personalizing.STEP.tables)
+    lost = personalizing.write_personalized(personalized, out, tables)
     notes = (*personalized.found.notes, *personalized.warnings, *lost)
     return made(out, tables, personal_lines(personalized.found), notes, f"'{tables / personalizing.NOTES}' lists them")

@@ -38,11 +38,11 @@ def refine_command(
     from myomorph.study.inputs.loads import LoadsFile
     from myomorph.study.inputs.markers import MarkersFile
     from myomorph.study.subject import refining
-    from myomorph.study.subject.subjects import check_out_model, tables_folder
+    from myomorph.study.subject.subjects import tables_folder
     from myomorph.study.trial.trial_inputs import TrialFiles
 
     flags.use_threads(threads)
-    check_out_model(out, read=(model,))
+    tables = tables_folder(out, refining.STEP.tables, (model,))
     if not markers or len(markers) != len(loads):
         raise BadData(
             f"{len(markers)} recordings of markers and {len(loads)} files of forces: give one of each for every "
@@ -61,6 +61,6 @@ def refine_command(
     ]
     chosen = with_settings(RefineOptions(), settings)
     refined = refining.refine_files(model, files, mass, chosen, {"id": forces} if forces else {})
-    lost = refining.write_refined(refined, out)
+    lost = refining.write_refined(refined, out, tables)
     notes = (*refined.found.notes, *refined.warnings, *lost)
-    return made(out, tables_folder(out, refining.STEP.tables), refining.summary(refined.found), notes)
+    return made(out, tables, refining.summary(refined.found), notes)

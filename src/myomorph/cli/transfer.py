@@ -34,11 +34,11 @@ def transfer_command(
     """
     from myomorph.store.settings import with_settings
     from myomorph.study.subject import transferring
-    from myomorph.study.subject.subjects import check_out_model, tables_folder
+    from myomorph.study.subject.subjects import tables_folder
 
     use_threads(threads)
-    tables, chosen = tables_folder(out, transferring.STEP.tables), settings_dict(options)
-    check_out_model(out, tables, (model, to, pose, *motion))
-    transferred = transferring.transfer_files(model, to, pose, with_settings(TransferOptions(), chosen), motion)
-    lost = transferring.write_transferred(transferred, out)
+    tables = tables_folder(out, transferring.STEP.tables, (model, to, pose, *motion))
+    chosen = with_settings(TransferOptions(), settings_dict(options))
+    transferred = transferring.transfer_files(model, to, pose, chosen, motion)
+    lost = transferring.write_transferred(transferred, out, tables)
     return made(out, tables, transferring.summary(transferred), (*transferred.found.notes, *lost))

@@ -227,9 +227,10 @@ def run_morph_demo(out: Path) -> MorphDemo:
         notes=_notes(),
         further=(error_section(errors),),
     )
-    write_morphed(morphed, out / RESULT, page=page)
+    tables = tables_folder(out / RESULT, STEP.tables)
+    write_morphed(morphed, out / RESULT, tables, page=page)
     _write_errors(errors, out / ERRORS)
-    return MorphDemo(morphed, truth, errors, tables_folder(out / RESULT, STEP.tables) / REPORT)
+    return MorphDemo(morphed, truth, errors, tables / REPORT)
 
 
 def _notes() -> tuple[Note, ...]:

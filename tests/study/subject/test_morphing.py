@@ -17,7 +17,8 @@ from myomorph.model.model import Axis, Body, Coordinate, Joint, Marker, Mesh, Mo
 from myomorph.model.paths import Muscle, Path, PathPoint
 from myomorph.model.spatial import Transform
 from myomorph.study.subject.morph_files import MorphFiles, bone_files, read_bones
-from myomorph.study.subject.morphing import MorphSettings, morph_files, summary, tables_folder, write_morphed
+from myomorph.study.subject.morphing import MorphSettings, morph_files, summary, write_morphed
+from myomorph.study.subject.subjects import tables_folder
 
 GROWTH = np.array([1.1, 0.9, 1.2])
 SLIDE = 0.012
@@ -99,8 +100,8 @@ def test_the_summary_tells_each_bone_in_a_line(morphed):
 
 def test_model_bones_tables_and_report_are_written_together(morphed, leg, tmp_path):
     out = tmp_path / "own.osim"
-    write_morphed(morphed, out)
     folder = tables_folder(out, "morph")
+    write_morphed(morphed, out, folder)
     again = read_model(out)
     drawn = read_mesh(tmp_path / again.bodies[0].meshes[0].file)
     np.testing.assert_allclose(
@@ -112,7 +113,7 @@ def test_model_bones_tables_and_report_are_written_together(morphed, leg, tmp_pa
     place = [float(rows[2][f"target {axis} [m]"]) for axis in "xyz"]
     np.testing.assert_allclose(place, again.muscles[0].path.points[2].location, rtol=1e-5)
     assert "vas" in (folder / "report.html").read_text(encoding="utf-8")
-    write_morphed(morphed, out)
+    write_morphed(morphed, out, folder)
 
 
 def test_masses_come_as_told(leg, tmp_path):

@@ -201,7 +201,7 @@ def test_a_mouse_gets_a_mans_muscles(data, tmp_path):
     for name in ("ehl_r", "fhl_r"):
         # The skeleton counts toes from the outer side: the first is its fifth.
         assert model.muscle(name).path.points[-1].body == "mouse__RBPhalange5"
-    write_morphed(morphed, tmp_path / "mouse.osim", bones=bones)
+    write_morphed(morphed, tmp_path / "mouse.osim", tmp_path / "mouse_morph", bones)
     back = read_osim(tmp_path / "mouse.osim")
     assert (tmp_path / back.body("mouse__RFemur").meshes[0].file).is_file()
     pytest.importorskip("opensim")

@@ -128,15 +128,15 @@ def with_made(files: TrialFiles, made: MadeModel, maker: str, settings: Settings
     if maker != files.subject:
         return files
     recorded = files.get(EmgFiles)
-    if made.gains is not None and recorded.emg is not None:
-        files = files.having(replace(recorded, emg_gains_file=made.gains))
-    if made.soft_tissue is not None and files.get(SoftTissueFile).soft_tissue is None:
-        files = files.having(SoftTissueFile(made.soft_tissue))
+    if "gains" in made.left and recorded.emg is not None:
+        files = files.having(replace(recorded, emg_gains_file=made.left["gains"]))
+    if "soft_tissue" in made.left and files.get(SoftTissueFile).soft_tissue is None:
+        files = files.having(SoftTissueFile(made.left["soft_tissue"]))
     refining = settings.get("refine", {})
-    if made.motions is not None and with_settings(TrialMotion(), refining).use_motions:
+    if "motions" in made.left and with_settings(TrialMotion(), refining).use_motions:
         cutoff = with_settings(RefineOptions(), refining).cutoff
-        return files.having(RefinedFile(made.motions / f"{file_name(files.name)}.mot", cutoff))
-    return carried_trial(files, made.carried)
+        return files.having(RefinedFile(made.left["motions"] / f"{file_name(files.name)}.mot", cutoff))
+    return carried_trial(files, made.left.get("carried"))
 
 
 def _recordings(*trials: TrialFiles) -> tuple[Recording, ...]:

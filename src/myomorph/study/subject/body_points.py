@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -29,16 +29,8 @@ if TYPE_CHECKING:
     from myomorph.identify.body.shape import Shape
 
 OWN = "own"  # Weight map of envelopes: each point belongs to the link whose envelope it fills.
-
-
-def weight_maps(model: Model) -> Mapping[str, Callable[[Array, Links], sparse.csr_array]]:
-    """The weight maps by the names of the command, links without mass left out."""
-    taking = links_with_mass(model)
-    return {
-        "bone": lambda points, links: bone_weights(points, links, taking=taking),
-        "cog": lambda points, links: cog_weights(points, links, taking=taking),
-        "nearest": lambda points, links: nearest_weights(points, links, taking=taking),
-    }
+WEIGHT_MAPS = {"bone": bone_weights, "cog": cog_weights, "nearest": nearest_weights}
+"""By the names of the command."""
 
 
 def body_points(
@@ -88,12 +80,12 @@ def body_points(
 
 
 def _weights(model: Model, points: Array, links: Links, names: Sequence[str]) -> dict[str, sparse.csr_array]:
-    """Weights of points by the maps' names."""
-    functions = weight_maps(model)
-    result = {}
+    """Weights of points by the maps' names, links without mass left out."""
+    taking = links_with_mass(model)
+    result: dict[str, sparse.csr_array] = {}
     with progress("weights of mass points", len(names), "maps") as advance:
         for name in names:
-            result[name] = functions[name](points, links)
+            result[name] = WEIGHT_MAPS[name](points, links, taking=taking)
             advance(1)
     return result
 

@@ -31,7 +31,7 @@ from myomorph.study.inputs import reading
 from myomorph.study.step.folder_steps import NOTES, FolderOutput
 from myomorph.study.step.step import Step
 from myomorph.study.subject.subject_files import SubjectFiles, SubjectInputs, recordings_provenance
-from myomorph.study.subject.subjects import Made, tables_folder, write_made_model, write_rows
+from myomorph.study.subject.subjects import Made, write_made_model, write_rows
 from myomorph.study.trial.steps.ik import used_markers
 
 FINDINGS = "findings.json"  # What checks of the markers found, in the folder of tables.
@@ -101,7 +101,7 @@ def _run(subject: SubjectInputs, output: FolderOutput) -> None:
     write_calibrated(calibrated(subject, options, output.made), output.path("model"), output.tables)
 
 
-def write_calibrated(calibrated: Calibrated, out: Path, tables: Path | None = None) -> tuple[str, ...]:
+def write_calibrated(calibrated: Calibrated, out: Path, tables: Path) -> tuple[str, ...]:
     """Write the model, and a folder of tables, report and findings, whole or not at all; returns what is lost in it."""
     calibration = calibrated.found
 
@@ -115,9 +115,7 @@ def write_calibrated(calibrated: Calibrated, out: Path, tables: Path | None = No
         (folder / NOTES).write_text("".join(f"{finding}\n" for finding in calibrated.findings), encoding="utf-8")
         (folder / REPORT).write_text(calibration_page(calibrated), encoding="utf-8")
 
-    return write_made_model(
-        calibration.model, calibrated.provenance, out, tables or tables_folder(out, STEP.tables), fill
-    )
+    return write_made_model(calibration.model, calibrated.provenance, out, tables, fill)
 
 
 def length_rows(calibration: Calibration) -> list[dict[str, object]]:

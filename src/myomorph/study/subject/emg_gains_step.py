@@ -81,24 +81,19 @@ def _left_out(trial: TrialInputs) -> str:
     return ""
 
 
-def _channels(trial: TrialInputs) -> Mapping[str, tuple[str, ...]]:
-    """Channels of a trial and their muscles."""
-    recorded = trial.get(RecordedEmg)
-    return {} if recorded is None else recorded.muscles
-
-
 def _muscles(trials: Sequence[TrialInputs]) -> dict[str, tuple[str, ...]]:
     """Muscles of the channels that all trials have."""
     first = trials[0]
-    common = dict(_channels(first))
+    common = dict(first.inputs[RecordedEmg].muscles)
     for trial in trials[1:]:
-        for channel, names in _channels(trial).items():
+        channels = trial.inputs[RecordedEmg].muscles
+        for channel, names in channels.items():
             if channel in common and tuple(common[channel]) != tuple(names):
                 raise BadData(
                     f"EMG channel '{channel}' is of {', '.join(common[channel])} in '{first.name}', but of "
                     f"{', '.join(names)} in '{trial.name}': gains of all trials need the same electrodes"
                 )
-        common = {channel: names for channel, names in common.items() if channel in _channels(trial)}
+        common = {channel: names for channel, names in common.items() if channel in channels}
     if not common:
         listed = ", ".join(trial.name for trial in trials)
         raise BadData(f"no EMG channel is in all of the trials {listed}: gains of all trials need the same electrodes")

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from myomorph.identify.recordings import RecordingOptions, usable
+from myomorph.identify.recordings import RecordingOptions, Usable, usable
 from myomorph.identify.subject import GENERIC, SHAPE, Identification, IdentificationOptions, identify
 from myomorph.identify.validation import CrossValidation, cross_validate
 from myomorph.model.errors import BadData
@@ -24,7 +24,7 @@ from myomorph.report.page.parts import Note, PageHead
 from myomorph.report.trial.identification_tables import identification_tables
 from myomorph.report.trial.report_input import IdentificationInput, Recorded, ReportInput
 from myomorph.store.progress import progress
-from myomorph.store.results import file_source, provenance_of
+from myomorph.store.results import file_source, file_sources, provenance_of
 from myomorph.store.settings import ForceOptions, SettingGroup
 from myomorph.study.inputs import reading
 from myomorph.study.inputs.error_size_tables import write_error_sizes
@@ -35,7 +35,7 @@ from myomorph.study.step.step import Step
 from myomorph.study.subject.body_points import OWN, body_points
 from myomorph.study.subject.found_errors import identified_errors
 from myomorph.study.subject.subject_files import BodyOptions, BodyShape, SubjectInputs, recordings_provenance
-from myomorph.study.subject.subjects import Made, tables_folder, write_made_model
+from myomorph.study.subject.subjects import Made, write_made_model
 from myomorph.study.trial.steps.ik import trial_motion
 
 MAPS = {"bone": "w_b", "cog": "w_d", "nearest": "w_n", OWN: "own link"}
@@ -130,12 +130,13 @@ def identify_subject(
 ) -> Identified:
     """Identify the masses of a scaled model from a subject's motions."""
     mass = check_mass(model, mass)
-    used = [
-        usable(model, part.motion, part.wrenches, mass=mass, time=part.time, name=part.name, options=options.recording)
-        for part in motions
-    ]
-    seen = [recording for recording, motion in zip(used, motions, strict=True) if not motion.held_out]
-    if not seen:
+    used, unseen = list[Usable](), list[Usable]()
+    for part in motions:
+        recording = usable(
+            model, part.motion, part.wrenches, mass=mass, time=part.time, name=part.name, options=options.recording
+        )
+        (unseen if part.held_out else used).append(recording)
+    if not used:
         raise BadData("no motion to identify from: give at least one with its forces")
     points, inside, notes_of_points = body_points(
         model, shape, mass, options.body, options.identification.compare, _surfaces(model)
@@ -145,13 +146,13 @@ def identify_subject(
     with progress("identification", ways, "solutions") as advance, threadpool_limits(limits=1, user_api="blas"):
         identification = identify(
             model,
-            seen,
+            used,
             {MAPS[name]: point for name, point in points.items()},
             mass=mass,
             inside=inside,
             options=options.identification,
             recording=options.recording,
-            unseen=[recording for recording, motion in zip(used, motions, strict=True) if motion.held_out],
+            unseen=unseen,
             advance=advance,
         )
     force_notes = (f"{motion.name}: {text}" for motion in motions for text in motion.wrenches.notes)
@@ -169,39 +170,27 @@ def identify_subject(
     }
     tissue = identification.soft_tissue
     tissues = {} if tissue is None else {identification.identified: tissue, SHAPE: tissue}
-    validation = {
-        recording.name: cross_validate(models, recording.recording, tissues)
-        for recording, motion in zip(used, motions, strict=True)
-        if motion.held_out
-    }
+    validation = {recording.name: cross_validate(models, recording.recording, tissues) for recording in unseen}
     made = provenance_of("identify", sources, {"mass": mass, **options.plain()})
     return Identified(identification, made, validation=FrozenMap(validation))
 
 
 def input_sources(model: Path, motions: Sequence[Path], loads: Sequence[Path], shape: BodyShape) -> list[Source]:
     """The files that an identification is made from."""
-    sources = [file_source("model", model)]
-    sources += [file_source("motion", path) for path in motions]
+    sources = [*file_sources(("model", model), *(("motion", path) for path in motions))]
     for path in loads:
         sources += [file_source("loads", path), *load_tables(path)]
-    named = (("skin", shape.skin), ("landmarks", shape.landmarks))
-    sources += [file_source(role, path) for role, path in named if path is not None]
-    return sources
+    return [*sources, *file_sources(("skin", shape.skin), ("landmarks", shape.landmarks))]
 
 
-def write_identified(
-    identified: Identified, out: Path, subject: str = "", tables: Path | None = None
-) -> tuple[str, ...]:
+def write_identified(identified: Identified, out: Path, tables: Path, subject: str = "") -> tuple[str, ...]:
     """Write the model, and a folder of tables and a report, whole or not at all; returns what is lost in the model."""
-    identification = identified.found
-    return write_made_model(
-        identification.model,
-        identified.provenance,
-        out,
-        tables or tables_folder(out, STEP.tables),
-        lambda folder: _write_tables(identified, folder, subject or identification.model.name),
-        identification.notes,
-    )
+    model, name = identified.found.model, subject or identified.found.model.name
+
+    def fill(folder: Path) -> None:
+        _write_tables(identified, folder, name)
+
+    return write_made_model(model, identified.provenance, out, tables, fill, identified.found.notes)
 
 
 def _write_tables(identified: Identified, folder: Path, subject: str) -> None:
@@ -305,7 +294,7 @@ def _run(subject: SubjectInputs, output: FolderOutput) -> None:
             f"subject '{files.name}': no trial has external forces, so 'identify' has nothing to hold masses against"
         )
     identified = identify_subject(subject.model, motions, files.shape, files.mass, options)
-    write_identified(replace(identified, provenance=output.made), output.path("model"), files.name, output.tables)
+    write_identified(replace(identified, provenance=output.made), output.path("model"), output.tables, files.name)
 
 
 def _made_from(subject: SubjectInputs) -> Provenance:

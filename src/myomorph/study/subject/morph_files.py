@@ -17,7 +17,7 @@ from myomorph.model.model import Model
 from myomorph.model.provenance import Source
 from myomorph.model.surface import Surface
 from myomorph.morph.registration.clusters import bone_surface
-from myomorph.store.results import file_source
+from myomorph.store.results import file_sources
 from myomorph.store.study_file import Strict, existing
 
 Unit: TypeAlias = Literal["m", "cm", "mm", "in"]
@@ -49,9 +49,8 @@ class MorphFiles:
 
     def sources(self) -> tuple[Source, ...]:
         """The files by their hashes."""
-        named = [("model", self.source), *(("bone", path) for path in bone_files(self.bones).values())]
-        named += [(role, path) for role, path in (("landmarks", self.landmarks), ("skin", self.skin)) if path]
-        return tuple(file_source(role, path) for role, path in named)
+        bones = (("bone", path) for path in bone_files(self.bones).values())
+        return file_sources(("model", self.source), *bones, ("landmarks", self.landmarks), ("skin", self.skin))
 
     def options(self) -> dict[str, object]:
         """What is said of the files, for provenance."""

@@ -41,7 +41,7 @@ from myomorph.study.step.step import Step
 from myomorph.study.subject.found_errors import morphed_errors
 from myomorph.study.subject.morph_files import MorphFiles, read_bones, resized, source_bones, spread
 from myomorph.study.subject.subject_files import SubjectInputs, recordings_provenance
-from myomorph.study.subject.subjects import tables_folder, write_made_model
+from myomorph.study.subject.subjects import write_made_model
 
 POOR_AGREEMENT = 0.95  # Agreement of a bone's normals with the target's below which another bone is tried.
 
@@ -152,7 +152,7 @@ def morph_subject(subject: SubjectInputs, output: FolderOutput) -> Morphed:
 
 
 def write_morphed(
-    morphed: Morphed, out: Path, tables: Path | None = None, bones: Mapping[str, Surface] | None = None, page: str = ""
+    morphed: Morphed, out: Path, tables: Path, bones: Mapping[str, Surface] | None = None, page: str = ""
 ) -> tuple[str, ...]:
     """Write the model, and beside it a folder with its bones (by default those that the maps lead to), tables and
     report (`page` where it tells more than the morph alone); whole or not at all. Returns what the model's file could
@@ -162,7 +162,6 @@ def write_morphed(
     from myomorph.report.morph.tables import morphing_tables
     from myomorph.study.trial.reporting import REPORT
 
-    tables = tables or tables_folder(out, STEP.tables)
     if bones is None:
         bones = {bone.target_body: bone.target for bone in morphed.morph.bones.values() if bone.target is not None}
 

@@ -13,13 +13,13 @@ from myomorph.io.sto import motion_from_table, read_sto
 from myomorph.model.errors import BadData
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
-from myomorph.model.provenance import Provenance
+from myomorph.model.provenance import Provenance, Source
 from myomorph.model.series import Motion, Series
 from myomorph.motion.emg_activation import USUAL
 from myomorph.report.page.parts import Note, PageHead
 from myomorph.report.trial.personalized import personalized_page
 from myomorph.store.progress import progress
-from myomorph.store.results import file_source, provenance_of
+from myomorph.store.results import file_source, file_sources, provenance_of
 from myomorph.store.settings import Differentiation, ForceOptions, plain_settings, with_settings
 from myomorph.study.inputs import reading
 from myomorph.study.inputs.emg import EmgFiles, RecordedEmg
@@ -32,8 +32,8 @@ from myomorph.study.inputs.torques import RecordedTorques
 from myomorph.study.step.folder_steps import FolderOutput
 from myomorph.study.step.step import Step
 from myomorph.study.subject.found_errors import personal_errors
-from myomorph.study.subject.subject_files import SubjectInputs, recordings_provenance
-from myomorph.study.subject.subjects import Made, tables_folder, write_made_model, write_rows
+from myomorph.study.subject.subject_files import SubjectFiles, SubjectInputs, recordings_provenance
+from myomorph.study.subject.subjects import Made, write_made_model, write_rows
 from myomorph.study.trial.steps.id import solve_dynamics
 from myomorph.study.trial.steps.ik import recorded_poses, solve_kinematics
 from myomorph.study.trial.trial_inputs import TrialFiles, TrialInputs, open_trial
@@ -99,15 +99,14 @@ def personalize_files(
         warnings += [text for text in trial.warnings if text not in warnings]
         sources += [source for source in trial.sources if source not in sources]
         table = files.torques[index] if files.torques else None
-        sources += [] if table is None else [file_source("torques", table)]
+        sources += file_sources(("torques", table))
         trials.append(_trial(trial, recorded_poses(trial).recorded, motion.stem, table))
     trials += [read_passive(path, model) for path in files.passive]
     generic = None if files.generic is None else reading.open_model(files.generic)
     with reading.about(files.model), progress("muscles of the person", STEPS, "steps") as advance:
         personalized = personalize(model, trials, options, generic=generic, advance=advance)
     used = plain_settings(options) | cutoff | {"time": files.inputs.or_default(TimeSpan).time}
-    sources += [file_source("passive torques", path) for path in files.passive]
-    sources += [] if files.generic is None else [file_source("generic model", files.generic)]
+    sources += _sources(files)
     return Made(personalized, provenance_of("personalize", sources, used), tuple(warnings))
 
 
@@ -176,15 +175,9 @@ def _coordinate(name: str) -> str:
     return name.removesuffix("_moment").removesuffix("_force")
 
 
-def write_personalized(made: Made[Personalized], out: Path, tables: Path | None = None) -> tuple[str, ...]:
+def write_personalized(made: Made[Personalized], out: Path, tables: Path) -> tuple[str, ...]:
     """Write the model, and a folder of tables, whole or not at all; returns what is lost in the model's file."""
-    return write_made_model(
-        made.found.model,
-        made.provenance,
-        out,
-        tables or tables_folder(out, STEP.tables),
-        lambda folder: _write(made, folder),
-    )
+    return write_made_model(made.found.model, made.provenance, out, tables, lambda folder: _write(made, folder))
 
 
 def _write(made: Made[Personalized], folder: Path) -> None:
@@ -288,10 +281,14 @@ def _run(subject: SubjectInputs, output: FolderOutput) -> None:
 
 
 def _made_from(subject: SubjectInputs) -> Provenance:
-    made, files = recordings_provenance("personalize", subject, earlier=("ik", "id")), subject.files
-    sources = [file_source("passive torques", path) for path in files.passive]
-    sources += [] if files.generic is None else [file_source("generic model", files.generic)]
-    return replace(made, sources=(*made.sources, *sources)) if sources else made
+    made = recordings_provenance("personalize", subject, earlier=("ik", "id"))
+    return replace(made, sources=(*made.sources, *_sources(subject.files)))
+
+
+def _sources(files: PersonalFiles | SubjectFiles) -> tuple[Source, ...]:
+    """Files beside the recordings."""
+    passive = (("passive torques", path) for path in files.passive)
+    return file_sources(*passive, ("generic model", files.generic))
 
 
 STEP = Step(

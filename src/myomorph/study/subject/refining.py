@@ -34,7 +34,7 @@ from myomorph.study.step.step import Step
 from myomorph.study.subject.found_errors import refined_errors
 from myomorph.study.subject.identifying import check_mass, tissue_line
 from myomorph.study.subject.subject_files import SubjectInputs, recordings_provenance
-from myomorph.study.subject.subjects import Made, tables_folder, write_made_model, write_rows
+from myomorph.study.subject.subjects import Made, write_made_model, write_rows
 from myomorph.study.trial.steps.ik import solve_kinematics
 from myomorph.study.trial.trial_inputs import Settings, TrialFiles, TrialInputs, open_trial
 
@@ -79,7 +79,7 @@ def refined(trials: Sequence[TrialInputs], mass: float | None, options: RefineOp
     return Made(refinement, made, tuple(dict.fromkeys(warnings)))
 
 
-def write_refined(refined: Made[Refinement], out: Path, tables: Path | None = None) -> tuple[str, ...]:
+def write_refined(refined: Made[Refinement], out: Path, tables: Path) -> tuple[str, ...]:
     """Write the model, and a folder of motions, tables and report, whole or not at all; returns what is lost in it."""
     refinement = refined.found
 
@@ -97,9 +97,7 @@ def write_refined(refined: Made[Refinement], out: Path, tables: Path | None = No
 
         (folder / REPORT).write_text(_page(refined), encoding="utf-8")
 
-    return write_made_model(
-        refinement.model, refined.provenance, out, tables or tables_folder(out, STEP.tables), fill, refinement.notes
-    )
+    return write_made_model(refinement.model, refined.provenance, out, tables, fill, refinement.notes)
 
 
 def trial_rows(refinement: Refinement) -> Rows:

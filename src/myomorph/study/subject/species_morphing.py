@@ -35,7 +35,7 @@ from myomorph.morph.species.counterparts import (
 )
 from myomorph.morph.species.maps import coordinate_table, species_morph
 from myomorph.store.progress import progress
-from myomorph.store.results import file_source, provenance_of
+from myomorph.store.results import file_sources, provenance_of
 from myomorph.study.inputs import reading
 from myomorph.study.subject.morph_files import Unit, resized, source_bones
 from myomorph.study.subject.morph_masses import with_skin_masses
@@ -205,12 +205,10 @@ class SpeciesFiles:
 
     def sources(self) -> tuple[Source, ...]:
         """The files by their hashes."""
-        named = [("model", self.source), ("skeleton", self.target)]
-        if Path(self.species).is_file():
-            named.append(("species", Path(self.species)))
-        if self.skin is not None:
-            named.append(("skin", self.skin))
-        return tuple(file_source(role, path) for role, path in named)
+        species = Path(self.species) if Path(self.species).is_file() else None
+        return file_sources(
+            ("model", self.source), ("skeleton", self.target), ("species", species), ("skin", self.skin)
+        )
 
 
 def species_files(files: SpeciesFiles, settings: MorphSettings) -> tuple[Morphed, Mapping[str, Surface]]:

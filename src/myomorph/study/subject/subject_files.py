@@ -10,7 +10,7 @@ from typing import Any, Literal
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.provenance import Provenance
-from myomorph.store.results import file_name, file_source, provenance_of, value_source
+from myomorph.store.results import file_name, file_sources, provenance_of, value_source
 from myomorph.study.inputs.error_size_tables import TABLE as ERROR_SIZES
 from myomorph.study.inputs.laboratory import AS_RECORDED, Laboratory
 from myomorph.study.inputs.motion import MotionFile
@@ -103,18 +103,15 @@ class SubjectFiles:
 
 @dataclass(frozen=True)
 class MadeModel:
-    """Where a subject's own steps leave the model that the trials use, and the file beside which its meshes lie. None
-    where no step makes them: gains of EMG channels, folders with refined coordinates of trials and with those carried
-    to a model of more joints, table of how much more markers move than the mass (no file where they do not). `sizes`
-    are tables of how far off the model may be; where a step finds none it is not there.
+    """Where a subject's own steps leave the model that the trials use, and the file beside which its meshes lie.
+    `left`: what they leave, by use (`Step.leaves`): gains of EMG channels, folders with refined coordinates of trials
+    and with those carried to a model of more joints, table of how much more markers move than the mass (no file where
+    they do not). `sizes` are tables of how far off the model may be; where a step finds none it is not there.
     """
 
     path: Path
     drawn: Path
-    gains: Path | None = None
-    motions: Path | None = None
-    carried: Path | None = None
-    soft_tissue: Path | None = None
+    left: Mapping[str, Path]
     sizes: tuple[Path, ...] = ()
 
     def open(self) -> Model:
@@ -147,7 +144,7 @@ class SubjectInputs:
         """The same with the model that a step has left."""
         done = (*self.done, step.name)
         made = made_model(self.files, done, home)
-        return replace(self, path=made.path, model=made.open(), done=done, carried=made.carried)
+        return replace(self, path=made.path, model=made.open(), done=done, carried=made.left.get("carried"))
 
 
 def carried_trial(trial: TrialFiles, carried: Path | None) -> TrialFiles:
@@ -163,8 +160,8 @@ def recordings_provenance(
     """
     files = subject.files
     sources = list(dict.fromkeys(source for trial in subject.trials() for source in trial.sources))
-    named = (("static", files.static), ("skin", files.shape.skin), ("landmarks", files.shape.landmarks))
-    sources += [file_source(role, path) for role, path in named if path is not None]
+    shape = files.shape
+    sources += file_sources(("static", files.static), ("skin", shape.skin), ("landmarks", shape.landmarks))
     if files.static is not None and (files.static_laboratory or files.labels):
         values = (files.static_laboratory, sorted(files.labels.items()))
         sources.append(value_source("static", "axes and labels of the static recording", *values))
@@ -177,17 +174,10 @@ def recordings_provenance(
 
 def made_model(files: SubjectFiles, steps: Sequence[str], folder: Path) -> MadeModel:
     """The model that a subject's trials use once its own steps are done."""
-    made = MadeModel(files.model, files.drawn or files.model)
+    left, sizes = {"model": files.model, "meshes": files.drawn or files.model}, list[Path]()
     for step in [step_of(name, "subject") for name in STEPS["subject"] if name in steps]:
-        left = {use: folder / name for use, name in step.leaves.items()}
-        path = left.get("model", made.path)
-        made = MadeModel(
-            path,
-            left.get("meshes", (files.detailed if "carried" in left else None) or made.drawn),
-            left.get("gains", made.gains),
-            left.get("motions", made.motions),
-            left.get("carried", made.carried),
-            left.get("soft_tissue", made.soft_tissue),
-            (*made.sizes, folder / step.tables / ERROR_SIZES),
-        )
-    return made
+        if "carried" in step.leaves and files.detailed is not None:
+            left["meshes"] = files.detailed
+        left |= {use: folder / name for use, name in step.leaves.items()}
+        sizes.append(folder / step.tables / ERROR_SIZES)
+    return MadeModel(left["model"], left["meshes"], FrozenMap(left), tuple(sizes))

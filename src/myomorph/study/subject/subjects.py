@@ -28,9 +28,13 @@ class Made(Generic[Found]):
     warnings: tuple[str, ...] = ()
 
 
-def tables_folder(out: Path, tables: str) -> Path:
-    """Where the tables and the report of a model go that a command makes: beside it."""
-    return out.with_name(f"{out.stem}_{tables}")
+def tables_folder(out: Path, tables: str, read: Iterable[Path | None] = ()) -> Path:
+    """Where the tables and the report of a model go that a command makes: beside it. Raises `BadFile` as
+    `check_out_model`.
+    """
+    folder = out.with_name(f"{out.stem}_{tables}")
+    check_out_model(out, folder, read)
+    return folder
 
 
 def write_rows(rows: Sequence[Mapping[str, object]], path: Path) -> None:
@@ -39,7 +43,7 @@ def write_rows(rows: Sequence[Mapping[str, object]], path: Path) -> None:
     write_csv(path, head, ([row[name] for name in head] for row in rows))
 
 
-def check_out_model(out: Path, tables: Path | None = None, read: Iterable[Path | None] = ()) -> None:
+def check_out_model(out: Path, tables: Path, read: Iterable[Path | None] = ()) -> None:
     """Raise `BadFile` where a model cannot be written so, or it or its folder would replace what is `read`."""
     if out.suffix.lower() != ".osim":
         raise BadFile(out, f"is no name for a model: it ends in '{out.suffix}'", "give a name that ends in .osim")
@@ -48,7 +52,7 @@ def check_out_model(out: Path, tables: Path | None = None, read: Iterable[Path |
     if not out.parent.is_dir():
         raise BadFile(out, f"cannot be written: folder '{out.parent}' does not exist", "make it first")
     for path in read:
-        if path is not None and path.resolve() in (out.resolve(), (tables or out).resolve()):
+        if path is not None and path.resolve() in (out.resolve(), tables.resolve()):
             raise BadFile(out, f"would be written over '{path}', which it is made from", "give --out another name")
 
 
@@ -56,7 +60,7 @@ def write_made_model(
     model: Model, made: Provenance, out: Path, tables: Path, fill: Callable[[Path], None], notes: Sequence[str] = ()
 ) -> tuple[str, ...]:
     """Write a model, and a folder with provenance, notes and what `fill` writes; returns what is lost in its file."""
-    check_out_model(out)
+    check_out_model(out, tables)
     with tempfile.TemporaryDirectory(prefix=f".{out.name}.", dir=out.parent) as temporary:
         path = Path(temporary) / out.name
         lost = write_osim(model, path)

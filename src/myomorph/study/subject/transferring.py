@@ -14,13 +14,13 @@ from myomorph.identify.transfer_options import TransferOptions
 from myomorph.io.sto import table_from_motion, write_sto
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.provenance import Provenance
-from myomorph.store.results import file_name, file_source, provenance_of
+from myomorph.store.results import file_name, file_sources, provenance_of
 from myomorph.store.settings import plain_settings, with_settings
 from myomorph.study.inputs.reading import about, open_model, read_motion
 from myomorph.study.step.folder_steps import FolderOutput
 from myomorph.study.step.step import Step
 from myomorph.study.subject.subject_files import SubjectInputs, recordings_provenance
-from myomorph.study.subject.subjects import Made, tables_folder, write_made_model, write_rows
+from myomorph.study.subject.subjects import Made, write_made_model, write_rows
 from myomorph.study.trial.steps.ik import trial_motion
 
 Rows = Sequence[Mapping[str, object]]
@@ -43,14 +43,14 @@ def transfer_files(
     subject = open_model(lower)
     motion = None if pose is None else read_motion(pose, subject)
     result = transfer(subject, open_model(higher), options, motion)
-    named = [("model", lower), ("model to", higher), *((("pose", pose),) if pose is not None else ())]
-    sources = [file_source(role, path) for role, path in (*named, *(("motion", path) for path in motions))]
+    moved = (("motion", path) for path in motions)
+    sources = file_sources(("model", lower), ("model to", higher), ("pose", pose), *moved)
     made = provenance_of("transfer", sources, plain_settings(options))
     carried = {path.stem: carry_motion(subject, read_motion(path, subject), result, options) for path in motions}
     return Transferred(result, made, motions=carried)
 
 
-def write_transferred(transferred: Transferred, out: Path, tables: Path | None = None) -> tuple[str, ...]:
+def write_transferred(transferred: Transferred, out: Path, tables: Path) -> tuple[str, ...]:
     """Write the model, and a folder of tables, whole or not at all; returns what is lost in the model's file."""
     result = transferred.found
 
@@ -69,7 +69,6 @@ def write_transferred(transferred: Transferred, out: Path, tables: Path | None =
         rows = [{"coordinate": name} | {trial: shares[name] for trial, shares in known.items()} for name in names]
         write_rows(rows, folder / "coordinates.csv")
 
-    tables = tables or tables_folder(out, STEP.tables)
     return write_made_model(result.model, transferred.provenance, out, tables, fill, result.notes)
 
 
@@ -148,7 +147,7 @@ def _run(subject: SubjectInputs, output: FolderOutput) -> None:
 
 def _made_from(subject: SubjectInputs) -> Provenance:
     made, higher = recordings_provenance("transfer", subject, earlier=("ik",)), subject.files.detailed
-    return made if higher is None else replace(made, sources=(*made.sources, file_source("model to", higher)))
+    return replace(made, sources=(*made.sources, *file_sources(("model to", higher))))
 
 
 STEP = Step(
