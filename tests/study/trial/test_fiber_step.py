@@ -128,14 +128,14 @@ def test_fibers_that_are_too_long_are_reported_and_still_solved(data):
     assert told.worst > 1.8
     assert found.fibers.rigid == (model.muscles[0].name,)
     assert found.optimal.all()
-    assert f"fibers would be {told.worst:.2f} optimal lengths long" in fiber_notes(found, model)[0]
+    assert f"fibers would be {told.worst:.2f} optimal lengths long" in fiber_notes(found)[0]
 
 
 def test_frames_that_did_not_converge_are_the_first_note(solved):
-    model, motion, tension = solved
+    _, motion, tension = solved
     status = np.array(tension.status)
     status[5:9] = STALLED
-    first = fiber_notes(replace(tension, status=status), model)[0]
+    first = fiber_notes(replace(tension, status=status))[0]
     assert "did not converge in 4 of 40 frames" in first
     assert f"between {motion.time[5]:.3f} and {motion.time[8]:.3f} s" in first
 
@@ -144,7 +144,7 @@ def test_clean_data_is_reported_without_a_note(data):
     model, motion, torques = arm(data)
     found = solve_tension(model, motion, torques, ELASTIC)
     assert found.fibers.tendon_strains.max() < LARGE_STRAIN
-    assert fiber_notes(found, model) == ()
+    assert fiber_notes(found) == ()
 
 
 def test_work_of_fibers_and_tendons_is_that_of_the_path(data):

@@ -167,11 +167,13 @@ def read_contacts(source: str | Path, model: Model, measured: Measured | None = 
     if path.suffix.lower() != ".toml":
         raise BadFile(path, f"is no file of contacts: its name ends in '{path.suffix}'", "expected auto, .csv or .toml")
     found, problems = checked(_ContactFile, read_toml(path))
-    table = None if found is None else existing(path.parent, found.intervals, "intervals", problems)
-    steps = None if found is None else existing(path.parent, found.stairs, "stairs", problems)
-    sound = None if found is None else _sound(found, path.parent, model.up, problems)
+    if found is None:
+        refuse(path, problems)
+    table = existing(path.parent, found.intervals, "intervals", problems)
+    steps = existing(path.parent, found.stairs, "stairs", problems)
+    sound = _sound(found, path.parent, model.up, problems)
     sites: list[Site] = []
-    for one in () if found is None else found.site:
+    for one in found.site:
         try:
             sites.append(_site(one, model))
             for start, stop in () if isinstance(one.intervals, str) else one.intervals:
@@ -180,11 +182,10 @@ def read_contacts(source: str | Path, model: Model, measured: Measured | None = 
         except MyomorphError as error:
             problems.append(f"site '{one.name}': {error}")
     try:
-        sites += () if found is None else body_sites(model, found.sites)
+        sites += body_sites(model, found.sites)
     except MyomorphError as error:
         problems.append(f"sites: {error}")
     refuse(path, problems)
-    assert found is not None
     when: dict[str, When] = {
         one.name: "file" if isinstance(one.intervals, list) else one.intervals for one in found.site
     }
@@ -202,8 +203,8 @@ def read_contacts(source: str | Path, model: Model, measured: Measured | None = 
 
 
 def contact_files(path: Path) -> tuple[Path, ...]:
-    """A contact file, and the table of touches, the sound and the stairs that it names. Raises `BadFile` where the
-    contact file is not there.
+    """A contact file that `read_contacts` reads, and the table of touches, the sound and the stairs that it names.
+    Raises `BadFile` where the contact file is not there.
     """
     if not path.is_file():
         near = [one.name for one in path.parent.glob("*") if one.suffix in (".csv", ".toml")]
@@ -211,14 +212,10 @@ def contact_files(path: Path) -> tuple[Path, ...]:
         raise BadFile(path, "is no file", f"expected auto, .csv or .toml; {path.parent} has {beside}")
     if path.suffix.lower() != ".toml":
         return (path,)
-    raw = read_toml(path)
-    sound = raw.get("sound")
-    named = (raw.get("intervals"), sound.get("file") if isinstance(sound, dict) else None)
-    files = [path.parent / one for one in named if isinstance(one, str)]
-    if isinstance(raw.get("stairs"), str):
-        steps = path.parent / raw["stairs"]
-        files += (steps, *recording_of(steps)) if steps.is_file() else ()
-    return (path, *(file for file in files if file.is_file()))
+    table = _ContactFile.model_validate(read_toml(path))
+    named = (table.intervals, None if table.sound is None else table.sound.file, table.stairs)
+    recording = () if table.stairs is None else recording_of(path.parent / table.stairs)
+    return (path, *(path.parent / name for name in named if name is not None), *recording)
 
 
 def _sound(contact_file: _ContactFile, folder: Path, up: Array, problems: list[str]) -> SoundPlan | None:
@@ -303,22 +300,23 @@ def read_stairs(path: str | Path, model: Model, trial: Path | None = None) -> St
     """
     path = Path(path)
     found, problems = checked(_StairsFile, read_toml(path))
+    if found is None:
+        refuse(path, problems)
     steps: list[Step] = []
     paws: list[Site] = []
-    for one in () if found is None else found.step:
+    for one in found.step:
         try:
             steps.append(_step(one, found.stairs))
         except MyomorphError as error:
             problems.append(str(error))
-    for one in () if found is None else found.paw:
+    for one in found.paw:
         if one.body not in model.body_names:
             problems.append(str(UnknownName("body", one.body, model.body_names)))
         else:
             cone = Cone(direction=np.array(model.up), friction=one.friction)
             paws.append(Site(one.name or one.body, one.body, np.array([one.point]), cone))
-    recording = None if found is None else _recording(found.stairs.recording, path, trial, problems)
+    recording = _recording(found.stairs.recording, path, trial, problems)
     refuse(path, problems)
-    assert found is not None
     assert recording is not None
     table, hint = found.stairs, ""
     try:

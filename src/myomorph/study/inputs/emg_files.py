@@ -17,7 +17,7 @@ from myomorph.model.model import Model, index_of
 from myomorph.model.series import Emg, Series, Table
 from myomorph.motion import emg_checks
 from myomorph.motion.envelope import EnvelopeOptions, envelopes, largest
-from myomorph.store.results import file_source, value_source
+from myomorph.store.results import file_source, file_sources, value_source
 from myomorph.store.settings import plain_settings
 from myomorph.study.inputs.emg import EmgFiles, RecordedEmg
 from myomorph.study.inputs.emg_gains import read_gains, rescaled
@@ -47,8 +47,8 @@ def opened(settings: EmgFiles, opening: Opening) -> Opened:
     if settings.emg_muscles or settings.emg_side:
         muscles = sorted(settings.emg_muscles.items())
         sources.append(value_source("emg", "muscles of channels", muscles, settings.emg_side))
-    sources += [file_source("emg mvc", path) for path in settings.emg_mvc]
-    sources += [file_source("emg gains", settings.emg_gains_file)] if settings.emg_gains_file else []
+    mvc = (("emg mvc", path) for path in settings.emg_mvc)
+    sources += file_sources(*mvc, ("emg gains", settings.emg_gains_file))
     if settings.emg is None:
         return Opened(sources=tuple(sources))
     options = opening.options[EnvelopeOptions]

@@ -18,7 +18,6 @@ from myomorph.study.inputs.reading import about
 
 if TYPE_CHECKING:
     from myomorph.model.inertial_sensors import InertialSensors
-    from myomorph.motion.sensors.sensor_kinematics import SensorRecording
 
 
 @dataclass(frozen=True)
@@ -62,13 +61,6 @@ def _near(recording: Path, trial: Trial) -> Path | None:
 NONE = ("", "-", "none")  # In the place of a body: the sensor is left out.
 
 
-@dataclass(frozen=True, eq=False)
-class RecordedSensors:
-    """Inertial sensors of a trial."""
-
-    recording: SensorRecording
-
-
 def _open(settings: ImuFiles, opening: Opening) -> Opened:
     """The sensors, each with a body of the model. Raises `BadFile` or `BadData` or `UnknownName` where a file cannot be
     read, or a sensor has no body.
@@ -94,7 +86,7 @@ def _open(settings: ImuFiles, opening: Opening) -> Opened:
     named = (sorted(settings.imu_bodies.items()), sorted(settings.imu_heading.items()), settings.imu_pose_time)
     sources = [file_source("imu", path) for path in (*settings.imu, *settings.imu_pose)]
     return Opened(
-        (RecordedSensors(recording),),
+        (recording,),
         (*sources, value_source("imu", "bodies, headings and pose of sensors", *named)),
         tuple(f"{settings.imu[0].name}: {text}" for text in sensors.warnings),
         f"{len(sensors.names)} inertial sensors from {settings.imu[0].name}",

@@ -112,15 +112,23 @@ def write_fibers(tension: Tension, model: Model, strides: Strides | None, output
     units = (UNITS.get(name.rpartition("_")[2], "") for name in names)
     head = (f"{name}_{unit}" if unit else name for name, unit in zip(names, units, strict=True))
     write_csv(output.folder / WORK, head, map(astuple, work))
-    return fiber_notes(tension, model)
+    return fiber_notes(tension)
 
 
-def fiber_notes(tension: Tension, model: Model) -> tuple[str, ...]:
+def fiber_notes(tension: Tension) -> tuple[str, ...]:
     """Frames that did not converge or were bridged, muscles whose fibers cannot reach, tendons strained too far."""
     fibers = tension.fibers
     if fibers is None:
         return ()
-    notes = list(_unsolved(tension))
+    notes = []
+    stalled = np.flatnonzero(tension.status == STALLED)
+    if len(stalled):
+        first, last = tension.time[stalled[[0, -1]]]
+        notes.append(
+            f"elastic tendons did not converge in {len(stalled)} of {len(tension)} frames, between {first:.3f} and "
+            f"{last:.3f} s (residual {fibers.certificate.residual:.2g}): forces and fibers there are not to be "
+            "believed; try frames at 100 Hz, or rigid tendons"
+        )
     for fiber in fibers.unreachable[:MAX_NAMED]:
         too_long = f"fibers would be {fiber.worst:.2f} optimal lengths long"
         why = "the path is shorter than the slack tendon" if fiber.worst <= 0.0 else too_long
@@ -152,18 +160,6 @@ def fiber_notes(tension: Tension, model: Model) -> tuple[str, ...]:
             f"most {tension.muscles[worst]}, {100 * most[worst]:.1f} % at {at:.3f} s: its slack length does not fit"
         )
     return tuple(notes)
-
-
-def _unsolved(tension: Tension) -> Iterator[str]:
-    """What did not converge, whose fibers and forces may not be believed."""
-    stalled = np.flatnonzero(tension.status == STALLED)
-    if len(stalled) and tension.fibers is not None:
-        first, last = tension.time[stalled[[0, -1]]]
-        yield (
-            f"elastic tendons did not converge in {len(stalled)} of {len(tension)} frames, between {first:.3f} and "
-            f"{last:.3f} s (residual {tension.fibers.certificate.residual:.2g}): forces and fibers there are not to be "
-            "believed; try frames at 100 Hz, or rigid tendons"
-        )
 
 
 def inside_ends(fibers: Fibers, values: Array) -> Array:

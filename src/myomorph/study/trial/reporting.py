@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -143,7 +143,8 @@ class GaitNorms:
         names, controls = checked_norms(norms), dict[str, list[GaitCurves]]()
         folders = () if names in ((ADULTS,), (NO_NORM,)) else names
         for path in (path for folder in folders for path in result_files(Path(folder))):
-            results = TrialResults(path, model(stored := read_result(path, leave_out=large_variables())), stored)
+            stored = read_result(path, leave_out=large_variables())
+            results = TrialResults(path, model(stored), stored, page=False)
             if results.prepared.gait is not None:
                 controls.setdefault(stored.facts.get("subject", path.stem), []).append(results.prepared.gait)
         return cls(names, FrozenMap({person: tuple(parts) for person, parts in controls.items()}))
@@ -153,7 +154,7 @@ class TrialResults:
     """The results of a trial, read and prepared once, when first wanted; a page needs more than tables of values."""
 
     def __init__(self, path: Path, model: Model, stored: Stored | None = None, page: bool = True):
-        self.path, self.model, self._stored = path, model, stored
+        self.path, self.model, self._stored, self._page = path, model, stored, page
         self._leave_out = (*large_variables(), *(() if page else NOT_IN_TABLES))
 
     @cached_property
@@ -164,7 +165,7 @@ class TrialResults:
     @cached_property
     def prepared(self) -> Prepared:
         """What follows from it."""
-        return prepare(report_input(self.stored, self.model))
+        return prepare(report_input(self.stored, self.model, self._page))
 
 
 def joined(parts: Sequence[Stored]) -> Stored:
@@ -221,8 +222,10 @@ def source_file(source: Source, stored: Stored) -> Path:
     return same
 
 
-def report_input(stored: Stored, model: Model) -> ReportInput:
-    """What a report is made of, from results and their model, with the meshes that lie beside the model's file."""
+def report_input(stored: Stored, model: Model, drawn: bool = True) -> ReportInput:
+    """What a report is made of, from results and their model; `drawn`: with the meshes that lie beside the model's
+    file, which tables of values need not.
+    """
     facts, mass = stored.facts, stored.facts.get("mass", "")
     notes, truth = json.loads(facts.get("notes", "{}")), store.get_truth(stored)
     head = PageHead(
@@ -245,30 +248,11 @@ def report_input(stored: Stored, model: Model) -> ReportInput:
     )
     phases = tuple(Phase(name, *span) for name, span in json.loads(facts.get("phases", "{}")).items())
     choice = AnalysisChoice(facts.get("preset", ""), phases, muscles=tuple(json.loads(facts.get("muscles", "[]"))))
-    shown = ReportInput(head, model, _Meshes(model), recorded, analysis=choice)
+    meshes: Mapping[str, Surface] = reduced_for_pictures(surfaces_of(model)) if drawn else FrozenMap({})
+    shown = ReportInput(head, model, meshes, recorded, analysis=choice)
     for step in STEPS["trial"]:
         shown = step_of(step).show(shown, stored)
     return shown
-
-
-class _Meshes(Mapping[str, Surface]):
-    """`surfaces_of` a model, read when they are first drawn: tables of values need none."""
-
-    def __init__(self, model: Model):
-        self._model = model
-
-    @cached_property
-    def _surfaces(self) -> Mapping[str, Surface]:
-        return reduced_for_pictures(surfaces_of(self._model))
-
-    def __getitem__(self, name: str) -> Surface:
-        return self._surfaces[name]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._surfaces)
-
-    def __len__(self) -> int:
-        return len(self._surfaces)
 
 
 MAX_TRIANGLES = 40000

@@ -186,23 +186,22 @@ class TrialSteps(JobSteps):
         if not fresh and not lost and trial_step.same_report(self.folder, self.trial, outcome.done):
             return None
         whole = HeldFile() if held.allowed else None
+        every = [step for step in STEPS["trial"] if step in outcome.done or step in others]
         with store.new_result(self.stored) as writer:
+            gathered = writer if whole is None else store.ResultWriter(whole)
             if whole is not None:
                 whole.attributes |= store.WHOSE
-                at_once = store.ResultWriter(whole)
-                trial_step.keep_facts(at_once, self.trial, outcome.done)
-                for step in fresh:
-                    at_once.take(held.files[step], (step,))
-                at_once.gather_remarks(fresh, self.trial.warnings)
-                writer.take(whole, fresh)
+            trial_step.keep_facts(gathered, self.trial, outcome.done)
+            for step in every:
+                if step in held.files:
+                    gathered.take(held.files[step], (step,))
+                else:
+                    gathered.copy(parts / step / PART if step in fresh else self._files[step], (step,))
+            gathered.gather_remarks(every, self.trial.warnings)
+            if whole is not None:
+                writer.take(whole, every)
                 # Before the file has its name: whoever finds it there finds the tables, too.
                 _move_tables(fresh, parts, self.folder)
-            else:
-                trial_step.keep_facts(writer, self.trial, outcome.done)
-                every = [step for step in STEPS["trial"] if step in outcome.done or step in others]
-                for step in every:
-                    writer.copy(parts / step / PART if step in fresh else self._files[step], (step,))
-                writer.gather_remarks(every, self.trial.warnings)
             # A report and values of the results before must not stand beside those that come now.
             for name in (trial_step.PAGE, VALUES):
                 (self.folder / name).unlink(missing_ok=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -86,10 +87,10 @@ def limbs_of(model: Model, plan: StridePlan) -> tuple[tuple[Limb, ...], str]:
     ):
         check_name("body", name, model.body_names)
     trunk = plan.trunk or _common_ancestor(model, [bodies[0] for bodies in limbs_bodies.values()])
-    limbs = [
-        Limb(name, (bodies[0],), bodies[1:2], bodies=(*bodies[:1], *_below(model, bodies[0])))
-        for name, bodies in limbs_bodies.items()
-    ]
+    tree, limbs = compile_tree(model), []
+    for name, bodies in limbs_bodies.items():
+        hanging = itertools.compress(model.body_names, tree.hanging(bodies[0])[1:])
+        limbs.append(Limb(name, (bodies[0],), bodies[1:2], bodies=tuple(hanging)))
     return tuple(limbs), trunk
 
 
@@ -107,14 +108,6 @@ def _common_ancestor(model: Model, bodies: Sequence[str]) -> str:
             f"no body of model '{model.name}' carries all of {', '.join(bodies)}: name the 'trunk' of 'strides'"
         )
     return shared[0]
-
-
-def _below(model: Model, body: str) -> tuple[str, ...]:
-    result: list[str] = []
-    for joint in model.joints:
-        if joint.parent in (body, *result):
-            result.append(joint.child)
-    return tuple(result)
 
 
 def trial_strides(stored: Stored, model: Model, plan: StridePlan) -> TrialStrides:

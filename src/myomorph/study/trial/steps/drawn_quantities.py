@@ -106,14 +106,14 @@ class Strength:
     @classmethod
     def of(cls, tension: Tension) -> Strength:
         """What the result without errors needs, and a tolerance."""
-        peaks, reserves = _torques(tension), _reserves(tension)
+        peaks, reserves = _peaks(tension)
         largest = max(peaks.values(), default=0.0)
         judged = [name for name in reserves if peaks.get(name, 0.0) > LARGE * largest]
         return cls({name: reserves[name] / peaks[name] + BEYOND for name in judged})
 
     def check(self, tension: Tension) -> None:
         """Raise `TooWeak` where reserves of a draw give more."""
-        peaks, reserves = _torques(tension), _reserves(tension)
+        peaks, reserves = _peaks(tension)
         for name, most in self.most.items():
             if reserves[name] > most * peaks[name]:
                 share = 100.0 * reserves[name] / max(peaks[name], 1e-300)
@@ -122,17 +122,13 @@ class Strength:
                 )
 
 
-def _torques(tension: Tension) -> dict[str, float]:
-    return dict(zip(tension.coordinates, _peaks(tension.torques), strict=True))
-
-
-def _reserves(tension: Tension) -> dict[str, float]:
-    peaks = zip(tension.reserve_names, _peaks(tension.reserves), strict=True)
-    return {name.removeprefix(RESERVE): peak for name, peak in peaks if name.startswith(RESERVE)}
-
-
-def _peaks(values: np.ndarray) -> list[float]:
-    return np.abs(np.nan_to_num(values)).max(axis=0, initial=0.0).tolist()
+def _peaks(tension: Tension) -> tuple[dict[str, float], dict[str, float]]:
+    """Largest torque of every coordinate, and what its reserve gives at most."""
+    tables = (tension.torques, tension.reserves)
+    torques, reserves = (np.abs(np.nan_to_num(table)).max(axis=0, initial=0.0).tolist() for table in tables)
+    named = zip(tension.reserve_names, reserves, strict=True)
+    of_coordinates = {name.removeprefix(RESERVE): peak for name, peak in named if name.startswith(RESERVE)}
+    return dict(zip(tension.coordinates, torques, strict=True)), of_coordinates
 
 
 PEAKS = ("maximum", "mean")

@@ -18,7 +18,7 @@ from myomorph.motion.crossings import CrossingOptions, crossings, within_crossin
 from myomorph.motion.ik import InverseKinematicsOptions, KinematicsFit
 from myomorph.motion.marker_checks import CheckedFit, MarkerCheckOptions, checked_kinematics
 from myomorph.motion.sensors.mounting import SensorOptions, trunk_acceleration
-from myomorph.motion.sensors.sensor_kinematics import sensor_kinematics
+from myomorph.motion.sensors.sensor_kinematics import SensorRecording, sensor_kinematics
 from myomorph.motion.sync import cut
 from myomorph.report.trial.report_input import Kinematics, ReportInput
 from myomorph.report.trial.summary_lines import kinematics_line
@@ -26,7 +26,6 @@ from myomorph.store import stored as store
 from myomorph.store.outcome import Outcome
 from myomorph.store.progress import progress
 from myomorph.store.results import Stored, get_findings, put_findings
-from myomorph.study.inputs.imu import RecordedSensors
 from myomorph.study.inputs.input import ByType, OptionSet
 from myomorph.study.inputs.motion import RecordedMotion
 from myomorph.study.inputs.refined import RefinedMotion, refined_fit
@@ -51,7 +50,7 @@ class Poses:
 
 def solve_kinematics(trial: TrialInputs) -> CheckedFit:
     """Inverse kinematics of the part of a recording that is used: markers, their labels checked, and sensors."""
-    recorded, sensors, options = trial.recording.markers, trial.get(RecordedSensors), trial.options
+    recorded, sensors, options = trial.recording.markers, trial.get(SensorRecording), trial.options
     if recorded is None and sensors is None:
         raise BadData(f"{trial.name}: holds no markers, and no inertial sensors")
     checked = None
@@ -73,7 +72,7 @@ def trial_motion(trial: TrialInputs) -> Motion:
 
 def _with_sensors(trial: TrialInputs, checked: CheckedFit | None) -> CheckedFit:
     """The fit of markers and sensors, or of sensors alone."""
-    options, recording = trial.options, trial.inputs[RecordedSensors].recording
+    options, recording = trial.options, trial.inputs[SensorRecording]
     if checked is None:
         clock = recording.sensors.time
         empty = Markers(clock, (), np.empty((len(clock), 0, 3)))
@@ -159,7 +158,7 @@ def _read(stored: Stored, options: OptionSet) -> Poses | None:
 def _hashed(trial: TrialInputs) -> Sequence[object]:
     crossed = trial.options[CrossingOptions]
     options = trial.options
-    sensed = (options[SensorOptions],) if trial.get(RecordedSensors) is not None else ()
+    sensed = (options[SensorOptions],) if trial.get(SensorRecording) is not None else ()
     crossing = (crossed,) if crossed.only else ()
     return options[InverseKinematicsOptions], options[MarkerCheckOptions], *crossing, *sensed
 

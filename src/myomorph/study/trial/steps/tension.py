@@ -22,6 +22,7 @@ from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series, Table, Wrenches
 from myomorph.motion.envelope import EnvelopeOptions
+from myomorph.motion.sensors.sensor_kinematics import SensorRecording
 from myomorph.report.trial.report_input import EstimatedContacts, ReportInput, Situation
 from myomorph.report.trial.summary_lines import tension_line
 from myomorph.store import contact_store
@@ -33,7 +34,6 @@ from myomorph.store.settings import Differentiation, EmgUse, ForceOptions, Tensi
 from myomorph.store.stored import get_conflicts
 from myomorph.study.inputs.actuators import Actuators
 from myomorph.study.inputs.emg import RecordedEmg
-from myomorph.study.inputs.imu import RecordedSensors
 from myomorph.study.inputs.input import ByType, OptionSet
 from myomorph.study.inputs.loads import ExternalLoads
 from myomorph.study.inputs.torques import RecordedTorques
@@ -138,7 +138,7 @@ def task_of(trial: TrialInputs, recorded: Motion, torques: Torques) -> TensionTa
     cutoff, standing = None, None
     if trial.get(ContactPlan) is not None:
         cutoff = cutoff_of(trial, recorded)
-        if trial.get(RecordedSensors) is not None and trial.recording.markers is None and root_places(trial.model):
+        if trial.get(SensorRecording) is not None and trial.recording.markers is None and root_places(trial.model):
             # Errors of angles lift feet that accelerations do not hold down.
             standing = walked(trial.model, torques.motion)
     return tension_task(

@@ -14,7 +14,6 @@ from typing import Any, cast
 
 import numpy as np
 
-from myomorph.analysis.strides import Strides
 from myomorph.io.parsing.text import write_csv
 from myomorph.io.sto import write_sto
 from myomorph.model.arrays import Array
@@ -116,7 +115,11 @@ def _run(
     numbers = drawn_values(quantities, TrialStrides.whole(trial.name, strides))
     nominal = {quantity.name: quantity.values for quantity in quantities}
     true = numbers.of(nominal)
-    walk = None if strides is None else _drawn_gait(trial, quantities, strides, torques)
+    walk = None
+    if strides is not None:
+        by_name = {quantity.name: quantity for quantity in quantities}
+        motion, wrenches = by_name["coordinates"], None if torques is None else torques.wrenches
+        walk = DrawnGait(trial.model, motion.time, motion.names, by_name.get("torques"), strides, wrenches)
     usual = {} if walk is None else walk.means(nominal)
     gait = {side: np.full((chosen.draws, *curves.shape), np.nan) for side, curves in usual.items()}
     errors = np.full((chosen.draws, len(numbers.names)), np.nan)
@@ -162,15 +165,6 @@ def _run(
     put_uncertainty(output.writer, uncertainty, {quantity.name: quantity.unit for quantity in quantities})
     put_value_errors(output.writer, values)
     return uncertainty
-
-
-def _drawn_gait(
-    trial: TrialInputs, quantities: Sequence[Quantity], strides: Strides, torques: Torques | None
-) -> DrawnGait:
-    """How gait curves of a draw are made of its tables."""
-    tables = {quantity.name: quantity for quantity in quantities}
-    motion, wrenches = tables["coordinates"], None if torques is None else torques.wrenches
-    return DrawnGait(trial.model, motion.time, motion.names, tables.get("torques"), strides, wrenches)
 
 
 def _shares(
