@@ -94,6 +94,11 @@ def few(names: Iterable[str], most: int = 6) -> str:
     return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
 
 
+def counted(count: int, noun: str) -> str:
+    """A number of things: "1 frame", "2 frames"."""
+    return f"{count} {noun}" + ("" if count == 1 else "s")
+
+
 def quoted(names: Iterable[str], most: int = MAX_NAMES) -> str:
     """Names in quotes, at most so many of them, and how many there are in all where some are left out."""
     names = tuple(dict.fromkeys(names))

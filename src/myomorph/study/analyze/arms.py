@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import replace
-from itertools import chain
 
 import numpy as np
 
-from myomorph.model.model import Body, Joint, Model
+from myomorph.model.model import Body, Model
 from myomorph.model.paths import Muscle, PathPoint, TendonWrap, WrapObject
 from myomorph.model.sides import split_side
 from myomorph.model.spatial import Transform
@@ -105,6 +104,7 @@ def _with_one_hand(model: Model, side: str, bodies: set[str]) -> Model:
     poses = standing_poses(model)
     moved = {name: poses[hand].inverse() @ poses[name] for name in (hand, *fingers)}
     parts = [body for body in model.bodies if body.name in moved]
+    lost = {name for joint in model.joints if joint.child in fingers for name in joint.coordinates}
     return replace(
         model,
         bodies=tuple(
@@ -113,15 +113,11 @@ def _with_one_hand(model: Model, side: str, bodies: set[str]) -> Model:
             if body.name not in fingers
         ),
         joints=tuple(joint for joint in model.joints if joint.child not in fingers),
-        coordinates=tuple(each for each in model.coordinates if each.name not in _coordinates(model.joints, fingers)),
-        couplers=tuple(each for each in model.couplers if each.dependent not in _coordinates(model.joints, fingers)),
+        coordinates=tuple(coordinate for coordinate in model.coordinates if coordinate.name not in lost),
+        couplers=tuple(coupler for coupler in model.couplers if coupler.dependent not in lost),
         muscles=tuple(_on_hand(muscle, hand, moved) for muscle in model.muscles),
         wrap_objects=tuple(_wrap_on_hand(wrap, hand, moved) for wrap in model.wrap_objects),
     )
-
-
-def _coordinates(joints: Collection[Joint], children: Collection[str]) -> set[str]:
-    return set(chain.from_iterable(joint.coordinates for joint in joints if joint.child in children))
 
 
 def _joined(name: str, parts: Collection[Body], moved: Mapping[str, Transform]) -> Body:

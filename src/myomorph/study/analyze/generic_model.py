@@ -224,22 +224,21 @@ def _muscle(
 def _sided(wrap_object: WrapObject, name: str, toward: Array | None) -> WrapObject:
     """A surface whose positive x half is on the side of a point (3,) from its center, in its body's axes."""
     size = (wrap_object.size[0], LONG) if wrap_object.kind == "cylinder" else wrap_object.size
+    named = replace(wrap_object, name=name, size=size)
     if toward is None:
-        return replace(wrap_object, name=name, size=size)
+        return named
     R = wrap_object.pose.rotation
     z = R[:, 2]
     x = toward - (toward @ z) * z if wrap_object.kind == "cylinder" else toward
     length = float(np.linalg.norm(x))
     if length < 1e-9:
-        return replace(wrap_object, name=name, size=size)
+        return named
     x = x / length
     if wrap_object.kind != "cylinder":
         other = R[:, int(np.argmin(np.abs(R.T @ x)))]
         z = np.cross(x, other) / np.linalg.norm(np.cross(x, other))
     turned = np.column_stack([x, np.cross(z, x), z])
-    return replace(
-        wrap_object, name=name, size=size, pose=Transform(turned, wrap_object.pose.translation), quadrant="+x"
-    )
+    return replace(named, pose=Transform(turned, wrap_object.pose.translation), quadrant="+x")
 
 
 def _digits(place: Array) -> str:

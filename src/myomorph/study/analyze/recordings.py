@@ -37,6 +37,14 @@ RIGID = (
 FOREFOOT = tuple(f"foot.{one}" for one in ("mt1_head", "mt2_head", "mt5_head", "big_toe", "small_toe", "toe_tip"))
 SHOULDERS = tuple(f"trunk.{one}" for one in ("c7", "t2", "jugular_notch", "acromion"))
 CHEST = tuple(f"trunk.{one}" for one in ("t8", "t10", "t12", "xiphoid"))
+STERNUM = tuple(f"trunk.{one}" for one in ("jugular_notch", "sternum", "xiphoid"))
+BACK = tuple(f"trunk.{one}" for one in ("c7", "t2", "t6", "t7", "t8", "t10"))
+FACING = (
+    ("the pelvis faces", ("pelvis.asis",), ("pelvis.psis", "pelvis.sacrum")),
+    ("the feet point", FOREFOOT, ("foot.heel", "foot.ankle", "shank.lateral_malleolus")),
+    ("the chest faces", STERNUM, BACK),
+)
+"""What shows which way people face: landmarks in front, and those behind them."""
 RIGHT_ANGLE = 20.0  # A laboratory's axes are taken to be along the walk where they are by less [degrees].
 
 
@@ -141,11 +149,9 @@ def by_what_shows(recordings: Iterable[Recording]) -> tuple[list[Recording], lis
 
 def mean_place(recording: Recording, *keys: str, side: str = "") -> Array | None:
     """(frames, 3) mean of the markers of landmarks of a side ("" for both), None where there is none."""
-    assert recording.trial.markers is not None
-    labels = [label for label, site in recording.found.sites.items() if site.key in keys and side in ("", site.side)]
-    return (
-        _mean(recording.found, {label: recording.trial.markers[label] for label in labels}, *keys) if labels else None
-    )
+    markers, sites = recording.trial.markers, recording.found.sites.items()
+    assert markers is not None
+    return _mean(recording.found, {label: markers[label] for label, site in sites if side in ("", site.side)}, *keys)
 
 
 def _mean(recognized: Recognized, places: dict[str, Array], *keys: str, segments: tuple[str, ...] = ()) -> Array | None:
@@ -193,19 +199,13 @@ def _up(trial: Trial, recognized: Recognized, places: dict[str, Array]) -> tuple
 
 def _turn(upright: Laboratory, recognized: Recognized, places: dict[str, Array]) -> tuple[float, str]:
     """By how much the recording is turned about the vertical so that people face along x [degrees]; and why."""
-    front, back = _mean(recognized, places, "pelvis.asis"), _mean(recognized, places, "pelvis.psis", "pelvis.sacrum")
-    what = "the pelvis faces"
-    if front is None or back is None:
-        front = _mean(recognized, places, *FOREFOOT)
-        back = _mean(recognized, places, "foot.heel", "foot.ankle", "shank.lateral_malleolus")
-        what = "the feet point"
-    if front is None or back is None:
-        front = _mean(recognized, places, "trunk.jugular_notch", "trunk.sternum", "trunk.xiphoid")
-        back = _mean(recognized, places, *(f"trunk.{one}" for one in ("c7", "t2", "t6", "t7", "t8", "t10")))
-        what = "the chest faces"
-    if front is None or back is None:
+    for what, before, behind in FACING:
+        front, back = _mean(recognized, places, *before), _mean(recognized, places, *behind)
+        if front is not None and back is not None:
+            facing, way = (front - back) @ upright.rotation.T, what
+            break
+    else:
         return 0.0, ""
-    facing = (front - back) @ upright.rotation.T
     level = facing[:, [0, 2]]
     with np.errstate(invalid="ignore"):
         level = level / np.linalg.norm(level, axis=1, keepdims=True)
@@ -223,7 +223,7 @@ def _turn(upright: Laboratory, recognized: Recognized, places: dict[str, Array])
     turn = 180.0 if turn == -180.0 else turn + 0.0
     if turn == 0.0:
         return 0.0, ""
-    return turn, f"{what} {abs(faces):.0f}° to the {'left' if faces > 0.0 else 'right'} of the x axis"
+    return turn, f"{way} {abs(faces):.0f}° to the {'left' if faces > 0.0 else 'right'} of the x axis"
 
 
 def stands_still(places: Iterable[Array]) -> bool:

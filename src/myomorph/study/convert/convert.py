@@ -17,7 +17,7 @@ from myomorph.io.sto import write_sto
 from myomorph.io.trc import METERS, write_trc
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, BadFile
-from myomorph.model.frozen_map import FrozenMap
+from myomorph.model.frozen_map import FrozenMap, grouped
 from myomorph.model.series import Analog, Markers, PlateRecording, Table, Trial, Wrenches
 from myomorph.model.sides import other_side, split_side
 from myomorph.study.convert.axes import Forward, Up, turned, vertical
@@ -291,13 +291,9 @@ def on_feet(wrenches: Wrenches, markers: Markers | None, bodies: Sequence[str] =
 
 def foot_places(markers: Markers, time: Array) -> dict[str, Array]:
     """Positions (frames, markers, 3) of the markers on each foot at some times, by the feet's bodies."""
-    by_foot: dict[str, list[int]] = {}
-    for index, name in enumerate(markers.names):
-        side = side_of(name)
-        if FOOT_MARKER.search(name) and side:
-            by_foot.setdefault(FEET[side], []).append(index)
+    sided = [(FEET.get(side_of(name)), column) for column, name in enumerate(markers.names) if FOOT_MARKER.search(name)]
     places = {}
-    for body, columns in by_foot.items():
+    for body, columns in grouped((body, column) for body, column in sided if body is not None).items():
         parts = []
         for column in columns:
             values = markers.values[:, column]

@@ -14,7 +14,7 @@ from myomorph.io.sto import read_sto
 from myomorph.model.errors import BadFile
 from myomorph.model.model import Model
 from myomorph.model.series import Table
-from myomorph.study.info.inspect_recording import Inspection, listed
+from myomorph.study.info.inspect_recording import Inspection, inspect_table, inspect_trial, listed
 
 TABLES = (".mot", ".sto")
 EXPECTED = "expected a model (.osim, .xml), markers (.trc, .c3d, .mat, .h5) or a table (.mot, .sto)"
@@ -32,17 +32,13 @@ def inspect(path: str | os.PathLike[str]) -> Inspection:
     ending = path.suffix.lower()
     recording = trial_format(path)
     if recording is not None:
-        from myomorph.study.info.inspect_recording import inspect_trial
         from myomorph.study.inputs.reading import read_recording
 
         return inspect_trial(read_recording(path), recording.name)
     if ending in TABLES:
-        from myomorph.study.info.inspect_recording import inspect_table
-
         return inspect_table(read_sto(path))
     if ending in (".bdf", ".edf"):
         from myomorph.io.bids.recording import read_emg
-        from myomorph.study.info.inspect_recording import inspect_table
 
         emg = read_emg(path)
         return inspect_table(Table(emg.time, emg.names, emg.values))
@@ -113,14 +109,13 @@ def inspect_model(model: Model) -> Inspection:
         ("coordinate names", listed(model.coordinate_names)),
         ("body names", listed(model.body_names)),
     ]
-    if model.loops:
-        facts.append(("closed loops", listed([loop.name for loop in model.loops])))
     passive = [*(torque.name for torque in model.passive_torques), *(bushing.name for bushing in model.bushings)]
-    if passive:
-        facts.append(("springs, limits and bushings", listed(passive)))
-    viscous = [muscle.name for muscle in model.muscles if muscle.viscosity]
-    if viscous:
-        facts.append(("muscles with viscosity", listed(viscous)))
+    further = {
+        "closed loops": [loop.name for loop in model.loops],
+        "springs, limits and bushings": passive,
+        "muscles with viscosity": [muscle.name for muscle in model.muscles if muscle.viscosity],
+    }
+    facts += [(label, listed(names)) for label, names in further.items() if names]
     modelled = {name.removesuffix("_upper").removesuffix("_lower") for name in passive}
     kept = [part.kind for part in model.kept if part.name not in modelled]
     if kept:

@@ -10,6 +10,7 @@ import numpy as np
 
 from myomorph.io.c3d.read import emg_channels
 from myomorph.model.arrays import Array, runs
+from myomorph.model.errors import counted
 from myomorph.model.series import Markers, Series, Table, Trial
 from myomorph.motion.crossings import crossings
 
@@ -71,7 +72,7 @@ def _marker_findings(markers: Markers, facts: list[tuple[str, str]], warnings: l
             )
         )
     if len(gappy) > SHOWN:
-        facts.append(("more gaps", f"in {_count(len(gappy) - SHOWN, 'other marker')}"))
+        facts.append(("more gaps", f"in {counted(len(gappy) - SHOWN, 'other marker')}"))
     seen = np.flatnonzero(~hidden.all(axis=1))
     if not len(seen):
         warnings.append("no marker is ever seen")
@@ -108,7 +109,7 @@ def _time_gaps(series: Series) -> list[str]:
     if len(wide) > 0.2 * len(steps):
         return [f"the time step varies from {steps.min():.3g} to {steps.max():.3g} s: resample before filtering"]
     lines = [
-        f"{_count(round(steps[step] / median - 1), 'frame')} missing between {series.time[step]:.4g} and "
+        f"{counted(round(steps[step] / median - 1), 'frame')} missing between {series.time[step]:.4g} and "
         f"{series.time[step + 1]:.4g} s"
         for step in wide[:3]
     ]
@@ -131,7 +132,7 @@ def _jumps(markers: Markers, size: float) -> list[str]:
             break
         frame = int(np.argmax(whole[:, index]))
         lines.append(
-            f"marker '{markers.names[index]}' jumps {_count(count, 'time')}, by {whole[frame, index]:.2g} m at "
+            f"marker '{markers.names[index]}' jumps {counted(count, 'time')}, by {whole[frame, index]:.2g} m at "
             f"{markers.time[frame + 1]:.4g} s"
         )
     return lines
@@ -235,10 +236,6 @@ def _reach(table: Table, name: str) -> float:
         return 0.0
     size = np.abs(np.nan_to_num(np.column_stack([table[force] for force in forces]))).max(axis=1)
     return float(np.max(point[size > 0.1 * size.max()], initial=0.0))
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}" + ("" if number == 1 else "s")
 
 
 def listed(names: Sequence[str], most: int = 400) -> str:

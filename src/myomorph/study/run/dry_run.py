@@ -8,7 +8,7 @@ from functools import cache
 from pathlib import Path
 
 from myomorph.io.frame_count import FrameCount, count_frames
-from myomorph.model.errors import MyomorphError
+from myomorph.model.errors import MyomorphError, counted
 from myomorph.model.model import Model
 from myomorph.store.locks import check_age, read_mark
 from myomorph.store.outcome import Excluded, Key
@@ -141,7 +141,7 @@ def dry_run_lines(dry_run: DryRun, excluded: Sequence[Excluded] = (), conditions
     """The lines that `--dry-run` prints, with what the study file leaves out and the conditions of its trials."""
     outcomes = [row.work.outcome for row in dry_run.rows]
     subjects = dict.fromkeys(outcome.subject for outcome in outcomes)
-    counts = [_many(len(subjects), "subject"), _many(sum(1 for outcome in outcomes if outcome.trial), "trial")]
+    counts = [counted(len(subjects), "subject"), counted(sum(1 for outcome in outcomes if outcome.trial), "trial")]
     counts += [f"conditions {', '.join(conditions)}"] if conditions else []
     yield f"{dry_run.name}: {', '.join(counts)}; results go to {dry_run.out}"
     yield ""
@@ -199,7 +199,7 @@ def _reasons(rows: tuple[Row, ...]) -> Iterator[str]:
         yield "computed again, because"
     for text, names in jobs.items():
         shown = [f"{name} ({' '.join(steps)})" for name, steps in list(names.items())[:MAX_NAMES]]
-        rest = f" and {_many(len(names) - MAX_NAMES, 'other')}" if len(names) > MAX_NAMES else ""
+        rest = f" and {counted(len(names) - MAX_NAMES, 'other')}" if len(names) > MAX_NAMES else ""
         yield f"  {text}: {', '.join(shown)}{rest}"
 
 
@@ -208,7 +208,7 @@ def _time(dry_run: DryRun) -> Iterator[str]:
         yield "nothing to compute: all results are there and would come out the same"
         return
     if dry_run.seconds:
-        yield f"expected: {in_words(dry_run.seconds)} with {_many(dry_run.side, 'worker')}"
+        yield f"expected: {in_words(dry_run.seconds)} with {counted(dry_run.side, 'worker')}"
         yield "  by what steps took before on this machine (step_times.csv in the user's cache folder)"
     if dry_run.unknown:
         steps = ", ".join(dry_run.unknown)
@@ -217,7 +217,3 @@ def _time(dry_run: DryRun) -> Iterator[str]:
 
 def _name(key: Key) -> str:
     return key[0] if key[0] == key[1] else named(key)
-
-
-def _many(count: int, noun: str) -> str:
-    return f"{count} {noun}" + ("" if count == 1 else "s")

@@ -110,12 +110,8 @@ class GrowingCondition:
         subject_means.strides += max(
             (value.value for value in values if value.quantity.startswith("strides, ")), default=0.0
         )
-        if self.trials > 1 and self.cycle != OF_STRIDE:
-            if self._alone:
-                self._left_out(*self._alone)
-            self.each = RunningMeans(SAMPLES)
-            for other_subject in self._subjects.values():
-                other_subject.curves = RunningMeans(SAMPLES)
+        if self.trials > 1:
+            self.without_whole_trials()
         self._alone = (subject, trial) if self.trials == 1 and cycle != OF_STRIDE else None
         if self.trials > 1 and cycle != OF_STRIDE:
             self._left_out(subject, trial)
@@ -133,7 +129,7 @@ class GrowingCondition:
         )
 
     def without_whole_trials(self) -> None:
-        """Drop the curves over a whole trial: beside others over strides they are not shown."""
+        """Drop the curves over a whole trial: beside others they are not shown."""
         if self.cycle == OF_STRIDE:
             return
         if self._alone:

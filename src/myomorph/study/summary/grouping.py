@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from operator import attrgetter
@@ -12,7 +12,7 @@ import numpy as np
 
 from myomorph import __version__
 from myomorph.analysis.groups import Animal, Comparison, Group, compare_groups
-from myomorph.io.parsing.text import csv_text
+from myomorph.io.parsing.text import write_csv
 from myomorph.model.errors import BadData, MyomorphError
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.report.page.parts import Note, PageHead
@@ -33,6 +33,7 @@ from myomorph.study.trial.trial_strides import TrialStrides, animal_of, in_one_t
 
 PAGE, PARAMETERS, CURVES, STRIDES = "groups.html", "group_parameters.csv", "group_curves.csv", "group_strides.csv"
 VALUES = "group_values.csv"
+Row = tuple[object, ...]
 STRIDE = attrgetter("start", "lift", "stop", "length", "duration", "speed", "duty", "width", "seen", "source")
 
 
@@ -54,16 +55,15 @@ def compare_stored(plan: GroupPlan, out: Path, folder: Path, name: str = "") -> 
         version=__version__,
         notes=tuple(Note("warning", note) for note in notes),
     )
-    page = group_page(result, page_head)
-    head, *lines = difference_rows(_value_differences(plan, out))
-    for file, text in (
-        (PARAMETERS, _parameter_table(result)),
-        (CURVES, _curve_table(result)),
-        (STRIDES, _stride_table(rows)),
-        (VALUES, csv_text(head, lines, digits=9)),
-        (PAGE, page),
-    ):
-        (folder / file).write_text(text, encoding="utf-8")
+    tables: dict[str, Iterator[Row]] = {
+        PARAMETERS: _parameter_rows(result),
+        CURVES: _curve_rows(result),
+        STRIDES: _stride_rows(rows),
+        VALUES: difference_rows(_value_differences(plan, out)),
+    }
+    for file, lines in tables.items():
+        write_csv(folder / file, next(lines), lines, digits=9)
+    (folder / PAGE).write_text(group_page(result, page_head), encoding="utf-8")
     return result
 
 
@@ -117,56 +117,41 @@ def _group(
     return Group(members[0], tuple(animals))
 
 
-def _parameter_table(comparison: Comparison) -> str:
-    first, other = comparison.names
-    head = [
+def _parameter_rows(comparison: Comparison) -> Iterator[Row]:
+    """One row a parameter; the heading first."""
+    yield (
         "parameter",
-        *(f"{name}_{what}" for name in (first, other) for what in ("mean", "sd", "animals")),
+        *(f"{name}_{what}" for name in comparison.names for what in ("mean", "sd", "animals")),
         *("difference", "low", "high", "hedges_g", "g_low", "g_high", "p", "p_holm", "q"),
-    ]
-    rows = [
-        (scalar.name, *scalar.first, *scalar.second, *EFFECT(scalar), scalar.p, scalar.holm, scalar.q)
-        for scalar in comparison.scalars
-    ]
-    return csv_text(head, rows, digits=9)
+    )
+    for scalar in comparison.scalars:
+        yield (scalar.name, *scalar.first, *scalar.second, *EFFECT(scalar), scalar.p, scalar.holm, scalar.q)
 
 
-def _curve_table(comparison: Comparison) -> str:
-    first, other = comparison.names
-    head = [
-        "kind",
-        "curve",
-        "percent",
-        *(f"{name}_{what}" for name in (first, other) for what in ("mean", "low", "high")),
+def _curve_rows(comparison: Comparison) -> Iterator[Row]:
+    """One row a curve and percent; the heading first."""
+    yield (
+        *("kind", "curve", "percent"),
+        *(f"{name}_{what}" for name in comparison.names for what in ("mean", "low", "high")),
         *("difference", "low", "high", "hedges_g", "g_low", "g_high", "p_corrected"),
-    ]
-    rows: list[tuple[object, ...]] = []
+    )
     for each in comparison.curves:
-        columns = [
-            *(part for band in (each.first, each.second) for part in (band.mean, band.low, band.high)),
-            *EFFECT(each),
-            each.p,
-        ]
-        percent = np.linspace(0.0, 100.0, len(each.difference))
-        rows += [
-            (each.family, each.name, float(at), *(float(column[i]) for column in columns))
-            for i, at in enumerate(percent)
-        ]
-    return csv_text(head, rows, digits=9)
+        bands = (part for band in (each.first, each.second) for part in (band.mean, band.low, band.high))
+        percents = np.linspace(0.0, 100.0, len(each.difference))
+        for numbers in zip(percents, *bands, *EFFECT(each), each.p, strict=True):
+            yield (each.family, each.name, *map(float, numbers))
 
 
-def _stride_table(trials: Sequence[tuple[str, str, TrialStrides]]) -> str:
-    head = (
+def _stride_rows(trials: Sequence[tuple[str, str, TrialStrides]]) -> Iterator[Row]:
+    """One row a stride; the heading first."""
+    yield (
         "group", "subject", "trial", "limb", "start_s", "lift_s", "stop_s", "length_m", "duration_s", "speed_m_per_s",
         "duty_factor", "width_m", "seen", "source",
     )  # fmt: skip
-    rows = [
-        (group, subject, strides.trial, stride.limb, *STRIDE(stride))
-        for group, subject, strides in trials
-        for limb in strides.limbs
-        for stride in strides.of(limb)
-    ]
-    return csv_text(head, rows, digits=9)
+    for group, subject, strides in trials:
+        for limb in strides.limbs:
+            for stride in strides.of(limb):
+                yield (group, subject, strides.trial, stride.limb, *STRIDE(stride))
 
 
 STEP = Step(
