@@ -10,15 +10,7 @@ import numpy as np
 import pytest
 
 from myomorph.identify.body.points import Links
-from myomorph.identify.body.regions import (
-    Region,
-    center_positions,
-    centers_of,
-    ground_pseudo_inertias,
-    regions_of,
-    spread,
-    spread_mass,
-)
+from myomorph.identify.body.regions import Region, Standing, centers_of, regions_of, spread, spread_mass
 from myomorph.identify.carry import carry_motion
 from myomorph.identify.transfer import _nearest, _with_masses, transfer
 from myomorph.io.formats import read_model
@@ -61,7 +53,7 @@ def test_how_far_mass_centers_move_is_told(lower):
     bodies = (replace(one, mass_center=one.mass_center + away.get(one.name, (0.0,) * 3)) for one in lower.bodies)
     regions = regions_of(lower)
     moved = replace(lower, bodies=tuple(bodies))
-    _, matches = _with_masses(lower, moved, REST, REST, (regions, regions), np.eye(3))
+    _, matches = _with_masses(Standing(lower, REST, regions), Standing(moved, REST, regions), np.eye(3))
     alone = {one.higher_bodies[0]: one.largest_shift for one in matches if len(one.higher_bodies) == 1}
     assert set(away) <= set(alone)
     for body, shift in alone.items():
@@ -151,13 +143,11 @@ def test_joint_centers_coincide(transferred, lower):
     # Stretching and posing alone bring them this near; the rest is made up at the joints.
     assert max(transferred.joint_shifts.values()) < 5e-3
     places = [
-        center_positions(
-            model, {key: centers_of(model, regions_of(model))[key] for key in transferred.joint_errors}, pose
-        )
+        Standing(model, pose, regions_of(model)).places
         for model, pose in ((lower, transferred.lower_pose), (transferred.model, transferred.higher_pose))
     ]
-    for key, place in places[0].items():
-        np.testing.assert_allclose(places[1][key], transferred.rotation @ place, atol=1e-9, err_msg=key)
+    for key in transferred.joint_errors:
+        np.testing.assert_allclose(places[1][key], transferred.rotation @ places[0][key], atol=1e-9, err_msg=key)
     assert all(abs(one.lower - one.higher) < 1e-9 for one in transferred.lengths)
 
 
@@ -181,8 +171,8 @@ def test_markers_stay_where_they_are(transferred, lower, higher):
 
 def test_masses_of_regions_are_the_lower_models(transferred, lower):
     assert transferred.model.mass == pytest.approx(lower.mass, abs=1e-9)
-    given = ground_pseudo_inertias(lower, transferred.lower_pose)
-    found = ground_pseudo_inertias(transferred.model, transferred.higher_pose)
+    given = Standing(lower, transferred.lower_pose, {}).pseudo_inertias()
+    found = Standing(transferred.model, transferred.higher_pose, {}).pseudo_inertias()
     for one in transferred.masses:
         theirs = given[[lower.body_names.index(name) for name in one.lower_bodies]].sum(axis=0)
         ours = found[[transferred.model.body_names.index(name) for name in one.higher_bodies]].sum(axis=0)

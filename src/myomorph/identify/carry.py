@@ -6,8 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from myomorph.identify.body.points import frames_in_ground
-from myomorph.identify.body.regions import Region, centers_of, regions_of
+from myomorph.identify.body.regions import Region, Standing, regions_of
 from myomorph.identify.transfer import Transfer, common_region
 from myomorph.identify.transfer_options import TransferOptions
 from myomorph.model.arrays import Array, read_only
@@ -76,15 +75,11 @@ def _points(
 ) -> tuple[tuple[Marker, ...], tuple[Marker, ...]]:
     """The same points on the lower and on the transferred model, which coincide in the transfer's pose."""
     higher = transfer.model
-    frames = dict(zip(lower.body_names, frames_in_ground(lower, transfer.lower_pose), strict=True))
-    theirs = dict(zip(higher.body_names, frames_in_ground(higher, transfer.higher_pose), strict=True))
+    ours = Standing(lower, transfer.lower_pose, regions_of(lower, options.lower_segments))
+    theirs = Standing(higher, transfer.higher_pose, regions_of(higher, options.higher_segments))
     pairs = [(lower.marker(marker.name), marker.body) for marker in higher.markers if marker.name in lower.marker_names]
-    known = (
-        centers_of(lower, regions_of(lower, options.lower_segments)),
-        centers_of(higher, regions_of(higher, options.higher_segments)),
-    )
     for key in transfer.joint_errors:
-        center, body = known[0][key], known[1][key].joint.child
+        center, body = ours.centers[key], theirs.centers[key].joint.child
         beside = np.zeros((1, 3)) if center.outer.name == "torso" else LEVER * np.vstack([np.zeros(3), np.eye(3)])
         pairs += [
             (Marker(f"center {key} {i}", center.joint.child, center.location + offset), body)
@@ -92,9 +87,8 @@ def _points(
         ]
     placed = []
     for point, body in pairs:
-        frame, at = frames[point.body], theirs[body]
-        ground = transfer.rotation @ (frame[:3, :3] @ point.location + frame[:3, 3])
-        placed.append(Marker(point.name, body, at[:3, :3].T @ (ground - at[:3, 3])))
+        place = transfer.rotation @ ours.in_ground(point.body, point.location)
+        placed.append(Marker(point.name, body, theirs.in_body(body, place)))
     return tuple(point for point, _ in pairs), tuple(placed)
 
 

@@ -12,18 +12,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from myomorph.identify.body.center_fit import CenterFit, LengthMatch, between_grounds, first_frame, hinge_cues, skeleton
-from myomorph.identify.body.points import Links, frames_in_ground, links_of
-from myomorph.identify.body.regions import (
-    Center,
-    Region,
-    center_positions,
-    centers_of,
-    ground_pseudo_inertias,
-    regions_of,
-    spread,
-    spread_mass,
-)
+from myomorph.identify.body.center_fit import CenterFit, LengthMatch, between_grounds, first_frame, hinge_cues
+from myomorph.identify.body.points import Links, links_of
+from myomorph.identify.body.regions import Region, Standing, regions_of, spread, spread_mass
 from myomorph.identify.transfer_options import TransferOptions
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
@@ -31,7 +22,8 @@ from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.inertia import inertial_parameters, parameters_of, with_inertial_parameters
 from myomorph.model.model import Marker, Model
 from myomorph.model.scale import scale
-from myomorph.model.series import Motion
+from myomorph.model.series import DEFAULT_POSE, Motion
+from myomorph.motion.stretch import skeleton
 from myomorph.muscles.kinematics import default_path_lengths
 
 MIN_CENTERS = 4
@@ -153,25 +145,22 @@ def transfer(
     -0.44
     """
     options = options or TransferOptions()
-    regions = regions_of(lower, options.lower_segments), regions_of(higher, options.higher_segments)
-    centers = centers_of(lower, regions[0]), centers_of(higher, regions[1])
-    shared = _shared_centers(lower, higher, centers)
-    lower_pose = first_frame(pose, lower)
-    rotation = between_grounds(lower, higher, lower_pose, centers, shared)
-    lower_centers = {key: centers[0][key] for key in shared}
-    targets = {key: rotation @ place for key, place in center_positions(lower, lower_centers, lower_pose).items()}
-    cues = hinge_cues(lower, higher, lower_pose, centers, shared, rotation)
-    fit = CenterFit(skeleton(higher), regions[1], {key: centers[1][key] for key in shared}, targets, cues)
+    ours = Standing(lower, first_frame(pose, lower), regions_of(lower, options.lower_segments))
+    generic = Standing(higher, DEFAULT_POSE, regions_of(higher, options.higher_segments))
+    shared = _shared_centers(ours, generic)
+    rotation = between_grounds(ours, generic, shared)
+    targets = {key: rotation @ ours.places[key] for key in shared}
+    cues = hinge_cues(ours, generic, shared, rotation)
+    fit = CenterFit(skeleton(higher), generic.regions, {key: generic.centers[key] for key in shared}, targets, cues)
     factors, higher_pose = fit.solve(options.rounds, options.tolerance)
     shifts, shifted = fit.shifts(higher, factors, higher_pose)
-    model = _scaled(higher, shifted, factors, path_lengths)
-    model, masses = _with_masses(lower, model, lower_pose, higher_pose, regions, rotation)
-    markers, notes = _markers(lower, model, lower_pose, higher_pose, regions, rotation, options)
-    model = replace(model, markers=markers)
-    places = center_positions(model, centers_of(model, regions[1]), higher_pose)
+    theirs = Standing(_scaled(higher, shifted, factors, path_lengths), higher_pose, generic.regions)
+    model, masses = _with_masses(ours, theirs, rotation)
+    markers, notes = _markers(ours, theirs, rotation, options)
+    places, both = theirs.places, (ours.regions, generic.regions)
     return Transfer(
-        model,
-        lower_pose,
+        replace(model, markers=markers),
+        ours.pose,
         higher_pose,
         rotation,
         FrozenMap(factors),
@@ -179,26 +168,22 @@ def transfer(
         FrozenMap({key: float(np.linalg.norm(places[key] - targets[key])) for key in shared}),
         fit.lengths(places),
         masses,
-        tuple(sorted(set(centers[0]) ^ set(centers[1]))),
-        _without_counterpart(regions),
+        tuple(sorted(set(ours.centers) ^ set(generic.centers))),
+        tuple(name for table in both for name, region in table.items() if region not in _common(ours, generic)),
         tuple(notes),
     )
 
 
-def _without_counterpart(regions: tuple[Mapping[str, Region], Mapping[str, Region]]) -> tuple[str, ...]:
-    """Bodies of both models whose region the other lacks."""
-    common = set(regions[0].values()) & set(regions[1].values())
-    return tuple(name for table in regions for name, region in table.items() if region not in common)
+def _common(lower: Standing, higher: Standing) -> set[Region]:
+    return set(lower.regions.values()) & set(higher.regions.values())
 
 
-def _shared_centers(
-    lower: Model, higher: Model, centers: tuple[Mapping[str, Center], Mapping[str, Center]]
-) -> tuple[str, ...]:
+def _shared_centers(lower: Standing, higher: Standing) -> tuple[str, ...]:
     """Joint centers that both models have."""
-    shared = tuple(key for key in centers[0] if key in centers[1])
+    shared = tuple(key for key in lower.centers if key in higher.centers)
     if len(shared) < MIN_CENTERS:
         raise BadData(
-            f"models '{lower.name}' and '{higher.name}' have only {len(shared)} joint centers in common "
+            f"models '{lower.model.name}' and '{higher.model.name}' have only {len(shared)} joint centers in common "
             f"({', '.join(shared) or 'none'}): expected at least {MIN_CENTERS}"
         )
     return shared
@@ -214,22 +199,15 @@ def _scaled(
     return scale(shifted, factors, path_lengths=lambda model: before if model is shifted else path_lengths(model))
 
 
-def _with_masses(
-    lower: Model,
-    higher: Model,
-    lower_pose: Motion,
-    higher_pose: Motion,
-    regions: tuple[Mapping[str, Region], Mapping[str, Region]],
-    rotation: Array,
-) -> tuple[Model, tuple[MassMatch, ...]]:
+def _with_masses(lower: Standing, higher: Standing, rotation: Array) -> tuple[Model, tuple[MassMatch, ...]]:
     """The higher model with each region's mass, mass center and inertia of the lower, and how well."""
-    turn = np.eye(4)
+    turn, model = np.eye(4), higher.model
     turn[:3, :3] = rotation
-    wanted = turn @ ground_pseudo_inertias(lower, lower_pose) @ turn.T
-    masses = ground_pseudo_inertias(higher, higher_pose)
-    both = tuple(zip((lower, higher), regions, strict=True))
-    heavy = [{region for body, region in table.items() if model.body(body).mass > 0.0} for model, table in both]
-    members = [[common_region(table[name], heavy[0] & heavy[1]) for name in model.body_names] for model, table in both]
+    wanted, masses = turn @ lower.pseudo_inertias() @ turn.T, higher.pseudo_inertias()
+    both = lower, higher
+    heavy = [{region for body, region in side.regions.items() if side.model.body(body).mass > 0.0} for side in both]
+    common = heavy[0] & heavy[1]
+    members = [[common_region(side.regions[name], common) for name in side.model.body_names] for side in both]
     spread_ = masses.copy()
     matches = []
     for region in dict.fromkeys(members[1]):
@@ -245,8 +223,8 @@ def _with_masses(
         matches.append(
             MassMatch(
                 region,
-                tuple(lower.body_names[i] for i in theirs),
-                tuple(higher.body_names[i] for i in ours),
+                tuple(lower.model.body_names[i] for i in theirs),
+                tuple(model.body_names[i] for i in ours),
                 float(target[3, 3]),
                 float(abs(total[3, 3] - target[3, 3])),
                 float(np.linalg.norm(total[:3, 3] / total[3, 3] - target[:3, 3] / target[3, 3])),
@@ -255,11 +233,11 @@ def _with_masses(
                 note,
             )
         )
-    back = np.linalg.inv(frames_in_ground(higher, higher_pose))
+    back = np.linalg.inv(np.array(list(higher.frames.values())))
     parameters = parameters_of(back @ spread_ @ np.swapaxes(back, 1, 2))
-    massless = inertial_parameters(higher)[:, 0] == 0.0
-    parameters[massless] = inertial_parameters(higher)[massless]
-    return with_inertial_parameters(higher, parameters), tuple(matches)
+    massless = inertial_parameters(model)[:, 0] == 0.0
+    parameters[massless] = inertial_parameters(model)[massless]
+    return with_inertial_parameters(model, parameters), tuple(matches)
 
 
 def common_region(region: Region, common: set[Region]) -> Region:
@@ -273,37 +251,27 @@ def common_region(region: Region, common: set[Region]) -> Region:
 
 
 def _markers(
-    lower: Model,
-    higher: Model,
-    lower_pose: Motion,
-    higher_pose: Motion,
-    regions: tuple[Mapping[str, Region], Mapping[str, Region]],
-    rotation: Array,
-    options: TransferOptions,
+    lower: Standing, higher: Standing, rotation: Array, options: TransferOptions
 ) -> tuple[tuple[Marker, ...], list[str]]:
     """The lower model's markers at the same places in space, on bodies of the higher."""
-    links = links_of(higher, higher_pose)
-    frames, theirs = frames_in_ground(higher, higher_pose), frames_in_ground(lower, lower_pose)
-    common = set(regions[0].values()) & set(regions[1].values())
-    counted = {name: common_region(region, common) for name, region in regions[1].items()}
-    body_of = {marker.name: marker.body for marker in higher.markers}
+    links, common = links_of(higher.model, higher.pose), _common(lower, higher)
+    counted = {name: common_region(region, common) for name, region in higher.regions.items()}
+    body_of = {marker.name: marker.body for marker in higher.model.markers}
     placed, notes = [], []
-    for marker in lower.markers:
-        if marker.body not in regions[0]:
+    for marker in lower.model.markers:
+        if marker.body not in lower.regions:
             notes.append(f"marker '{marker.name}' is on the ground: it is left out")
             continue
-        frame = theirs[lower.body_names.index(marker.body)]
-        place = rotation @ (frame[:3, :3] @ marker.location + frame[:3, 3])
-        region = common_region(regions[0][marker.body], common)
-        inside = [name for name in higher.body_names if counted[name] == region]
+        place = rotation @ lower.in_ground(marker.body, marker.location)
+        region = common_region(lower.regions[marker.body], common)
+        inside = [name for name in higher.model.body_names if counted[name] == region]
         body = body_of.get(marker.name, marker.body)
         if body not in inside:
             body = _nearest(place, links, inside)
-        at = frames[higher.body_names.index(body)]
-        placed.append(Marker(marker.name, body, at[:3, :3].T @ (place - at[:3, 3]), marker.fixed))
+        placed.append(Marker(marker.name, body, higher.in_body(body, place), marker.fixed))
     if options.keep_markers:
         taken = {marker.name for marker in placed}
-        placed += [marker for marker in higher.markers if marker.name not in taken]
+        placed += [marker for marker in higher.model.markers if marker.name not in taken]
     return tuple(placed), notes
 
 

@@ -9,8 +9,7 @@ from itertools import combinations, product
 import numpy as np
 from scipy.optimize import least_squares
 
-from myomorph.identify.body.points import frames_in_ground
-from myomorph.identify.body.regions import HINGES, Center, Region, center_positions, centers_of, hinge_axis
+from myomorph.identify.body.regions import HINGES, Center, Region, Standing, centers_of
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.frozen_map import grouped
@@ -43,15 +42,6 @@ class LengthMatch:
     higher: float
 
 
-def skeleton(model: Model) -> Model:
-    """Bodies and joints alone."""
-    return replace(
-        model,
-        bodies=tuple(replace(body, meshes=()) for body in model.bodies),
-        markers=(), muscles=(), wrap_objects=(), actuators=(), frames=(), ground_meshes=(), passive_torques=(),
-    )  # fmt: skip
-
-
 def first_frame(pose: Motion | None, model: Model) -> Motion:
     """The first frame of a pose, or the model's default pose where none is given; raises `BadData`."""
     if pose is None:
@@ -61,21 +51,11 @@ def first_frame(pose: Motion | None, model: Model) -> Motion:
     return Motion(pose.time[:1], pose.names, pose.values[:1])
 
 
-def between_grounds(
-    lower: Model,
-    higher: Model,
-    lower_pose: Motion,
-    centers: tuple[Mapping[str, Center], Mapping[str, Center]],
-    shared: Sequence[str],
-) -> Array:
+def between_grounds(lower: Standing, higher: Standing, shared: Sequence[str]) -> Array:
     """(3, 3) axes of the lower model's ground in the higher's: gravity on gravity, headings to a quarter turn."""
-    rest = first_frame(None, higher)
-    ups = [_upright(model.up) for model in (lower, higher)]
-    places = [
-        center_positions(model, {key: frames[key] for key in shared}, pose)
-        for model, frames, pose in ((lower, centers[0], lower_pose), (higher, centers[1], rest))
-    ]
-    flat = [np.array([place[key] for key in shared]) @ up for place, up in zip(places, ups, strict=True)]
+    both = lower, higher
+    ups = [_upright(standing.model.up) for standing in both]
+    flat = [np.array([side.places[key] for key in shared]) @ up for side, up in zip(both, ups, strict=True)]
     first, second = (points[:, [0, 2]] - points[:, [0, 2]].mean(axis=0) for points in flat)
     # Angle about the vertical that turns (x, z) of the lower model nearest to the higher's.
     turn = np.arctan2((second[:, 0] * first[:, 1] - second[:, 1] * first[:, 0]).sum(), (first * second).sum())
@@ -105,30 +85,22 @@ class Cue:
     target: Array
 
 
-def hinge_cues(
-    lower: Model,
-    higher: Model,
-    lower_pose: Motion,
-    centers: tuple[Mapping[str, Center], Mapping[str, Center]],
-    shared: Sequence[str],
-    rotation: Array,
-) -> list[Cue]:
+def hinge_cues(lower: Standing, higher: Standing, shared: Sequence[str], rotation: Array) -> list[Cue]:
     """Points that turn thighs and upper arms about their length, where both models have a hinge below."""
-    rest, result = first_frame(None, higher), []
-    places = center_positions(lower, centers[0], lower_pose)
+    result = []
     for key in shared:
-        if centers[0][key].name not in HINGES:
+        if lower.centers[key].name not in HINGES:
             continue
-        axes = hinge_axis(lower, centers[0][key], lower_pose), hinge_axis(higher, centers[1][key], rest)
-        if axes[0] is None or axes[1] is None:
+        axis, current = lower.hinge_axis(key), higher.hinge_axis(key)
+        if axis is None or current is None:
             continue
-        wanted, current = rotation @ axes[0], axes[1]
+        wanted = rotation @ axis
         if abs(wanted @ current) < 0.5:
             continue
-        joint = centers[1][key].joint
-        local = frames_in_ground(higher, rest)[higher.body_names.index(joint.parent), :3, :3].T @ current
+        joint = higher.centers[key].joint
+        local = higher.frames[joint.parent][:3, :3].T @ current
         location = joint.parent_frame.translation + AXIS_LENGTH * np.sign(wanted @ current) * local
-        result.append(Cue(f"{key} axis", joint.parent, location, rotation @ places[key] + AXIS_LENGTH * wanted))
+        result.append(Cue(f"{key} axis", joint.parent, location, rotation @ lower.places[key] + AXIS_LENGTH * wanted))
     return result
 
 
@@ -180,18 +152,21 @@ class CenterFit:
 
     def solve(self, rounds: int, tolerance: float) -> tuple[dict[str, Array], Motion]:
         """Scale and pose in turn until no center moves further than `tolerance` against the lower model's [m]."""
-        pose, logs = first_frame(None, self._model), np.zeros(sum(self.free.values()))
+        pose, logs = DEFAULT_POSE, np.zeros(sum(self.free.values()))
         before: dict[str, float] = {}
         for _ in range(rounds):
             logs = self._scale_segments(logs, pose)
             model = scale(self._model, self.factors(logs))
             pose = self._pose(model)
-            places = center_positions(model, centers_of(model, self._regions), pose)
+            places = self._places(model, pose)
             errors = {key: float(np.linalg.norm(places[key] - target)) for key, target in self._targets.items()}
             if max(abs(errors[key] - before.get(key, np.inf)) for key in errors) < tolerance:
                 break
             before = errors
         return self.factors(logs), pose
+
+    def _places(self, model: Model, pose: Motion) -> dict[str, Array]:
+        return Standing(model, pose, self._regions).places
 
     def factors(self, logs: Array) -> dict[str, Array]:
         """(3,) factors of every body from the logarithms (unknowns,) of the free regions' factors."""
@@ -217,7 +192,7 @@ class CenterFit:
 
         def residuals(x: Array) -> Array:
             model = scale(self._model, self.factors(x))
-            places = center_positions(model, centers_of(model, self._regions), pose)
+            places = self._places(model, pose)
             rows = [np.linalg.norm(places[a] - places[b]) - wanted[region, a, b] for region, a, b in self.pairs]
             start = 0
             for count in self.free.values():
@@ -272,7 +247,7 @@ class CenterFit:
 
     def _off(self, model: Model, pose: Motion, keys: Sequence[str]) -> float:
         """Largest distance of some centers from the lower model's [m]."""
-        places = center_positions(model, centers_of(model, self._regions), pose)
+        places = self._places(model, pose)
         return max(float(np.linalg.norm(places[key] - self._targets[key])) for key in keys)
 
     def _posed(self, model: Model, coordinates: tuple[Coordinate, ...]) -> Motion:
@@ -300,12 +275,9 @@ class CenterFit:
         model, distances = higher, {}
         order = sorted(self._centers.values(), key=lambda center: higher.body_names.index(center.joint.child))
         for center in order:
-            bare = replace(self._model, joints=model.joints)
-            larger = scale(bare, factors)
-            place = center_positions(larger, centers_of(larger, self._regions), pose)[center.key]
-            missing = self._targets[center.key] - place
-            number = higher.body_names.index(center.joint.parent)
-            local = frames_in_ground(larger, pose)[number, :3, :3].T @ missing
+            larger = Standing(scale(replace(self._model, joints=model.joints), factors), pose, self._regions)
+            missing = self._targets[center.key] - larger.places[center.key]
+            local = larger.frames[center.joint.parent][:3, :3].T @ missing
             distances[center.key] = float(np.linalg.norm(missing))
             model = replace(model, joints=tuple(_moved(joint, center, local, factors) for joint in model.joints))
         return distances, model

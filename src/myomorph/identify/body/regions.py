@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from functools import cached_property
+from itertools import compress
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +18,7 @@ from myomorph.model.model import GROUND, Joint, Model
 from myomorph.model.segments import Segment, segments_of
 from myomorph.model.series import Motion
 from myomorph.model.sides import split_side
+from myomorph.rigid.tree import compile_tree
 
 CENTER_OF = {
     "thigh": "hip", "shank": "knee", "talus": "ankle", "foot": "subtalar", "toes": "toes", "torso": "lumbar",
@@ -75,15 +78,11 @@ def regions_of(model: Model, stated: Mapping[str, Segment] | None = None) -> dic
     segments = segments_of(model, stated)
     parents = {joint.child: joint.parent for joint in model.joints}
     pelvis = _pelvis(model, segments, parents)
-    below = {name: {name} for name in model.body_names}
-    for name in reversed(model.body_names):
-        if parents[name] != GROUND:
-            below[parents[name]] |= below[name]
     result = {}
     for name, segment in segments.items():
         if name in pelvis:
             region = "pelvis"
-        elif segment.name == "head" and all(segments[child].name == "head" for child in below[name]):
+        elif segment.name == "head" and all(segments[child].name == "head" for child in _below(model, name)):
             region = "head"
         elif segment.name in ("head", "upper_trunk", "lower_trunk"):
             region = "torso"
@@ -126,11 +125,6 @@ def centers_of(model: Model, regions: Mapping[str, Region]) -> dict[str, Center]
     """The joint centers between regions, by key; of several joints, that which carries the most bodies.
     A center is the origin of the joint's frame in the outer body, or the mean anchor of its hinges.
     """
-    below = dict.fromkeys(model.body_names, 1)
-    parents = {joint.child: joint.parent for joint in model.joints}
-    for name in reversed(model.body_names):
-        if parents[name] != GROUND:
-            below[parents[name]] += below[name]
     result: dict[str, Center] = {}
     for joint in model.joints:
         if joint.parent == GROUND or regions[joint.parent] == regions[joint.child]:
@@ -143,33 +137,59 @@ def centers_of(model: Model, regions: Mapping[str, Region]) -> dict[str, Center]
         location = joint.child_frame.apply(np.mean(anchors, axis=0) if anchors else np.zeros(3))
         center = Center(name, outer.side, inner, outer, joint, location)
         other = result.get(center.key)
-        if other is None or below[joint.child] > below[other.joint.child]:
+        if other is None or len(_below(model, joint.child)) > len(_below(model, other.joint.child)):
             result[center.key] = center
     return result
 
 
-def center_positions(model: Model, centers: Mapping[str, Center], pose: Motion) -> dict[str, Array]:
-    """(3,) each center in ground in the first frame of a motion [m]."""
-    frames = dict(zip(model.body_names, frames_in_ground(model, pose), strict=True))
-    positions = {key: (frames[center.joint.child], center.location) for key, center in centers.items()}
-    return {key: frame[:3, :3] @ location + frame[:3, 3] for key, (frame, location) in positions.items()}
+def _below(model: Model, body: str) -> tuple[str, ...]:
+    """A body and all that hang on it."""
+    return tuple(compress(model.body_names, compile_tree(model).hanging(body)[1:]))
 
 
-def hinge_axis(model: Model, center: Center, pose: Motion) -> Array | None:
-    """(3,) first moving axis of a knee or an elbow in ground, in the first frame of a motion; else None."""
-    if center.name not in HINGES:
-        return None
-    axis = next((each for each in center.joint.axes if each.kind == "rotation" and each.function.arity), None)
-    if axis is None:
-        return None
-    inner = frames_in_ground(model, pose)[model.body_names.index(center.joint.parent), :3, :3]
-    return inner @ center.joint.parent_frame.rotation @ axis.vector
+@read_only
+class Standing:
+    """A model in the first frame of a motion, its bodies by region."""
 
+    model: Model
+    pose: Motion
+    regions: Mapping[str, Region]
 
-def ground_pseudo_inertias(model: Model, pose: Motion) -> Array:
-    """(bodies, 4, 4) pseudo-inertia of every body about the ground's origin, in ground."""
-    frames = frames_in_ground(model, pose)
-    return frames @ pseudo_inertias(inertial_parameters(model)) @ np.swapaxes(frames, 1, 2)
+    @cached_property
+    def frames(self) -> dict[str, Array]:
+        """(4, 4) poses of the bodies' frames in ground."""
+        return dict(zip(self.model.body_names, frames_in_ground(self.model, self.pose), strict=True))
+
+    @cached_property
+    def centers(self) -> dict[str, Center]:
+        """See `centers_of`."""
+        return centers_of(self.model, self.regions)
+
+    @cached_property
+    def places(self) -> dict[str, Array]:
+        """(3,) each center in ground [m]."""
+        return {key: self.in_ground(center.joint.child, center.location) for key, center in self.centers.items()}
+
+    def in_ground(self, body: str, point: Array) -> Array:
+        """(3,) a point of a body in ground [m]."""
+        return self.frames[body][:3, :3] @ point + self.frames[body][:3, 3]
+
+    def in_body(self, body: str, place: Array) -> Array:
+        """(3,) a place in ground as a point of a body [m]."""
+        return self.frames[body][:3, :3].T @ (place - self.frames[body][:3, 3])
+
+    def hinge_axis(self, key: str) -> Array | None:
+        """(3,) first moving axis of the joint of a center in ground; None where none moves."""
+        joint = self.centers[key].joint
+        axis = next((each for each in joint.axes if each.kind == "rotation" and each.function.arity), None)
+        if axis is None:
+            return None
+        return self.frames[joint.parent][:3, :3] @ joint.parent_frame.rotation @ axis.vector
+
+    def pseudo_inertias(self) -> Array:
+        """(bodies, 4, 4) of every body about the ground's origin, in ground."""
+        frames = np.array(list(self.frames.values()))
+        return frames @ pseudo_inertias(inertial_parameters(self.model)) @ np.swapaxes(frames, 1, 2)
 
 
 def spread(inertia: Array, target: Array) -> Array:
