@@ -70,7 +70,7 @@ def problem(recorded):
         trial,
         markers=replace(trial.markers, time=trial.markers.time[:60], values=trial.markers.values[:60]),
     )
-    return problem_of(subject.generic, [short], [opened(subject.generic, short, OPTIONS)], OPTIONS)
+    return problem_of(subject.generic, [opened(subject.generic, short, OPTIONS)], OPTIONS)
 
 
 def test_splines_are_polynomials_with_their_derivatives():

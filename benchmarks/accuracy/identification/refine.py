@@ -334,7 +334,7 @@ def row(person: Recorded, train: list[Part], test: Part) -> Row:
     seconds = perf_counter() - begun
 
     def errors(made: mm.Model, tissue: SoftTissue | None = None) -> Errors:
-        return errors_on(made, opened(made, unseen, options), None, on_given.usable.use, tissue)
+        return errors_on(made, opened(made, unseen, options), on_given.usable.use, tissue)
 
     return {
         "subject": person.name,

@@ -245,7 +245,12 @@ def identify(
     markers = parts_of(generic, used, base)
     first = next(iter(points))
     few = thinned(points[first])
-    paper = _paper(generic, mass, options) if options.prior == "paper" else None
+    paper = None
+    if options.prior == "paper":
+        weights = MassPointOptions(
+            "paper", W_phi=options.weight_phi, W_rho=options.weight_rho, floor=options.point_floor
+        )
+        paper = Paper(generic, weights, mass if options.keep_mass else None)
     strength = Strength(few, inertial_parameters(generic), options.method, options.mass_sd, paper)
     fitted = Fitted(tuple(used), markers, None, strength.choose(markers))
     cutoff = recording.cutoff if recording else None
@@ -310,14 +315,6 @@ def identify(
             *(note for recording in recordings for note in recording.notes),
         ),
     )
-
-
-def _paper(model: Model, mass: float, options: IdentificationOptions) -> Paper:
-    """The problem of [D] with the options' weights."""
-    weights = MassPointOptions(
-        prior="paper", W_phi=options.weight_phi, W_rho=options.weight_rho, floor=options.point_floor
-    )
-    return Paper(model, weights, mass if options.keep_mass else None)
 
 
 def _used(recording: Recording, model: Model, parameters: Array) -> Array:

@@ -10,7 +10,7 @@ from skins import capsule
 
 from myomorph.identify.body.fit_pose import pose_model_to_skin
 from myomorph.identify.body.points import links_of
-from myomorph.identify.body.regions import center_positions, centers_of, regions_of
+from myomorph.identify.body.regions import Standing, regions_of
 from myomorph.identify.body.shape import body_shape
 from myomorph.identify.body.skin import Skin, inside
 from myomorph.io.formats import read_model
@@ -43,7 +43,7 @@ def shape():
 def test_joint_centers_of_every_model_land_in_the_skin(data, shape, name):
     model = read_model(data(name))
     fit = pose_model_to_skin(model, shape)
-    places = center_positions(model, centers_of(model, regions_of(model)), fit.motion)
+    places = Standing(model, fit.motion, regions_of(model)).places
     assert len(places) == CASES[name]
     # Toes and heels of another foot, and vertebrae of another back, may end a little outside.
     limbs = [name for name in places if name.split()[-1] in ("hip", "knee", "ankle", "shoulder", "elbow", "wrist")]
@@ -68,8 +68,7 @@ def test_the_pose_does_not_depend_on_the_skins_axes(data, shape):
     other = pose_model_to_skin(model, shape.skin.moved(turn, np.zeros(3)), centers)
     # The rotation of a nearly straight leg about itself is soft; the places of the joint centers are not.
     np.testing.assert_allclose(other.errors, one.errors, atol=1e-5)
-    inner = centers_of(model, regions_of(model))
-    places, moved = (center_positions(model, inner, fit.motion) for fit in (one, other))
+    places, moved = (Standing(model, fit.motion, regions_of(model)).places for fit in (one, other))
     for name in upright:
         np.testing.assert_allclose(moved[name], places[name], atol=1e-4)
     np.testing.assert_allclose(other.skin.surface.vertices, one.skin.surface.vertices, atol=1e-6)
@@ -86,7 +85,7 @@ def test_a_known_pose_comes_back_from_landmarks(data):
             low, high = model.coordinates[j].range
             values[j] = np.clip(values[j] + rng.uniform(-0.15, 0.15), low, high)
     pose = Motion(np.zeros(1), model.coordinate_names, values[None])
-    places = center_positions(model, centers_of(model, regions_of(model)), pose)
+    places = Standing(model, pose, regions_of(model)).places
     from myomorph.rigid.kinematics import forward_kinematics
 
     poses = forward_kinematics(tree, tree.coordinates_of(pose)[:1])

@@ -83,19 +83,19 @@ def pose_model_to_skin(model: Model, body: Shape | Skin, landmarks: Mapping[str,
     if landmarks is None and isinstance(body, Skin):
         return _default_pose(model, skin)
     centers = _centers(model)
-    targets, markers, missed = _paired(model, centers, body, landmarks)
-    if len(targets) < 3:
+    pairs, missed = _paired(model, centers, body, landmarks)
+    if len(pairs) < 3:
         raise BadData(
-            f"model '{model.name}' and the body share {len(targets)} points: expected at least three markers or joint "
+            f"model '{model.name}' and the body share {len(pairs)} points: expected at least three markers or joint "
             "centers, as 'right knee'"
         )
-    seen = np.array(list(targets.values()))
-    virtual = replace(model, markers=tuple(markers))
-    rotation, translation = _aligned(seen, marker_positions(virtual, DEFAULT_POSE).values[0], list(targets))
-    recorded = Markers(np.zeros(1), tuple(targets), (seen @ rotation.T + translation)[None])
-    weights = {name: 1.0 if name in centers and name not in SPINE else LANDMARK_WEIGHT for name in targets}
+    seen = np.array([point for point, _ in pairs.values()])
+    virtual = replace(model, markers=tuple(marker for _, marker in pairs.values()))
+    rotation, translation = _aligned(seen, marker_positions(virtual, DEFAULT_POSE).values[0], list(pairs))
+    recorded = Markers(np.zeros(1), tuple(pairs), (seen @ rotation.T + translation)[None])
+    weights = {name: 1.0 if name in centers and name not in SPINE else LANDMARK_WEIGHT for name in pairs}
     if landmarks is not None:
-        weights = dict.fromkeys(targets, 1.0)
+        weights = dict.fromkeys(pairs, 1.0)
     pull = POSTURE if landmarks is None else InverseKinematicsOptions.posture_weight
     options = InverseKinematicsOptions(marker_weights=weights, iterations=ITERATIONS, posture_weight=pull)
     fit = inverse_kinematics(virtual, recorded, options)
@@ -139,38 +139,26 @@ def _centers(model: Model) -> dict[str, Center]:
 
 def _paired(
     model: Model, centers: Mapping[str, Center], body: Shape | Skin, landmarks: Mapping[str, Array] | None
-) -> tuple[dict[str, Array], list[Marker], list[str]]:
-    """Points of the body by name, virtual markers for each, and names of joint centers that the model lacks."""
-    virtual = {marker.name: marker for marker in model.markers}
-    targets: dict[str, Array] = {}
-    markers: list[Marker] = []
+) -> tuple[dict[str, tuple[Array, Marker]], list[str]]:
+    """Points of the body by name, each with a virtual marker, and names of joint centers that the model lacks."""
+    own = {marker.name: marker for marker in model.markers}
+    at_centers = {name: Marker(name, center.joint.child, center.location) for name, center in centers.items()}
+    pairs: dict[str, tuple[Array, Marker]] = {}
     if landmarks is not None:
         for name, point in landmarks.items():
-            if name not in virtual and name not in centers:
-                raise UnknownName("landmark", name, (*virtual, *centers), f"model '{model.name}'")
+            if name not in own and name not in centers:
+                raise UnknownName("landmark", name, (*own, *centers), f"model '{model.name}'")
             if np.shape(point) != (3,) or not np.isfinite(point).all():
                 raise BadData(f"landmark '{name}': expected three finite coordinates, but got {point}")
-            targets[name] = np.asarray(point, dtype=np.float64)
-            markers.append(virtual[name] if name in virtual else _at_center(name, centers[name]))
-        return targets, markers, []
+            pairs[name] = np.asarray(point, dtype=np.float64), (at_centers | own)[name]
+        return pairs, []
     assert isinstance(body, Shape)
-    missed = []
-    for name, point in body.centers.items():
-        if name in centers:
-            targets[name] = point
-            markers.append(_at_center(name, centers[name]))
-        elif name not in ("pelvis", "head top"):
-            missed.append(name)
-    for name, marker in virtual.items():
+    pairs |= {name: (point, at_centers[name]) for name, point in body.centers.items() if name in centers}
+    for name, marker in own.items():
         landmark = landmark_of_marker(name)
-        if landmark in body.landmarks and name not in targets:
-            targets[name] = body.landmarks[landmark]
-            markers.append(marker)
-    return targets, markers, missed
-
-
-def _at_center(name: str, center: Center) -> Marker:
-    return Marker(name, center.joint.child, center.location)
+        if landmark in body.landmarks and name not in pairs:
+            pairs[name] = body.landmarks[landmark], marker
+    return pairs, [name for name in body.centers if name not in (*centers, "pelvis", "head top")]
 
 
 def _aligned(points: Array, targets: Array, names: list[str]) -> tuple[Array, Array]:

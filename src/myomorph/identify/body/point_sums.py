@@ -6,6 +6,9 @@ m(x) = 1, x, y, z, xx, yy, zz, yz, zx, xy. Weights come as the rows of a CSR mat
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+
 import numpy as np
 
 from myomorph.identify.body.points import MassPoints
@@ -199,26 +202,15 @@ class PointSums:
 
     def push(self, masses: Array) -> Array:
         """(10 links,) G masses of masses (points,)."""
-        parts = np.zeros((-(-len(self.x) // self._chunk), self.links, 10))
-
-        def part(start: int, stop: int) -> None:
-            out = parts[start // self._chunk]
-            push(self.x, self.first, self.columns, self.weights, masses, start, stop, out)
-
-        over_frames(part, len(self.x), chunk=self._chunk)
-        return parts.sum(axis=0).ravel()
+        add = partial(push, self.x, self.first, self.columns, self.weights, masses)
+        return self._summed(add, self.links, 10).ravel()
 
     def pairs(self, factors: Array) -> Array:
         """(pairs of links, 36) sums that make G diag(factors) G^T; `matrix` puts them in place."""
-        parts = np.zeros((-(-len(self.x) // self._chunk), self.links * (self.links + 1) // 2, PRODUCTS + 1))
-
-        def part(start: int, stop: int) -> None:
-            out = parts[start // self._chunk]
-            push_pairs(self.x, self.first, self.columns, self.weights, factors, start, stop, out)
-
-        if factors.any():
-            over_frames(part, len(self.x), chunk=self._chunk)
-        return parts.sum(axis=0)
+        shape = self.links * (self.links + 1) // 2, PRODUCTS + 1
+        if not factors.any():
+            return np.zeros(shape)
+        return self._summed(partial(push_pairs, self.x, self.first, self.columns, self.weights, factors), *shape)
 
     def matrix(self, pairs: Array) -> Array:
         """(10 links, 10 links) G F G^T from the sums of `pairs`."""
@@ -231,14 +223,14 @@ class PointSums:
         self, reference: Array, freedom: Array, floor: Array, s: Array, ds: Array, t: float
     ) -> tuple[float, float]:
         """Sum of (rho_j - reference_j) ds_j at step t of the masses (`respond`), and its derivative by t."""
-        parts = np.zeros((-(-len(self.x) // self._chunk), 2))
-        over_frames(
-            lambda start, stop: respond(reference, freedom, floor, s, ds, t, start, stop, parts[start // self._chunk]),
-            len(self.x),
-            chunk=self._chunk,
-        )
-        slope, curvature = parts.sum(axis=0)
+        slope, curvature = self._summed(partial(respond, reference, freedom, floor, s, ds, t), 2)
         return float(slope), float(curvature)
+
+    def _summed(self, add: Callable[[int, int, Array], None], *shape: int) -> Array:
+        """What `add` adds to arrays of this shape from one point to another, over all points."""
+        parts = np.zeros((-(-len(self.x) // self._chunk), *shape))
+        over_frames(lambda start, stop: add(start, stop, parts[start // self._chunk]), len(self.x), chunk=self._chunk)
+        return np.asarray(parts.sum(axis=0))
 
     @property
     def _chunk(self) -> int:

@@ -49,7 +49,7 @@ class Equations:
 def cost(problem: Problem, at: Unknowns) -> float:
     """Squares in units of standard deviations."""
     tree, locations = problem.arrays(at), problem.placed(at.factors, at.shifts)
-    total = _prior_cost(problem, at)
+    total = float(sum(miss @ miss for _, _, miss in _prior_rows(problem, at)))
     for trial, coefficients in zip(problem.trials, at.motions, strict=True):
         rates = problem.rates(trial, coefficients)
         errors, residual = problem.predict(tree, locations, trial, rates)
@@ -120,10 +120,6 @@ def _prior_rows(problem: Problem, at: Unknowns) -> list[tuple[slice, Array, Arra
         miss = (at.parameters[:, 0].sum() - prior.reference[:, 0].sum()) / total
         rows.append((masses, blocks, np.append(prior.misses(at.parameters).ravel(), miss)))
     return rows
-
-
-def _prior_cost(problem: Problem, at: Unknowns) -> float:
-    return float(sum(miss @ miss for _, _, miss in _prior_rows(problem, at)))
 
 
 def with_trust(problem: Problem, at: Unknowns) -> Problem:

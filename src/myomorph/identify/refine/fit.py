@@ -216,10 +216,10 @@ def refine(
     weighed = with_inertial_parameters(model, generic_parameters(model, mass))
     with threadpool_limits(limits=1, user_api="blas"):
         recorded = [opened(weighed, trial, options) for trial in trials]
-        choice = _choice(weighed, trials, recorded, options, progress)
-        problem = problem_of(weighed, trials, recorded, choice.options)
+        choice = _choice(weighed, recorded, options, progress)
+        problem = problem_of(weighed, recorded, choice.options)
         solution = settle(thinned(problem), progress)
-    return _refinement(weighed, trials, recorded, problem, solution, choice, path_lengths)
+    return _refinement(weighed, recorded, problem, solution, choice, path_lengths)
 
 
 def _check_model(model: Model) -> None:
@@ -242,13 +242,7 @@ class _Choice:
     tried: tuple[tuple[str, tuple[Prediction, ...]], ...] = ()
 
 
-def _choice(
-    model: Model,
-    trials: Sequence[SubjectTrial],
-    recorded: Sequence[Opened],
-    options: RefineOptions,
-    progress: Callable[[], None],
-) -> _Choice:
+def _choice(model: Model, recorded: Sequence[Opened], options: RefineOptions, progress: Callable[[], None]) -> _Choice:
     """Body and masses, masses alone or nothing but motions: the first that does not predict worse. Soft tissue where
     `identify` has it of the same recordings, and predictions here are better with it too.
     """
@@ -257,14 +251,14 @@ def _choice(
     uses: tuple[Use, ...] = (options.soft_tissue,)
     if options.soft_tissue == "auto":
         checked = options.check and (options.body or options.masses)
-        soft = checked and problem_of(model, trials, recorded, options).tissue is not None
+        soft = checked and problem_of(model, recorded, options).tissue is not None
         uses = ("never", "always") if soft else ("never",)
     chosen = replace(options, soft_tissue=uses[0])
     while options.check and (options.body or options.masses):
         ways = [replace(options, soft_tissue=use) for use in uses]
-        predicted = [predictions_of(model, trials, recorded, way, progress) for way in ways]
+        predicted = [predictions_of(model, recorded, way, progress) for way in ways]
         softer = [np.divide(new.ratios, old.ratios) for old, new in zip(predicted[0], predicted[-1], strict=True)]
-        taken = -1 if predicts_better(np.array(softer), len(trials) > 1) else 0
+        taken = -1 if predicts_better(np.array(softer), len(recorded) > 1) else 0
         chosen, predictions = ways[taken], predicted[taken]
         if not worse(predictions):
             break
@@ -276,7 +270,6 @@ def _choice(
 
 def _refinement(
     model: Model,
-    trials: Sequence[SubjectTrial],
     recorded: Sequence[Opened],
     problem: Problem,
     solution: Solution,
@@ -318,7 +311,7 @@ def _refined_trials(model: Model, recorded: Sequence[Opened], problem: Problem, 
         yield RefinedTrial(
             data.name,
             motion_of(problem, at, index),
-            errors_on(model, trial, np.ones(len(trial.usable.use), bool)),
+            errors_on(model, replace(trial, within=np.ones(len(trial.usable.use), bool))),
             Errors(rms(distances[seen]), rms(used[:, 3:]), rms(used[:, :3])),
             int(data.use.sum()),
             len(data.time),

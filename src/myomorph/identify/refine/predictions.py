@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +14,7 @@ from myomorph.identify.recordings import needed_wrench
 from myomorph.identify.refine.equations import Equations, cost, linearize, with_trust
 from myomorph.identify.refine.options import RefineOptions
 from myomorph.identify.refine.problem import MassPrior, Problem, Unknowns, moved
-from myomorph.identify.refine.refinement import Errors, Prediction, SubjectTrial
+from myomorph.identify.refine.refinement import Errors, Prediction
 from myomorph.identify.refine.trial_data import Opened, opened, problem_of, thinned
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.inertia import with_inertial_parameters
@@ -130,29 +130,21 @@ LEAVES_MARKERS = 1.1
 not taken, whatever its forces."""
 
 
-def errors_on(
-    model: Model,
-    opened: Opened,
-    within: np.ndarray | None = None,
-    use: np.ndarray | None = None,
-    tissue: SoftTissue | None = None,
-) -> Errors:
+def errors_on(model: Model, opened: Opened, use: np.ndarray | None = None, tissue: SoftTissue | None = None) -> Errors:
     """Errors of plain inverse kinematics, filtered, on a model; the residual where the plates carry all.
-    `within` (frames,) of the forces' clock that count; all by default; `use` (frames,) in which the plates carry all;
-    by default as the model itself says; `tissue`: by which markers move more than the mass.
+    `use` (frames,) in which the plates carry all; by default as the model itself says; `tissue`: by which markers move
+    more than the mass.
     """
+    within = opened.within
     recording = opened.usable.recording if tissue is None else opened.usable.recording.moved(tissue.of)
     counts = opened.usable.use if use is None else use
     residual = needed_wrench(model, recording.motion) - base_wrench(model, recording.motion, recording.wrenches)
     residual = residual[counts if within is None else counts & within]
-    distances = opened.distances if within is None else opened.distances[_inside(opened, within)]
+    distances = opened.distances
+    if within is not None:
+        time = recording.motion.time[within]
+        distances = distances[(opened.motion.time >= time[0] - 1e-9) & (opened.motion.time <= time[-1] + 1e-9)]
     return Errors(float(np.sqrt(np.nanmean(distances**2))), rms(residual[:, 3:]), rms(residual[:, :3]))
-
-
-def _inside(opened: Opened, within: np.ndarray) -> np.ndarray:
-    """(frames,) of the markers' clock that lie where the frames of the forces' clock count."""
-    time = opened.usable.recording.motion.time[within]
-    return (opened.motion.time >= time[0] - 1e-9) & (opened.motion.time <= time[-1] + 1e-9)
 
 
 def rms(vectors: Array) -> float:
@@ -161,49 +153,35 @@ def rms(vectors: Array) -> float:
 
 
 def predictions_of(
-    model: Model,
-    trials: Sequence[SubjectTrial],
-    recorded: Sequence[Opened],
-    options: RefineOptions,
-    progress: Callable[[], None],
+    model: Model, recorded: Sequence[Opened], options: RefineOptions, progress: Callable[[], None]
 ) -> tuple[Prediction, ...]:
     """Every trial by the others, or the halves of a single one by each other."""
-    held_out: Iterator[tuple[str, Problem, tuple[SubjectTrial, Opened, np.ndarray | None]]]
-    if len(trials) > 1:
-        others = [[j for j in range(len(trials)) if j != i] for i in range(len(trials))]
-        held_out = (
-            (trial.name, problem_of(model, [trials[j] for j in rest], [recorded[j] for j in rest], options),
-             (trial, on, None))
-            for trial, on, rest in zip(trials, recorded, others, strict=True)
-        )  # fmt: skip
+    if len(recorded) > 1:
+        held_out = [(on.trial.name, [other for other in recorded if other is not on], on) for on in recorded]
     else:
-        (trial,), (on,) = trials, recorded
-        middle = np.cumsum(on.usable.use) * 2 >= on.usable.use.sum()
-        held_out = (
-            (f"{trial.name}, {half}", problem_of(model, trials, recorded, options, {0: seen}), (trial, on, ~seen))
-            for half, seen in (("second half", ~middle), ("first half", middle))
-        )
-    return tuple(_prediction(name, model, problem, left_out, progress) for name, problem, left_out in held_out)
+        (on,) = recorded
+        name, use = on.trial.name, on.usable.use
+        middle = np.cumsum(use) * 2 >= use.sum()
+        first, second = replace(on, within=~middle), replace(on, within=middle)
+        held_out = [(f"{name}, second half", [first], second), (f"{name}, first half", [second], first)]
+    return tuple(
+        _prediction(name, model, problem_of(model, rest, options), left_out, progress)
+        for name, rest, left_out in held_out
+    )
 
 
 def _prediction(
-    name: str,
-    model: Model,
-    problem: Problem,
-    held_out: tuple[SubjectTrial, Opened, np.ndarray | None],
-    progress: Callable[[], None],
+    name: str, model: Model, problem: Problem, held_out: Opened, progress: Callable[[], None]
 ) -> Prediction:
-    """What is left out of a problem, predicted.
-    `held_out`: a trial, the same on the given model, and (frames,) which of the forces' clock count.
-    """
-    trial, on_given, within = held_out
+    """What is left out of a problem, predicted. `held_out`: a trial on the given model."""
     # All models are judged on the same frames: which ones the plates carry alone is not for a new body to say.
-    use = on_given.usable.use
+    use = held_out.usable.use
 
     def errors(made: Model) -> Errors:
-        return errors_on(made, opened(made, trial, problem.options), within, use, problem.tissue)
+        on_made = replace(opened(made, held_out.trial, problem.options), within=held_out.within)
+        return errors_on(made, on_made, use, problem.tissue)
 
-    before, few = errors_on(model, on_given, within, use), thinned(problem)
+    before, few = errors_on(model, held_out, use), thinned(problem)
     first = motions_alone(few, progress)
     refined = errors(model_of(model, problem, settle(few, progress, first).at))
     alone = before.markers

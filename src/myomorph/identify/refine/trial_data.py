@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -36,9 +36,18 @@ SPACING = 0.02  # Of the mass points in each link's envelope [m]
 class Opened:
     """A trial through inverse kinematics: on the markers' clock, and with the frames that count."""
 
+    trial: SubjectTrial
     motion: Motion
     usable: Usable
     distances: Array  # (frames, markers) of the markers [m], NaN where unseen
+    within: np.ndarray | None = None  # (frames,) of the forces' clock that count, None for all
+
+    @property
+    def counted(self) -> Usable:
+        """The recording, of which no more frames are used than count."""
+        if self.within is None:
+            return self.usable
+        return replace(self.usable, recording=replace(self.usable.recording, use=self.usable.use & self.within))
 
 
 def opened(model: Model, trial: SubjectTrial, options: RefineOptions) -> Opened:
@@ -48,44 +57,31 @@ def opened(model: Model, trial: SubjectTrial, options: RefineOptions) -> Opened:
         model, fit.motion, trial.wrenches, time=trial.time, name=trial.name,
         options=RecordingOptions(cutoff=options.cutoff),
     )  # fmt: skip
-    return Opened(fit.motion, used, fit.errors)
+    return Opened(trial, fit.motion, used, fit.errors)
 
 
-def problem_of(
-    model: Model,
-    trials: Sequence[SubjectTrial],
-    recorded: Sequence[Opened],
-    options: RefineOptions,
-    within: Mapping[int, np.ndarray] | None = None,
-) -> Problem:
-    """The problem of some trials.
-    `recorded`: the same trials on the model; `within`: by trial (frames,) which frames of its forces' clock count.
-    """
+def problem_of(model: Model, recorded: Sequence[Opened], options: RefineOptions) -> Problem:
+    """The problem of some trials on a model."""
     names: tuple[str, ...] = ()
     weights: dict[str, float] = {}
-    for trial in trials:
-        tracked, weight = tracked_markers(model, trial.markers, trial.tracking)
+    for taken in recorded:
+        tracked, weight = tracked_markers(model, taken.trial.markers, taken.trial.tracking)
         weights |= dict(zip(tracked, weight, strict=True))
         names = tuple(name for name in model.marker_names if name in weights)
     bare = skeleton(model)
     tree = compile_tree(bare)
     masses, tissue = inertial_parameters(model), None
     if options.masses or options.soft_tissue != "never":
-        inside = within or {}
-        parts = [_weighed(_only(taken.usable, inside.get(index)), model.mass) for index, taken in enumerate(recorded)]
+        parts = [_weighed(taken.counted, model.mass) for taken in recorded]
         masses, tissue = identified_masses(model, parts, options)
-    pose = pose_problem(tree, names, np.array([weights[name] for name in names]), trials[0].tracking)
-    data = [
-        _trial_data(model, names, trial, taken, options, None if within is None else within.get(index), tissue)
-        for index, (trial, taken) in enumerate(zip(trials, recorded, strict=True))
-    ]
+    pose = pose_problem(tree, names, np.array([weights[name] for name in names]), recorded[0].trial.tracking)
     return Problem(
         bare,
         lengths_of(model),
         names,
         pose,
         pose.markers.location.copy(),
-        tuple(data),
+        tuple(_trial_data(model, names, taken, options, tissue) for taken in recorded),
         MassPrior.of(masses, options.mass_sd),
         model.mass * float(np.linalg.norm(model.gravity)),
         length_unit(tree),
@@ -94,13 +90,6 @@ def problem_of(
         options.masses,
         tissue,
     )
-
-
-def _only(usable: Usable, within: np.ndarray | None) -> Usable:
-    """A recording of which no more frames are used than those within a part."""
-    if within is None:
-        return usable
-    return replace(usable, recording=replace(usable.recording, use=usable.use & within))
 
 
 def gain_of(usable: Usable, mass: float) -> float:
@@ -143,22 +132,15 @@ def thinned(problem: Problem) -> Problem:
 
 
 def _trial_data(
-    model: Model,
-    names: Sequence[str],
-    trial: SubjectTrial,
-    recorded: Opened,
-    options: RefineOptions,
-    within: np.ndarray | None,
-    tissue: SoftTissue | None,
+    model: Model, names: Sequence[str], recorded: Opened, options: RefineOptions, tissue: SoftTissue | None
 ) -> TrialData:
-    recording = recorded.usable.recording
-    use = recorded.usable.use if within is None else recorded.usable.use & within
+    trial, recording, use = recorded.trial, recorded.usable.recording, recorded.counted.use
     wrench = base_wrench(model, recording.motion, recording.wrenches, np.zeros(3))
     time = recorded.motion.time
     frames = (time >= recording.motion.time[0] - 1e-9) & (time <= recording.motion.time[-1] + 1e-9)
-    if within is not None:
+    if recorded.within is not None:
         # Markers outside of the part are not seen either.
-        inside = np.flatnonzero(frames)[within]
+        inside = np.flatnonzero(frames)[recorded.within]
         frames = np.zeros(len(time), bool)
         frames[inside[0] : inside[-1] + 1] = True
     chosen = np.isin(np.round(recording.motion.time, 9), np.round(time[frames], 9))
