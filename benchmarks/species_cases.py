@@ -192,8 +192,8 @@ class Alignment:
         rule: str = "joints",
         surfaces: Mapping[str, mm.Surface] | None = None,
     ):
-        self._here, self._there = Posed(anatomist, {}), Posed(skeleton, {})
-        self._anatomist, self._surfaces = anatomist, surfaces or {}
+        self._here, self._there = Posed(anatomist, {}), Posed(skeleton, {}, surfaces or {})
+        self._anatomist = anatomist
         joints = self._here.joints("Pelvis"), self._there.joints("mouse")
         self.ours = {one: joints[0][one] for one in CHAIN}
         self.theirs = {one: joints[1][HANGING[one]] for one in CHAIN}
@@ -227,7 +227,7 @@ class Alignment:
     def shape(self, body: str) -> Shape:
         """The skeleton's bones that a body of the anatomist's stands for."""
         target = SEGMENTS[body][0]
-        return Shape(self._there.surface((target, *FUSED.get(target, ())), self._surfaces))
+        return Shape(self._there.surface((target, *FUSED.get(target, ()))))
 
     def attachments(self, body: str) -> np.ndarray:
         """(n, 3) ends of muscles on a body of the anatomist's [m]."""

@@ -49,8 +49,11 @@ def test_tendons_of_a_mouse_stay_on_their_ray(data):
     mouse = open_model(data("mouse-skeleton-keypoints/mouse_with_meshes.xml"))
     table = read_species("human-mouse")
     bone = next(one for one in table.bones if one.rays)
-    posed = Posed(man, table.posture), Posed(mouse, table.target_posture)
-    rays = put_on_rays(man, bone, table, posed, (source_bones(man, geometry), source_bones(mouse)))
+    posed = (
+        Posed(man, table.posture, source_bones(man, geometry)),
+        Posed(mouse, table.target_posture, source_bones(mouse)),
+    )
+    rays = put_on_rays(man, bone, table, posed)
     across = table.target_frame.axes[2]
     for ray in bone.rays:
         for names, sign in ((ray.extensors, 1.0), (ray.flexors, -1.0)):

@@ -13,16 +13,11 @@ from myomorph.model.model import Axis, Body, Coordinate, Joint, Model
 from myomorph.model.paths import Muscle, Path, PathPoint
 from myomorph.model.spatial import Transform, axis_rotation
 from myomorph.model.surface import Surface
+from myomorph.morph.checks.moment_arms import CoordinatePair
 from myomorph.morph.maps.fields import MapOptions, PlacedMap
 from myomorph.morph.maps.linear import AffineMap
 from myomorph.morph.morphed import MorphOptions
-from myomorph.morph.species.counterparts import (
-    AnatomicalFrame,
-    BoneHomology,
-    CoordinateHomology,
-    LandmarkRule,
-    SpeciesTable,
-)
+from myomorph.morph.species.counterparts import AnatomicalFrame, BoneHomology, LandmarkRule, SpeciesTable
 from myomorph.morph.species.landmarks import landmarks_by_rules, section
 from myomorph.morph.species.maps import coordinate_table, species_bones, species_morph
 
@@ -105,7 +100,7 @@ def table(match: str = "landmarks") -> SpeciesTable:
         )
         for ours, theirs in (("thigh", "upper"), ("shank", "leg"))
     )
-    pairs = (CoordinateHomology("man_hip", "mouse_hip"), CoordinateHomology("man_knee", "mouse_knee"))
+    pairs = (CoordinatePair("man_hip", "mouse_hip"), CoordinatePair("man_knee", "mouse_knee"))
     return SpeciesTable("test", UPRIGHT, ON_FOURS, bones, pairs)
 
 
@@ -155,7 +150,7 @@ def test_a_smaller_limb_gets_smaller_muscles_at_the_same_places(kind):
 def test_coordinates_that_one_model_lacks_are_left_out():
     source, _, target, _ = both()
     assert set(coordinate_table(table(), source, target)) == {"man_hip", "man_knee"}
-    fewer = replace(table(), coordinates=(*table().coordinates, CoordinateHomology("toe", "mouse_knee")))
+    fewer = replace(table(), coordinates=(*table().coordinates, CoordinatePair("toe", "mouse_knee")))
     assert set(coordinate_table(fewer, source, target)) == {"man_hip", "man_knee"}
 
 

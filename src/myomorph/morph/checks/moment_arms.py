@@ -49,7 +49,8 @@ def paired_postures(
         shares = rng.integers(0, LEVELS, COUNT) / (LEVELS - 1.0)
         if ours.locked or name in source.dependent_coordinates:
             continue
-        low, high = _window(ours)
+        reach = MAX_SLIDE if ours.motion == "translational" else MAX_TURN
+        low, high = np.clip(ours.range, ours.default - reach, ours.default + reach)
         taken = low + shares * (high - low)
         standing[0][1:, source.coordinate_names.index(name)] = taken
         other = target.coordinate(theirs)
@@ -62,12 +63,6 @@ def _standing(model: Model, values: Mapping[str, float]) -> Array:
         check_name("coordinate", name, model.coordinate_names)
     row = [values.get(coordinate.name, coordinate.default) for coordinate in model.coordinates]
     return np.tile(np.array(row, dtype=np.float64), (COUNT + 1, 1))
-
-
-def _window(coordinate: Coordinate) -> tuple[float, float]:
-    reach = MAX_SLIDE if coordinate.motion == "translational" else MAX_TURN
-    low, high = np.clip(coordinate.range, coordinate.default - reach, coordinate.default + reach)
-    return float(low), float(high)
 
 
 def _alike(values: Array, ours: Coordinate, theirs: Coordinate, along: bool) -> Array:

@@ -21,6 +21,7 @@ from myomorph.model.model import Model
 from myomorph.model.paths import Muscle, PathPoint
 from myomorph.model.spatial import Transform
 from myomorph.model.surface import Surface, joined_surfaces
+from myomorph.morph.checks.moment_arms import CoordinatePair
 from myomorph.morph.maps.fields import BoneMap, PlacedMap
 from myomorph.morph.maps.linear import AffineMap, Similarity
 from myomorph.morph.shapes.surface_points import Shape
@@ -145,16 +146,6 @@ class BoneHomology:
 
 
 @dataclass(frozen=True)
-class CoordinateHomology:
-    """target = factor source + offset, of coordinates that mean the same movement [rad or m]."""
-
-    source: str
-    target: str
-    factor: float = 1.0
-    offset: float = 0.0
-
-
-@dataclass(frozen=True)
 class MuscleHomology:
     """Muscles that correspond, by the names of the models that were compared."""
 
@@ -173,7 +164,7 @@ class SpeciesTable:
     source_frame: AnatomicalFrame
     target_frame: AnatomicalFrame
     bones: tuple[BoneHomology, ...]
-    coordinates: tuple[CoordinateHomology, ...] = ()
+    coordinates: tuple[CoordinatePair, ...] = ()
     muscles: tuple[MuscleHomology, ...] = ()
     # coordinates of the source that bring its bones together as the target's are at `target_posture`
     posture: Mapping[str, float] = field(default_factory=_none)
@@ -216,10 +207,10 @@ Surfaces = Mapping[str, Surface]
 
 
 class Posed:
-    """A model in one posture: where bodies and joints are."""
+    """A model in one posture: where bodies, joints and bones' surfaces are."""
 
-    def __init__(self, model: Model, posture: Mapping[str, float]):
-        self.model, self._pose = model, standing_poses(model, posture)
+    def __init__(self, model: Model, posture: Mapping[str, float], surfaces: Surfaces | None = None):
+        self.model, self._pose, self.surfaces = model, standing_poses(model, posture), surfaces or {}
 
     def within(self, body: str, other: str) -> Transform:
         """Pose of one body in another's frame."""
@@ -235,12 +226,12 @@ class Posed:
             for joint in self.model.joints
         }
 
-    def surface(self, bodies: tuple[str, ...], surfaces: Surfaces) -> Surface:
-        """Surfaces of several bodies as one, in the frame of the first."""
-        known = [body for body in bodies if body in surfaces]
+    def surface(self, bodies: tuple[str, ...], frame: str = "") -> Surface:
+        """Surfaces of several bodies as one, in the frame of a body, by default of the first."""
+        known = [body for body in bodies if body in self.surfaces]
         if not known:
             raise BadData(f"no surface of {' or '.join(bodies)}: give the bone's mesh")
-        places = ((self.within(body, bodies[0]), surfaces[body]) for body in known)
+        places = ((self.within(body, frame or bodies[0]), self.surfaces[body]) for body in known)
         return joined_surfaces([Surface(pose.apply(surface.vertices), surface.faces) for pose, surface in places])
 
 
@@ -292,17 +283,16 @@ def spread_over_targets(
     parts: Mapping[str, tuple[str, ...]],
     bones: Mapping[str, BoneMap],
     there: Posed,
-    surfaces: Surfaces,
     digits: frozenset[str] = frozenset(),
 ) -> Model:
     """The source with a body for every target that a body's muscle points go to. `digits`: bodies whose targets lie
     side by side: all of a muscle's points there go to the same.
     """
     shapes = {
-        (targets[0], name): Shape(there.surface((targets[0], name), {name: surfaces[name]}))
+        (targets[0], name): Shape(there.surface((name,), targets[0]))
         for targets in parts.values()
         for name in targets
-        if name in surfaces
+        if name in there.surfaces
     }
 
     def nearest(body: str, places: list[Array]) -> str:

@@ -59,7 +59,8 @@ def species_bones(
     bodies' frames [m]; `match`: how dense correspondence is found, for bones of which the table wants it; "landmarks"
     maps all by landmarks; `progress`: called with a bone's name before it is mapped.
     """
-    here, there = counterparts.Posed(source, table.posture), counterparts.Posed(target, table.target_posture)
+    here = counterparts.Posed(source, table.posture, source_surfaces)
+    there = counterparts.Posed(target, table.target_posture, target_surfaces)
     bones: dict[str, BoneMap] = {}
     notes: list[str] = []
     parts: dict[str, tuple[str, ...]] = {}
@@ -71,7 +72,7 @@ def species_bones(
             continue
         if progress is not None:
             progress(bone.sources[0])
-        first, notes_of_bone = _map(bone, table, (here, there), (source_surfaces, target_surfaces), map_options, match)
+        first, notes_of_bone = _map(bone, table, (here, there), map_options, match)
         notes += notes_of_bone
         bones |= counterparts.riders(first, bone, here)
         if bone.spread:
@@ -84,10 +85,10 @@ def species_bones(
             parts |= {body: tuple(n for n in bone.targets if n in target.body_names) for body in bone.sources}
     for bone in table.bones:
         if bone.rays and bone.sources[0] in bones:
-            rays = put_on_rays(source, bone, table, (here, there), (source_surfaces, target_surfaces))
+            rays = put_on_rays(source, bone, table, (here, there))
             source, bones = rays.source, {**bones, **rays.bones}
     digits = frozenset(body for bone in table.bones if bone.rays for body in bone.sources)
-    spread = counterparts.spread_over_targets(source, parts, bones, there, target_surfaces, digits) if parts else source
+    spread = counterparts.spread_over_targets(source, parts, bones, there, digits) if parts else source
     spread, placed, said = with_attachments(straightened(spread, table.straight), bones, table.relatives)
     return SpeciesBones(spread, placed, (*notes, *said))
 
@@ -96,7 +97,6 @@ def _map(
     bone: counterparts.BoneHomology,
     table: counterparts.SpeciesTable,
     posed: tuple[counterparts.Posed, counterparts.Posed],
-    surfaces: tuple[counterparts.Surfaces, counterparts.Surfaces],
     options: MapOptions | None,
     match: MatchOptions | None,
 ) -> tuple[BoneMap, tuple[str, ...]]:
@@ -106,9 +106,9 @@ def _map(
     places = []
     shapes = []
     notes: list[str] = []
-    for index, bodies in enumerate((bone.sources, bone.targets)):
-        shape = posed[index].surface(tuple(n for n in bodies if n in posed[index].model.body_names), surfaces[index])
-        joints = posed[index].joints(bodies[0])
+    for index, (bodies, side) in enumerate(zip((bone.sources, bone.targets), posed, strict=True)):
+        shape = side.surface(tuple(name for name in bodies if name in side.model.body_names))
+        joints = side.joints(bodies[0])
         marks, lost = landmarks_by_rules(bone.landmarks, shape, frames[index], joints, index == 0, bone.half)
         shapes.append(shape)
         places.append(marks)
@@ -253,10 +253,10 @@ def size_over(
     if of.measured == "joints":
         ours = joint_distances(of.lengths, table, target, "target")
     else:
-        there = counterparts.Posed(target, table.target_posture)
+        there = counterparts.Posed(target, table.target_posture, surfaces)
         ours = 0.0
         for body in of.lengths:
-            points = there.surface(_bone_of(body, table).targets, surfaces).vertices
+            points = there.surface(_bone_of(body, table).targets).vertices
             points = points - points.mean(axis=0)
             shaft = np.linalg.svd(points, full_matrices=False)[2][0]
             ours += float(np.ptp(points @ shaft))

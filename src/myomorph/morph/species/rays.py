@@ -20,11 +20,10 @@ from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData, UnknownName, check_name
 from myomorph.model.model import Joint, Model
 from myomorph.model.paths import Muscle, PathPoint
-from myomorph.model.surface import Surface
 from myomorph.morph.maps.fields import BoneMap
 from myomorph.morph.maps.linear import Similarity
 from myomorph.morph.species.attachments import with_parts
-from myomorph.morph.species.counterparts import BoneHomology, Posed, Ray, SpeciesTable, Surfaces, part_name
+from myomorph.morph.species.counterparts import BoneHomology, Posed, Ray, SpeciesTable, part_name
 
 BESIDE = 0.2  # A toe of the source is what lies within this share of the bone's width beside the muscles' points.
 REACH = 0.4
@@ -74,15 +73,9 @@ class SidedMap:
         return result
 
 
-def put_on_rays(
-    source: Model,
-    bone: BoneHomology,
-    table: SpeciesTable,
-    posed: tuple[Posed, Posed],
-    surfaces: tuple[Surfaces, Surfaces],
-) -> Rays:
+def put_on_rays(source: Model, bone: BoneHomology, table: SpeciesTable, posed: tuple[Posed, Posed]) -> Rays:
     """The muscles of a bone's rays on them; what else lies on that bone is left as it is. `bone`: with rays; its first
-    source is the toes, whose parent in the source is the foot; `posed`, `surfaces`: of source and target.
+    source is the toes, whose parent in the source is the foot; `posed`: source and target.
     """
     toes = bone.sources[0]
     joint = next((candidate for candidate in source.joints if candidate.child == toes), None)
@@ -96,7 +89,7 @@ def put_on_rays(
             points = _points(source, muscles, (toes, joint.parent), posed[0], toes)
             if not points:
                 continue
-            laid = _Laid(bone, ray, table, posed, surfaces, joint, np.array([place for _, place in points.values()]))
+            laid = _Laid(bone, ray, table, posed, joint, np.array([place for _, place in points.values()]))
             near = {
                 key
                 for key, (body, place) in points.items()
@@ -145,14 +138,14 @@ class _Laid:
         ray: Ray,
         table: SpeciesTable,
         posed: tuple[Posed, Posed],
-        surfaces: tuple[Surfaces, Surfaces],
         joint: Joint,
         points: Array,
     ):
-        self._bone, self._ray, self._posed, self._surfaces = bone, ray, posed, surfaces
+        self._bone, self._ray, self._posed = bone, ray, posed
+        here, there = posed
         self._ours, self._theirs = table.frames(bone)
-        self._foot, self._toes = joint.parent, bone.sources[0]
-        if ray.toe not in surfaces[1] or self._toes not in surfaces[0]:
+        self._toes = bone.sources[0]
+        if ray.toe not in there.surfaces or self._toes not in here.surfaces:
             raise BadData(f"ray {ray.toe}: it or '{self._toes}' has no bone to measure it by")
         self.forward, right = self._ours.axes[1], self._ours.axes[2]
         center = joint.child_frame.translation
@@ -162,14 +155,13 @@ class _Laid:
         if abs(axis @ right) < OBLIQUE * np.linalg.norm(axis):
             axis = right
         self.knuckle = center + beside / float(axis @ right) * axis
-        vertices = surfaces[0][self._toes].vertices
+        vertices = here.surfaces[self._toes].vertices
         across = (vertices - self.knuckle) @ right
         alike = np.abs(across) < BESIDE * np.ptp(across)
         toe = vertices[alike] if alike.any() else vertices
         self.length = float(((toe - self.knuckle) @ self.forward).max())
-        there = posed[1]
-        self._joint = there.joints(ray.toe)[ray.toe]
-        bones = surfaces[1][ray.toe].vertices - self._joint
+        joint_of_toe = there.joints(ray.toe)[ray.toe]
+        bones = there.surfaces[ray.toe].vertices - joint_of_toe
         self._tip = bones[int(np.argmax(np.linalg.norm(bones, axis=1)))]
         self._size = float(np.linalg.norm(self._tip)) / self.length
         axes = _axes(self._tip, there.within(bone.targets[0], ray.toe).rotation @ self._theirs.axes[2])
@@ -189,15 +181,8 @@ class _Laid:
         whole = Similarity(turn, joint - self._size * turn @ start, self._size)
         dorsal = axes[0] if side == "dorsal" else -axes[0]
         ahead = CLEAR * self._size * self.length
-        surfaces: tuple[Surface | None, Surface | None] = self._surfaces[0].get(body), self._surfaces[1].get(target)
-        return BoneMap(
-            body,
-            target,
-            SidedMap(whole, joint, axes[1] if on_toe else -axes[1], dorsal, ahead, self._half),
-            whole,
-            "given",
-            *surfaces,
-        )
+        sided = SidedMap(whole, joint, axes[1] if on_toe else -axes[1], dorsal, ahead, self._half)
+        return BoneMap(body, target, sided, whole, "given", here.surfaces.get(body), there.surfaces.get(target))
 
 
 def _axes(along: Array, right: Array) -> Array:

@@ -20,19 +20,13 @@ from myomorph.model.provenance import Source
 from myomorph.model.surface import Surface
 from myomorph.morph.arm_intervals import DRAWS, with_arm_intervals
 from myomorph.morph.checks.checks import check_morph
+from myomorph.morph.checks.moment_arms import CoordinatePair
 from myomorph.morph.mirror.model import with_other_muscles
 from myomorph.morph.morphed import Morph
 from myomorph.morph.species import masses
 from myomorph.morph.species.architecture import DENSITY, SPECIFIC_TENSION, ArchitectureTable, MuscleRow, ScalingLaw
 from myomorph.morph.species.attachments import RelativeBone
-from myomorph.morph.species.counterparts import (
-    DIRECTIONS,
-    AnatomicalFrame,
-    BoneHomology,
-    CoordinateHomology,
-    MuscleHomology,
-    SpeciesTable,
-)
+from myomorph.morph.species.counterparts import DIRECTIONS, AnatomicalFrame, BoneHomology, MuscleHomology, SpeciesTable
 from myomorph.morph.species.maps import coordinate_table, species_morph
 from myomorph.store.progress import progress
 from myomorph.store.results import file_sources, provenance_of
@@ -90,7 +84,7 @@ def _table(table: Table, name: str) -> SpeciesTable:
         _frame(frames["source"]),
         _frame(frames["target"]),
         tuple(_row(BoneHomology, entry, "a bone") for entry in table["bone"]),
-        rows(CoordinateHomology, "coordinate", "a coordinate"),
+        rows(CoordinatePair, "coordinate", "a coordinate"),
         rows(MuscleHomology, "muscle", "a muscle"),
         posture.get("source", {}),
         posture.get("target", {}),
