@@ -251,6 +251,20 @@ def neighbors_of(model: Model) -> dict[str, list[str]]:
     return ties
 
 
+def nearest_bones(model: Model, body: str, bones: Mapping[str, BoneMap]) -> tuple[str, ...]:
+    """Bones that are reached from a body through the tree without passing another, the nearest first."""
+    ties = neighbors_of(model)
+    reached: list[str] = []
+    open_, seen = [body], {body, GROUND}
+    while open_:
+        for name in ties[open_.pop(0)]:
+            if name in seen:
+                continue
+            seen.add(name)
+            (reached if name in bones else open_).append(name)
+    return tuple(reached)
+
+
 def muscle_sizes(source: Model, bones: Mapping[str, BoneMap]) -> dict[str, float]:
     """How many times larger the target is around each muscle: mean scale of the maps of its points' bones."""
     result: dict[str, float] = {}

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import TypeAlias
 
 import numpy as np
 
@@ -90,11 +89,12 @@ def align_bones(
         start = procrustes(landmarks.source, landmarks.target, scale=True)
     tried = _tried(ours, goal, start, landmarks, options or MatchOptions())
     chosen = tried[0]
-    if start is None:
-        equal = [way for way in tried if way[2] < AMBIGUOUS * max(tried[0][2], EXACT)]
-        chosen = next((way for way in equal if turned_by(way[1]) < UPRIGHT), chosen)
-    others = tuple(way[1:3] for way in tried if way is not chosen and turn_between(way[1], chosen[1]) > APART)
-    return Alignment(*chosen, others if start is None else ())
+    if start is not None:
+        return chosen
+    equal = [way for way in tried if way.distance < AMBIGUOUS * max(chosen.distance, EXACT)]
+    chosen = next((way for way in equal if turned_by(way.similarity) < UPRIGHT), chosen)
+    apart = [way for way in tried if way is not chosen and turn_between(way.similarity, chosen.similarity) > APART]
+    return replace(chosen, others=tuple((way.similarity, way.distance) for way in apart))
 
 
 def mirrored_share(source: Surface, target: Surface, left: float, options: MatchOptions | None = None) -> float:
@@ -104,10 +104,7 @@ def mirrored_share(source: Surface, target: Surface, left: float, options: Match
     """
     mirrored = Shape(Surface(source.vertices * MIRROR, source.faces[:, ::-1]))
     tried = _tried(mirrored, Shape(target), None, None, options or MatchOptions(), MIRRORED_WAYS)
-    return max(tried[0][3], EXACT) / max(left, EXACT)
-
-
-Tried: TypeAlias = tuple[AffineMap, Similarity, float, float]
+    return max(tried[0].left, EXACT) / max(left, EXACT)
 
 
 def _tried(
@@ -117,49 +114,39 @@ def _tried(
     landmarks: FeaturePoints | None,
     options: MatchOptions,
     most: int = WAYS,
-) -> list[Tried]:
-    """Ways to lie, the similarities nearest to them, and the distances that a deformation leaves, the nearest first:
-    times how unlikely it is, and alone. Where hulls do not lead to a good one, as those of a part, similarities are
-    tried.
+) -> list[Alignment]:
+    """Ways to lie that fit, the nearest after a deformation first. Where hulls do not lead to a good one, as those of a
+    part, similarities are tried.
     """
-    ways = affine_ways(ours, goal)
-    tried = _deformed(ours, goal, ways, start, landmarks, options, most)
-    if most == WAYS and (not tried or tried[0][2] > UNLIKE):
-        ways += _similar_ways(ours, goal)
-        tried = _deformed(ours, goal, ways, start, landmarks, options, most)
-    return tried
-
-
-def _deformed(
-    ours: Shape,
-    goal: Shape,
-    ways: list[Way],
-    start: Similarity | None,
-    landmarks: FeaturePoints | None,
-    options: MatchOptions,
-    most: int,
-) -> list[Tried]:
-    """The likeliest ways after a deformation, the nearest first."""
     points = ours.samples(ASKED).points
     quick = replace(options, match_points=min(QUICK, options.match_points))
-    laid = [(way, procrustes(points, way.affine.apply(points), scale=True)) for way in ways]
-    if start is not None:
-        laid = [way for way in laid if turn_between(way[1], start) < TURNED]
-        if not laid:
-            near = lay_affinely(ours, goal, AffineMap.from_similarity(start), landmarks)
-            laid.append((near, procrustes(points, near.affine.apply(points), scale=True)))
-    laid.sort(key=lambda way: way[0].cost)
-    tried: list[Tried] = []
-    for way, similarity in laid:
-        if len(tried) == most or way.cost > HOPELESS * laid[0][0].cost:
-            break
-        if any(turn_between(similarity, other[1]) < APART for other in tried):
-            continue
-        fit = fit_smoothly(ours, goal, way.affine, landmarks, quick, ROUGH)
-        unlikely = fit.bending / BENT + 0.5 * (way.strain / STRAIN) ** 2
-        left = _distance(ours, goal, fit)
-        tried.append((way.affine, similarity, left * float(np.exp(unlikely)), left))
-    return sorted(tried, key=lambda way: way[2])
+
+    def deformed(ways: list[Way]) -> list[Alignment]:
+        """The likeliest ways after a deformation."""
+        laid = [(way, procrustes(points, way.affine.apply(points), scale=True)) for way in ways]
+        if start is not None:
+            laid = [(way, similarity) for way, similarity in laid if turn_between(similarity, start) < TURNED]
+            if not laid:
+                near = lay_affinely(ours, goal, AffineMap.from_similarity(start), landmarks)
+                laid.append((near, procrustes(points, near.affine.apply(points), scale=True)))
+        laid.sort(key=lambda way: way[0].cost)
+        tried: list[Alignment] = []
+        for way, similarity in laid:
+            if len(tried) == most or way.cost > HOPELESS * laid[0][0].cost:
+                break
+            if any(turn_between(similarity, other.similarity) < APART for other in tried):
+                continue
+            fit = fit_smoothly(ours, goal, way.affine, landmarks, quick, ROUGH)
+            unlikely = fit.bending / BENT + 0.5 * (way.strain / STRAIN) ** 2
+            left = _distance(ours, goal, fit)
+            tried.append(Alignment(way.affine, similarity, left * float(np.exp(unlikely)), left))
+        return sorted(tried, key=lambda way: way.distance)
+
+    ways = affine_ways(ours, goal)
+    tried = deformed(ways)
+    if most == WAYS and (not tried or tried[0].distance > UNLIKE):
+        tried = deformed([*ways, *_similar_ways(ours, goal)])
+    return tried
 
 
 def _similar_ways(ours: Shape, goal: Shape) -> list[Way]:

@@ -7,7 +7,6 @@ from collections.abc import Callable
 import numpy as np
 from scipy.spatial import cKDTree
 
-from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.surface import Surface
@@ -100,7 +99,10 @@ def map_bone(
     placed = None
     if target is not None:
         target = repaired_bone(target, f"the bone of '{body}'", notes)
-        placed = _bone_placed(body, source, target, landmarks, start, match, notes)
+        if source is not None:
+            placed = place_bone(source, target, landmarks, start, match)
+            _check_side(body, placed, notes)
+        notes += check_bone(body, target, source, landmarks, None if placed is None else placed.similarity)
     advance(1)
     if source is not None and target is not None and match.features == "dense":
         basis = "bone"
@@ -114,7 +116,11 @@ def map_bone(
         features = _found_by_rules(body, source, target, placed, notes)
     advance(1)
     features, mapping = _unfolded(features, landmarks, source, map_options)
-    measures |= _map_measures(features, mapping, source, notes)
+    notes += feature_warnings(features)
+    inside_out = float(np.mean(inverted(mapping, features.source if source is None else source.vertices)))
+    if inside_out > 0:
+        notes.append(f"the map turns space inside out at {100 * inside_out:.1f} % of the bone's vertices")
+    measures |= {"features": float(len(features)), "map inverted": inside_out}
     advance(1)
     return BoneMap(
         body=body,
@@ -181,36 +187,6 @@ def _features(
     return _joined(landmarks, dense.at(np.flatnonzero((away > reach).all(axis=1))))
 
 
-def _map_measures(
-    features: FeaturePoints, mapping: PointMap, source: Surface | None, notes: list[str]
-) -> dict[str, float]:
-    """How many features the map goes through, and the share of the bone where it turns space inside out."""
-    notes += feature_warnings(features)
-    inside_out = float(np.mean(inverted(mapping, features.source if source is None else source.vertices)))
-    if inside_out > 0:
-        notes.append(f"the map turns space inside out at {100 * inside_out:.1f} % of the bone's vertices")
-    return {"features": float(len(features)), "map inverted": inside_out}
-
-
-def _bone_placed(
-    body: str,
-    source: Surface | None,
-    target: Surface,
-    landmarks: FeaturePoints | None,
-    start: Similarity | None,
-    match: MatchOptions,
-    notes: list[str],
-) -> PlacedBone | None:
-    """The source's bone laid on the target's, and what is wrong with either."""
-    placed = None
-    if source is not None:
-        placed = place_bone(source, target, landmarks, start, match)
-        _check_side(body, placed, notes)
-    known = None if placed is None else placed.similarity
-    notes += check_bone(body, target, source, landmarks, known)
-    return placed
-
-
 def _unfolded(
     features: FeaturePoints, landmarks: FeaturePoints | None, source: Surface | None, options: MapOptions | None
 ) -> tuple[FeaturePoints, PointMap]:
@@ -235,20 +211,9 @@ def _unfolded(
 
 
 def _joined(first: FeaturePoints, then: FeaturePoints) -> FeaturePoints:
-    weights = None
-    if first.weights is not None:
-        weights = np.concatenate([first.weights, np.ones(len(then))])
-    return FeaturePoints(
-        (*first.names, *then.names),
-        np.concatenate([first.source, then.source]),
-        np.concatenate([first.target, then.target]),
-        weights,
-        _radii(first, then),
-    )
-
-
-def _radii(first: FeaturePoints, then: FeaturePoints) -> Array | None:
-    """Of both; landmarks have none."""
-    if then.radii is None:
-        return None
-    return np.concatenate([np.full(len(first), np.nan) if first.radii is None else first.radii, then.radii])
+    """Landmarks, most often without radii, and features of surfaces, without weights."""
+    source, target = (np.concatenate(sides) for sides in ((first.source, then.source), (first.target, then.target)))
+    unknown = np.full(len(first), np.nan) if first.radii is None else first.radii
+    weights = None if first.weights is None else np.concatenate([first.weights, np.ones(len(then))])
+    radii = None if then.radii is None else np.concatenate([unknown, then.radii])
+    return FeaturePoints((*first.names, *then.names), source, target, weights, radii)

@@ -13,10 +13,10 @@ import numpy as np
 
 from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData
-from myomorph.model.model import GROUND, Model
+from myomorph.model.model import Model
 from myomorph.model.spatial import Transform, axis_rotation
 from myomorph.model.surface import Surface
-from myomorph.morph.maps.fields import BoneMap, neighbors_of
+from myomorph.morph.maps.fields import BoneMap, nearest_bones
 from myomorph.morph.maps.linear import Similarity
 from myomorph.morph.shapes.surface_points import Samples, Shape
 
@@ -239,22 +239,9 @@ def start_by_neighbors(
     source; None where no bone is mapped yet. `poses`: of the source's bodies in ground, in the posture that the scan is
     most like.
     """
-    near = _nearest(model, body, mapped)
+    near = next(iter(nearest_bones(model, body, mapped)), None)
     if near is None:
         return None
     beside = poses[near].inverse() @ poses[body]
     whole = mapped[near].whole
     return Similarity(whole.rotation @ beside.rotation, whole.apply(beside.translation), whole.scale)
-
-
-def _nearest(model: Model, body: str, mapped: Mapping[str, BoneMap]) -> str | None:
-    """The mapped body with the fewest joints between."""
-    beside = neighbors_of(model)
-    reached, layer = {body, GROUND}, [body]
-    while layer:
-        layer = [other for name in layer for other in beside[name] if other not in reached]
-        reached.update(layer)
-        for name in layer:
-            if name in mapped:
-                return name
-    return None

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 from myomorph.model.errors import BadData, UnknownName, quoted
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import GROUND, Marker, Model, index_of
-from myomorph.model.paths import Ligament, Muscle, PathPoint, PathWrap, TendonWrap
+from myomorph.model.paths import Ligament, Muscle, PathPoint, PathWrap
 from myomorph.model.scale import taut_ligaments
 from myomorph.morph.checks.clearance import cleared
 from myomorph.morph.checks.moment_arms import CoordinateTable, paired_postures
@@ -292,17 +293,11 @@ def _translated(
     paths, frozen, straight = [], [], []
     for muscle in muscles:
         path, lost = translated_path(muscle.path, table, standing)
-        opensim = tuple(
-            wrap for wrap in path.wraps if isinstance(wrap, PathWrap) and bodies[wrap.wrap_object] in transfers
-        )
-        mujoco = tuple(
+        wraps: Any = tuple(
             wrap
             for wrap in path.wraps
-            if isinstance(wrap, TendonWrap)
-            and bodies[wrap.wrap_object] in transfers
-            and wrap.side_body in ("", *transfers)
+            if bodies[wrap.wrap_object] in transfers and getattr(wrap, "side_body", "") in ("", *transfers)
         )
-        wraps = opensim or mujoco
         if lost:
             frozen.append(muscle.name)
         if len(wraps) < len(path.wraps):

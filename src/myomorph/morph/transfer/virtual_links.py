@@ -17,11 +17,11 @@ from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData, check_name
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.functions import linear
-from myomorph.model.model import GROUND, Axis, Body, Coordinate, Joint, Model
+from myomorph.model.model import Axis, Body, Coordinate, Joint, Model
 from myomorph.model.paths import Muscle, TendonWrap
 from myomorph.model.series import DEFAULT_POSE, Motion
 from myomorph.model.spatial import Transform
-from myomorph.morph.maps.fields import BoneMap, FeaturePoints, fit_map, neighbors_of
+from myomorph.morph.maps.fields import BoneMap, FeaturePoints, fit_map, nearest_bones
 from myomorph.morph.maps.linear import procrustes
 from myomorph.morph.transfer.body_transfer import Transfer, Transfers
 from myomorph.muscles.kinematics import default_path_lengths
@@ -230,24 +230,10 @@ def bones_around(
     used = {point.body for muscle in model.muscles for point in muscle.path.points}
     for body in model.bodies:
         if body.name in used and body.name not in bones and body.name not in result and not body.meshes:
-            around = _nearest_bones(model, body.name, bones)
+            around = nearest_bones(model, body.name, bones)
             if len(around) > 1:
                 result[body.name] = around
     return result
-
-
-def _nearest_bones(model: Model, body: str, bones: Mapping[str, BoneMap]) -> tuple[str, ...]:
-    """Bones that are reached from a body through the tree without passing another."""
-    ties = neighbors_of(model)
-    reached: list[str] = []
-    open_, seen = [body], {body, GROUND}
-    while open_:
-        for name in ties[open_.pop(0)]:
-            if name in seen:
-                continue
-            seen.add(name)
-            (reached if name in bones else open_).append(name)
-    return tuple(reached)
 
 
 def surrounded_map(
