@@ -31,9 +31,9 @@ def without_slips(
     """
     markers, slips = list(markers), [list[Slip]() for _ in markers]
     for _ in specimen.model.body_names:
-        poses = {bone: _joined(specimen, bone, markers) for bone in specimen.model.body_names}
+        poses = {bone: bone_poses(specimen.model, bone, markers) for bone in specimen.model.body_names}
         starts = np.cumsum([0, *(len(trial) for trial in markers)])
-        least = max(1, round(SHORTEST * _rate(markers[0])))
+        least = max(1, round(SHORTEST * markers[0].rate)) if len(markers[0]) > 1 else 1
         placed = {bone for bone, pose in poses.items() if np.isfinite(pose[1]).any()}
         joints = [joint for joint in specimen.model.joints if {joint.parent, joint.child} <= placed]
         steps = {joint.child: _step(_gap(joint, poses), least) for joint in joints}
@@ -51,15 +51,6 @@ def without_slips(
         still = poses[reference] if reference else None
         markers = _put_back(specimen, bone, poses[bone], still, at, markers, starts)
     return markers, slips
-
-
-def _rate(markers: Markers) -> float:
-    return 1.0 / float(np.median(np.diff(markers.time))) if len(markers) > 1 else 1.0
-
-
-def _joined(specimen: Specimen, bone: str, markers: Sequence[Markers]) -> Poses:
-    rotations, origins = zip(*(bone_poses(specimen.model, bone, trial) for trial in markers), strict=True)
-    return np.concatenate(rotations), np.concatenate(origins)
 
 
 def _gap(joint: Joint, poses: dict[str, Poses]) -> Array:

@@ -89,13 +89,17 @@ def cluster_poses(places: Array, seen: Array) -> tuple[Array, Array]:
     return rotations, origins
 
 
-def bone_poses(model: Model, bone: str, markers: Markers) -> tuple[Array, Array]:
-    """`cluster_poses` of a bone's markers as the model has them; NaN where fewer than three were recorded."""
-    bone_markers = [marker for marker in model.markers if marker.body == bone and marker.name in markers.names]
-    if len(bone_markers) < 3:
-        return np.full((len(markers), 3, 3), np.nan), np.full((len(markers), 3), np.nan)
-    columns = [markers.names.index(marker.name) for marker in bone_markers]
-    return cluster_poses(np.array([marker.location for marker in bone_markers]), markers.values[:, columns])
+def bone_poses(model: Model, bone: str, trials: Sequence[Markers]) -> tuple[Array, Array]:
+    """`cluster_poses` of a bone's markers as the model has them, all trials in a row; NaN in a trial that recorded
+    fewer than three.
+    """
+    poses = []
+    for trial in trials:
+        carried = [marker for marker in model.markers if marker.body == bone and marker.name in trial.names]
+        places = np.array([marker.location for marker in carried]).reshape(-1, 3)
+        columns = [trial.names.index(marker.name) for marker in carried]
+        poses.append(cluster_poses(places, trial.values[:, columns]))
+    return np.concatenate([pose[0] for pose in poses]), np.concatenate([pose[1] for pose in poses])
 
 
 def rotation_center(base: tuple[Array, Array], limb: tuple[Array, Array]) -> tuple[Array, Array]:

@@ -125,7 +125,7 @@ def _held_still(
     slips = [holding.slips_within(specimen, name, motion, *limits) for name, motion in zip(names, motions, strict=True)]
     for trial_slips, shown in zip(slips, markers, strict=True):
         if any(slip.what == "base" for slip in trial_slips):
-            pose = bone_poses(specimen.model, specimen.base, shown)
+            pose = bone_poses(specimen.model, specimen.base, [shown])
             if np.isfinite(pose[1]).any() and not holding.base_slips(specimen, "", shown.time, *pose, *limits):
                 trial_slips[:] = [slip for slip in trial_slips if slip.what != "base"]
     moved = [[slip.what for slip in trial_slips] for trial_slips in slips]
@@ -140,14 +140,13 @@ def _held_still(
 
 def _started(specimen: Specimen, trials: Sequence[Markers]) -> Specimen:
     """The specimen whose coordinates are zero where it stands and hangs, far from singular angles."""
-    base = [bone_poses(specimen.model, specimen.base, trial) for trial in trials]
-    rotations, origins = (np.concatenate(parts) for parts in zip(*base, strict=True))
+    rotations, origins = bone_poses(specimen.model, specimen.base, trials)
     seen = np.isfinite(origins).all(axis=1)
     if not seen.any():
         raise BadData(f"no frame shows three markers of the base '{specimen.base}' at once")
     stand = Transform(holding.mean_rotation(rotations[seen]), origins[seen].mean(axis=0))
     standing = specimen.standing(stand)
-    limb = np.concatenate([bone_poses(specimen.model, specimen.first, trial)[0] for trial in trials])
+    limb, _ = bone_poses(specimen.model, specimen.first, trials)
     shown = np.isfinite(limb).all(axis=(1, 2))
     return standing.resting(stand.rotation.T @ holding.mean_rotation(limb[shown])) if shown.any() else standing
 
@@ -172,8 +171,7 @@ def _centered(
 
 def _both_poses(specimen: Specimen, trials: Sequence[Markers]) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
     """Rotations and origins of base and limb in the frames that show three markers of each."""
-    poses = [[bone_poses(specimen.model, bone, trial) for trial in trials] for bone in (specimen.base, specimen.first)]
-    base, limb = ([np.concatenate(parts) for parts in zip(*pose, strict=True)] for pose in poses)
+    base, limb = (bone_poses(specimen.model, bone, trials) for bone in (specimen.base, specimen.first))
     seen = np.isfinite(base[1]).all(axis=1) & np.isfinite(limb[1]).all(axis=1)
     return (base[0][seen], base[1][seen]), (limb[0][seen], limb[1][seen])
 
