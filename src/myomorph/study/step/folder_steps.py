@@ -96,7 +96,8 @@ class ScopeInputs(Protocol):
     """What the steps of a subject, a specimen or a study begin with."""
 
     def after(self, step: Step[Any], home: Path) -> Self:
-        """The same once a step's result is in the folder."""
+        """The same once a step's result is in the folder; nothing else where it is the only one."""
+        return self
 
 
 Inputs = TypeVar("Inputs", bound=ScopeInputs)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 from myomorph import __version__
 from myomorph.model.frozen_map import FrozenMap
@@ -14,7 +13,7 @@ from myomorph.report.page.parts import Note, SourceFile, option_text
 from myomorph.report.page.parts import Step as PageStep
 from myomorph.store.outcome import Outcome
 from myomorph.store.results import file_source, provenance_of, value_source
-from myomorph.study.step.folder_steps import FolderOutput, stored_provenance
+from myomorph.study.step.folder_steps import FolderOutput, ScopeInputs, stored_provenance
 from myomorph.study.step.step import Step
 from myomorph.viscosity.report.specimen_report import LimbReport, SpecimenReport, ViscosityInput
 from myomorph.viscosity.study import limb_step, specimen_step
@@ -25,15 +24,11 @@ from myomorph.viscosity.study.specimen_step import SPECIMEN, read_specimen
 
 
 @dataclass(frozen=True)
-class CohortInputs:
+class CohortInputs(ScopeInputs):
     """The specimens and limbs of a study, in the order of the plan, when all have ended."""
 
     plan: ViscosityPlan
     outcomes: tuple[Outcome, ...]
-
-    def after(self, step: Step[Any], home: Path) -> CohortInputs:
-        """The same: a cohort has one step."""
-        return self
 
     def reports(self) -> tuple[SpecimenReport, ...]:
         """What is shown of each specimen; of one that failed, why."""
@@ -78,15 +73,14 @@ def cohort_provenance(cohort: CohortInputs) -> Provenance:
 
 
 def _run(cohort: CohortInputs, output: FolderOutput) -> None:
-    reports = cohort.reports()
+    shown = viscosity_input(cohort, output.made.date)
     with output.whole() as folder:
-        shown = viscosity_input(cohort, reports, output.made.date)
         write_tables(shown.specimens, folder, shown.limbs)
         write_value(shown, folder / STORE, DIGITS)
         remake_report(folder)
 
 
-def viscosity_input(cohort: CohortInputs, reports: tuple[SpecimenReport, ...], date: str) -> ViscosityInput:
+def viscosity_input(cohort: CohortInputs, date: str) -> ViscosityInput:
     """What the report shows of a study."""
     plan, options = cohort.plan, StudyOptions.of(cohort.plan.settings)
     sources = {SourceFile(source.role, Path(source.name).name, source.sha256): None for source in cohort.sources()}
@@ -96,7 +90,8 @@ def viscosity_input(cohort: CohortInputs, reports: tuple[SpecimenReport, ...], d
         if (plan.limbs if table == "limb" else plan.specimens)
     )
     head = head_notes(plan)
-    return ViscosityInput(plan.name, reports, head, tuple(sources), steps, date, __version__, cohort.limbs())
+    reports, limbs = cohort.reports(), cohort.limbs()
+    return ViscosityInput(plan.name, reports, head, tuple(sources), steps, date, __version__, limbs)
 
 
 def head_notes(plan: ViscosityPlan) -> tuple[Note, ...]:

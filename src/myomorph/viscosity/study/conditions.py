@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from statistics import NormalDist
-from typing import Any
 
 import numpy as np
 
@@ -202,22 +201,21 @@ def _with_acting(
         used = f"{beside.value:.3g}, is used; alone it is {plain.value:.3g} N m s/rad"
         notes.append(f"{friction}: the viscosity beside it, {used}")
     notes = [f"{identify.STATES['without']}: {note}" for note in notes]
-    return replace(specimen_viscosity, without=condition, notes=(*specimen_viscosity.notes, *notes)), known
+    return specimen_viscosity.changed({"without": condition}, notes), known
 
 
 def _with_sway(specimen_viscosity: identify.SpecimenViscosity, sway: float, level: float) -> identify.SpecimenViscosity:
     """The specimen with viscosities as well as they are known on a base that goes to and fro."""
     share = NormalDist().inv_cdf(0.5 + 0.5 * level) * SWAY_SHARE * sway
-    parts: dict[str, Any] = {}
-    for key in ("without", "intact"):
-        condition: identify.Condition | None = getattr(specimen_viscosity, key)
-        if condition is not None:
-            value = condition.viscosity
-            parts[key] = replace(condition, viscosity=wider(value, share * value.value, True))
+
+    def swayed(estimate: Estimate) -> Estimate:
+        return wider(estimate, share * estimate.value, True)
+
+    conditions = specimen_viscosity.conditions.items()
+    changed = {name: replace(condition, viscosity=swayed(condition.viscosity)) for name, condition in conditions}
     muscles = specimen_viscosity.muscles
-    if muscles is not None:
-        parts["muscles"] = replace(muscles, common=wider(muscles.common, share * muscles.common.value, True))
-    return replace(specimen_viscosity, **parts)
+    muscles = muscles and replace(muscles, common=swayed(muscles.common))
+    return specimen_viscosity.changed(changed, muscles=muscles)
 
 
 def _with_law(options: StudyOptions, compared: Mapping[str, PassiveComparison]) -> StudyOptions:
@@ -247,8 +245,7 @@ def _identified(
         return solved(CONDITIONS, options)
     solution = solved(CONDITIONS, replace(options, tare="unknown"))
     for name in set(conditions) - set(hidden):
-        key = "without" if name == "without" else "intact"
-        known, alone = getattr(solution, key), getattr(solved((name,), options), key)
+        known, alone = (which.conditions.get(name) for which in (solution, solved((name,), options)))
         if known is not None and alone is not None:
-            solution = replace(solution, **{key: replace(known, mass=alone.mass, com=alone.com)})
+            solution = solution.changed({name: replace(known, mass=alone.mass, com=alone.com)})
     return replace(solution, muscle_mass=None)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -18,7 +17,7 @@ from myomorph.store.progress import progress
 from myomorph.store.results import file_source, provenance_of
 from myomorph.store.settings import plain_settings
 from myomorph.study.inputs.reading import has_mass, open_model
-from myomorph.study.step.folder_steps import FolderOutput
+from myomorph.study.step.folder_steps import FolderOutput, ScopeInputs
 from myomorph.study.step.step import Step
 from myomorph.viscosity.relaxed.drops import SILENT, SILENT_UNKNOWN, Drop
 from myomorph.viscosity.relaxed.identify import LimbOptions, LimbResult, identify_limb
@@ -31,15 +30,11 @@ LIMB, IDENTIFIED = "limb.json", "identified"
 
 
 @dataclass(frozen=True)
-class LimbInputs:
+class LimbInputs(ScopeInputs):
     """One limb and the options of its identification."""
 
     files: LimbFiles
     options: LimbOptions
-
-    def after(self, step: Step[Any], home: Path) -> LimbInputs:
-        """The same: a limb has one step."""
-        return self
 
 
 def limb_provenance(limb: LimbInputs) -> Provenance:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.model import Model
@@ -16,14 +17,17 @@ from myomorph.study.run.run import run_graph
 from myomorph.study.run.work import Graph, Recording, Work
 from myomorph.study.step.folder_steps import FolderSteps
 from myomorph.study.step.job_steps import JobSteps
+from myomorph.study.step.step import Step
 from myomorph.study.step.step_table import STEPS, Scope
 from myomorph.study.workers.jobs import Workers
 from myomorph.viscosity.study import limb_step, specimen_step
 from myomorph.viscosity.study.cohort_step import CohortInputs
-from myomorph.viscosity.study.limb_files import LimbFiles
 from myomorph.viscosity.study.limb_step import LimbInputs
-from myomorph.viscosity.study.plan import SpecimenFiles, StudyOptions, ViscosityPlan
+from myomorph.viscosity.study.plan import StudyOptions, ViscosityPlan
 from myomorph.viscosity.study.specimen_step import SpecimenInputs
+
+Recorded = tuple[Path, Path | None, tuple[float, float] | None]
+"""A recording, what was recorded beside it, and the part that is used [s]."""
 
 
 def open_steps(
@@ -37,35 +41,32 @@ def open_steps(
 def graph_of(plan: ViscosityPlan, out: Path, fresh: bool = False, mark: RunMark | None = None) -> Graph:
     """What a study of swinging limbs has to do, `fresh` whatever an earlier run left."""
     options = StudyOptions.of(plan.settings)
-    settings = FrozenMap({specimen_step.STEP.name: plan.settings})
 
-    def work(files: SpecimenFiles) -> Work:
+    def work(step: Step[Any], inputs: SpecimenInputs | LimbInputs, recordings: Iterable[Recorded]) -> Work:
+        files, recorded = inputs.files, list(recordings)
         outcome = Outcome(files.name, "", out / file_name(files.name))
-        recordings = (*files.without, *files.intact)
-        names = dict.fromkeys(path.name for each in recordings for path in (each.markers, each.loads))
+        opened = partial(open_steps, inputs=inputs, outcome=outcome)
+        paths = (path for recording, beside, _ in recorded for path in (recording, beside) if path)
+        names = dict.fromkeys(path.name for path in (files.model, *paths))
         return Work(
-            "specimen", outcome, tuple(STEPS["specimen"]),
-            partial(open_steps, inputs=SpecimenInputs(files, options), outcome=outcome), fresh=fresh, mark=mark,
-            settings=settings, files=(files.model.name, *names),
-            recordings=tuple(Recording(each.markers, each.time) for each in recordings),
+            step.scope, outcome, tuple(STEPS[step.scope]), opened, fresh=fresh, mark=mark,
+            settings=FrozenMap({step.name: plan.settings}), files=tuple(names),
+            recordings=tuple(Recording(path, time) for path, _, time in recorded),
         )  # fmt: skip
-
-    def limb_work(files: LimbFiles) -> Work:
-        outcome = Outcome(files.name, "", out / file_name(files.name))
-        opened = partial(open_steps, inputs=LimbInputs(files, options.limb), outcome=outcome)
-        names = (files.model.name, *(path.name for drop in files.drops for path in (drop.recording, drop.emg) if path))
-        recordings = tuple(Recording(drop.recording, drop.time) for drop in files.drops)
-        settings = FrozenMap({limb_step.STEP.name: plan.settings})
-        return Work("limb", outcome, tuple(STEPS["limb"]), opened, fresh=fresh, mark=mark, settings=settings,
-                    files=names, recordings=recordings)  # fmt: skip
 
     def last(outcomes: tuple[Outcome, ...]) -> tuple[Work, ...]:
         outcome = Outcome(*GATHERED, out)
         opened = partial(open_steps, inputs=CohortInputs(plan, outcomes), outcome=outcome)
         return (Work("cohort", outcome, tuple(STEPS["cohort"]), opened, fresh=fresh),)
 
-    works = (*map(work, plan.specimens), *map(limb_work, plan.limbs))
-    return Graph(plan.name, works, last, open_model)
+    works = []
+    for specimen in plan.specimens:
+        swings = ((each.markers, each.loads, each.time) for each in (*specimen.without, *specimen.intact))
+        works.append(work(specimen_step.STEP, SpecimenInputs(specimen, options), swings))
+    for limb in plan.limbs:
+        drops = ((each.recording, each.emg, each.time) for each in limb.drops)
+        works.append(work(limb_step.STEP, LimbInputs(limb, options.limb), drops))
+    return Graph(plan.name, tuple(works), last, open_model)
 
 
 def run_viscosity(

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 from myomorph.io.osim.write import write_osim
 from myomorph.model.errors import MyomorphError
@@ -13,7 +12,7 @@ from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.provenance import Estimate, Provenance
 from myomorph.store.progress import progress
 from myomorph.store.results import file_source, provenance_of
-from myomorph.study.step.folder_steps import FolderOutput
+from myomorph.study.step.folder_steps import FolderOutput, ScopeInputs
 from myomorph.study.step.step import Step
 from myomorph.viscosity.report.specimen_report import SpecimenReport
 from myomorph.viscosity.study.into_model import write_identified
@@ -26,15 +25,11 @@ SPECIMEN, IDENTIFIED, MJCF = "specimen.json", "identified.osim", Path("identifie
 
 
 @dataclass(frozen=True)
-class SpecimenInputs:
+class SpecimenInputs(ScopeInputs):
     """One specimen and the options of the study."""
 
     files: SpecimenFiles
     options: StudyOptions
-
-    def after(self, step: Step[Any], home: Path) -> SpecimenInputs:
-        """The same: a specimen has one step."""
-        return self
 
 
 def specimen_provenance(specimen: SpecimenInputs) -> Provenance:

@@ -24,6 +24,7 @@ from myomorph.report.charts.pictures import residual_map
 from myomorph.report.page.parts import Figure
 from myomorph.study.inputs.reading import about, fitted_to, open_model, read_recording
 from myomorph.viscosity.report.specimen_report import Residual
+from myomorph.viscosity.specimen.bodies import ancestors
 from myomorph.viscosity.specimen.model import Specimen, SpecimenNames, SwingTrial, build_specimen
 from myomorph.viscosity.specimen.muscles import fig1_muscles
 from myomorph.viscosity.study.calibration import ScannedModel, model_from_scans
@@ -160,14 +161,8 @@ def body_named(model: Model, wanted: str | None, role: str, other: str = "") -> 
 
 def _marked(model: Model, base: str, first: str, markers: Sequence[str]) -> tuple[str, ...]:
     parents = {joint.child: joint.parent for joint in model.joints}
-
-    def beyond(body: str) -> bool:
-        while body in parents and body != first:
-            body = parents[body]
-        return body == first
-
     counts = Counter(marker.body for marker in model.markers if marker.name in set(markers))
-    return tuple(body for body, count in counts.items() if count >= 3 and body not in (base, first) and beyond(body))
+    return tuple(body for body, n in counts.items() if n >= 3 and body != base and first in ancestors(parents, body))
 
 
 def _muscles(model: Model) -> dict[str, tuple[str, ...]]:
