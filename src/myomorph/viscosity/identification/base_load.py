@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -43,13 +42,12 @@ def with_base_load(specimen_viscosity: SpecimenViscosity, load: BaseLoad) -> Spe
     A value whose load is a range is the middle of its range.
     """
     notes = []
-    ranges: dict[str, Range] = {}
-    parts: dict[str, Any] = {}
-    for name, key in (("removed", "without"), ("intact", "intact")):
-        condition: Condition | None = getattr(specimen_viscosity, key)
-        if condition is None or not np.isfinite(condition.mass.value):
+    loads = dict(zip(STATES, (load.removed, load.intact), strict=True))
+    changed: dict[str, Condition] = {}
+    for name, condition in specimen_viscosity.conditions.items():
+        if not np.isfinite(condition.mass.value):
             continue
-        low, high = ranges[name] = getattr(load, name)
+        low, high = loads[name]
         mass = _less(condition.mass, (low, high), condition.least_mass.low)
         if high > low:
             h = condition.first_moment
@@ -57,20 +55,19 @@ def with_base_load(specimen_viscosity: SpecimenViscosity, load: BaseLoad) -> Spe
         else:
             factor, com = condition.mass.value / mass.value, condition.com
             com = Estimate(factor * com.value, factor * com.low, factor * com.high)
-        parts[key] = replace(condition, mass=mass, com=com)
+        changed[name] = replace(condition, mass=mass, com=com)
         if mass.high - mass.low > TOLD * mass.value and high > low:
-            state = STATES["without" if key == "without" else "with"]
             notes.append(
-                f"{state}: the mass is known only as {mass.low:.2f} to {mass.high:.2f} kg, for what rests on the base "
-                f"weighs like limb; mass times COM, {condition.first_moment.value:.3g} kg m, and the viscosities do "
-                "not depend on it; weigh the base and give base_mass"
+                f"{STATES[name]}: the mass is known only as {mass.low:.2f} to {mass.high:.2f} kg, for what rests on "
+                f"the base weighs like limb; mass times COM, {condition.first_moment.value:.3g} kg m, and the "
+                "viscosities do not depend on it; weigh the base and give base_mass"
             )
     muscle_mass = specimen_viscosity.muscle_mass
-    if muscle_mass is not None and len(ranges) == 2:
-        more = tuple(max(a - b, 0.0) for a, b in zip(ranges["intact"], reversed(ranges["removed"]), strict=True))
+    if muscle_mass is not None and len(changed) == 2:
+        more = tuple(max(a - b, 0.0) for a, b in zip(load.intact, reversed(load.removed), strict=True))
         least = specimen_viscosity.least_muscle_mass
         muscle_mass = _less(muscle_mass, (more[0], more[1]), 0.0 if least is None else least.low)
-    return replace(specimen_viscosity, **parts, muscle_mass=muscle_mass, notes=(*specimen_viscosity.notes, *notes))
+    return specimen_viscosity.changed(changed, notes, muscle_mass=muscle_mass)
 
 
 def _less(shown: Estimate, load: Range, least: float) -> Estimate:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -178,6 +178,15 @@ class SpecimenViscosity:
         """What there is of "without" and "with" muscles."""
         pairs = (("without", self.without), ("with", self.intact))
         return {name: condition for name, condition in pairs if condition is not None}
+
+    def changed(
+        self, conditions: Mapping[str, Condition], notes: Iterable[str] = (), **parts: Any
+    ) -> SpecimenViscosity:
+        """The same with other conditions, by "without" and "with", with further notes and with other parts."""
+        named: dict[str, Any] = {
+            "intact" if name == "with" else name: condition for name, condition in conditions.items()
+        }
+        return replace(self, **named, **parts, notes=(*self.notes, *notes))
 
     @property
     def estimates(self) -> dict[str, Estimate]:

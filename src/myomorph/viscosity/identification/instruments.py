@@ -98,13 +98,8 @@ def estimate_instruments(
     return result
 
 
-@read_only
-class _Equations:
-    """y (frames, rows) = own (frames, rows, unknowns) x + errors (frames, rows, sources) theta, by trial."""
-
-    y: tuple[Array, ...]
-    own: tuple[Array, ...]
-    errors: tuple[Array, ...]
+_Equations = list[tuple[Array, Array, Array]]
+"""Of each trial y (frames, rows) = own (frames, rows, unknowns) x + errors (frames, rows, sources) theta."""
 
 
 def _condition(recordings: Sequence[SwingRecording], instruments: Instruments, free_zero: bool) -> list[_Equations]:
@@ -112,8 +107,8 @@ def _condition(recordings: Sequence[SwingRecording], instruments: Instruments, f
     used = [np.flatnonzero(recording.used) for recording in recordings]
     along = free_directions(recordings)
     predicted = predicted_rows(recordings, used)
-    moment: list[tuple[Array, Array, Array]] = []
-    force: list[tuple[Array, Array, Array]] = []
+    moment: _Equations = []
+    force: _Equations = []
     for number, (recording, rows, use) in enumerate(zip(recordings, predicted, used, strict=True)):
         turn = along @ recording.rotations[use].transpose(0, 2, 1)
         constant = np.zeros((len(use), 3, 3 * len(recordings)))
@@ -141,10 +136,10 @@ def _condition(recordings: Sequence[SwingRecording], instruments: Instruments, f
         )
         moment[number] = (*moment[number][:2], turn @ changes[:, :3])
         force[number] = (*force[number][:2], changes[:, 3:])
-    return [_Equations(*(tuple(part) for part in zip(*parts, strict=True))) for parts in (moment, force)]
+    return [moment, force]
 
 
-def _left(parts: Sequence[tuple[Array, Array, Array]]) -> list[Array]:
+def _left(parts: _Equations) -> list[Array]:
     """What least squares leave of the first (frames, rows) by the second (frames, rows, unknowns), trial by trial."""
     A = np.concatenate([inertial.reshape(-1, inertial.shape[2]) for _, inertial, _ in parts])
     size = np.maximum(np.linalg.norm(A, axis=0), 1e-300)
@@ -184,17 +179,17 @@ def _solved(parts: Sequence[Sequence[_Equations]], known: Instruments, last: Ins
 
 def _reduced(equations: _Equations, theta: Array, scale: Array) -> tuple[Array, Array, float]:
     """Normal equations of the errors, the equations' own unknowns taken off, weighted by the last errors `theta`."""
-    inertial = np.concatenate([part.reshape(-1, part.shape[2]) for part in equations.own])
-    errors = np.concatenate([part.reshape(-1, part.shape[2]) for part in equations.errors]) * scale
-    y = np.concatenate([part.ravel() for part in equations.y])
+    inertial = np.concatenate([own.reshape(-1, own.shape[2]) for _, own, _ in equations])
+    errors = np.concatenate([part.reshape(-1, part.shape[2]) for _, _, part in equations]) * scale
+    y = np.concatenate([part.ravel() for part, _, _ in equations])
     size = np.linalg.norm(inertial, axis=0)
     inertial = inertial[:, size > 0.0] / size[size > 0.0]
     left, values, _ = np.linalg.svd(inertial, full_matrices=False)
     left = left[:, values > 1e-9 * values[0]]
     errors, y = errors - left @ (left.T @ errors), y - left @ (left.T @ y)
     misfit = y - errors @ theta
-    ends = np.cumsum([part.size for part in equations.y])[:-1]
-    runs = [part.reshape(shape.shape) for part, shape in zip(np.split(misfit, ends), equations.y, strict=True)]
+    ends = np.cumsum([part.size for part, _, _ in equations])[:-1]
+    runs = [left.reshape(part.shape) for left, (part, _, _) in zip(np.split(misfit, ends), equations, strict=True)]
     variance = max(float(np.mean(misfit**2)), 1e-18)
     weight = min(effective_samples(runs) / misfit.size, 1.0) / variance
     return errors.T @ errors, errors.T @ y, weight

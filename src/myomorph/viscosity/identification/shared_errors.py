@@ -49,9 +49,7 @@ def with_shared_errors(
             other = _values(moved, conditions, options)
             changes.append({name: (other[name] - value) / size for name, value in exact.items()})
     except MyomorphError as error:
-        return replace(
-            specimen_viscosity, notes=(*specimen_viscosity.notes, f"intervals hold no errors of instruments: {error}")
-        ), ()
+        return specimen_viscosity.changed({}, [f"intervals hold no errors of instruments: {error}"]), ()
     z = NormalDist().inv_cdf(0.5 + 0.5 * options.level)
     slopes = {name: np.array([change[name] for change in changes]) for name in exact}
     sds = {name: float(np.sqrt(max(g @ instruments.covariance @ g, 0.0))) for name, g in slopes.items()}
@@ -60,11 +58,12 @@ def with_shared_errors(
         return wider(estimate, z * sds.get(name, 0.0), name != "estimated_muscle_mass")
 
     parts: dict[str, Any] = {}
+    changed: dict[str, Condition] = {}
     for key, condition in conditions.items():
         mass, com, moment, viscosity = identify.QUANTITIES_OF[key]
         axes = zip(condition.recordings[0].axes, condition.axis_viscosity, strict=True)
         plate = condition.plate_viscosity
-        parts["without" if key == "without" else "intact"] = replace(
+        changed[key] = replace(
             condition, mass=widened(mass, condition.mass), com=widened(com, condition.com),
             first_moment=widened(moment, condition.first_moment),
             least_mass=widened(f"{mass} least", condition.least_mass),
@@ -80,7 +79,7 @@ def with_shared_errors(
         parts[part] = None if estimate is None else widened(name, estimate)
     known = ((name, each) for name, each in specimen_viscosity.estimates.items() if np.isfinite(each.value))
     swings = {name: (each.high - each.low) / (2.0 * z) for name, each in known}
-    return replace(specimen_viscosity, **parts), _shares(swings, slopes, instruments)
+    return specimen_viscosity.changed(changed, **parts), _shares(swings, slopes, instruments)
 
 
 def _shares(

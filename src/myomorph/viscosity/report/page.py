@@ -34,7 +34,10 @@ def viscosity_page(viscosity_input: ViscosityInput) -> str:
     literature = ("stroeve1999",) if any(specimen.shoulder for specimen in viscosity_input.done) else ()
     specimens = ("murai2016", *literature, "cameron2008") if shown.specimens else ()
     sources = cited(*specimens, *(("wartenberg1951", "degroote2018") if shown.limbs else ()))
-    tiles = [*_tiles(lines), *_limb_tiles(shown)]
+    tiles = _tiles(lines) + [
+        Tile(with_interval(limb.row[name]), f"{limb.name}: {name} of {limb.coordinate} [{UNITS[name]}]", "ok")
+        for limb in shown.limbs for name in ("viscosity", "stiffness") if name in limb.row
+    ]  # fmt: skip
     return rendered(page, _sections(shown, lines), sources, facts=_facts(shown), tiles=tiles)
 
 
@@ -61,13 +64,6 @@ def _tiles(lines: Mapping[str, CohortLine]) -> list[Tile]:
     }
     shown = [(line, f"{wanted[name]} [{line.quantity.unit}]") for name, line in lines.items() if name in wanted]
     return [Tile(f"{scientific(line.mean)} ± {scientific(line.sd)}", words, "ok") for line, words in shown]
-
-
-def _limb_tiles(viscosity_input: ViscosityInput) -> list[Tile]:
-    return [
-        Tile(with_interval(limb.row[name]), f"{limb.name}: {name} of {limb.coordinate} [{UNITS[name]}]", "ok")
-        for limb in viscosity_input.limbs for name in ("viscosity", "stiffness") if name in limb.row
-    ]  # fmt: skip
 
 
 def _sections(viscosity_input: ViscosityInput, lines: Mapping[str, CohortLine]) -> list[Section]:

@@ -23,9 +23,8 @@ MAX_FRAMES = 1200  # Frames of a trial that charts are drawn from.
 @read_only
 class SwingCurves:
     """One trial as charts show it, thinned: (frames,) [s] and number of the swing, -1 where frames are not used.
-    `angles` and `rates` (frames, axes) [rad], [rad/s]; `torque` by inverse dynamics and `passive`, -viscosity times
-    rates [N m]; `wrench` (frames, 6) on the base, measured, and `predicted` by the inertial parameters, NaN in frames
-    that are not used.
+    `angles` and `rates` (frames, axes) [rad], [rad/s]; `torque` by inverse dynamics [N m]; `wrench` (frames, 6) on the
+    base, measured, and `predicted` by the inertial parameters, NaN in frames that are not used.
     """
 
     trial: str
@@ -35,7 +34,6 @@ class SwingCurves:
     angles: Array
     rates: Array
     torque: Array
-    passive: Array
     wrench: Array
     predicted: Array
 
@@ -49,8 +47,6 @@ class ShownCondition:
     """
 
     axes: tuple[str, ...]
-    mass: Estimate
-    com: Estimate
     viscosity: Estimate
     axis_viscosity: tuple[Estimate, ...]
     excited: tuple[bool, ...]
@@ -244,20 +240,20 @@ def shown_condition(condition: Condition) -> ShownCondition:
         float(recording.used.sum()) * float(np.median(np.diff(recording.time))) for recording in condition.recordings
     ]
     longest = condition.recordings[int(np.argmax(swings))]
-    names = ("mass", "com", "viscosity", "axis_viscosity", "excited", "residual", "plate_viscosity", "by_trial")
+    names = ("viscosity", "axis_viscosity", "excited", "residual", "plate_viscosity", "by_trial")
     return ShownCondition(
         axes=longest.axes, trials=len(condition.recordings), swings=sum(swings), seconds=sum(seconds),
-        curves=swing_curves(longest, condition.parameters, condition.viscosity.value),
+        curves=swing_curves(longest, condition.parameters),
         **{name: getattr(condition, name) for name in names},
     )  # fmt: skip
 
 
-def swing_curves(recording: SwingRecording, parameters: Array, viscosity: float) -> SwingCurves:
-    """A trial's curves, at most `MAX_FRAMES`, with the line of a viscosity [N m s/rad] of torque against velocity."""
+def swing_curves(recording: SwingRecording, parameters: Array) -> SwingCurves:
+    """A trial's curves, at most `MAX_FRAMES`."""
     keep = slice(None, None, -(-len(recording) // MAX_FRAMES))
-    rates, unused = recording.rates[keep], ~recording.used[keep][:, None]
+    unused = ~recording.used[keep][:, None]
     predicted = np.where(unused, np.nan, recording.wrench_rows[keep] @ parameters)
     measured = np.where(unused, np.nan, recording.wrench[keep])
-    motion = (recording.time[keep], recording.swing[keep], recording.angles[keep], rates)
-    torques = (recording.torque_rows[keep] @ parameters, -viscosity * rates)
-    return SwingCurves(recording.name, recording.axes, *motion, *torques, measured, predicted)
+    motion = (recording.time[keep], recording.swing[keep], recording.angles[keep], recording.rates[keep])
+    torque = recording.torque_rows[keep] @ parameters
+    return SwingCurves(recording.name, recording.axes, *motion, torque, measured, predicted)

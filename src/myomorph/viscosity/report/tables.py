@@ -104,27 +104,24 @@ def _means(specimens: Sequence[SpecimenReport], lines: Mapping[str, CohortLine])
     for quantity in QUANTITIES:
         line = lines.get(quantity.name)
         truths = [specimen.truth[quantity.name] for specimen in specimens if quantity.name in specimen.truth]
-        row = [f"{where(quantity)} [{quantity.unit}]"]
-        if known:
-            row.append(_spread(truths))
-        if shoulders:
-            row.append(_spread([getattr(specimen, quantity.name) for specimen in SPECIMENS]))
-        row.append(LACKING if line is None else _plus_minus(line.mean, line.sd))
+        held = ""
+        if line is not None and len(truths) == line.count and line.high > line.low:
+            truth = float(np.mean(truths))
+            held = f"{'yes' if line.low <= truth <= line.high else 'no'}, off by {_off(line.mean, truth)}"
         unknown = line is None or not np.isfinite(line.low) or line.high == line.low
-        row.append(LACKING if unknown or line is None else span(line.low, line.high))
-        if known:
-            held = ""
-            if line is not None and len(truths) == line.count and line.high > line.low:
-                truth = float(np.mean(truths))
-                held = f"{'yes' if line.low <= truth <= line.high else 'no'}, off by {_off(line.mean, truth)}"
-            row.append(held)
-        row.append(LACKING if line is None else str(line.count))
-        rows.append(tuple(row))
-    head = ["Quantity", *(["Truth"] if known else []), *(["Paper's six"] if shoulders else [])]
-    head += ["Estimate", "95 % interval of the mean", *(["Truth in the interval"] if known else []), "Specimens"]
+        row = {
+            "Quantity": f"{where(quantity)} [{quantity.unit}]",
+            "Truth": _spread(truths) if known else None,
+            "Paper's six": _spread([getattr(each, quantity.name) for each in SPECIMENS]) if shoulders else None,
+            "Estimate": LACKING if line is None else _plus_minus(line.mean, line.sd),
+            "95 % interval of the mean": LACKING if unknown or line is None else span(line.low, line.high),
+            "Truth in the interval": held if known else None,
+            "Specimens": LACKING if line is None else str(line.count),
+        }
+        rows.append({head: cell for head, cell in row.items() if cell is not None})
     paper = ": truth, paper and estimate" if known else " beside the paper's"
     title = "Means ± population SD" + (paper if shoulders else ": truth and estimate" if known else "")
-    return Grid(tuple(head), tuple(rows), title)
+    return Grid(tuple(rows[0]), tuple(tuple(row.values()) for row in rows), title)
 
 
 def _spread(values: Sequence[float]) -> str:

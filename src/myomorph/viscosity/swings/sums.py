@@ -170,8 +170,9 @@ def swing_sums(recordings: Sequence[SwingRecording], swings: int = 1, least: flo
         raise BadData(f"none of the trials {names} holds a frame of free swing: {advice}")
     speed = np.array([np.sqrt(np.square(recordings[number].rates[use]).sum(axis=1).mean()) for number, use in parts])
     live = [part for part, fast in zip(parts, speed >= least * speed.max(), strict=True) if fast]
-    blocks = [block for number in range(len(recordings)) for block in _blocks(live, number, swings)]
-    predicted = predicted_rows(recordings, [_of(live, number) for number in range(len(recordings))])
+    by_trial = [[use for number, use in live if number == trial] for trial in range(len(recordings))]
+    blocks = [block for trial, uses in enumerate(by_trial) for block in _blocks(uses, trial, swings)]
+    predicted = predicted_rows(recordings, [np.concatenate([np.zeros(0, np.int64), *uses]) for uses in by_trial])
     along = free_directions(recordings)
     return SwingSums(
         tuple(recording.name for recording in recordings), recordings[0].axes, recordings[0].muscles,
@@ -211,9 +212,8 @@ class _Block:
     weight: Array
 
 
-def _blocks(parts: list[tuple[int, np.ndarray]], trial: int, swings: int) -> list[_Block]:
+def _blocks(trial_uses: list[np.ndarray], trial: int, swings: int) -> list[_Block]:
     """Blocks of a trial, each fading into the next; a last block of less than half its swings joins the one before."""
-    trial_uses = [use for number, use in parts if number == trial]
     cuts = [trial_uses[i : i + swings] for i in range(0, len(trial_uses), swings)]
     if len(cuts) > 1 and 2 * len(cuts[-1]) < swings:
         cuts[-2] += cuts.pop()
@@ -236,11 +236,6 @@ def _blocks(parts: list[tuple[int, np.ndarray]], trial: int, swings: int) -> lis
         _Block(trial, use[0], np.concatenate(use), np.concatenate(weight))
         for use, weight in zip(whole, shares, strict=True)
     ]
-
-
-def _of(parts: list[tuple[int, np.ndarray]], trial: int) -> np.ndarray:
-    trial_uses = [use for number, use in parts if number == trial]
-    return np.concatenate(trial_uses) if trial_uses else np.zeros(0, np.int64)
 
 
 def _wrench_products(swing_recording: SwingRecording, predicted: PredictedRows, block: _Block) -> Array:

@@ -13,9 +13,8 @@ from scipy.signal import welch
 from myomorph.model.arrays import Array, read_only, runs
 from myomorph.model.errors import BadData, MyomorphError
 from myomorph.motion.filters import lowpass
+from myomorph.viscosity.identification.condition import solve_blocks
 from myomorph.viscosity.identification.identify import ViscosityOptions
-from myomorph.viscosity.identification.inertia import limb_inertia
-from myomorph.viscosity.identification.torque import joint_viscosity, torque_problem
 from myomorph.viscosity.swings.recording import SwingRecording
 from myomorph.viscosity.swings.sums import swing_sums
 from myomorph.viscosity.tracking.tracked import TrackedSpecimen
@@ -134,7 +133,5 @@ def scan_cutoffs(
 def _identified(recordings: Sequence[SwingRecording], options: ViscosityOptions) -> Array:
     """Mass, mass center and viscosity, without what intervals take."""
     sums = swing_sums(recordings, options.block, options.min_relative_speed)
-    every = np.ones(len(sums))
-    limb = limb_inertia(sums, every, options)
-    problem = torque_problem(sums.torque_total(every), limb.parameters, options.stiffness is not False)
-    return np.array([limb.mass, limb.com, joint_viscosity(problem, float(every @ sums.frames)).one])
+    whole = solve_blocks(sums, np.ones(len(sums)), options, options.stiffness is not False)
+    return np.array([whole.inertia.mass, whole.inertia.com, whole.joint.one])

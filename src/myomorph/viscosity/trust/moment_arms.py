@@ -127,8 +127,8 @@ def with_attachments(
     try:
         spread = _by_offsets(intact.recordings, intact.parameters, bare.viscosity.value, error, random)
     except MyomorphError as error:
-        notes = (*specimen_viscosity.notes, f"d_M's interval holds no errors of attachments: {error}")
-        return replace(specimen_viscosity, notes=notes), tuple(shares)
+        notes = [f"d_M's interval holds no errors of attachments: {error}"]
+        return specimen_viscosity.changed({}, notes), tuple(shares)
     if not spread.exact > 0.0:
         return specimen_viscosity, tuple(shares)
     scatter = float(np.std(np.log(np.maximum(spread.draws, LEAST * spread.exact) / spread.exact)))
