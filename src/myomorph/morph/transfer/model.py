@@ -296,7 +296,8 @@ def _translated(
         wraps: Any = tuple(
             wrap
             for wrap in path.wraps
-            if bodies[wrap.wrap_object] in transfers and getattr(wrap, "side_body", "") in ("", *transfers)
+            if bodies[wrap.wrap_object] in transfers
+            and (isinstance(wrap, PathWrap) or wrap.side_body in ("", *transfers))
         )
         if lost:
             frozen.append(muscle.name)
