@@ -22,10 +22,9 @@ _Class = TypeVar("_Class", bound=type)
 _Value = TypeVar("_Value")
 
 
-def checked_array(values: ArrayLike, shape: tuple[int | str, ...], name: str, *, finite: bool = False) -> Array:
+def checked_array(values: ArrayLike, shape: tuple[int | str, ...], name: str) -> Array:
     """`values` as a contiguous float64 array, copied only where it has to be.
-    `shape`: wanted size of each dimension; a word, e.g. "frames", stands for any size; `name`: of the values, for the
-    message; `finite`: whether NaN and infinity are refused.
+    `shape`: wanted size of each dimension; a word, e.g. "frames", stands for any size; `name`: for the message.
     """
     array = np.ascontiguousarray(values, dtype=np.float64)
     fits = np.ndim(values) == len(shape) and all(
@@ -34,8 +33,6 @@ def checked_array(values: ArrayLike, shape: tuple[int | str, ...], name: str, *,
     if not fits:
         wanted = f"({', '.join(str(length) for length in shape)}{',' if len(shape) == 1 else ''})"
         raise BadData(f"expected {name} of shape {wanted}, but got {np.shape(values)}")
-    if finite and not np.isfinite(array).all():
-        raise BadData(f"expected finite {name}, but {int((~np.isfinite(array)).sum())} of {array.size} values are not")
     return array
 
 

@@ -16,7 +16,7 @@ from myomorph.model.spatial import Transform, least_rotation
 
 PARAMETERS = ("m", "m c_x", "m c_y", "m c_z", "I_xx", "I_yy", "I_zz", "I_yz", "I_zx", "I_xy")
 """Order of a body's parameters, [D] eq. 3.4; the inertia is about the body's origin."""
-_DIAGONAL, _OFF = (4, 5, 6), ((7, 1, 2), (8, 2, 0), (9, 0, 1))
+_ROWS, _COLUMNS = [0, 1, 2, 1, 2, 0], [0, 1, 2, 2, 0, 1]  # Places of the last six in the inertia, a symmetric matrix
 EARTH = (0.0, -9.80665, 0.0)
 SLIDES, TURNS = ("tx", "ty", "tz"), ("rx", "ry", "rz")
 WIDEST, COUNTS = 1.0, 0.1
@@ -29,9 +29,7 @@ def inertial_parameters(model: Model) -> Array:
     for row, body in zip(table, model.bodies, strict=True):
         c = body.mass_center
         inertia = body.inertia + body.mass * (c @ c * np.eye(3) - np.outer(c, c))
-        row[0], row[1:4] = body.mass, body.mass * c
-        row[4:7] = np.diag(inertia)
-        row[7], row[8], row[9] = inertia[1, 2], inertia[2, 0], inertia[0, 1]
+        row[0], row[1:4], row[4:] = body.mass, body.mass * c, inertia[_ROWS, _COLUMNS]
     return table
 
 
@@ -39,10 +37,7 @@ def inertia_matrices(parameters: ArrayLike) -> Array:
     """(..., 3, 3) inertia about the bodies' origins of parameters (..., 10)."""
     values = np.asarray(parameters, dtype=np.float64)
     matrices = np.zeros((*values.shape[:-1], 3, 3))
-    for column, i in enumerate(_DIAGONAL):
-        matrices[..., column, column] = values[..., i]
-    for i, a, b in _OFF:
-        matrices[..., a, b] = matrices[..., b, a] = values[..., i]
+    matrices[..., _ROWS, _COLUMNS] = matrices[..., _COLUMNS, _ROWS] = values[..., 4:]
     return matrices
 
 
@@ -182,6 +177,5 @@ def parameters_of(pseudo: Array) -> Array:
     inertia = np.trace(second, axis1=-2, axis2=-1)[..., None, None] * np.eye(3) - second
     result = np.empty((*pseudo.shape[:-2], 10))
     result[..., 0], result[..., 1:4] = pseudo[..., 3, 3], pseudo[..., :3, 3]
-    for i, (a, b) in enumerate(((0, 0), (1, 1), (2, 2), (1, 2), (2, 0), (0, 1)), start=4):
-        result[..., i] = inertia[..., a, b]
+    result[..., 4:] = inertia[..., _ROWS, _COLUMNS]
     return result

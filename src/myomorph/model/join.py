@@ -4,39 +4,30 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any, TypeVar
 
 import numpy as np
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, BadModel, UnknownName
-from myomorph.model.frozen_map import FrozenMap
-from myomorph.model.model import GROUND, Joint, Kept, Model
-from myomorph.model.paths import Ligament, MovingPathPoint, Muscle, Path, PathPoint, PathWrap, TendonWrap
+from myomorph.model.model import GROUND, Kept, Model
 from myomorph.model.series import Motion, Series, Wrenches
 
 SIDES = ("r", "l", "right", "left")
 ADDED = ("reserve_", "residual_FX_", "residual_FY_", "residual_FZ_", "residual_MX_", "residual_MY_", "residual_MZ_")
 """What stands before a part's name in names that the tension problem makes."""
-NAMED: Mapping[str, tuple[str, ...]] = FrozenMap(
-    {
-        "bodies": (),
-        "joints": ("parent", "child", "parent_frame_name", "child_frame_name"),
-        "coordinates": (),
-        "markers": ("body",),
-        "muscles": (),
-        "wrap_objects": ("body",),
-        "actuators": ("coordinate", "body", "other_body"),
-        "couplers": ("dependent",),
-        "loops": ("body_1", "body_2"),
-        "bushings": ("body_1", "body_2"),
-        "ligaments": (),
-        "frames": ("body",),
-        "passive_torques": ("coordinate",),
-    }
-)
-"""What a model holds under names, and the fields of each that name something else."""
+NAMED = (
+    "bodies", "joints", "coordinates", "markers", "muscles", "wrap_objects", "actuators", "couplers", "loops",
+    "bushings", "ligaments", "frames", "passive_torques",
+)  # fmt: skip
+"""What a model holds under names."""
+ONE_NAME = frozenset((
+    "name", "parent", "child", "parent_frame_name", "child_frame_name", "body", "other_body", "body_1", "body_2",
+    "coordinate", "dependent", "wrap_object", "side_body",
+))  # fmt: skip
+SEVERAL_NAMES, PARTS = frozenset(("coordinates", "independents", "groups")), frozenset(("axes", "points", "wraps"))
+"""Fields of these, whatever they are of, that hold a name (`ONE_NAME`), several, or parts that have such fields."""
 
 Timed = TypeVar("Timed", Series, Wrenches)
 
@@ -187,44 +178,21 @@ def renamed_model(model: Model, new_name: Callable[[str], str]) -> Model:
     `new_name`: the new name of an old one; an old name may be that of parts of different kinds, which then go together.
     """
 
-    def renamed(item: Any, texts: tuple[str, ...]) -> Any:
-        changes: dict[str, Any] = {text: new_name(getattr(item, text)) for text in ("name", *texts)}
-        for names in ("coordinates", "independents", "groups"):
-            if hasattr(item, names):
-                changes[names] = tuple(new_name(each) for each in getattr(item, names))
-        if isinstance(item, Joint):
-            axes = (replace(axis, coordinates=tuple(map(new_name, axis.coordinates))) for axis in item.axes)
-            changes["axes"] = tuple(axes)
-        if isinstance(item, Muscle | Ligament):
-            changes["path"] = _path(item.path, new_name)
+    def renamed(item: Any) -> Any:
+        changes: dict[str, Any] = {}
+        for field in {part.name for part in fields(item)} & (ONE_NAME | SEVERAL_NAMES | PARTS | {"path"}):
+            value = getattr(item, field)
+            if field in ONE_NAME:
+                changes[field] = new_name(value)
+            elif field == "path":
+                changes[field] = renamed(value)
+            else:
+                changes[field] = tuple(map(new_name if field in SEVERAL_NAMES else renamed, value))
         return replace(item, **changes)
 
-    tables: dict[str, Any] = {
-        table: tuple(renamed(item, texts) for item in getattr(model, table)) for table, texts in NAMED.items()
-    }
+    tables: dict[str, Any] = {table: tuple(map(renamed, getattr(model, table))) for table in NAMED}
     kept = tuple(_kept_part(item, model, new_name) for item in model.kept)
     return replace(model, kept=kept, **tables)
-
-
-def _path(path: Path, prefixed: Callable[[str], str]) -> Path:
-    tendon = tuple(
-        replace(wrap, wrap_object=prefixed(wrap.wrap_object), side_body=prefixed(wrap.side_body))
-        for wrap in path.wraps
-        if isinstance(wrap, TendonWrap)
-    )
-    other = tuple(
-        replace(wrap, wrap_object=prefixed(wrap.wrap_object)) for wrap in path.wraps if isinstance(wrap, PathWrap)
-    )
-    return Path(tuple(_point(point, prefixed) for point in path.points), tendon or other, path.divisors)
-
-
-def _point(point: PathPoint | MovingPathPoint, prefixed: Callable[[str], str]) -> PathPoint | MovingPathPoint:
-    if isinstance(point, PathPoint):
-        return replace(
-            point, name=prefixed(point.name), body=prefixed(point.body), coordinate=prefixed(point.coordinate)
-        )
-    x, y, z = (prefixed(coordinate) for coordinate in point.coordinates)
-    return replace(point, name=prefixed(point.name), body=prefixed(point.body), coordinates=(x, y, z))
 
 
 def _kept_part(part: Kept, model: Model, prefixed: Callable[[str], str]) -> Kept:

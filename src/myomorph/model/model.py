@@ -320,19 +320,11 @@ class Model:
             if by_child[body.name].parent not in placed:
                 raise BadModel(f"model '{self.name}': body '{body.name}' comes before its parent")
             placed.add(body.name)
-        for what, names in self._names().items():
+        for what in ("bodies", "joints", "coordinates", "markers", "muscles"):
+            names = [part.name for part in getattr(self, what)]
             if len(set(names)) != len(names):
                 twice = next(name for name in names if names.count(name) > 1)
                 raise BadModel(f"model '{self.name}': two {what} are named '{twice}'")
-
-    def _names(self) -> dict[str, list[str]]:
-        return {
-            "bodies": [body.name for body in self.bodies],
-            "joints": [joint.name for joint in self.joints],
-            "coordinates": [coordinate.name for coordinate in self.coordinates],
-            "markers": [marker.name for marker in self.markers],
-            "muscles": [muscle.name for muscle in self.muscles],
-        }
 
     @cached_property
     def coordinate_names(self) -> tuple[str, ...]:

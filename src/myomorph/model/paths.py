@@ -126,7 +126,7 @@ class Path:
     """
 
     points: tuple[PathPoint | MovingPathPoint, ...]
-    wraps: tuple[PathWrap, ...] | tuple[TendonWrap, ...] = ()
+    wraps: tuple[PathWrap | TendonWrap, ...] = ()
     divisors: tuple[float, ...] = ()
 
 

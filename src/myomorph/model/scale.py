@@ -14,17 +14,7 @@ from myomorph.model.errors import BadData, check_name
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.functions import Function, PiecewisePolynomial, SineProduct
 from myomorph.model.model import GROUND, Actuator, Axis, Body, Coordinate, Coupler, Joint, Loop, Mesh, Model
-from myomorph.model.paths import (
-    Bushing,
-    Ligament,
-    MovingPathPoint,
-    Muscle,
-    Path,
-    PathPoint,
-    PathWrap,
-    TendonWrap,
-    WrapObject,
-)
+from myomorph.model.paths import Bushing, Ligament, MovingPathPoint, Muscle, Path, PathPoint, TendonWrap, WrapObject
 from myomorph.model.spatial import Transform
 
 Tie = TypeVar("Tie", Loop, Bushing)
@@ -255,14 +245,12 @@ def _wrap(wrap: WrapObject, size: Array) -> WrapObject:
 
 
 def _path(path: Path, sizes: Mapping[str, Array]) -> Path:
+    wraps = list(path.wraps)
+    for i, wrap in enumerate(wraps):
+        if isinstance(wrap, TendonWrap) and wrap.side is not None:
+            wraps[i] = replace(wrap, side=wrap.side * sizes[wrap.side_body])
     points = tuple(_point(point, sizes[point.body]) for point in path.points)
-    tendon = tuple(
-        replace(wrap, side=None if wrap.side is None else np.asarray(wrap.side) * sizes[wrap.side_body])
-        for wrap in path.wraps
-        if isinstance(wrap, TendonWrap)
-    )
-    other = tuple(wrap for wrap in path.wraps if isinstance(wrap, PathWrap))
-    return replace(path, points=points, wraps=tendon or other)
+    return replace(path, points=points, wraps=tuple(wraps))
 
 
 def _point(point: PathPoint | MovingPathPoint, size: Array) -> PathPoint | MovingPathPoint:

@@ -70,6 +70,14 @@ def segments_of(model: Model, stated: Mapping[str, Segment] | None = None) -> Ma
     return FrozenMap({body: segments.get(body, Segment("lower_trunk")) for body in model.body_names})
 
 
+def segments_if_human(model: Model) -> Mapping[str, Segment]:
+    """`segments_of`, empty for a model without human segments."""
+    try:
+        return segments_of(model)
+    except BadData:
+        return {}
+
+
 def feet_of(model: Model) -> tuple[str, ...]:
     """Bodies that stand on the ground by their names: heel bones, else feet, else tarsi; () where there are none."""
     for word in ("calcn", "calcaneus", "hindfoot", "foot"):

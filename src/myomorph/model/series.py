@@ -18,22 +18,46 @@ from myomorph.model.model import index_of
 Z_UP_TO_Y_UP: Array = frozen_array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 """Turns a laboratory whose z points up into OpenSim's y up, x kept: (x, y, z) -> (x, z, -y)."""
 
+Turned = TypeVar("Turned")
 
-Over = TypeVar("Over", bound="Series | Wrenches")
+
+def _turned(value: Turned, rotation: Array, *names: str) -> Turned:
+    """The value with arrays (..., 3) seen in a frame whose axes are the rows of `rotation`."""
+    return replace(value, **{name: getattr(value, name) @ np.asarray(rotation).T for name in names})  # type: ignore[type-var]
 
 
-def _of_arrays(value: Over, which: Any, **changes: Any) -> Over:
-    """The value with parts of its arrays: `which` of their frames or, as a tuple, of frames and columns."""
-    arrays = {part.name: getattr(value, part.name) for part in fields(value)}
-    least = len(which) if isinstance(which, tuple) else 1
-    chosen = {
-        name: array[which] for name, array in arrays.items() if isinstance(array, np.ndarray) and array.ndim >= least
-    }
-    return replace(value, **chosen, **changes)
+class OverTime(Labelled):
+    """A dataclass with `time` (frames,) and `names`, one a column."""
+
+    time: Array
+    names: tuple[str, ...]
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def frames(self, which: Any) -> Self:
+        """Some of the frames, by a slice, numbers or truth values (frames,)."""
+        return self._of_arrays(which)
+
+    def _of_arrays(self, which: Any, **changes: Any) -> Self:
+        """The value with parts of its arrays: `which` of their frames or, as a tuple, of frames and columns."""
+        value: Any = self
+        arrays = {part.name: getattr(self, part.name) for part in fields(value)}
+        least = len(which) if isinstance(which, tuple) else 1
+        chosen = {
+            name: array[which]
+            for name, array in arrays.items()
+            if isinstance(array, np.ndarray) and array.ndim >= least
+        }
+        return replace(value, **chosen, **changes)
+
+    def labels(self) -> dict[str, Sequence[str] | Array]:
+        """Times [s], names, axes."""
+        return {"time": self.time, "name": self.names, "axis": AXES}
 
 
 @read_only
-class Series(Labelled):
+class Series(OverTime):
     """Named columns over time.
 
     Attributes
@@ -60,16 +84,9 @@ class Series(Labelled):
         if len(self.time) > 1 and not np.all(np.diff(self.time) > 0):
             raise BadData("time does not increase from frame to frame")
 
-    def __len__(self) -> int:
-        return len(self.time)
-
-    def frames(self, which: Any) -> Self:
-        """Some of the frames, by a slice, numbers or truth values (frames,)."""
-        return _of_arrays(self, which)
-
     def columns(self, which: Sequence[int]) -> Self:
         """Some of the columns, by their numbers."""
-        return _of_arrays(self, (slice(None), list(which)), names=tuple(self.names[column] for column in which))
+        return self._of_arrays((slice(None), list(which)), names=tuple(self.names[column] for column in which))
 
     def __getitem__(self, name: str) -> Array:
         """Column of that name, (frames,) or (frames, 3); raises `UnknownName`."""
@@ -79,10 +96,6 @@ class Series(Labelled):
         """The values, and of vectors each axis."""
         dimensions = ("time", "name", "axis")[: self.values.ndim]
         return {"values": Variable(dimensions, self.values, self.unit or self.usual_unit)}
-
-    def labels(self) -> dict[str, Sequence[str] | Array]:
-        """Times [s], names, axes."""
-        return {"time": self.time, "name": self.names, "axis": AXES}
 
     @property
     def rate(self) -> float:
@@ -156,7 +169,7 @@ DEFAULT_POSE = Motion(np.zeros(1), (), np.zeros((1, 0)))  # One frame that leave
 
 
 @read_only
-class Wrenches(Labelled):
+class Wrenches(OverTime):
     """External forces on bodies, in ground.
 
     Attributes
@@ -183,22 +196,14 @@ class Wrenches(Labelled):
         shape = (len(self.time), len(self.names), 3)
         freeze(self, time=(-1,), forces=shape, points=shape, torques=shape)
 
-    def __len__(self) -> int:
-        return len(self.time)
-
-    def frames(self, which: Any) -> Self:
-        """Some of the frames, by a slice, numbers or truth values (frames,)."""
-        return _of_arrays(self, which)
-
     def columns(self, which: Sequence[int]) -> Self:
         """Some of the forces, by their numbers."""
         names, bodies = (tuple(texts[column] for column in which) for texts in (self.names, self.bodies))
-        return _of_arrays(self, (slice(None), list(which)), names=names, bodies=bodies)
+        return self._of_arrays((slice(None), list(which)), names=names, bodies=bodies)
 
     def rotated(self, rotation: Array) -> Wrenches:
         """The same forces seen in a frame whose axes are the rows of `rotation` (3, 3)."""
-        turned = {name: getattr(self, name) @ np.asarray(rotation).T for name in ("forces", "points", "torques")}
-        return replace(self, **turned)
+        return _turned(self, rotation, "forces", "points", "torques")
 
     def and_others(self, others: Wrenches) -> Wrenches:
         """The forces and those of others at the same times."""
@@ -212,10 +217,6 @@ class Wrenches(Labelled):
         """Forces, points of application and free torques."""
         named = {"forces": (self.forces, "N"), "points": (self.points, "m"), "torques": (self.torques, "N m")}
         return {name: Variable(("time", "name", "axis"), values, unit) for name, (values, unit) in named.items()}
-
-    def labels(self) -> dict[str, Sequence[str] | Array]:
-        """Times [s], names of the forces, axes of ground."""
-        return {"time": self.time, "name": self.names, "axis": AXES}
 
 
 @read_only
@@ -268,14 +269,7 @@ class ForcePlate:
 
     def rotated(self, rotation: Array) -> ForcePlate:
         """The same plate in a frame whose axes are the rows of `rotation` (3, 3)."""
-        turn = np.asarray(rotation).T
-        return replace(
-            self,
-            corners=self.corners @ turn,
-            forces=self.forces @ turn,
-            points=self.points @ turn,
-            torques=self.torques @ turn,
-        )
+        return _turned(self, rotation, "corners", "forces", "points", "torques")
 
 
 @read_only
@@ -352,7 +346,7 @@ class Trial:
             self,
             markers=self.markers.rotated(turn) if self.markers is not None else None,
             plates=tuple(plate.rotated(turn) for plate in self.plates),
-            plate_recordings=tuple(replace(plate, corners=plate.corners @ turn.T) for plate in self.plate_recordings),
+            plate_recordings=tuple(_turned(plate, turn, "corners") for plate in self.plate_recordings),
         )
 
 

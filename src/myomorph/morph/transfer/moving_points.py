@@ -82,18 +82,18 @@ def piece_about(function: PiecewisePolynomial, piece: int, place: float) -> np.n
     return substituted(function.coefficients[piece], place - function.breaks[piece])
 
 
-def _renumbered(path: Path, dropped: list[int]) -> tuple[PathWrap, ...] | tuple[TendonWrap, ...]:
+def _renumbered(path: Path, dropped: list[int]) -> tuple[PathWrap | TendonWrap, ...]:
     """Wraps of a path without some of its points, which they count."""
     if not dropped:
         return path.wraps
     before = np.cumsum(np.isin(np.arange(len(path.points) + 1), dropped))
-    of_opensim, of_mujoco = [], []
+    wraps: list[PathWrap | TendonWrap] = []
     for wrap in path.wraps:
         if isinstance(wrap, TendonWrap):
-            of_mujoco.append(replace(wrap, after=wrap.after - int(before[wrap.after])))
+            wraps.append(replace(wrap, after=wrap.after - int(before[wrap.after])))
             continue
         # A range begins at the next point that is left, and ends at the one before.
         first = wrap.first if wrap.first < 1 else wrap.first - int(before[wrap.first - 1] - (wrap.first - 1 in dropped))
         last = wrap.last if wrap.last < 1 else wrap.last - int(before[wrap.last - 1])
-        of_opensim.append(replace(wrap, first=first, last=last))
-    return tuple(of_mujoco) or tuple(of_opensim)
+        wraps.append(replace(wrap, first=first, last=last))
+    return tuple(wraps)

@@ -91,7 +91,7 @@ def _moved(source: Anatomy, muscle: Muscle, coordinates: frozenset[str], notes: 
             wraps.append(_wrap(source, wrap))
         else:
             notes.append(f"muscle '{muscle.name}' no longer wraps around '{wrap.wrap_object}', which is on '{body}'")
-    return replace(muscle, path=Path(points, tuple(wraps), muscle.path.divisors), groups=())  # type: ignore[arg-type]
+    return replace(muscle, path=Path(points, tuple(wraps), muscle.path.divisors), groups=())
 
 
 def _wrap(source: Anatomy, wrap: PathWrap | TendonWrap) -> PathWrap | TendonWrap:
