@@ -15,6 +15,7 @@ from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion
 from myomorph.motion.lengths import coordinate_units
 from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.loops import free_coordinates
 from myomorph.rigid.tree import Tree, compile_tree
 
 Bools = NDArray[np.bool_]
@@ -140,7 +141,7 @@ def shown_shares(markers: Markers, model: Model | None = None) -> Array:
 def marker_slopes(tree: Tree, names: list[str]) -> Array:
     """(markers, 3, free coordinates) how far each marker moves with each coordinate's unit, from a bent pose [m]."""
     model = tree.model
-    free = [j for j in tree.independent if not model.coordinates[j].locked and model.coordinates[j].prescribed is None]
+    free = free_coordinates(tree)
     units = coordinate_units(tree)
     pose = tree.defaults.copy()
     for j in free:

@@ -25,7 +25,7 @@ from myomorph.muscles import path_arrays as columns
 from myomorph.muscles.path_arrays import PathArrays, moved_paths, path_arrays
 from myomorph.muscles.path_kernels import path_frames
 from myomorph.rigid.coordinates import Ints
-from myomorph.rigid.frames import over_frames
+from myomorph.rigid.frames import run_frames
 from myomorph.rigid.tree import Tree, compile_tree
 
 
@@ -78,19 +78,21 @@ class Paths:
         for given in (coordinates, speeds):
             if given.shape != wanted:
                 raise BadData(f"expected coordinates and speeds of shape {wanted}, but got {given.shape}")
-        frames = len(coordinates)
-        lengths, velocities = np.empty((frames, len(self.muscles))), np.empty((frames, len(self.muscles)))
-        arms = np.empty((frames, len(self.arm_coordinate)))
-        none = np.empty((frames, 0, 6)), np.empty((frames, 0, 0, 4))
-        T, P = self.tree.arrays, self.arrays
+        return self._run(coordinates, speeds, progress)[:3]
 
-        def part(start: int, stop: int) -> None:
-            here = slice(start, stop)
-            results = lengths[here], velocities[here], arms[here], none[0][here], none[1][here]
-            path_frames(T, P, *self.wraps, coordinates[here], speeds[here], *results)
-
-        over_frames(part, frames, progress)
-        return lengths, velocities, arms
+    def _run(
+        self, c: Array, speeds: Array, progress: Callable[[int], None] | None, pairs: int = 0, nodes: int = 0
+    ) -> tuple[Array, Array, Array, Array, Array]:
+        """What `path_frames` fills, of so many pairs of muscles and bodies and nodes of each muscle, 0 for none.
+        `c`, `speeds` (frames, coordinates); dependent ones are set in `c`.
+        """
+        frames, muscles = len(c), len(self.muscles)
+        lengths, velocities = np.empty((2, frames, muscles))
+        arms, pulls = np.empty((frames, len(self.arm_coordinate))), np.zeros((frames, pairs, 6))
+        places = np.full((frames, muscles if nodes else 0, nodes, 4), np.nan)
+        fixed, results = (self.tree.arrays, self.arrays, *self.wraps), (lengths, velocities, arms, pulls, places)
+        run_frames(path_frames, fixed, c, speeds, *results, progress=progress)
+        return results
 
     @cached_property
     def pull_muscle(self) -> Ints:
@@ -119,18 +121,8 @@ class Paths:
         the part of the moment arms that moving points have [m/rad or m/m].
         """
         c = np.array(coordinates, dtype=np.float64)
-        frames, muscles = len(c), len(self.muscles)
-        result, none = np.zeros((frames, len(self.pull_body), 6)), np.empty((frames, 0, 0, 4))
-        work = np.empty((frames, len(self.arm_coordinate)))
-        T, P = self.tree.arrays, self.arrays
-
-        def part(start: int, stop: int) -> None:
-            here, room = slice(start, stop), np.empty((2, stop - start, muscles))
-            results = room[0], room[1], work[here], result[here], none[here]
-            path_frames(T, P, *self.wraps, c[here], np.zeros_like(c[here]), *results)
-
-        over_frames(part, frames, progress)
-        return result, work
+        _, _, work, pulls, _ = self._run(c, np.zeros_like(c), progress, pairs=len(self.pull_body))
+        return pulls, work
 
     def nodes(self, coordinates: Array) -> Array:
         """The points that each path runs through, those where it meets and leaves surfaces included.
@@ -138,19 +130,7 @@ class Paths:
         that ends there, 0 after a straight part; NaN beyond the path's last point [m].
         """
         c = np.array(coordinates, dtype=np.float64)
-        frames, muscles = len(c), len(self.muscles)
-        result = np.full((frames, muscles, int(self.arrays.sizes[0]) + 2, 4), np.nan)
-        none = np.empty((frames, 0, 6))
-        T, P = self.tree.arrays, self.arrays
-
-        def part(start: int, stop: int) -> None:
-            n = stop - start
-            room = np.empty((n, muscles)), np.empty((n, muscles)), np.empty((n, len(self.arm_coordinate)))
-            here = slice(start, stop)
-            path_frames(T, P, *self.wraps, c[here], np.zeros_like(c[here]), *room, none[here], result[here])
-
-        over_frames(part, frames)
-        return result
+        return self._run(c, np.zeros_like(c), None, nodes=int(self.arrays.sizes[0]) + 2)[4]
 
 
 def compile_paths(model: Model) -> Paths:

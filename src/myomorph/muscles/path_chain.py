@@ -33,7 +33,8 @@ from myomorph.muscles.wrap_ellipsoid import wrap_ellipsoid
 from myomorph.muscles.wrap_sphere import wrap_sphere
 from myomorph.muscles.wrap_tendon import NO_SIDE, wrap_tendon
 from myomorph.muscles.wrap_torus import wrap_torus
-from myomorph.rigid.kernels import inner
+from myomorph.rigid.kernels import bare, inner
+from myomorph.rigid.vectors import minus, norm, plus, turned, turned_back, vector
 
 CYLINDER, SPHERE, ELLIPSOID, TORUS = range(4)
 NODE_LOCAL, NODE_OBJECT, NODE_POINT, NODE_WRAP, NODE_END = range(5)
@@ -102,7 +103,7 @@ def tendon_nodes(
         rule = wrap[index, METHOD] if b >= 0 else NO_SIDE
         arc = wrap_tendon(before, after, kind, size[g, 0], rotation, center, side, rule, out)
         if arc >= 0.0:
-            r, s = _placed(out, 0 * index), _placed(out, 0 * index + 1)
+            r, s = vector(out, 0 * index), vector(out, 0 * index + 1)
             count = _insert(
                 x, node, seen, at, count, wrap[index, OBJECT_LOCAL], g, index, 2 * (index - start), r, s, arc
             )
@@ -175,7 +176,7 @@ def _best_wrap(surface, size, pose, g, method, x, node, seen, first, last, wraps
     for i in range(first, last):
         if node[i, NODE_OBJECT] >= 0 and node[i, NODE_OBJECT] == node[i + 1, NODE_OBJECT]:
             continue
-        a, b = _into(pose, g, _placed(x, i)), _into(pose, g, _placed(x, i + 1))
+        a, b = _into(pose, g, vector(x, i)), _into(pose, g, vector(x, i + 1))
         if kind == CYLINDER:
             code, arc, r, s = wrap_cylinder(a, b, sizes[0], sizes[1], axis, side, wraps == 1)
         elif kind == SPHERE:
@@ -197,11 +198,10 @@ def _best_wrap(surface, size, pose, g, method, x, node, seen, first, last, wraps
     return code, at, best_arc, _out_of(pose, g, best_r), _out_of(pose, g, best_s)
 
 
-@inner
+@bare
 def between(a, b):
     """Distance of two points."""
-    x, y, z = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-    return math.sqrt(x * x + y * y + z * z)
+    return norm(minus(b, a))
 
 
 @inner
@@ -218,30 +218,16 @@ def seen_at(x, i):
     return x[i, SEEN], x[i, SEEN + 1], x[i, SEEN + 2]
 
 
-@inner
-def _placed(x, i):
-    return x[i, 0], x[i, 1], x[i, 2]
-
-
-@inner
+@bare
 def _into(pose, g, a):
     """A point in ground, in the frame of surface g."""
-    x, y, z = a[0] - pose[g, 9], a[1] - pose[g, 10], a[2] - pose[g, 11]
-    return (
-        pose[g, 0] * x + pose[g, 3] * y + pose[g, 6] * z,
-        pose[g, 1] * x + pose[g, 4] * y + pose[g, 7] * z,
-        pose[g, 2] * x + pose[g, 5] * y + pose[g, 8] * z,
-    )
+    return turned_back(pose[g], minus(a, (pose[g, 9], pose[g, 10], pose[g, 11])))
 
 
-@inner
+@bare
 def _out_of(pose, g, a):
     """A point in the frame of surface g, in ground."""
-    return (
-        pose[g, 0] * a[0] + pose[g, 1] * a[1] + pose[g, 2] * a[2] + pose[g, 9],
-        pose[g, 3] * a[0] + pose[g, 4] * a[1] + pose[g, 5] * a[2] + pose[g, 10],
-        pose[g, 6] * a[0] + pose[g, 7] * a[1] + pose[g, 8] * a[2] + pose[g, 11],
-    )
+    return plus(turned(pose[g], a), (pose[g, 9], pose[g, 10], pose[g, 11]))
 
 
 @inner

@@ -9,9 +9,10 @@ import numpy as np
 from myomorph.model.arrays import Array
 from myomorph.muscles import path_arrays as columns
 from myomorph.muscles import path_chain as chain
-from myomorph.rigid.coordinates import Ints, couple, evaluate
+from myomorph.rigid.coordinates import Ints, couple, evaluate, evaluate_at
 from myomorph.rigid.kernels import in_place, inner, kernel
-from myomorph.rigid.kinematics import body_poses
+from myomorph.rigid.kinematics import body_poses, pose_room
+from myomorph.rigid.vectors import cross, dot, matrix, minus, plus, put_vector, times, turned, vector
 
 COINCIDENT = 1e-14
 SLACK = 1e-5
@@ -69,9 +70,7 @@ def path_frames(T, P, surfaces, tendons, c, cdot, lengths, velocities, arms, pul
     x, node, seen, turns, pull = S.x, S.node, S.seen, S.turns, S.pull
     pose, slopes, moved = S.pose, S.slopes, S.moved
     rotation, out, rows = S.ends[:3], S.ends[3:5], (S.ends[5], S.ends[6], S.ends[7], S.ends[8])
-    bodies, axes = T.parent.shape[0], T.axis_kind.shape[0]
-    R, p = np.empty((bodies, 3, 3)), np.empty((bodies, 3))
-    w, o, dphi = np.empty((axes, 3)), np.empty((axes, 3)), np.empty((axes, 2))
+    R, p, w, o, dphi = pose_room(T)
     for f in range(c.shape[0]):
         here, speeds, row = c[f], cdot[f], arms[f]
         couple(T, here)
@@ -147,9 +146,8 @@ def _hand_on(follow, slopes, start, stop, arm, arms):
 def coupler_slopes(P, c, slopes):
     """Fill slopes (couplers, 2) of the dependent coordinates in those they follow."""
     for index in range(slopes.shape[0]):
-        i, j = P.coupler[index, 1], P.coupler[index, 2]
-        x, y = c[i] if i >= 0 else 0.0, c[j] if j >= 0 else 0.0
-        _, slopes[index, 0], slopes[index, 1], _, _, _ = evaluate(P.functions, P.coupler[index, 0], x, y)
+        function, i, j = P.coupler[index, 0], P.coupler[index, 1], P.coupler[index, 2]
+        _, slopes[index, 0], slopes[index, 1], _, _, _ = evaluate_at(P.functions, function, i, j, c)
 
 
 @inner
@@ -175,13 +173,10 @@ def _point_nodes(point, place, moved, start, stop, c, R, p, x, node):
         j = point[index, columns.COORDINATE]
         if j >= 0 and not place[index, columns.LOW] - SLACK <= c[j] <= place[index, columns.HIGH] + SLACK:
             continue
-        u0, u1, u2 = place[index, 0], place[index, 1], place[index, 2]
-        v = point[index, columns.MOVING]
-        if v >= 0:
-            u0, u1, u2 = moved[v, 0], moved[v, 1], moved[v, 2]
-        b = point[index, columns.BODY]
+        v, b = point[index, columns.MOVING], point[index, columns.BODY]
+        at = vector(moved, v) if v >= 0 else vector(place, index)
+        put_vector(x, count, plus(turned(matrix(R, b), at), vector(p, b)))
         for i in range(3):
-            x[count, i] = R[b, i, 0] * u0 + R[b, i, 1] * u1 + R[b, i, 2] * u2 + p[b, i]
             x[count, chain.SEEN + i] = x[count, i]
         x[count, chain.NODE_WEIGHT], x[count, chain.NODE_ARC] = place[index, columns.WEIGHT], 0.0
         node[count, chain.NODE_LOCAL], node[count, chain.NODE_OBJECT] = point[index, columns.LOCAL], -1
@@ -217,33 +212,31 @@ def _pulls(point, moving, moved, R, x, node, pull, count, arm, arms):
         if length < COINCIDENT:
             continue
         scale = x[n, chain.NODE_WEIGHT] / length
-        f0, f1, f2 = scale * (stop[0] - start[0]), scale * (stop[1] - start[1]), scale * (stop[2] - start[2])
-        _pull(pull, node[n, chain.NODE_LOCAL], x, n, f0, f1, f2)
-        _pull(pull, node[n + 1, chain.NODE_LOCAL], x, n + 1, -f0, -f1, -f2)
+        force = times(scale, minus(stop, start))
+        back = times(-1.0, force)
+        _pull(pull, node[n, chain.NODE_LOCAL], x, n, force)
+        _pull(pull, node[n + 1, chain.NODE_LOCAL], x, n + 1, back)
         if v >= 0:
-            _work(moving, moved, v, R, point[index, columns.BODY], f0, f1, f2, arm, arms)
+            _work(moving, moved, v, R, point[index, columns.BODY], force, arm, arms)
         if u >= 0:
-            _work(moving, moved, u, R, point[j, columns.BODY], -f0, -f1, -f2, arm, arms)
+            _work(moving, moved, u, R, point[j, columns.BODY], back, arm, arms)
 
 
 @inner
-def _pull(pull, b, x, n, f0, f1, f2):
+def _pull(pull, b, x, n, force):
     """Add a force at node n to body b of the muscle."""
-    x0, x1, x2 = x[n, 0], x[n, 1], x[n, 2]
-    pull[b, 0] += f0
-    pull[b, 1] += f1
-    pull[b, 2] += f2
-    pull[b, 3] += x1 * f2 - x2 * f1
-    pull[b, 4] += x2 * f0 - x0 * f2
-    pull[b, 5] += x0 * f1 - x1 * f0
+    moment = cross(vector(x, n), force)
+    for i in range(3):
+        pull[b, i] += force[i]
+        pull[b, 3 + i] += moment[i]
 
 
 @inner
-def _work(moving, moved, v, R, b, f0, f1, f2, arm, arms):
+def _work(moving, moved, v, R, b, force, arm, arms):
     """Add the work of a force on moving point v of body b, per unit of the coordinates that move it."""
     for i in range(3):
         if moving[v, 6 + i] >= 0:
-            share = R[b, 0, i] * f0 + R[b, 1, i] * f1 + R[b, 2, i] * f2
+            share = R[b, 0, i] * force[0] + R[b, 1, i] * force[1] + R[b, 2, i] * force[2]
             arms[arm + moving[v, 6 + i]] += moved[v, 3 + i] * share
 
 
@@ -251,20 +244,14 @@ def _work(moving, moved, v, R, b, f0, f1, f2, arm, arms):
 def _gather(axis, support, start, stop, w, o, dphi, pull, arm, arms):
     """Add what the forces do along the axes that lie between the muscle's bodies."""
     for q in range(start, stop):
-        f0, f1, f2, m0, m1, m2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        force, moment = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
         for n in range(axis[q, columns.SUPPORT], axis[q, columns.SUPPORT_STOP]):
             b = support[n]
-            f0 += pull[b, 0]
-            f1 += pull[b, 1]
-            f2 += pull[b, 2]
-            m0 += pull[b, 3]
-            m1 += pull[b, 4]
-            m2 += pull[b, 5]
+            force = plus(force, vector(pull, b))
+            moment = plus(moment, (pull[b, 3], pull[b, 4], pull[b, 5]))
         index = axis[q, columns.TREE_AXIS]
-        if axis[q, columns.ROTATES] == 1:
-            x0, x1, x2 = o[index, 0], o[index, 1], o[index, 2]
-            f0, f1, f2 = m0 - (x1 * f2 - x2 * f1), m1 - (x2 * f0 - x0 * f2), m2 - (x0 * f1 - x1 * f0)
-        work = w[index, 0] * f0 + w[index, 1] * f1 + w[index, 2] * f2
+        along = minus(moment, cross(vector(o, index), force)) if axis[q, columns.ROTATES] == 1 else force
+        work = dot(vector(w, index), along)
         if axis[q, columns.SLOT_1] >= 0:
             arms[arm + axis[q, columns.SLOT_1]] += dphi[index, 0] * work
         if axis[q, columns.SLOT_2] >= 0:

@@ -49,7 +49,9 @@ def wrap_cylinder(a, b, radius, length, axis, side, single):
     sa, sb = _tangents(b, db, radius)
     far, long = False, False
     if side == 0:
-        r, s = _nearest_pair(ra, rb, sa, sb)
+        first, other = ra[0] * sa[0] + ra[1] * sa[1], ra[0] * sb[0] + ra[1] * sb[1]
+        of_a, of_b = nearest_pair(first, other, rb[0] * sa[0] + rb[1] * sa[1], rb[0] * sb[0] + rb[1] * sb[1])
+        r, s = ra if of_a else rb, sa if of_b else sb
     else:
         # The angle from ra to sb against the one from rb to sa, by their cosines.
         wider = ra[0] * sb[0] + ra[1] * sb[1] < rb[0] * sa[0] + rb[1] * sa[1]
@@ -93,17 +95,13 @@ def _tangents(p, distance, radius):
 
 
 @inner
-def _nearest_pair(ra, rb, sa, sb):
-    """Of the tangent points, the pair with the smallest angle about the axis."""
-    aa, ab = ra[0] * sa[0] + ra[1] * sa[1], ra[0] * sb[0] + ra[1] * sb[1]
-    ba, bb = rb[0] * sa[0] + rb[1] * sa[1], rb[0] * sb[0] + rb[1] * sb[1]
+def nearest_pair(aa, ab, ba, bb):
+    """Of two tangent points a, b at either end, by the cosines of all pairs: whether the nearest has a of each end."""
     if aa > ab and aa > ba and aa > bb:
-        return ra, sa
+        return True, True
     if ab > ba and ab > bb:
-        return ra, sb
-    if ba > bb:
-        return rb, sa
-    return rb, sb
+        return True, False
+    return False, ba > bb
 
 
 @inner

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from myomorph.muscles.wrap_cylinder import INSIDE, MANDATORY, NO_WRAP, WRAPPED
+from myomorph.muscles.wrap_cylinder import INSIDE, MANDATORY, NO_WRAP, WRAPPED, nearest_pair
 from myomorph.rigid.kernels import inner
 from myomorph.rigid.vectors import along, cross, dot, minus, norm, sign, unit
 
@@ -42,15 +42,7 @@ def wrap_sphere(a, b, radius, axis, side):
     ra, rb = _tangents(a, la, n, radius)
     sa, sb = _tangents(b, lb, n, radius)
     ra_out, rb_out, sa_out, sb_out = unit(ra), unit(rb), unit(sa), unit(sb)
-    aa, ab, ba, bb = dot(ra_out, sa_out), dot(ra_out, sb_out), dot(rb_out, sa_out), dot(rb_out, sb_out)
-    if aa > ab and aa > ba and aa > bb:
-        r_first, s_first = True, True
-    elif ab > ba and ab > bb:
-        r_first, s_first = True, False
-    elif ba > bb:
-        r_first, s_first = False, True
-    else:
-        r_first, s_first = False, False
+    r_first, s_first = nearest_pair(dot(ra_out, sa_out), dot(ra_out, sb_out), dot(rb_out, sa_out), dot(rb_out, sb_out))
     code, far = WRAPPED, False
     a_on, b_on = sign(a[axis]) == side, sign(b[axis]) == side
     if side != 0 and (a_on or b_on):

@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 
 from myomorph.rigid.kernels import inner, kernel
+from myomorph.rigid.vectors import cross, dot, minus, norm
 
 SPHERE, CYLINDER = 0, 1
 NO_SIDE, BEFORE_FOUR, FOUR = 0, 3, 4  # Rules of side points: without one, those of MuJoCo before 4.0, those since
@@ -29,25 +30,21 @@ def wrap_tendon(p0, p1, kind, radius, R, x, side, rule, out):
     without one; `rule`: NO_SIDE, BEFORE_FOUR or FOUR; `out` (2, 3) filled with the points where the path meets and
     leaves the surface; All in one frame. On -1 `out` is left as it was.
     """
-    a0, a1, a2 = p0[0] - x[0], p0[1] - x[1], p0[2] - x[2]
-    b0, b1, b2 = p1[0] - x[0], p1[1] - x[1], p1[2] - x[2]
-    la = math.sqrt(a0 * a0 + a1 * a1 + a2 * a2)
-    if la < TINY or b0 * b0 + b1 * b1 + b2 * b2 < TINY * TINY:
+    a, b = minus(p0, x), minus(p1, x)
+    la = norm(a)
+    if la < TINY or dot(b, b) < TINY * TINY:
         return -1.0
     if kind == SPHERE:
-        e0, e1, e2 = a0 / la, a1 / la, a2 / la
-        n0, n1, n2 = _plane_normal(e0, e1, e2, a0, a1, a2, b0, b1, b2)
-        f0, f1, f2 = n1 * e2 - n2 * e1, n2 * e0 - n0 * e2, n0 * e1 - n1 * e0
+        e = (a[0] / la, a[1] / la, a[2] / la)
+        f = cross(_plane_normal(e, a, b), e)
     else:
-        e0, e1, e2 = R[0, 0], R[1, 0], R[2, 0]
-        f0, f1, f2 = R[0, 1], R[1, 1], R[2, 1]
-    ax, ay = a0 * e0 + a1 * e1 + a2 * e2, a0 * f0 + a1 * f1 + a2 * f2
-    bx, by = b0 * e0 + b1 * e1 + b2 * e2, b0 * f0 + b1 * f1 + b2 * f2
+        e, f = (R[0, 0], R[1, 0], R[2, 0]), (R[0, 1], R[1, 1], R[2, 1])
+    ax, ay, bx, by = dot(a, e), dot(a, f), dot(b, e), dot(b, f)
     sx, sy, within = 0.0, 0.0, False
     if rule != NO_SIDE:
-        s0, s1, s2 = side[0] - x[0], side[1] - x[1], side[2] - x[2]
-        sx, sy = _unit(s0 * e0 + s1 * e1 + s2 * e2, s0 * f0 + s1 * f1 + s2 * f2)
-        within = s0 * s0 + s1 * s1 + s2 * s2 < radius * radius
+        s = minus(side, x)
+        sx, sy = _unit(dot(s, e), dot(s, f))
+        within = dot(s, s) < radius * radius
     if within:
         result, tx, ty = _touch_inside(ax, ay, bx, by, radius)
         arc, ux, uy = 0.0, tx, ty
@@ -61,34 +58,33 @@ def wrap_tendon(p0, p1, kind, radius, R, x, side, rule, out):
         return -1.0
     z, w, h = 0.0, 0.0, 0.0
     if kind == CYLINDER:
-        za = a0 * R[0, 2] + a1 * R[1, 2] + a2 * R[2, 2]
-        rise = b0 * R[0, 2] + b1 * R[1, 2] + b2 * R[2, 2] - za
+        axis = (R[0, 2], R[1, 2], R[2, 2])
+        za = dot(a, axis)
+        rise = dot(b, axis) - za
         before, after = math.hypot(tx - ax, ty - ay), math.hypot(ux - bx, uy - by)
         h = rise * arc / (before + arc + after)
         z = za + rise * before / (before + arc + after)
         w = z + h
     for end in range(2):
-        out[end, 0] = x[0] + tx * e0 + ty * f0 + z * R[0, 2]
-        out[end, 1] = x[1] + tx * e1 + ty * f1 + z * R[1, 2]
-        out[end, 2] = x[2] + tx * e2 + ty * f2 + z * R[2, 2]
+        for i in range(3):
+            out[end, i] = x[i] + tx * e[i] + ty * f[i] + z * R[i, 2]
         tx, ty, z = ux, uy, w
     return math.sqrt(arc * arc + h * h)
 
 
 @inner
-def _plane_normal(e0, e1, e2, a0, a1, a2, b0, b1, b2):
-    """Unit normal of the plane of a and b; of one of the planes of a where they are in line."""
-    n0, n1, n2 = a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0
-    length = math.sqrt(n0 * n0 + n1 * n1 + n2 * n2)
-    if length < TINY:
-        if abs(e1) > abs(e0) and abs(e1) > abs(e2):
-            n0, n1, n2 = e1, e2 - e0, -e1
-        elif abs(e2) > abs(e0) and abs(e2) > abs(e1):
-            n0, n1, n2 = -e2, e2, e0 - e1
+def _plane_normal(e, a, b):
+    """Unit normal of the plane of a and b; of one of the planes of a, along e, where they are in line."""
+    n = cross(a, b)
+    if norm(n) < TINY:
+        if abs(e[1]) > abs(e[0]) and abs(e[1]) > abs(e[2]):
+            n = (e[1], e[2] - e[0], -e[1])
+        elif abs(e[2]) > abs(e[0]) and abs(e[2]) > abs(e[1]):
+            n = (-e[2], e[2], e[0] - e[1])
         else:
-            n0, n1, n2 = e1 - e2, -e0, e0
-        length = math.sqrt(n0 * n0 + n1 * n1 + n2 * n2)
-    return n0 / length, n1 / length, n2 / length
+            n = (e[1] - e[2], -e[0], e[0])
+    length = norm(n)
+    return n[0] / length, n[1] / length, n[2] / length
 
 
 @inner

@@ -64,6 +64,23 @@ def evaluate(F, i, x1, x2):
 
 
 @bare
+def evaluate_at(F, function, i, j, c):
+    """`evaluate` at the coordinates number i and j of c; -1 for none, which counts as 0."""
+    return evaluate(F, function, c[i] if i >= 0 else 0.0, c[j] if j >= 0 else 0.0)
+
+
+@bare
+def function_rates(F, function, i, j, c, cdot, cddot):
+    """Velocity and acceleration of a function of the coordinates i and j by the chain rule, as of `evaluate_at`."""
+    _, d1, d2, d11, d12, d22 = evaluate_at(F, function, i, j, c)
+    v1 = cdot[i] if i >= 0 else 0.0
+    v2 = cdot[j] if j >= 0 else 0.0
+    a1 = cddot[i] if i >= 0 else 0.0
+    a2 = cddot[j] if j >= 0 else 0.0
+    return d1 * v1 + d2 * v2, d1 * a1 + d2 * a2 + d11 * v1 * v1 + 2.0 * d12 * v1 * v2 + d22 * v2 * v2
+
+
+@bare
 def evaluate_curved(F, i, x1, x2):
     """`evaluate` for any function."""
     c = F.table[i, START]
@@ -107,25 +124,15 @@ def couple(T, c):
     """Set the dependent coordinates in c (coordinates,) from those they follow."""
     for index in range(T.coupler_coordinate.shape[0]):
         i, j = T.coupler_source[index, 0], T.coupler_source[index, 1]
-        x1 = c[i] if i >= 0 else 0.0
-        x2 = c[j] if j >= 0 else 0.0
-        c[T.coupler_coordinate[index]] = evaluate(T.functions, T.coupler_function[index], x1, x2)[0]
+        c[T.coupler_coordinate[index]] = evaluate_at(T.functions, T.coupler_function[index], i, j, c)[0]
 
 
 @bare
 def couple_rates(T, c, cdot, cddot):
     """Set the dependent velocities and accelerations by the chain rule; c is consistent already."""
     for index in range(T.coupler_coordinate.shape[0]):
-        i, j = T.coupler_source[index, 0], T.coupler_source[index, 1]
-        x1 = c[i] if i >= 0 else 0.0
-        x2 = c[j] if j >= 0 else 0.0
-        v1 = cdot[i] if i >= 0 else 0.0
-        v2 = cdot[j] if j >= 0 else 0.0
-        a1 = cddot[i] if i >= 0 else 0.0
-        a2 = cddot[j] if j >= 0 else 0.0
-        _, d1, d2, d11, d12, d22 = evaluate(T.functions, T.coupler_function[index], x1, x2)
-        cdot[T.coupler_coordinate[index]] = d1 * v1 + d2 * v2
-        cddot[T.coupler_coordinate[index]] = d1 * a1 + d2 * a2 + d11 * v1 * v1 + 2.0 * d12 * v1 * v2 + d22 * v2 * v2
+        d, i, j = T.coupler_coordinate[index], T.coupler_source[index, 0], T.coupler_source[index, 1]
+        cdot[d], cddot[d] = function_rates(T.functions, T.coupler_function[index], i, j, c, cdot, cddot)
 
 
 @kernel
@@ -135,15 +142,13 @@ def gather_dependents(T, c, rows):
     reaches f through the coordinates that follow it, and the entries of dependent coordinates are left as they were.
     """
     for index in range(T.coupler_coordinate.shape[0] - 1, -1, -1):
-        i, j = T.coupler_source[index, 0], T.coupler_source[index, 1]
-        x1 = c[i] if i >= 0 else 0.0
-        x2 = c[j] if j >= 0 else 0.0
-        _, d1, d2, _, _, _ = evaluate(T.functions, T.coupler_function[index], x1, x2)
+        d, i, j = T.coupler_coordinate[index], T.coupler_source[index, 0], T.coupler_source[index, 1]
+        _, d1, d2, _, _, _ = evaluate_at(T.functions, T.coupler_function[index], i, j, c)
         for row in range(rows.shape[0]):
             if i >= 0:
-                rows[row, i] += d1 * rows[row, T.coupler_coordinate[index]]
+                rows[row, i] += d1 * rows[row, d]
             if j >= 0:
-                rows[row, j] += d2 * rows[row, T.coupler_coordinate[index]]
+                rows[row, j] += d2 * rows[row, d]
 
 
 @in_place
@@ -151,9 +156,7 @@ def fold_dependents(T, c, H, g, D):
     """Carry what dependent coordinates feel over to those they follow, by the chain rule, in place."""
     for index in range(T.coupler_coordinate.shape[0] - 1, -1, -1):
         d, i, j = T.coupler_coordinate[index], T.coupler_source[index, 0], T.coupler_source[index, 1]
-        _, d1, d2, d11, d12, d22 = evaluate(
-            T.functions, T.coupler_function[index], c[i] if i >= 0 else 0.0, c[j] if j >= 0 else 0.0
-        )
+        _, d1, d2, d11, d12, d22 = evaluate_at(T.functions, T.coupler_function[index], i, j, c)
         for side in range(2):
             s = i if side == 0 else j
             slope = d1 if side == 0 else d2

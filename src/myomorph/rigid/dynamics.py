@@ -12,9 +12,9 @@ from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series, Wrenches
 from myomorph.rigid.coordinates import Ints, couple_rates_frames
-from myomorph.rigid.frames import over_frames
+from myomorph.rigid.frames import run_frames
 from myomorph.rigid.kernels import bare, in_place, kernel
-from myomorph.rigid.kinematics import body_poses, body_rates, carried
+from myomorph.rigid.kinematics import body_poses, body_rates, carried, pose_room
 from myomorph.rigid.tree import ROTATION, Tree, compile_tree
 from myomorph.rigid.vectors import along, cross, dot, matrix, minus, plus, put_vector, turned, turned_back, vector
 
@@ -54,14 +54,7 @@ def inverse_dynamics(model: Model, motion: Motion, wrenches: Wrenches | None = N
     c, cdot, cddot = motion_arrays(tree, motion)
     bodies, forces, points, torques = external_arrays(tree, motion, wrenches)
     tau = np.empty_like(c)
-
-    def part(start: int, stop: int) -> None:
-        part = slice(start, stop)
-        inverse_dynamics_frames(
-            tree.arrays, c[part], cdot[part], cddot[part], bodies, forces[part], points[part], torques[part], tau[part]
-        )
-
-    over_frames(part, len(c))
+    run_frames(inverse_dynamics_frames, (tree.arrays, bodies), c, cdot, cddot, forces, points, torques, tau)
     return Series(motion.time, model.coordinate_names, tau, unit="N m or N")
 
 
@@ -102,13 +95,11 @@ def external_arrays(tree: Tree, motion: Motion, wrenches: Wrenches | None) -> tu
 
 
 @kernel
-def inverse_dynamics_frames(T, c, cdot, cddot, bodies, forces, points, torques, tau):
+def inverse_dynamics_frames(T, bodies, c, cdot, cddot, forces, points, torques, tau):
     """Fill tau (frames, coordinates) from consistent values and rates, and wrenches (frames, wrenches, 3) on bodies."""
-    n, axes = T.parent.shape[0], T.axis_kind.shape[0]
-    R, p = np.empty((n, 3, 3)), np.empty((n, 3))
-    w, o, dphi = np.empty((axes, 3)), np.empty((axes, 3)), np.empty((axes, 2))
-    omega, v, alpha, a = np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3))
-    f, m = np.empty((n, 3)), np.empty((n, 3))
+    R, p, w, o, dphi = pose_room(T)
+    omega, v, alpha, a = np.empty_like(p), np.empty_like(p), np.empty_like(p), np.empty_like(p)
+    f, m = np.empty_like(p), np.empty_like(p)
     for frame in range(c.shape[0]):
         body_poses(T, c[frame], R, p, w, o, dphi)
         body_rates(T, c[frame], cdot[frame], cddot[frame], p, w, o, omega, v, alpha, a)
@@ -183,7 +174,7 @@ class OnlineDynamics:
         couple_rates_frames(self._tree.arrays, self.coordinates, self.rates, self.accelerations)
         self._torques[0], self._forces[0] = wrenches[:, :3], wrenches[:, 3:]
         inverse_dynamics_frames(
-            self._tree.arrays, self.coordinates, self.rates, self.accelerations, self._bodies, self._forces,
+            self._tree.arrays, self._bodies, self.coordinates, self.rates, self.accelerations, self._forces,
             self._points, self._torques, self.torques,
         )  # fmt: skip
         return self.torques[0]
@@ -212,19 +203,14 @@ def joint_wrenches(tree: Tree, c: Array, cdot: Array, cddot: Array, applied: Arr
     frames, bodies = len(c), len(tree.arrays.parent)
     f, m = np.empty((frames, bodies, 3)), np.empty((frames, bodies, 3))
     R, p, tau = np.empty((frames, bodies, 3, 3)), np.empty((frames, bodies, 3)), np.empty_like(c)
-
-    def part(start: int, stop: int) -> None:
-        s = slice(start, stop)
-        _joint_wrenches(tree.arrays, c[s], cdot[s], cddot[s], applied[s], f[s], m[s], tau[s], R[s], p[s])
-
-    over_frames(part, frames)
+    run_frames(_joint_wrenches, (tree.arrays,), c, cdot, cddot, applied, f, m, tau, R, p)
     return JointWrenches(f, m, tau, R, p)
 
 
 @kernel
 def _joint_wrenches(T, c, cdot, cddot, applied, f, m, tau, R, p):
-    n, axes = T.parent.shape[0], T.axis_kind.shape[0]
-    w, o, dphi = np.empty((axes, 3)), np.empty((axes, 3)), np.empty((axes, 2))
+    _, _, w, o, dphi = pose_room(T)
+    n = T.parent.shape[0]
     omega, v, alpha, a = np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3))
     for frame in range(c.shape[0]):
         body_poses(T, c[frame], R[frame], p[frame], w, o, dphi)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import contextmanager
 from contextvars import ContextVar
+from typing import Any
 
 CHUNK = 64  # Frames a thread takes at a time: small enough to share evenly, large enough to cost nothing
 _ALONE = ContextVar("_ALONE", default=False)
@@ -53,3 +54,10 @@ def over_frames(
         except BaseException:
             pool.shutdown(cancel_futures=True)
             raise
+
+
+def run_frames(
+    kernel: Callable[..., Any], fixed: Iterable[Any], *arrays: Any, progress: Callable[[int], None] | None = None
+) -> None:
+    """Call `kernel(*fixed, *parts)` for all frames as `over_frames`; `parts`: of the arrays (frames, ...)."""
+    over_frames(lambda start, stop: kernel(*fixed, *(part[start:stop] for part in arrays)), len(arrays[0]), progress)

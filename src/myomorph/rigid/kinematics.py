@@ -11,9 +11,9 @@ from myomorph.model.arrays import Array, read_only
 from myomorph.model.model import Marker, Model
 from myomorph.model.series import Markers, Motion
 from myomorph.model.spatial import Transform
-from myomorph.rigid.coordinates import Ints, evaluate
-from myomorph.rigid.frames import over_frames
-from myomorph.rigid.kernels import bare, in_place, kernel
+from myomorph.rigid.coordinates import Ints, evaluate_at, function_rates
+from myomorph.rigid.frames import run_frames
+from myomorph.rigid.kernels import bare, inner, kernel
 from myomorph.rigid.tree import ROTATION, Tree, compile_tree
 from myomorph.rigid.vectors import (
     about,
@@ -28,6 +28,14 @@ from myomorph.rigid.vectors import (
     turned,
     vector,
 )
+
+
+@inner
+def pose_room(T):
+    """Arrays R, p, w, o and dphi that `body_poses` fills, for one frame."""
+    bodies, axes = T.parent.shape[0], T.axis_kind.shape[0]
+    w, o, dphi = np.empty((axes, 3)), np.empty((axes, 3)), np.empty((axes, 2))
+    return np.empty((bodies, 3, 3)), np.empty((bodies, 3)), w, o, dphi
 
 
 @bare
@@ -46,9 +54,7 @@ def body_poses(T, c, R, p, w, o, dphi):
             if not T.pre_is_shift[axis]:
                 r = product(r, matrix(T.pre_R, axis))
             i, j = T.axis_coordinate[axis, 0], T.axis_coordinate[axis, 1]
-            q, d1, d2, _, _, _ = evaluate(
-                T.functions, T.axis_function[axis], c[i] if i >= 0 else 0.0, c[j] if j >= 0 else 0.0
-            )
+            q, d1, d2, _, _, _ = evaluate_at(T.functions, T.axis_function[axis], i, j, c)
             dphi[axis, 0], dphi[axis, 1] = d1, d2
             u = vector(T.axis_vector, axis)
             direction = turned(r, u)
@@ -60,20 +66,6 @@ def body_poses(T, c, R, p, w, o, dphi):
                 x = along(x, q, direction)
         put_vector(p, b, plus(x, turned(r, vector(T.post_p, b))))
         put_matrix(R, b, product(r, matrix(T.post_R, b)))
-
-
-@in_place
-def axis_rates(T, axis, c, cdot, cddot):
-    """Velocity and acceleration of the motion of an axis: Phi cdot and Phi cddot + Phidot cdot."""
-    i, j = T.axis_coordinate[axis, 0], T.axis_coordinate[axis, 1]
-    _, d1, d2, d11, d12, d22 = evaluate(
-        T.functions, T.axis_function[axis], c[i] if i >= 0 else 0.0, c[j] if j >= 0 else 0.0
-    )
-    v1 = cdot[i] if i >= 0 else 0.0
-    v2 = cdot[j] if j >= 0 else 0.0
-    a1 = cddot[i] if i >= 0 else 0.0
-    a2 = cddot[j] if j >= 0 else 0.0
-    return d1 * v1 + d2 * v2, d1 * a1 + d2 * a2 + d11 * v1 * v1 + 2.0 * d12 * v1 * v2 + d22 * v2 * v2
 
 
 @bare
@@ -92,7 +84,9 @@ def body_rates(T, c, cdot, cddot, p, w, o, omega, v, alpha, a):
         for index in range(T.axis_start[b], T.axis_start[b + 1]):
             V, B = carried(W, E, V, B, minus(vector(o, index), x))
             x = vector(o, index)
-            q1, q2 = axis_rates(T, index, c, cdot, cddot)
+            i, j = T.axis_coordinate[index, 0], T.axis_coordinate[index, 1]
+            # Of the axis's motion: Phi cdot and Phi cddot + Phidot cdot.
+            q1, q2 = function_rates(T.functions, T.axis_function[index], i, j, c, cdot, cddot)
             u = vector(w, index)
             turning = cross(W, u)
             if T.axis_kind[index] == ROTATION:
@@ -177,12 +171,7 @@ def forward_kinematics(tree: Tree, coordinates: Array) -> Poses:
     R, p = np.empty((frames, bodies, 3, 3)), np.empty((frames, bodies, 3))
     w, o = np.empty((frames, axes, 3)), np.empty((frames, axes, 3))
     dphi = np.empty((frames, axes, 2))
-
-    def part(start: int, stop: int) -> None:
-        s = slice(start, stop)
-        _poses(arrays, coordinates[s], R[s], p[s], w[s], o[s], dphi[s])
-
-    over_frames(part, frames)
+    run_frames(_poses, (arrays,), coordinates, R, p, w, o, dphi)
     return Poses(tree, R, p, w, o, dphi)
 
 
@@ -275,19 +264,13 @@ def body_motion(tree: Tree, c: Array, cdot: Array, cddot: Array) -> BodyMotion:
     arrays = [np.array(values, dtype=np.float64, order="C") for values in (c, cdot, cddot)]
     R = np.empty((frames, bodies, 3, 3))
     p, omega, v, alpha, a = (np.empty((frames, bodies, 3)) for _ in range(5))
-
-    def part(start: int, stop: int) -> None:
-        s = slice(start, stop)
-        _body_motion(tree.arrays, *(values[s] for values in arrays), R[s], p[s], omega[s], v[s], alpha[s], a[s])
-
-    over_frames(part, frames)
+    run_frames(_body_motion, (tree.arrays,), *arrays, R, p, omega, v, alpha, a)
     return BodyMotion(R, p, omega, alpha, v, a)
 
 
 @kernel
 def _body_motion(T, c, cdot, cddot, R, p, omega, v, alpha, a):
-    axes = T.axis_kind.shape[0]
-    w, o, dphi = np.empty((axes, 3)), np.empty((axes, 3)), np.empty((axes, 2))
+    _, _, w, o, dphi = pose_room(T)
     for frame in range(c.shape[0]):
         body_poses(T, c[frame], R[frame], p[frame], w, o, dphi)
         body_rates(

@@ -6,9 +6,9 @@ import numpy as np
 
 from myomorph.rigid.coordinates import gather_dependents
 from myomorph.rigid.kernels import bare, kernel
-from myomorph.rigid.kinematics import body_poses, body_rates, carried
+from myomorph.rigid.kinematics import body_poses, body_rates, carried, pose_room
 from myomorph.rigid.tree import ROTATION
-from myomorph.rigid.vectors import along, cross, dot, matrix, minus, plus, product, turned, turned_back, vector
+from myomorph.rigid.vectors import along, cross, dot, matrix, minus, plus, product, times, turned, turned_back, vector
 
 HALF_TURN = -1.0 + 1e-12
 """Cosine below which two frames stand turned by half a turn, where the sine no longer shows the axis."""
@@ -65,7 +65,7 @@ def loop_errors(L, R, p, errors):
 @bare
 def put(array, row, scale, x):
     """Store scale x in array (n,) from row on."""
-    array[row], array[row + 1], array[row + 2] = scale * x[0], scale * x[1], scale * x[2]
+    array[row], array[row + 1], array[row + 2] = times(scale, x)
 
 
 @bare
@@ -113,9 +113,7 @@ def loop_rows(T, L, c, R, p, w, o, dphi, rows):
 @kernel
 def loop_frames(T, L, c, errors, rows):
     """`loop_errors` and `loop_rows` of frames: errors (frames, rows), rows (frames, rows, coordinates)."""
-    n, axes = T.parent.shape[0], T.axis_kind.shape[0]
-    R, p = np.empty((n, 3, 3)), np.empty((n, 3))
-    w, o, dphi = np.empty((axes, 3)), np.empty((axes, 3)), np.empty((axes, 2))
+    R, p, w, o, dphi = pose_room(T)
     for frame in range(c.shape[0]):
         body_poses(T, c[frame], R, p, w, o, dphi)
         loop_errors(L, R, p, errors[frame])
@@ -125,10 +123,8 @@ def loop_frames(T, L, c, errors, rows):
 @kernel
 def loop_rate_frames(T, L, c, cdot, cddot, first, second):
     """First and second time derivative (frames, rows) of the loops' errors; c, cdot, cddot consistent."""
-    n, axes = T.parent.shape[0], T.axis_kind.shape[0]
-    R, p = np.empty((n, 3, 3)), np.empty((n, 3))
-    w, o, dphi = np.empty((axes, 3)), np.empty((axes, 3)), np.empty((axes, 2))
-    omega, v, alpha, acc = np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3))
+    R, p, w, o, dphi = pose_room(T)
+    omega, v, alpha, acc = np.empty_like(p), np.empty_like(p), np.empty_like(p), np.empty_like(p)
     for frame in range(c.shape[0]):
         body_poses(T, c[frame], R, p, w, o, dphi)
         body_rates(T, c[frame], cdot[frame], cddot[frame], p, w, o, omega, v, alpha, acc)

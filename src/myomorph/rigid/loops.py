@@ -13,7 +13,7 @@ from myomorph.model.model import Model
 from myomorph.model.series import Motion, Series
 from myomorph.rigid.coordinates import Ints, couple_frames, couple_rates_frames, gather_dependents
 from myomorph.rigid.dynamics import motion_arrays
-from myomorph.rigid.frames import over_frames
+from myomorph.rigid.frames import run_frames
 from myomorph.rigid.loop_kernels import loop_frames, loop_rate_frames
 from myomorph.rigid.tree import Tree, compile_tree
 
@@ -49,27 +49,21 @@ def closure_rates(tree: Tree, coordinates: Array, velocities: Array, acceleratio
     """
     c, cdot, cddot = (_copy(values) for values in (coordinates, velocities, accelerations))
     first, second = np.empty((2, len(c), tree.loops.row[-1]))
-
-    def part(start: int, stop: int) -> None:
-        span = slice(start, stop)
-        loop_rate_frames(tree.arrays, tree.loops, c[span], cdot[span], cddot[span], first[span], second[span])
-
-    over_frames(part, len(c))
+    run_frames(loop_rate_frames, (tree.arrays, tree.loops), c, cdot, cddot, first, second)
     return first, second
 
 
-def close_loops(tree: Tree, coordinates: Array, held: Sequence[int] | Ints = ()) -> Array:
+def close_loops(tree: Tree, coordinates: Array) -> Array:
     """The coordinates nearest to those given that close every loop.
     min sum_j (c_j - given_j)^2 so that closure(c) = 0, by gradient projection.
-    Locked, prescribed and `held` coordinates stay, coupled ones follow; ranges are not looked at.
-    `coordinates` (frames, coordinates) [rad or m]; frames that hold NaN stay as they are; `held`: indices of
-    coordinates that stay.
+    Locked and prescribed coordinates stay, coupled ones follow; ranges are not looked at.
+    `coordinates` (frames, coordinates) [rad or m]; frames that hold NaN stay as they are.
     """
     targets = _copy(coordinates)
     couple_frames(tree.arrays, targets)
     if not tree.model.loops:
         return targets
-    free = free_coordinates(tree, held)
+    free = free_coordinates(tree)
     closed = targets.copy()
     good = np.flatnonzero(np.isfinite(targets).all(axis=1))
     for start in range(0, len(good), FRAMES_AT_ONCE):
@@ -88,21 +82,18 @@ def close_loops(tree: Tree, coordinates: Array, held: Sequence[int] | Ints = ())
     return closed
 
 
-def project_rates(
-    tree: Tree, coordinates: Array, velocities: Array, accelerations: Array, held: Sequence[int] | Ints = ()
-) -> tuple[Array, Array]:
+def project_rates(tree: Tree, coordinates: Array, velocities: Array, accelerations: Array) -> tuple[Array, Array]:
     """Velocities and accelerations nearest to those given with which closed loops stay closed.
-    G qdot = 0 and G qddot + Gdot qdot = 0, changed as little as possible. Locked,
-    prescribed and `held` coordinates keep their rates, coupled ones follow.
-    `coordinates`, `velocities`, `accelerations` (frames, coordinates), the coordinates closed (`close_loops`);
-    `held`: indices of coordinates whose rates stay. Returns `velocities`, `accelerations` (frames, coordinates).
+    G qdot = 0 and G qddot + Gdot qdot = 0, changed as little as possible. Locked and prescribed coordinates keep their
+    rates, coupled ones follow. `coordinates`, `velocities`, `accelerations` (frames, coordinates), the coordinates
+    closed (`close_loops`). Returns `velocities`, `accelerations` (frames, coordinates).
     """
     c, v, a = (_copy(values) for values in (coordinates, velocities, accelerations))
     couple_rates_frames(tree.arrays, c, v, a)
     good = np.isfinite(c + v + a).all(axis=1)
     if not tree.model.loops or not good.any():
         return v, a
-    free = free_coordinates(tree, held)
+    free = free_coordinates(tree)
     inverse = _pseudo_inverse(closure_jacobian(tree, c[good])[:, :, free])
     for order, rates in enumerate((v, a)):
         wrong = closure_rates(tree, c[good], v[good], a[good])[order]
@@ -153,32 +144,18 @@ def loop_basis(tree: Tree, coordinates: Array, free: Sequence[int] | Ints | None
     return LoopBasis(free[rest], free[chosen], slopes, len(chosen), margin)
 
 
-def free_coordinates(tree: Tree, held: Sequence[int] | Ints = ()) -> Ints:
-    """Indices of the coordinates that are neither coupled, locked, prescribed nor `held`."""
-    stay = {int(j) for j in held}
-    coordinates = tree.model.coordinates
-    return np.array(
-        [
-            j
-            for j in tree.independent
-            if not coordinates[j].locked and coordinates[j].prescribed is None and int(j) not in stay
-        ],
-        np.int64,
-    )
+def free_coordinates(tree: Tree) -> Ints:
+    """Indices of the coordinates that are neither coupled, locked nor prescribed."""
+    stays = [coordinate.locked or coordinate.prescribed is not None for coordinate in tree.model.coordinates]
+    return np.array([j for j in tree.independent if not stays[j]], np.int64)
 
 
 def _closures(tree: Tree, coordinates: Array) -> tuple[Array, Array]:
     c = _copy(coordinates)
     rows = int(tree.loops.row[-1])
     errors, jacobian = np.empty((len(c), rows)), np.empty((len(c), rows, c.shape[1]))
-    if not rows:
-        return errors, jacobian
-
-    def part(start: int, stop: int) -> None:
-        span = slice(start, stop)
-        loop_frames(tree.arrays, tree.loops, c[span], errors[span], jacobian[span])
-
-    over_frames(part, len(c))
+    if rows:
+        run_frames(loop_frames, (tree.arrays, tree.loops), c, errors, jacobian)
     return errors, jacobian
 
 

@@ -13,10 +13,10 @@ from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Motion, Wrenches
 from myomorph.rigid.dynamics import external_arrays, motion_arrays
-from myomorph.rigid.frames import over_frames
+from myomorph.rigid.frames import run_frames
 from myomorph.rigid.kernels import in_place, kernel
-from myomorph.rigid.kinematics import body_poses, body_rates
-from myomorph.rigid.tree import Tree, compile_tree
+from myomorph.rigid.kinematics import body_poses, body_rates, pose_room
+from myomorph.rigid.tree import compile_tree
 from myomorph.rigid.vectors import cross, matrix, minus, plus, put_vector, turned, turned_back, vector
 
 WRENCH = ("M_x", "M_y", "M_z", "F_x", "F_y", "F_z")
@@ -57,7 +57,10 @@ def regressor_blocks(
     for start in range(0, len(motion), frames):
         span = slice(start, min(start + frames, len(motion)))
         length = span.stop - span.start
-        _fill(tree, motion.frames(span), fixed, points[:length], rows[:length])
+        if fixed is not None:
+            points[:] = fixed
+        c, cdot, cddot = motion_arrays(tree, motion.frames(span))
+        run_frames(_base_regressor, (tree.arrays, fixed is None), c, cdot, cddot, points[:length], rows[:length])
         yield RegressorBlock(span, rows[:length], points[:length])
 
 
@@ -87,7 +90,7 @@ def reference_points(model: Model, motion: Motion, reference: ArrayLike | None =
     tree = compile_tree(model)
     c = tree.coordinates_of(motion)
     points = np.empty((len(c), 3))
-    over_frames(lambda start, stop: _base_origins(tree.arrays, c[start:stop], points[start:stop]), len(c))
+    run_frames(_base_origins, (tree.arrays,), c, points)
     return points
 
 
@@ -100,34 +103,18 @@ def _fixed_point(reference: ArrayLike | None) -> Array | None:
     return point
 
 
-def _fill(tree: Tree, motion: Motion, fixed: Array | None, points: Array, rows: Array) -> None:
-    c, cdot, cddot = motion_arrays(tree, motion)
-    if fixed is not None:
-        points[:] = fixed
-
-    def part(start: int, stop: int) -> None:
-        span = slice(start, stop)
-        _base_regressor(tree.arrays, c[span], cdot[span], cddot[span], fixed is None, points[span], rows[span])
-
-    over_frames(part, len(c))
-
-
 @kernel
 def _base_origins(T, c, points):
-    n, axes = T.parent.shape[0], T.axis_kind.shape[0]
-    R, p = np.empty((n, 3, 3)), np.empty((n, 3))
-    w, o, dphi = np.empty((axes, 3)), np.empty((axes, 3)), np.empty((axes, 2))
+    R, p, w, o, dphi = pose_room(T)
     for frame in range(c.shape[0]):
         body_poses(T, c[frame], R, p, w, o, dphi)
         put_vector(points, frame, vector(p, 1))
 
 
 @kernel
-def _base_regressor(T, c, cdot, cddot, moving, points, rows):
-    n, axes = T.parent.shape[0], T.axis_kind.shape[0]
-    R, p = np.empty((n, 3, 3)), np.empty((n, 3))
-    w, o, dphi = np.empty((axes, 3)), np.empty((axes, 3)), np.empty((axes, 2))
-    omega, v, alpha, a = np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3))
+def _base_regressor(T, moving, c, cdot, cddot, points, rows):
+    R, p, w, o, dphi = pose_room(T)
+    omega, v, alpha, a = np.empty_like(p), np.empty_like(p), np.empty_like(p), np.empty_like(p)
     gravity = (T.gravity[0], T.gravity[1], T.gravity[2])
     for frame in range(c.shape[0]):
         body_poses(T, c[frame], R, p, w, o, dphi)
@@ -135,7 +122,7 @@ def _base_regressor(T, c, cdot, cddot, moving, points, rows):
         if moving:
             put_vector(points, frame, vector(p, 1))
         about = vector(points, frame)
-        for b in range(1, n):
+        for b in range(1, T.parent.shape[0]):
             r = matrix(R, b)
             lift = turned_back(r, minus(vector(a, b), gravity))
             W, E = turned_back(r, vector(omega, b)), turned_back(r, vector(alpha, b))

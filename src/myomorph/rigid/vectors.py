@@ -52,6 +52,12 @@ def minus(x, y):
 
 
 @bare
+def times(s, x):
+    """The vector s x."""
+    return s * x[0], s * x[1], s * x[2]
+
+
+@bare
 def along(x, s, y):
     """The vector x + s y."""
     return x[0] + s * y[0], x[1] + s * y[1], x[2] + s * y[2]
