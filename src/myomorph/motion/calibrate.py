@@ -241,7 +241,6 @@ def _calibration(
     )
     before, after = reduce(problem, given).errors, search.found.reduced.errors
     shifts = x[n:-1].reshape(-1, 3)
-    sides = _side_estimates(problem, search)
     zeros = zero_angles(
         problem, search.found.point, sized, search.noise**2, search.free, options.static is not None, options.zero_sd,
         skin,
@@ -267,16 +266,16 @@ def _calibration(
         after=after,
         marker_names=names,
         converged=search.found.converged,
-        costs=search.costs,
+        costs=search.found.costs,
         notes=(
             *_notes(search, lengths, markers, FAR * problem.unit),
-            *_side_notes(sides),
+            *_side_notes(search.sides),
             *zero_notes(zeros, options.static is not None),
         ),
         steps=search.steps,
         last_change=search.found.change,
         zero_angles=zeros,
-        sides=sides,
+        sides=search.sides,
     )
 
 
@@ -304,14 +303,6 @@ def _thin_notes(model: Model, names: Sequence[str], recordings: Sequence[Markers
         text += f"; the model also has {', '.join(missing)} there, which no recording shows"
         text += f" (recorded and unknown to the model: {listing(missing[0], strange)})" if strange else ""
     yield text
-
-
-def _side_estimates(problem: SharedProblem, search: Search) -> tuple[SideEstimate, ...]:
-    names = [length.name for length in problem.lengths]
-    return tuple(
-        SideEstimate(names[a], names[b], side.difference, side.sd, (a, b) in search.differing)
-        for side, a, b in ((side, side.first, side.second) for side in search.sides)
-    )
 
 
 def _side_notes(sides: Sequence[SideEstimate]) -> Iterator[str]:

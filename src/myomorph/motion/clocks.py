@@ -17,7 +17,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from myomorph.model.arrays import Array, frozen_array, read_only
+from myomorph.model.arrays import Array, freeze, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.join import clock_difference
 from myomorph.model.series import Motion, Series, Wrenches
@@ -82,7 +82,7 @@ class Clock:
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "covariance", frozen_array(self.covariance, (2, 2)))
+        freeze(self, covariance=(2, 2))
 
     @property
     def offset_sd(self) -> float:
@@ -104,14 +104,12 @@ class Clock:
         return replace(series, **changes)
 
 
-def resample(series: SeriesKind, time: Array, cutoff: float | None = None) -> SeriesKind:
-    """Columns of a steady recording without gaps at other times by natural cubic splines, NaN outside it. A cutoff of
-    None takes 0.4 of the new rate where that is the lower one, so that nothing faster is mistaken for something slow.
+def resample(series: SeriesKind, time: Array) -> SeriesKind:
+    """Columns of a steady recording without gaps at other times by natural cubic splines, NaN outside it. Where the new
+    rate is the lower one a low-pass at 0.4 of it comes first, so that nothing faster is mistaken for something slow.
     """
     rate, wanted = series.rate, (len(time) - 1) / float(time[-1] - time[0]) if len(time) > 1 else np.inf
-    if cutoff is None and wanted < 0.9 * rate:
-        cutoff = 0.4 * wanted
-    values = series.values if cutoff is None else lowpass(series.values, rate, cutoff)
+    values = lowpass(series.values, rate, 0.4 * wanted) if wanted < 0.9 * rate else series.values
     resampled = natural_spline(series.time, values, degree=3)(np.clip(time, series.time[0], series.time[-1]))
     resampled[(time < series.time[0] - 0.5 / rate) | (time > series.time[-1] + 0.5 / rate)] = np.nan
     changes: dict[str, Any] = {"time": time, "values": resampled}

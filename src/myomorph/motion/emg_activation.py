@@ -8,7 +8,7 @@ from dataclasses import field
 import numpy as np
 from scipy.optimize import nnls
 
-from myomorph.model.arrays import Array, frozen_array, read_only
+from myomorph.model.arrays import Array, freeze, frozen_array, read_only
 from myomorph.model.errors import BadData
 from myomorph.model.model import index_of
 from myomorph.model.series import Emg, Series
@@ -66,8 +66,7 @@ class SynergyWeights:
     weights: Array
 
     def __post_init__(self) -> None:
-        shape = (len(self.muscles), len(self.synergies))
-        object.__setattr__(self, "weights", frozen_array(self.weights, shape))
+        freeze(self, weights=(len(self.muscles), len(self.synergies)))
 
 
 @read_only
@@ -97,11 +96,9 @@ class EmgCalibration:
 
     def __post_init__(self) -> None:
         count = len(self.channels)
-        object.__setattr__(self, "held_out", frozen_array(np.broadcast_to(self.held_out, (count, 2)), (count, 2)))
-        for name in ("delays", "gains", "offsets"):
-            object.__setattr__(self, name, frozen_array(getattr(self, name), (count,)))
-        object.__setattr__(self, "shapes", frozen_array(np.broadcast_to(self.shapes, (count,)), (count,)))
-        object.__setattr__(self, "intervals", frozen_array(np.broadcast_to(self.intervals, (count, 2)), (count, 2)))
+        freeze(self, delays=(count,), gains=(count,), offsets=(count,))
+        for name, shape in (("shapes", (count,)), ("intervals", (count, 2)), ("held_out", (count, 2))):
+            object.__setattr__(self, name, frozen_array(np.broadcast_to(getattr(self, name), shape)))
         object.__setattr__(self, "by_torque", np.broadcast_to(np.asarray(self.by_torque, dtype=bool), (count,)))
         if not (np.all(self.gains >= 0.0) and np.all(self.offsets >= 0.0)):
             raise BadData(f"EMG gains {self.gains.tolist()}, offsets {self.offsets.tolist()}: expected 0 or more")
@@ -164,8 +161,7 @@ class Synergies:
     explained: float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "scale", frozen_array(self.scale, (len(self.channels),)))
-        object.__setattr__(self, "vectors", frozen_array(self.vectors, (-1, len(self.channels))))
+        freeze(self, scale=(len(self.channels),), vectors=(-1, len(self.channels)))
 
     def __len__(self) -> int:
         return len(self.vectors)

@@ -8,17 +8,16 @@ fixed to a segment follows when the model is scaled.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from myomorph.model.arrays import Array
-from myomorph.model.errors import BadData
 from myomorph.model.frozen_map import grouped
 from myomorph.model.model import GROUND, Model
-from myomorph.model.segments import Segment, segments_of
+from myomorph.model.segments import Segment, segments_if_human
 from myomorph.model.series import DEFAULT_POSE
 from myomorph.model.sides import mirror_names, split_side
 from myomorph.rigid.kinematics import forward_kinematics
@@ -87,7 +86,7 @@ def segments_that_stretch(model: Model) -> tuple[tuple[str, ...], ...]:
     """The bodies of every segment that stretches as one, each in the order of the tree."""
     free = {coordinate.name for coordinate in model.coordinates} - set(model.dependent_coordinates)
     joints = {joint.child: joint for joint in model.joints}
-    named = _named_segments(model)
+    named = segments_if_human(model)
     keys: dict[str, object] = {}
     for body in model.body_names:
         joint = joints[body]
@@ -125,13 +124,6 @@ def mirrored_lengths(lengths: Sequence[Length]) -> tuple[tuple[int, int], ...]:
         if length.segment in mirror and mirror[length.segment] + length.name[len(length.segment) :] in index
     )
     return tuple((i, j) for i, j in pairs if i < j)
-
-
-def _named_segments(model: Model) -> Mapping[str, Segment]:
-    try:
-        return segments_of(model)
-    except BadData:
-        return {}
 
 
 def joint_centers(tree: Tree, axis_points: Array, origins: Array) -> Array:

@@ -18,7 +18,7 @@ from myomorph.motion.ik import KinematicsFit
 from myomorph.motion.pose_problem import PoseProblem
 from myomorph.motion.turns import floating_coordinates
 from myomorph.rigid.coordinates import couple_frames
-from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.kinematics import Poses, forward_kinematics
 from myomorph.rigid.tree import Tree, compile_tree
 
 STEP = 1e-6  # Of the differences that give the slopes of marker positions [rad or m]
@@ -41,20 +41,26 @@ class MarkerFrames:
 
 def marker_frames(tree: Tree, problem: PoseProblem, observed: Array, values: Array) -> MarkerFrames:
     """Errors of markers (frames, markers, 3) [m] and slopes at poses; variables at a bound do not move."""
-    frames, count = len(values), len(problem.free)
-    stacked = np.repeat(values[:, None], count + 1, axis=1)
+    poses, held = nudged_poses(tree, problem, values)
+    points = poses.points(problem.markers.body, problem.markers.location)
+    points = points.reshape(len(values), len(problem.free) + 1, -1, 3)
+    slopes = (points[:, 1:] - points[:, :1]) / STEP
+    slopes[held] = 0.0
+    rotations = poses.rotations[:: len(problem.free) + 1, problem.markers.body]
+    return MarkerFrames(observed - points[:, 0], np.moveaxis(slopes, 1, 3), rotations, held)
+
+
+def nudged_poses(tree: Tree, problem: PoseProblem, values: Array) -> tuple[Poses, np.ndarray]:
+    """Each frame of values (frames, coordinates) as it is, then with each variable moved by `STEP` of its unit, frame
+    after frame; (frames, variables) whether each lies at a bound.
+    """
+    stacked = np.repeat(values[:, None], len(problem.free) + 1, axis=1)
     for i, j in enumerate(problem.free):
         stacked[:, i + 1, j] += STEP * problem.unit[j]
     flat = np.ascontiguousarray(stacked.reshape(-1, values.shape[1]))
     couple_frames(tree.arrays, flat)
-    poses = forward_kinematics(tree, flat)
-    points = poses.points(problem.markers.body, problem.markers.location).reshape(frames, count + 1, -1, 3)
-    slopes = (points[:, 1:] - points[:, :1]) / STEP
     here = values[:, problem.free]
-    held = (here <= problem.lower + 1e-9) | (here >= problem.upper - 1e-9)
-    slopes[held] = 0.0
-    rotations = poses.rotations.reshape(frames, count + 1, -1, 3, 3)[:, 0, problem.markers.body]
-    return MarkerFrames(observed - points[:, 0], np.moveaxis(slopes, 1, 3), rotations, held)
+    return forward_kinematics(tree, flat), (here <= problem.lower + 1e-9) | (here >= problem.upper - 1e-9)
 
 
 def left_out(marker_frames: MarkerFrames, weight: Array) -> Array:
@@ -212,20 +218,15 @@ def _hidden(model: Model, markers: Markers, fit: KinematicsFit, problem: PosePro
         frames = first[chunk]
         influence = marker_frames(tree, problem, markers.values[frames][:, columns], fit.motion.values[frames])
         for index, mask in enumerate(chunk):
-            sizes, parts = _sizes(influence, index, masks[mask])
+            rows = influence.slopes[index, masks[mask]].reshape(-1, len(problem.free))
+            # Squared movement of the seen markers for directions of the coordinates, from the least.
+            sizes, parts = np.linalg.eigh(rows.T @ rows)
             usual = float(np.median(sizes[sizes > 1e-12 * sizes[-1]])) if usual is None else usual
             faint = parts[:, sizes < FAINT**2 * usual]
             hidden[mask] = (np.abs(faint).max(axis=1, initial=0.0) > PART) & ~influence.held[index]
     result: np.ndarray = (hidden & ~hidden[most])[np.ravel(group)]
     result[:, problem.coordinates.weight[problem.free] > 0.0] = False
     return result & fit.seen[:, None]
-
-
-def _sizes(marker_frames: MarkerFrames, frame: int, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Squared movement of the seen markers for directions of the coordinates, from the least, and the directions."""
-    rows = marker_frames.slopes[frame, mask].reshape(-1, marker_frames.slopes.shape[-1])
-    sizes, parts = np.linalg.eigh(rows.T @ rows)
-    return sizes, parts
 
 
 def _lost(fit: KinematicsFit, lost: np.ndarray) -> Iterator[Finding]:

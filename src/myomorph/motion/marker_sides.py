@@ -64,7 +64,7 @@ def _links(markers: Markers, names: Sequence[str]) -> list[_Link]:
     partner = {name: other for name, other in mirror_names(bony).items() if bony[other].key == bony[name].key}
     rows = np.unique(np.linspace(0, max(len(markers) - 1, 0), min(SAMPLES, len(markers))).astype(int))
     places = dict(zip(markers.names, np.moveaxis(markers.values[rows], 1, 0), strict=True))
-    links: dict[frozenset[tuple[str, str]], _Link] = {}
+    links: dict[frozenset[frozenset[str]], _Link] = {}
     for marker in (name for name in partner if bony[name].side == "right"):
         for other, site in bony.items():
             sided = other in partner
@@ -75,7 +75,7 @@ def _links(markers: Markers, names: Sequence[str]) -> list[_Link]:
             if not all(spread < STEADY for _, spread in lengths):
                 continue
             link = _Link((marker, other), mirrored, lengths[0][0], lengths[0][0] - lengths[1][0])
-            links.setdefault(frozenset((_ordered(link.markers), _ordered(mirrored))), link)
+            links.setdefault(frozenset((frozenset(link.markers), frozenset(mirrored))), link)
     return list(links.values())
 
 
@@ -91,10 +91,6 @@ def _distance(first: Array, other: Array) -> tuple[float, float]:
     apart = np.linalg.norm(first - other, axis=1)
     known = apart[np.isfinite(apart)]
     return (float(np.median(known)), float(np.std(known))) if len(known) > 0.1 * len(apart) else (np.nan, np.inf)
-
-
-def _ordered(names: tuple[str, str]) -> tuple[str, str]:
-    return (names[0], names[1]) if names[0] < names[1] else (names[1], names[0])
 
 
 def _suspects(worst: _Link, links: Sequence[_Link]) -> list[tuple[str, ...]]:

@@ -19,7 +19,7 @@ from myomorph.model.model import Model
 from myomorph.model.series import Markers, Motion
 from myomorph.model.spatial import rotation_from_quaternion, rotation_from_vector
 from myomorph.motion.ik import InverseKinematicsOptions, coordinate_targets, pose_problem, tracked_markers
-from myomorph.motion.newton import Settings, frames_shown, solve_poses
+from myomorph.motion.newton import frames_shown, solve_poses
 from myomorph.motion.pose_problem import PoseProblem
 from myomorph.motion.sensors.mounting import SensorMounting, SensorOptions, earth_to_ground, orientation_tasks
 from myomorph.motion.starts import scout_poses
@@ -188,19 +188,15 @@ class OnlineKinematics:
         return self._before[0] if self._before else self._search(problem)
 
     def _search(self, problem: PoseProblem) -> Array:
-        return scout_poses(self._tree, problem, self._settings)[0]
+        return scout_poses(self._tree, problem, self._options.settings)[0]
 
     def _settle(self, problem: PoseProblem, start: Array) -> tuple[Array, float]:
-        solved = solve_poses(self._tree, problem, start[None], self._settings)
+        solved = solve_poses(self._tree, problem, start[None], self._options.settings)
         return solved.values[0], float(np.sqrt(np.nanmean(self._errors(problem) ** 2)))
 
     def _errors(self, problem: PoseProblem) -> Array:
         """Residuals that say how well a frame is solved."""
         return problem.markers.errors
-
-    @property
-    def _settings(self) -> Settings:
-        return self._options.settings
 
 
 class OnlineOrientations(OnlineKinematics):

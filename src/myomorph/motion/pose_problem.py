@@ -9,9 +9,10 @@ from myomorph.motion.tasks.coordinates import CoordinateArrays
 from myomorph.motion.tasks.loops import Ties
 from myomorph.motion.tasks.markers import MarkerArrays
 from myomorph.motion.tasks.task import add_tasks
-from myomorph.rigid.coordinates import KIND, SINES, WIDTH, Ints, evaluate, fold_dependents
+from myomorph.rigid.coordinates import KIND, SINES, WIDTH, Ints, evaluate_at, fold_dependents
 from myomorph.rigid.kernels import bare
 from myomorph.rigid.tree import ROTATION
+from myomorph.rigid.vectors import cross, minus, vector
 
 
 class PoseProblem(NamedTuple):
@@ -107,10 +108,14 @@ def normal_equations(T, P, frame, c, work):
                 along = v0 * S[10] + v1 * S[11] + v2 * S[12]
                 along += w0 * (S[18] - S[20]) + w1 * (S[19] - S[15]) + w2 * (S[14] - S[16])
                 if has_rows:
-                    extra = row_sums(work.rows[b], work.row_gradient[b], fields[axis])
-                    N0, N1, N2 = N0 + extra[0], N1 + extra[1], N2 + extra[2]
-                    F0, F1, F2 = F0 + extra[3], F1 + extra[4], F2 + extra[5]
-                    along += extra[6]
+                    rows, field = work.rows[b], fields[axis]
+                    N0 += row_product(rows[0], field)
+                    N1 += row_product(rows[1], field)
+                    N2 += row_product(rows[2], field)
+                    F0 += row_product(rows[3], field)
+                    F1 += row_product(rows[4], field)
+                    F2 += row_product(rows[5], field)
+                    along += row_product(work.row_gradient[b], field)
                 add_gradient(T, work, axis, along)
                 a, h = axis, b
                 while h > 0:
@@ -137,22 +142,8 @@ def normal_equations(T, P, frame, c, work):
 
 
 @bare
-def row_sums(rows, gradient, field):
-    """Product of the rows of a body (6, 6) with the velocity field of an axis (6,), and that of their gradient."""
-    return (
-        row_product(rows[0], field),
-        row_product(rows[1], field),
-        row_product(rows[2], field),
-        row_product(rows[3], field),
-        row_product(rows[4], field),
-        row_product(rows[5], field),
-        row_product(gradient, field),
-    )
-
-
-@bare
 def row_product(row, field):
-    """Scalar product of a row with a velocity field."""
+    """Scalar product of a body's row of slopes (6,) with the velocity field of an axis (6,)."""
     total = 0.0
     for i in range(6):
         total += row[i] * field[i]
@@ -173,19 +164,15 @@ def axis_fields(T, c, work):
     """Velocity field (w, v) of every axis about `work.origin`, and the curvature of its function."""
     fields, curvature, z = work.fields, work.curvature, work.origin
     for axis in range(T.axis_kind.shape[0]):
-        u0, u1, u2 = work.w[axis, 0], work.w[axis, 1], work.w[axis, 2]
-        if T.axis_kind[axis] == ROTATION:
-            r0, r1, r2 = work.o[axis, 0] - z[0], work.o[axis, 1] - z[1], work.o[axis, 2] - z[2]
-            fields[axis, 0], fields[axis, 1], fields[axis, 2] = u0, u1, u2
-            fields[axis, 3], fields[axis, 4], fields[axis, 5] = u2 * r1 - u1 * r2, u0 * r2 - u2 * r0, u1 * r0 - u0 * r1
-        else:
-            fields[axis, 0] = fields[axis, 1] = fields[axis, 2] = 0.0
-            fields[axis, 3], fields[axis, 4], fields[axis, 5] = u0, u1, u2
-        curvature[axis, 0] = curvature[axis, 1] = curvature[axis, 2] = 0.0
+        direction, turns = vector(work.w, axis), T.axis_kind[axis] == ROTATION
+        w = direction if turns else (0.0, 0.0, 0.0)
+        v = cross(minus(vector(work.o, axis), z), direction) if turns else direction
+        for i in range(3):
+            fields[axis, i], fields[axis, 3 + i], curvature[axis, i] = w[i], v[i], 0.0
         f = T.axis_function[axis]
         if T.functions.table[f, KIND] == SINES or T.functions.table[f, WIDTH] > 2:
             i, j = T.axis_coordinate[axis, 0], T.axis_coordinate[axis, 1]
-            _, _, _, d11, d12, d22 = evaluate(T.functions, f, c[i] if i >= 0 else 0.0, c[j] if j >= 0 else 0.0)
+            _, _, _, d11, d12, d22 = evaluate_at(T.functions, f, i, j, c)
             curvature[axis, 0], curvature[axis, 1], curvature[axis, 2] = d11, d12, d22
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import product
+from operator import itemgetter
 
 import numpy as np
 
@@ -51,14 +52,16 @@ def scout_poses(tree: Tree, problem: PoseProblem, settings: Settings) -> Array:
         if shown[frame]:
             cost, pose = settle(problem, frame, pose)
             if usual == 0.0 or cost > 4.0 * usual:
-                turned = sorted((settle(whole_body, frame, start) for start in _headings(rest, turning)), key=_cost)
+                turned = sorted(
+                    (settle(whole_body, frame, start) for start in _headings(rest, turning)), key=itemgetter(0)
+                )
                 others = [settle(problem, frame, start) for _, start in turned[:HEADINGS_TRIED]]
-                best, other = min(others, key=_cost)
+                best, other = min(others, key=itemgetter(0))
                 if best < 0.999 * cost:
                     cost, pose = best, nearest_turns(tree, turning, other, rest if usual == 0.0 else pose)
                 for joint in _at_bounds(tree, problem, pose):
                     others = [settle(problem, frame, start) for start in _within(tree, joint, pose)]
-                    best, other = min(others, key=_cost)
+                    best, other = min(others, key=itemgetter(0))
                     if best < 0.999 * cost:
                         cost, pose = best, other
             usual = cost if usual == 0.0 else 0.8 * usual + 0.2 * cost
@@ -96,10 +99,6 @@ def _within(tree: Tree, joint: list[int], pose: Array) -> list[Array]:
         other[joint] = ranges[:, 0] + np.array(shares) * np.ptp(ranges, axis=1)
         poses.append(other)
     return poses
-
-
-def _cost(solved: tuple[float, Array]) -> float:
-    return solved[0]
 
 
 def _only(problem: PoseProblem, coordinates: list[int]) -> PoseProblem:

@@ -23,9 +23,9 @@ from myomorph.model.scale import scale, slides_freely
 from myomorph.motion.lengths import Length
 from myomorph.motion.tasks.loops import Ties
 from myomorph.motion.tasks.markers import MarkerArrays, seen_weight
-from myomorph.rigid.coordinates import Ints, evaluate, gather_dependents
+from myomorph.rigid.coordinates import Ints, evaluate_at, gather_dependents
 from myomorph.rigid.kernels import bare, in_place, kernel
-from myomorph.rigid.kinematics import body_poses
+from myomorph.rigid.kinematics import body_poses, pose_room
 from myomorph.rigid.tree import ROTATION, compile_tree
 from myomorph.rigid.vectors import about, along, cross, matrix, minus, product, turned, vector
 
@@ -136,7 +136,7 @@ def marker_slopes(T, K, S, c, R, p, w, o, dphi, grown, places, by_length, by_coo
             add_offset(S.column, S.pre[axis], h, b, r, grown[b])
             r = product(r, matrix(T.pre_R, axis))
             i, j = T.axis_coordinate[axis, 0], T.axis_coordinate[axis, 1]
-            q = evaluate(T.functions, T.axis_function[axis], c[i] if i >= 0 else 0.0, c[j] if j >= 0 else 0.0)[0]
+            q = evaluate_at(T.functions, T.axis_function[axis], i, j, c)[0]
             if T.axis_kind[axis] == ROTATION:
                 r = product(r, about(vector(T.axis_vector, axis), q))
             else:
@@ -192,12 +192,11 @@ def frame_blocks(T, P, S, tied, tied_S, first, last, posture_weight, c, H, g, el
     points, in pairs, as markers. H (lower triangle) and g are added to; `eliminated` ((last - first) * variables,
     shared + 1) is filled with [E e], zero for coordinates at a bound, `errors` (frames, markers) [m], NaN where unseen.
     """
-    bodies, axes, n = T.parent.shape[0], T.axis_kind.shape[0], c.shape[1]
-    K, tasks, F = P.tasks[0], P.tasks[1], P.free
+    K, tasks, F, n = P.tasks[0], P.tasks[1], P.free, c.shape[1]
     markers, size, shared = K.body.shape[0], F.shape[0], H.shape[0]
     rows, lengths = 3 * markers, shared - 3 * markers
-    R, p, dphi = np.empty((bodies, 3, 3)), np.empty((bodies, 3)), np.empty((axes, 2))
-    w, o, grown = np.empty((axes, 3)), np.empty((axes, 3)), np.empty((bodies, 3, lengths))
+    R, p, w, o, dphi = pose_room(T)
+    grown = np.empty((T.parent.shape[0], 3, lengths))
     places, by_length, by_coordinate = np.empty((markers, 3)), np.empty((rows, lengths)), np.empty((rows, n))
     A, Jq, misfit = np.empty((size, size)), np.empty((rows, size)), np.empty(rows)
     ties = tied.body.shape[0]
@@ -323,12 +322,9 @@ def add_ties(F, by_length, by_coordinate, A, E, H):
 @kernel
 def slopes_of_frame(T, K, S, c):
     """Places (markers, 3) of one frame and their derivatives: (3 markers, lengths), (3 markers, coordinates)."""
-    bodies, axes, markers = T.parent.shape[0], T.axis_kind.shape[0], K.body.shape[0]
-    lengths = S.column.max() + 1
-    places, by_length = np.empty((markers, 3)), np.empty((3 * markers, lengths))
-    by_coordinate = np.empty((3 * markers, c.shape[0]))
-    marker_slopes(
-        T, K, S, c, np.empty((bodies, 3, 3)), np.empty((bodies, 3)), np.empty((axes, 3)), np.empty((axes, 3)),
-        np.empty((axes, 2)), np.empty((bodies, 3, lengths)), places, by_length, by_coordinate,
-    )  # fmt: skip
+    R, p, w, o, dphi = pose_room(T)
+    markers, lengths = K.body.shape[0], S.column.max() + 1
+    grown, places = np.empty((T.parent.shape[0], 3, lengths)), np.empty((markers, 3))
+    by_length, by_coordinate = np.empty((3 * markers, lengths)), np.empty((3 * markers, c.shape[0]))
+    marker_slopes(T, K, S, c, R, p, w, o, dphi, grown, places, by_length, by_coordinate)
     return places, by_length, by_coordinate

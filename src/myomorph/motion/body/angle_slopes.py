@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,10 +11,8 @@ from numpy.typing import NDArray
 from myomorph.model.arrays import Array, read_only
 from myomorph.motion.body.shared_problem import Point, SharedProblem
 from myomorph.motion.pose_problem import PoseProblem
-from myomorph.motion.stretch import TIED, Stretch, slopes_of_frame, tied_markers, with_travel
-from myomorph.motion.tasks.loops import ties_of
+from myomorph.motion.stretch import TIED, slopes_of_frame, with_travel
 from myomorph.rigid.kinematics import forward_kinematics
-from myomorph.rigid.tree import compile_tree
 
 SEEN = 1e-9  # A coordinate whose curvature is less than this share of the largest moves no marker
 
@@ -61,18 +59,17 @@ def angle_slopes(problem: SharedProblem, at: Point) -> AngleSlopes:
 def frame_slopes(problem: SharedProblem, at: Point) -> Iterator[FrameSlopes]:
     """dq/ds = -(J_q^T W J_q)^-1 J_q^T W J_s of at most `MAX_COUNT` frames, at the minima of their costs."""
     total = sum(len(angle) for angle in at.angles)
-    tree = compile_tree(problem.stretched(at.x))
     stretch = with_travel(problem.stretch, problem.model, at.x[: len(problem.lengths)])
-    ties = _ties(problem, tree, stretch)
+    tied, tied_stretch = problem.tied(at.tree, stretch)
     bodies = problem.pose.markers.body
     every = max(-(-total // MAX_COUNT), 1)
     for group, pose, angles in zip(problem.sets, at.poses, at.angles, strict=True):
         chosen = slice(len(angles) % every // 2, None, every)
         angles, frames = angles[chosen], len(angles)
         share = frames / (total * max(len(angles), 1))
-        rotations = forward_kinematics(tree, angles).rotations if len(angles) else np.zeros((0, 1, 3, 3))
+        rotations = forward_kinematics(at.tree, angles).rotations if len(angles) else np.zeros((0, 1, 3, 3))
         for observed, c, R in zip(group.observed[chosen], angles, rotations, strict=True):
-            _, by_length, by_coordinate = slopes_of_frame(at.tree, pose.markers, stretch, c)
+            _, by_length, by_coordinate = slopes_of_frame(at.tree.arrays, pose.markers, stretch, c)
             weight = np.where(np.isfinite(observed).all(axis=1), pose.markers.weight, 0.0)
             free = _moving(pose, by_coordinate, np.repeat(weight, 3), c)
             root = np.sqrt(np.repeat(weight, 3))[:, None]
@@ -82,8 +79,8 @@ def frame_slopes(problem: SharedProblem, at: Point) -> Iterator[FrameSlopes]:
             by_shift = (R[bodies].transpose(0, 2, 1) @ Jq.reshape(-1, 3, len(free))).transpose(2, 0, 1)
             by_shift = by_shift * np.sqrt(weight)[None, :, None]
             b = np.hstack([Jq.T @ (by_length * root), by_shift.reshape(len(free), -1)])
-            for tied, tied_stretch in ties:
-                _, gap_length, gap_coordinate = slopes_of_frame(at.tree, tied, tied_stretch, c)
+            if len(tied.body):
+                _, gap_length, gap_coordinate = slopes_of_frame(at.tree.arrays, tied, tied_stretch, c)
                 gap = _between(gap_coordinate)[:, free]
                 A += TIED**2 * gap.T @ gap
                 b[:, : gap_length.shape[1]] += TIED**2 * gap.T @ _between(gap_length)
@@ -106,13 +103,6 @@ def _between(slopes: Array) -> Array:
     """(pairs * 3, unknowns) of the gaps from (pairs * 6, unknowns) of points in turn."""
     pairs = slopes.reshape(-1, 2, 3, slopes.shape[1])
     return (pairs[:, 1] - pairs[:, 0]).reshape(-1, slopes.shape[1])
-
-
-def _ties(problem: SharedProblem, tree, stretch: Stretch) -> Sequence:
-    if not problem.model.loops:
-        return ()
-    model_ties = tied_markers(ties_of(compile_tree(problem.model), lever=0.0))
-    return ((tied_markers(ties_of(tree)), stretch._replace(location=model_ties.location)),)
 
 
 @dataclass(frozen=True)

@@ -5,18 +5,18 @@ Also which frames show most of a body, and how large it is before anything else 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from myomorph.model.arrays import Array, read_only
+from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.model.model import Model
 from myomorph.model.series import Markers
 from myomorph.model.sides import mirror_names
 from myomorph.motion.body.shared_problem import MeanPosture, Prior
-from myomorph.motion.calibration import CalibrationOptions, Distances
+from myomorph.motion.calibration import CalibrationOptions, Distances, SideEstimate
 from myomorph.motion.ik import InverseKinematicsOptions, inverse_kinematics
 from myomorph.motion.lengths import Length, joint_centers, length_unit, mirrored_lengths, segments_that_stretch
 from myomorph.motion.measurements import default_markers
@@ -140,20 +140,6 @@ ASYMMETRIC_SD = 0.1  # Of the difference of two sides that the data show to diff
 ASYMMETRIC_SHARE = 0.1  # Of pairs of lengths that differ so: the odds at which the data must show it
 
 
-@read_only
-class SideDifference:
-    """Lengths `first` of the right and `second` of the left side: their difference without any prior on sides [factor],
-    and by how much a wide prior makes the data likelier, less the odds against it [natural logarithm].
-    """
-
-    first: int
-    second: int
-    difference: float
-    sd: float
-    gain: float
-    differs: bool
-
-
 def usual_shifts(model: Model, names: Sequence[str], distances: Distances) -> Array:
     """(markers,) how far each lies from its place on the model, as a standard deviation along one axis [m]."""
     return np.array([distances.fixed if model.marker(name).fixed else distances.marker for name in names])
@@ -164,7 +150,7 @@ def calibration_prior(
     shift_sd: Array,
     options: CalibrationOptions,
     size: float,
-    differing: Sequence[tuple[int, int]] = (),
+    differing: Collection[tuple[str, str]] = (),
 ) -> Prior:
     """Rows of the prior over lengths, shifts (markers,) and overall size; those in `differing` are not held alike."""
     n, shifts = len(lengths), 3 * len(shift_sd)
@@ -186,21 +172,22 @@ def calibration_prior(
             add({i: 1.0, main[length.segment]: -1.0}, 0.0, options.shape_sd)
     for i in range(shifts):
         add({n + i: 1.0}, 0.0, float(shift_sd[i // 3]))
-    for pair in mirrored_lengths(lengths):
-        sd = ASYMMETRIC_SD if pair in differing else options.side_sd
-        add({pair[0]: 1.0, pair[1]: -1.0}, 0.0, sd)
+    for i, j in mirrored_lengths(lengths):
+        sd = ASYMMETRIC_SD if (lengths[i].name, lengths[j].name) in differing else options.side_sd
+        add({i: 1.0, j: -1.0}, 0.0, sd)
     return Prior(np.array(rows), np.array(right))
 
 
 def side_differences(
     lengths: Sequence[Length], x: Array, H: Array, prior: Prior, options: CalibrationOptions
-) -> tuple[SideDifference, ...]:
+) -> tuple[SideEstimate, ...]:
     """Pairs of lengths from joint to joint whose sides differ more than `side_sd` explains. Of two Gaussian priors,
     narrow (`side_sd`) and wide (`ASYMMETRIC_SD`), the one is taken that makes the data likelier, at odds of
     `ASYMMETRIC_SHARE`; pair after pair, the most telling first. The evidence is that of the differences without a prior
     on sides, about the minimum x, with the information H of the data alone [1/variance].
     """
     pairs = mirrored_lengths(lengths)
+    names = [(lengths[i].name, lengths[j].name) for i, j in pairs]
     along = [pair for pair, (i, j) in enumerate(pairs) if lengths[i].along and lengths[i].between_joints]
     if not along:
         return ()
@@ -234,10 +221,9 @@ def side_differences(
             break
         sd[best] = wide_sd
     return tuple(
-        SideDifference(*pairs[pair], float(seen[row]), float(np.sqrt(spread[row, row])), float(gains[row]),
-                       bool(sd[row] > options.side_sd))
+        SideEstimate(*names[pair], float(seen[row]), float(np.sqrt(spread[row, row])), bool(sd[row] > options.side_sd))
         for row, pair in enumerate(along)
-    )  # fmt: skip
+    )
 
 
 def _log_evidence(seen: Array, spread: Array, sd: Array) -> float:

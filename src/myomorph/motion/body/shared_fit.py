@@ -14,21 +14,14 @@ from numpy.typing import NDArray
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData
 from myomorph.motion.body.angle_slopes import angle_slopes
-from myomorph.motion.body.priors import (
-    SideDifference,
-    calibration_prior,
-    side_differences,
-    symmetric_posture,
-    usual_shifts,
-)
+from myomorph.motion.body.priors import calibration_prior, side_differences, symmetric_posture, usual_shifts
 from myomorph.motion.body.shared_problem import FrameSet, Point, Reduced, SharedProblem
-from myomorph.motion.calibration import CalibrationOptions, Distances
+from myomorph.motion.calibration import CalibrationOptions, Distances, SideEstimate
 from myomorph.motion.newton import solve_poses
 from myomorph.motion.pose_problem import PoseProblem
 from myomorph.motion.starts import closed_defaults, root_coordinates
-from myomorph.motion.stretch import FRAMES_AT_ONCE, Stretch, frame_blocks, tied_markers, with_travel
+from myomorph.motion.stretch import FRAMES_AT_ONCE, frame_blocks, with_travel
 from myomorph.motion.tasks.loops import ties_of
-from myomorph.motion.tasks.markers import MarkerArrays
 from myomorph.rigid.frames import over_frames
 from myomorph.rigid.loops import loop_basis
 from myomorph.rigid.tree import Tree, compile_tree
@@ -55,7 +48,7 @@ def settle(problem: SharedProblem, x: Array, angles: Sequence[Array], variance: 
         converged += int(solved.converged.sum())
     frames = max(sum(len(values) for values in solutions), 1)
     prior = problem.prior_cost(x, solutions)
-    return Point(x, tree.arrays, tuple(poses), tuple(solutions), tuple(costs), prior, converged / frames)
+    return Point(x, tree, tuple(poses), tuple(solutions), tuple(costs), prior, converged / frames)
 
 
 def _pose_of(problem: SharedProblem, x: Array, group: FrameSet, variance: float, tree: Tree) -> PoseProblem:
@@ -83,7 +76,7 @@ def reduce(problem: SharedProblem, at: Point) -> Reduced:
     size = len(problem.pose.free)
     fixed_H, fixed_g = np.zeros((shared, shared)), np.zeros(shared)
     taken_H, taken_g = np.zeros((shared, shared)), np.zeros(shared)
-    tied, tied_stretch = _tied(problem, at.x, stretch)
+    tied, tied_stretch = problem.tied(at.tree, stretch)
     tree = compile_tree(problem.model)
     closed = loop_basis(tree, closed_defaults(tree)[None], problem.pose.free).rank
     errors, angles_free = [], 0
@@ -100,8 +93,8 @@ def reduce(problem: SharedProblem, at: Point) -> Reduced:
                 stop = min(start + FRAMES_AT_ONCE, last)
                 gone = np.empty((size * (stop - start), shared + 1))
                 frame_blocks(
-                    at.tree, P, stretch, tied, tied_stretch, start, stop, problem.posture_weight, c, H[slot], g[slot],
-                    gone, out,
+                    at.tree.arrays, P, stretch, tied, tied_stretch, start, stop, problem.posture_weight, c, H[slot],
+                    g[slot], gone, out,
                 )  # fmt: skip
                 E[slot] += gone[:, :-1].T @ gone[:, :-1]
                 e[slot] += gone[:, :-1].T @ gone[:, -1]
@@ -120,16 +113,6 @@ def reduce(problem: SharedProblem, at: Point) -> Reduced:
         np.pad(fixed_H - taken_H, pad), np.pad(fixed_g - taken_g, (0, 1)), np.pad(fixed_H, pad),
         np.pad(fixed_g, (0, 1)), tuple(errors), angles_free,
     )  # fmt: skip
-
-
-def _tied(problem: SharedProblem, x: Array, stretch: Stretch) -> tuple[MarkerArrays, Stretch]:
-    """The points that loops tie at x, as markers, and how they move with the lengths: as points of their bodies."""
-    if not problem.model.loops:
-        return tied_markers(problem.pose.ties), stretch
-    tied = tied_markers(ties_of(compile_tree(problem.stretched(x))))
-    # A weld's lever does not stretch.
-    unstretched = tied_markers(ties_of(compile_tree(problem.model), lever=0.0))
-    return tied, stretch._replace(location=unstretched.location)
 
 
 def settle_anew(problem: SharedProblem, at: Point, root: Sequence[int], variance: float) -> Point:
@@ -238,20 +221,17 @@ TAIL = 3.0  # Degrees of freedom of Student's t, of which shifts of markers are 
 @dataclass(frozen=True, eq=False)
 class Search:
     """Where the search ended (`found`, with the prior of the last stage), and how it came there. `noise` is the
-    standard deviation of a marker along one axis [m], `costs` are of the last stage's steps, `steps` counts those of
-    all stages, `free` (unknowns,) says what was searched for, `differing` pairs of lengths the prior lets differ.
+    standard deviation of a marker along one axis [m], `steps` counts those of all stages, `free` (unknowns,) says what
+    was searched for, `sides` which pairs of lengths the prior lets differ.
     """
 
     problem: SharedProblem
     found: Minimum
-    start: Point
     noise: float
     noise_found: bool
-    costs: tuple[float, ...]
     steps: int
     free: Bools
-    sides: tuple[SideDifference, ...] = ()
-    differing: tuple[tuple[int, int], ...] = ()
+    sides: tuple[SideEstimate, ...] = ()
 
 
 def search_minimum(
@@ -283,13 +263,13 @@ def search_minimum(
     root = root_coordinates(compile_tree(problem.model))
     # Trusting the model more at first keeps markers from following frames that are still turned wrongly.
     stages = [noise] if noise >= at_first else [at_first, noise]
-    start = point = settle(problem, x, angles, stages[0] ** 2)
+    point = settle(problem, x, angles, stages[0] ** 2)
     if not np.isfinite(point.cost(0.0)):
         raise BadData(f"calibration: the loops of model '{problem.model.name}' cannot be closed at {size:.3g} its size")
     known, usual, repeats = True, usual_shifts(problem.model, names, distances), 0
-    sides: tuple[SideDifference, ...] = ()
+    sides: tuple[SideEstimate, ...] = ()
     landmark = np.array([problem.model.marker(name).fixed for name in names])
-    differing: frozenset[tuple[int, int]] = frozenset()
+    differing: frozenset[tuple[str, str]] = frozenset()
     if options.method == "joint":
         tree = compile_tree(problem.model)
         problem = replace(
@@ -319,13 +299,14 @@ def search_minimum(
             released = usual * np.sqrt((TAIL + (shifts_now / usual) ** 2) / (TAIL + 3.0))
             # One on a bony landmark is not let go: it holds the zero angles of its body.
             released = np.where(landmark, usual, released)
-            prior = calibration_prior(problem.lengths, released, options, size, tuple(differing))
+            prior = calibration_prior(problem.lengths, released, options, size, differing)
             problem = replace(problem, prior=prior)
         if not stages and not distances.noise:
             shown_noise, known = _noise(problem, minimum, free, noise**2)
             if abs(shown_noise - noise) > 0.05 * noise and steps < options.iterations:
                 stages = [shown_noise]
-    return Search(problem, minimum, start, noise, known, minimum.costs, steps, free, sides, tuple(differing))
+    sides = tuple(replace(side, differs=(side.first, side.second) in differing) for side in sides)
+    return Search(problem, minimum, noise, known, steps, free, sides)
 
 
 def _may_move(problem: SharedProblem, names: Sequence[str], options: CalibrationOptions) -> tuple[Bools, Bools]:

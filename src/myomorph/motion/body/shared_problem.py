@@ -12,8 +12,10 @@ from myomorph.model.model import Model
 from myomorph.model.scale import scale
 from myomorph.motion.lengths import Length, factors_of
 from myomorph.motion.pose_problem import PoseProblem
-from myomorph.motion.stretch import Stretch
-from myomorph.rigid.tree import TreeArrays
+from myomorph.motion.stretch import Stretch, tied_markers
+from myomorph.motion.tasks.loops import ties_of
+from myomorph.motion.tasks.markers import MarkerArrays
+from myomorph.rigid.tree import Tree, compile_tree
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +85,15 @@ class SharedProblem:
         """The skeleton with its lengths."""
         return scale(self.model, factors_of(self.lengths, x[: len(self.lengths)]))
 
+    def tied(self, tree: Tree, stretch: Stretch) -> tuple[MarkerArrays, Stretch]:
+        """The points that loops tie in a stretched tree, as markers, and how they move with the lengths: as points of
+        their bodies, for a weld's lever does not stretch.
+        """
+        if not self.model.loops:
+            return tied_markers(None), stretch
+        unstretched = tied_markers(ties_of(compile_tree(self.model), lever=0.0))
+        return tied_markers(ties_of(tree)), stretch._replace(location=unstretched.location)
+
     def placed(self, x: Array) -> Array:
         """(markers, 3) positions on the stretched bodies [m]."""
         n = len(self.lengths)
@@ -98,7 +109,7 @@ class Point:
     """
 
     x: Array
-    tree: TreeArrays
+    tree: Tree
     poses: tuple[PoseProblem, ...]
     angles: tuple[Array, ...]
     data: tuple[Array, ...]

@@ -9,11 +9,11 @@ from typing import Literal
 
 import numpy as np
 
-from myomorph.model.arrays import Array, frozen_array, read_only
+from myomorph.model.arrays import Array, freeze, read_only
 from myomorph.model.errors import BadData, from_extra, listing, quoted
 from myomorph.model.inertial_sensors import InertialSensors, steady
 from myomorph.model.model import Model, index_of
-from myomorph.model.segments import Segment, segments_of
+from myomorph.model.segments import Segment, segments_if_human, segments_of
 from myomorph.model.series import Markers
 from myomorph.model.sides import split_side
 from myomorph.model.spatial import rotation_from_quaternion, rotation_from_vector
@@ -85,12 +85,9 @@ def _plain(name: str) -> str:
 
 def _main_bodies(model: Model) -> dict[Segment, str]:
     """The heaviest body of each segment; none of a model without human segments."""
-    try:
-        segments = segments_of(model)
-    except BadData:
-        return {}
     masses = {body.name: body.mass for body in model.bodies}
-    return {segment: body for body, segment in sorted(segments.items(), key=lambda part: masses[part[0]])}
+    segments = sorted(segments_if_human(model).items(), key=lambda part: masses[part[0]])
+    return {segment: body for body, segment in segments}
 
 
 @dataclass(frozen=True)
@@ -147,8 +144,7 @@ class SensorMounting:
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "rotations", frozen_array(self.rotations, (len(self.sensors), 3, 3)))
-        object.__setattr__(self, "headings", frozen_array(self.headings, (len(self.knots), len(self.sensors))))
+        freeze(self, rotations=(len(self.sensors), 3, 3), headings=(len(self.knots), len(self.sensors)))
 
     def moved(self, numbers: Array) -> SensorMounting:
         """The same with errors of what is left open, by independent numbers of variance 1."""

@@ -12,7 +12,7 @@ from myomorph.model.errors import BadData, UnknownName, few
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.model.inertial_sensors import InertialSensors
 from myomorph.model.model import Model
-from myomorph.model.segments import segments_of
+from myomorph.model.segments import segments_if_human
 from myomorph.model.series import Markers, Motion
 from myomorph.model.spatial import vector_from_rotation
 from myomorph.motion.ik import (
@@ -230,11 +230,8 @@ class _Finder:
 
     def _apart(self) -> tuple[str, ...]:
         """A warning of sensors of legs that rotate about another axis than the others; none without human legs."""
-        try:
-            segments = segments_of(self.model)
-        except BadData:
-            return ()
-        legs = [index for index, body in enumerate(self.bodies) if segments[body].name in LEGS]
+        segments = segments_if_human(self.model)
+        legs = [index for index, body in enumerate(self.bodies) if body in segments and segments[body].name in LEGS]
         sensors = self.recording.sensors
         earth = rotations_at(sensors, sensors.time, self.model)[:, legs]
         angles = first_guess.turned_from_others(sensors.time, earth, np.asarray(self.model.up))

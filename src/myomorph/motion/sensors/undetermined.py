@@ -8,11 +8,10 @@ import numpy as np
 
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.spatial import vector_from_rotation
-from myomorph.motion.marker_influence import STEP
+from myomorph.motion.marker_influence import STEP, nudged_poses
 from myomorph.motion.pose_problem import PoseProblem
 from myomorph.motion.turns import floating_coordinates
-from myomorph.rigid.coordinates import Ints, couple_frames
-from myomorph.rigid.kinematics import forward_kinematics
+from myomorph.rigid.coordinates import Ints
 from myomorph.rigid.tree import Tree
 
 DETERMINED = 0.9
@@ -59,17 +58,11 @@ def body_slopes(
     tree: Tree, problem: PoseProblem, values: Array, bodies: Ints, bounded: bool = True
 ) -> tuple[Array, Array]:
     """Rotations of bodies (frames, bodies, 3, 3), and slopes (..., 3, variables), 0 at bounds if `bounded`."""
-    free, frames, count = problem.free, len(values), len(problem.free)
-    stacked = np.repeat(values[:, None], count + 1, axis=1)
-    for i, j in enumerate(free):
-        stacked[:, i + 1, j] += STEP * problem.unit[j]
-    flat = np.ascontiguousarray(stacked.reshape(-1, values.shape[1]))
-    couple_frames(tree.arrays, flat)
-    rotations = forward_kinematics(tree, flat).rotations[:, bodies].reshape(frames, count + 1, -1, 3, 3)
+    poses, held = nudged_poses(tree, problem, values)
+    rotations = poses.rotations[:, bodies].reshape(len(values), len(problem.free) + 1, -1, 3, 3)
     steps = vector_from_rotation(rotations[:, 1:] @ np.swapaxes(rotations[:, :1], 3, 4)) / STEP
     if bounded:
-        here = values[:, free]
-        steps[(here <= problem.lower + 1e-9) | (here >= problem.upper - 1e-9)] = 0.0
+        steps[held] = 0.0
     return rotations[:, 0], np.moveaxis(steps, 1, 3)
 
 

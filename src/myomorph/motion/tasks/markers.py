@@ -12,7 +12,7 @@ from myomorph.motion.tasks.task import Task, TaskKernels, per_frame
 from myomorph.rigid.coordinates import Ints
 from myomorph.rigid.kernels import bare
 from myomorph.rigid.tree import Tree
-from myomorph.rigid.vectors import matrix, plus, turned, vector
+from myomorph.rigid.vectors import dot, matrix, minus, plus, times, turned, vector
 
 
 class MarkerArrays(NamedTuple):
@@ -73,34 +73,24 @@ def _add(markers, c, frame, work):
             continue
         b, at, weight = markers.body[m], markers.location[m], markers.weight[m] / weights
         R, p, S = work.R[b], work.p[b], points[b]
-        x0 = p[0] + R[0, 0] * at[0] + R[0, 1] * at[1] + R[0, 2] * at[2]
-        x1 = p[1] + R[1, 0] * at[0] + R[1, 1] * at[1] + R[1, 2] * at[2]
-        x2 = p[2] + R[2, 0] * at[0] + R[2, 1] * at[1] + R[2, 2] * at[2]
-        e0, e1, e2 = weight * (x0 - y[0]), weight * (x1 - y[1]), weight * (x2 - y[2])
-        cost += (e0 * e0 + e1 * e1 + e2 * e2) / weight
-        x0, x1, x2 = x0 - z[0], x1 - z[1], x2 - z[2]
+        x = (
+            p[0] + R[0, 0] * at[0] + R[0, 1] * at[1] + R[0, 2] * at[2],
+            p[1] + R[1, 0] * at[0] + R[1, 1] * at[1] + R[1, 2] * at[2],
+            p[2] + R[2, 0] * at[0] + R[2, 1] * at[1] + R[2, 2] * at[2],
+        )
+        e = times(weight, minus(x, y))
+        cost += dot(e, e) / weight
+        x = minus(x, z)
         S[0] += weight
-        S[1] += weight * x0
-        S[2] += weight * x1
-        S[3] += weight * x2
-        S[4] += weight * x0 * x0
-        S[5] += weight * x0 * x1
-        S[6] += weight * x0 * x2
-        S[7] += weight * x1 * x1
-        S[8] += weight * x1 * x2
-        S[9] += weight * x2 * x2
-        S[10] += e0
-        S[11] += e1
-        S[12] += e2
-        S[13] += x0 * e0
-        S[14] += x0 * e1
-        S[15] += x0 * e2
-        S[16] += x1 * e0
-        S[17] += x1 * e1
-        S[18] += x1 * e2
-        S[19] += x2 * e0
-        S[20] += x2 * e1
-        S[21] += x2 * e2
+        square = 4
+        for i in range(3):
+            S[1 + i] += weight * x[i]
+            S[10 + i] += e[i]
+            for j in range(3):
+                S[13 + 3 * i + j] += x[i] * e[j]
+            for j in range(i, 3):
+                S[square] += weight * x[i] * x[j]
+                square += 1
     return cost
 
 
