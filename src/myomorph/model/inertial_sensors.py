@@ -10,15 +10,16 @@ import numpy as np
 
 from myomorph.model.arrays import Array, freeze, read_only
 from myomorph.model.errors import BadData
-from myomorph.model.labelled import AXES, Labelled, Variable
+from myomorph.model.labelled import AXES, Variable
 from myomorph.model.model import index_of
+from myomorph.model.series import OverTime
 
 SIGNALS = {"angular_velocities": "rad/s", "accelerations": "m/s^2", "magnetic_fields": "1", "orientations": "1"}
 """What a sensor may give, with its unit: fields of `InertialSensors`."""
 
 
 @read_only
-class InertialSensors(Labelled):
+class InertialSensors(OverTime):
     """Inertial sensors on one clock; what was not recorded is None, what is missing NaN."""
 
     time: Array  # (frames,) ascending [s]
@@ -42,9 +43,6 @@ class InertialSensors(Labelled):
         for name in self.signals:
             freeze(self, **{name: (len(self.time), len(self.names), 4 if name == "orientations" else 3)})
 
-    def __len__(self) -> int:
-        return len(self.time)
-
     @property
     def signals(self) -> dict[str, Any]:
         """What was recorded, by the names of `SIGNALS`."""
@@ -62,7 +60,7 @@ class InertialSensors(Labelled):
             for name, values in self.signals.items()
         }
 
-    def labels(self) -> Mapping[str, Sequence[object] | np.ndarray]:
+    def labels(self) -> dict[str, Sequence[str] | Array]:
         """Times [s], names of the sensors, axes."""
         return {"time": self.time, "name": self.names, "axis": AXES, "part": ("w", *AXES)}
 
@@ -79,7 +77,7 @@ class InertialSensors(Labelled):
                 f"{self.source or 'sensors'}: no frame from {start:g} to {end:g} s; the recording runs from "
                 f"{self.time[0]:g} to {self.time[-1]:g} s"
             )
-        return replace(self, time=self.time[some], **{what: part[some] for what, part in self.signals.items()})
+        return self.frames(some)
 
 
 def beside(parts: Sequence[InertialSensors]) -> InertialSensors:

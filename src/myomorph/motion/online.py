@@ -24,7 +24,7 @@ from myomorph.motion.pose_problem import PoseProblem
 from myomorph.motion.sensors.mounting import SensorMounting, SensorOptions, earth_to_ground, orientation_tasks
 from myomorph.motion.starts import scout_poses
 from myomorph.motion.tasks.orientations import OrientationArrays
-from myomorph.motion.turns import floating_coordinates
+from myomorph.motion.turns import floating_coordinates, nearest_turn
 from myomorph.rigid.tree import compile_tree
 
 REACH = 4.0  # Half width of the filter's window in standard deviations of its bell
@@ -380,5 +380,4 @@ class SteadyKinematics:
 
     def _turned(self, change: Array) -> Array:
         """A change of coordinates with angles by the shorter way round."""
-        round_ = 2.0 * np.pi * np.round(change / (2.0 * np.pi))
-        return np.where(self._turning, change - round_, change)
+        return np.where(self._turning, nearest_turn(change, np.zeros_like(change)), change)
