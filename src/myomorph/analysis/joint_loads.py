@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from myomorph.analysis.strides import Stride, Strides
-from myomorph.model.arrays import Array
 from myomorph.model.series import Series
 from myomorph.model.sides import split_side
 
@@ -51,16 +50,10 @@ def stride_loads(loads: Series, strides: Strides | None) -> tuple[StrideLoad, ..
     for name, force in zip(loads.names, loads.values.T, strict=True):
         spans = [(index, stride.start, stride.stop) for index, stride in enumerate(own_strides(name, strides), 1)]
         for number, start, stop in spans or [(0, float(loads.time[0]), float(loads.time[-1]))]:
-            load = _between(name, number, loads.time, force, start, stop)
-            result += [load] if load is not None else []
+            inside = (loads.time >= start - 1e-9) & (loads.time <= stop + 1e-9) & np.isfinite(force)
+            if inside.sum() > 1:
+                clock, values = loads.time[inside], force[inside]
+                top = int(np.argmax(values))
+                impulse = float(0.5 * (values[1:] + values[:-1]) @ np.diff(clock))
+                result.append(StrideLoad(name, number, start, stop, float(values[top]), float(clock[top]), impulse))
     return tuple(result)
-
-
-def _between(name: str, number: int, time: Array, force: Array, start: float, stop: float) -> StrideLoad | None:
-    inside = (time >= start - 1e-9) & (time <= stop + 1e-9) & np.isfinite(force)
-    if inside.sum() < 2:
-        return None
-    clock, values = time[inside], force[inside]
-    top = int(np.argmax(values))
-    impulse = float(0.5 * (values[1:] + values[:-1]) @ np.diff(clock))
-    return StrideLoad(name, number, start, stop, float(values[top]), float(clock[top]), impulse)

@@ -123,7 +123,8 @@ def laboratory_table(path: Path, layout: ForceLayout | None = None) -> Table:
     elif not layout.names:
         notes.append(f"columns by its heading: {quoted(names)}")
     time = _times(names, values, layout.rate or _rate(heading), notes, path)
-    kept = [index for index, name in enumerate(names) if name not in ("", "-") and not _is_clock(name)]
+    left_out = (*TIMES, *FRAMES, *SUB_FRAMES)
+    kept = [index for index, name in enumerate(names) if name not in ("", "-") and _plain(name) not in left_out]
     titles = unique_names([names[index] for index in kept], "column", notes)
     return Table(time, titles, values[:, kept], warnings=tuple(notes), source=str(path))
 
@@ -208,17 +209,12 @@ def _rate(heading: Sequence[Sequence[str]]) -> float:
 
 
 def _plain(name: str) -> str:
-    return UNIT.sub("", name).split("[")[0].strip("_ #.").lower()
-
-
-def _is_clock(name: str) -> bool:
-    plain = _plain(name)
-    return plain.removesuffix("_s").removesuffix("_ms") in (*TIMES, *FRAMES, *SUB_FRAMES)
+    return UNIT.sub("", name).split("[")[0].strip("_ #.").lower().removesuffix("_s").removesuffix("_ms")
 
 
 def _times(names: Sequence[str], values: Array, rate: float, notes: list[str], path: Path) -> Array:
     """Times of the rows [s]: of a column, else of frames or rows at the rate."""
-    plain = [_plain(name).removesuffix("_s").removesuffix("_ms") for name in names]
+    plain = [_plain(name) for name in names]
     column = next((index for index, name in enumerate(plain) if name in TIMES), None)
     if column is not None:
         time: Array = values[:, column] * (1e-3 if re.search(r"[^a-z]ms([^a-z]|$)", names[column].lower()) else 1.0)

@@ -63,10 +63,14 @@ def read_keypoints(
     notes: list[str] = []
     tracks, stored = _tracks(path, animal, notes)
     header = KeypointNames(tuple(names), unit=UNITS.get(units), rate=rate)
-    sources = [header, stored]
+    sources = [stored]
     if not header.names or header.unit is None or header.rate is None:
         sources.append(_beside(path, tracks.shape[1], notes))
-    header = _first_told(sources)
+    # Each fact from the first source that tells it.
+    for other in sources:
+        unit = other.unit if header.unit is None else header.unit
+        told = other.rate if header.rate is None else header.rate
+        header = replace(header, names=header.names or other.names, unit=unit, rate=told)
     if not header.names:
         raise BadFile(path, f"does not name its {tracks.shape[1]} points", f"name them in {path.stem}.txt, one a line")
     if len(header.names) != tracks.shape[1]:
@@ -84,16 +88,6 @@ def read_keypoints(
     }
     markers = Markers(np.arange(len(values)) / (header.rate or 1.0), unique_names(header.names, "point", notes), values)
     return Trial(markers=markers, facts=FrozenMap(facts), warnings=tuple(notes), source=str(path))
-
-
-def _first_told(sources: Sequence[KeypointNames]) -> KeypointNames:
-    """Each fact from the first source that tells it."""
-    merged = sources[0]
-    for other in sources[1:]:
-        unit = other.unit if merged.unit is None else merged.unit
-        rate = other.rate if merged.rate is None else merged.rate
-        merged = replace(merged, names=merged.names or other.names, unit=unit, rate=rate)
-    return merged
 
 
 def _tracks(path: Path, animal: int, notes: list[str]) -> tuple[Array, KeypointNames]:

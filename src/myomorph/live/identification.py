@@ -226,7 +226,11 @@ def run_live(
     live = live or LiveOptions()
     source = source_of(recording, live)
     displays: list[Display] = []
-    segments = _segments(model)
+    try:
+        segments = segments_of(model)
+    except BadData:
+        # Not of a human: every body is its own part of the list.
+        segments = FrozenMap({name: Segment(name) for name in model.body_names})
     try:
         if live.web is not None:
             displays.append(WebDisplay(model, segments, surfaces, live.web))
@@ -271,11 +275,3 @@ def live_motions(
         result = run(open_recording(model, motion_path, loads_path, time))
         sys.stderr.write(f"{motion_path.name}: {result.summary()}\n")
     return opened
-
-
-def _segments(model: Model) -> Mapping[str, Segment]:
-    """Segments of a human model; of another, every body is its own part of the list."""
-    try:
-        return segments_of(model)
-    except BadData:
-        return FrozenMap({name: Segment(name) for name in model.body_names})

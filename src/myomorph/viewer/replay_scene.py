@@ -9,7 +9,6 @@ import numpy as np
 
 from myomorph.model.arrays import Array
 from myomorph.model.model import GROUND
-from myomorph.model.spatial import Transform
 from myomorph.model.surface import Surface
 from myomorph.report.scene.scene import Scene, Solid
 from myomorph.report.scene.shapes import coarser, cone, reduced, sphere, tube
@@ -60,7 +59,12 @@ class ShownBody:
             balls = self._add_balls("center", len(first.centers), CENTER_RADIUS * size)
             traces = [self._add_trace(index) for index in range(len(first.centers))]
             self._layers["center"] = [balls, *(line for lines in traces for line in lines)]
-        self._joints = self._moving_joints()
+        model = body.model
+        free = {coordinate.name for coordinate in model.coordinates if not coordinate.locked}
+        joints = [joint for joint in model.joints if joint.parent != GROUND and free & {*joint.coordinates}]
+        # Bodies beyond joints that move against another body, and the joints' frames in them; none where many do.
+        frames = [(model.body_names.index(joint.child) + 1, joint.child_frame) for joint in joints]
+        self._joints = frames if len(frames) <= MAX_JOINTS else []
         self._layers["axes"] = [
             page.add_frame(f"{root}/axes{i}", axes_length=AXIS_LENGTH * size, axes_radius=AXIS_RADIUS * size)
             for i in range(len(self._joints))
@@ -137,14 +141,6 @@ class ShownBody:
             for index, subject in enumerate(self.body.subjects)
             for name in subject.bodies
         }
-
-    def _moving_joints(self) -> list[tuple[int, Transform]]:
-        """Bodies beyond joints that move against another body, and the joints' frames in them; none where many do."""
-        model = self.body.model
-        free = {coordinate.name for coordinate in model.coordinates if not coordinate.locked}
-        joints = [joint for joint in model.joints if joint.parent != GROUND and free & {*joint.coordinates}]
-        frames = [(model.body_names.index(joint.child) + 1, joint.child_frame) for joint in joints]
-        return frames if len(frames) <= MAX_JOINTS else []
 
     def _add_trace(self, subject: int) -> list[Any]:
         """The path of a center of mass in space, and its shadow on the floor."""

@@ -94,7 +94,13 @@ def _points(
     if all(plain):
         notes.append(f"no point has a label: the {count} points were named unnamed_1, ...")
         labels, plain = [f"unnamed_{index + 1}" for index in range(count)], [None] * count
-    names = _without_prefix(labels, facts)
+    # The name of the subject before a colon is left out where that keeps labels apart.
+    short = [label.rpartition(":")[2].strip() or label for label in labels]
+    prefixes = sorted({label.rpartition(":")[0] for label in labels if ":" in label})
+    if prefixes:
+        facts["label prefixes"] = ", ".join(prefixes)
+    times = Counter(short)
+    names = [cut if times[cut] == 1 else label for cut, label in zip(short, labels, strict=True)]
     real = [index for index in range(count) if not plain[index] and not quantity[index]]
     other = [index for index in range(count) if quantity[index] and not plain[index]]
     if any(plain):
@@ -125,16 +131,6 @@ def _full_labels(labels: list[str], descriptions: Sequence[str], notes: list[str
         return labels
     notes.append("the labels are cut to four letters and repeat: markers were named by their descriptions")
     return full
-
-
-def _without_prefix(labels: Sequence[str], facts: dict[str, str]) -> list[str]:
-    """Labels without the name of the subject before a colon, where that keeps them apart."""
-    short = [label.rpartition(":")[2].strip() or label for label in labels]
-    prefixes = sorted({label.rpartition(":")[0] for label in labels if ":" in label})
-    if prefixes:
-        facts["label prefixes"] = ", ".join(prefixes)
-    times = Counter(short)
-    return [short_label if times[short_label] == 1 else label for short_label, label in zip(short, labels, strict=True)]
 
 
 def _analog(raw: RawC3d, start: float, notes: list[str]) -> Analog | None:

@@ -136,7 +136,11 @@ def arm_figure(moment_arms: MomentArms, sizes: Mapping[str, float], flagged: Col
     """Moment arms of all muscles about a coordinate over its range, a small panel each, source grown to the target by
     `sizes`; names of muscles in `flagged` are printed in the color of warnings.
     """
-    shown = _shown(moment_arms, sizes, flagged)
+    # Of too many muscles those that are flagged and the largest, in their order.
+    size = np.array([sizes.get(name, 1.0) for name in moment_arms.muscles])
+    largest = np.maximum(np.abs(moment_arms.source).max(axis=0) * size, np.abs(moment_arms.target).max(axis=0))
+    order = np.lexsort([-largest, [name not in flagged for name in moment_arms.muscles]])
+    shown = sorted(int(muscle) for muscle in order[:MAX_PANELS])
     rows = -(-len(shown) // COLUMNS)
     width, height = COLUMNS * CELL, MARGIN + rows * ROW + 6
     turning = moment_arms.kind == "rotational"
@@ -160,15 +164,6 @@ def arm_figure(moment_arms: MomentArms, sizes: Mapping[str, float], flagged: Col
 def name_of(pair: CoordinatePair) -> str:
     """A coordinate of the target in print, with the source's where that has another name."""
     return pair.target if pair.source == pair.target else f"{pair.target} (source {pair.source})"
-
-
-def _shown(moment_arms: MomentArms, sizes: Mapping[str, float], flagged: Collection[str]) -> list[int]:
-    """Which muscles to draw, in their order: all, or of too many those that are flagged and the largest."""
-    size = np.array([sizes.get(name, 1.0) for name in moment_arms.muscles])
-    largest = np.maximum(np.abs(moment_arms.source).max(axis=0) * size, np.abs(moment_arms.target).max(axis=0))
-    first = np.array([name in flagged for name in moment_arms.muscles])
-    order = np.lexsort([-largest, ~first])
-    return sorted(int(muscle) for muscle in order[:MAX_PANELS])
 
 
 def _panel(
