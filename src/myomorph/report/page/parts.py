@@ -217,9 +217,6 @@ class PageHead:
         return PageHead(title, made.date, __version__, tuple(notes), sources, warnings=tuple(warnings))
 
 
-ANALYSIS = frozenset({"experts", "bartlett1946", "mcleod2005", "bartlett1935", "benjamini1995"})
-
-
 @dataclass(frozen=True)
 class Reference:
     """A source: what it is cited for, authors and title, place, digital object identifier or address ("" if none)."""
@@ -234,19 +231,6 @@ class Reference:
 def _known() -> Mapping[str, Reference]:
     text = (files("myomorph.report") / "page" / "references.toml").read_text(encoding="utf-8")
     return {key: Reference(key, **entry) for key, entry in tomllib.loads(text).items()}
-
-
-def references(
-    kinematics: bool, dynamics: bool, tension: bool, jump: bool, identification: bool = False, analysis: bool = False
-) -> tuple[Reference, ...]:
-    """Those that a report with these parts relies on."""
-    wanted = set() if identification and not (kinematics or dynamics or tension) else {"hicks2015", "opensim"}
-    wanted |= {"lu1999"} if kinematics else set()
-    wanted |= {"featherstone2008", "woltring1986"} if dynamics else set()
-    wanted |= {"crowninshield1981", "millard2013"} if tension else set()
-    wanted |= {"dissertation", "ayusawa2014", "ae1992", "wensing2018"} if identification else set()
-    wanted |= {"owen2014", "mcmahon2018"} if jump else set()
-    return listed(wanted | ANALYSIS if analysis else wanted)
 
 
 def listed(keys: Collection[str]) -> tuple[Reference, ...]:

@@ -8,7 +8,7 @@ from myomorph.model.series import Motion
 from myomorph.report.charts.axis import number
 from myomorph.report.charts.pictures import nearest_frames
 from myomorph.report.page.page import Instant, Tile, rendered
-from myomorph.report.page.parts import Link, Quantity, references
+from myomorph.report.page.parts import Link, Quantity, listed
 from myomorph.report.scene.pictures import frames_to_play, pictures, player, proportion
 from myomorph.report.scene.scene import make_scene
 from myomorph.report.trial.estimated_forces import acting_forces
@@ -17,6 +17,7 @@ from myomorph.report.trial.prepared import Prepared, prepare
 from myomorph.report.trial.report_input import ReportInput
 from myomorph.report.trial.sections import sections
 
+ANALYSIS = frozenset({"experts", "bartlett1946", "mcleod2005", "bartlett1935", "benjamini1995"})  # References.
 KEY_INSTANTS, FEW_INSTANTS = 6, 3
 WIDE = 1.2
 
@@ -35,13 +36,17 @@ def prepared_page(prepared: Prepared) -> str:
     parts, missing = sections(prepared)
     instants, motion = _body(prepared)
     forces = "ground" if results.contacts.forces is None else "estimated contact"
-    sources = references(
-        results.kinematics.fit is not None, results.dynamics.torques is not None, results.tension is not None,
-        prepared.movement.kind == "jump", results.identification is not None,
-        any(part.key == "analysis" for part in parts),
+    steps = (
+        (results.kinematics.fit, ("lu1999",)), (results.dynamics.torques, ("featherstone2008", "woltring1986")),
+        (results.tension, ("crowninshield1981", "millard2013")),
     )  # fmt: skip
+    cited = {key for part, keys in steps if part is not None for key in keys}
+    cited |= {"hicks2015", "opensim"} if cited or results.identification is None else set()
+    cited |= {"dissertation", "ayusawa2014", "ae1992", "wensing2018"} if results.identification is not None else set()
+    cited |= {"owen2014", "mcmahon2018"} if prepared.movement.kind == "jump" else set()
+    cited |= ANALYSIS if any(part.key == "analysis" for part in parts) else set()
     return rendered(
-        results.head, parts, sources, facts=_facts(prepared), tiles=_tiles(prepared), verdicts=prepared.verdicts,
+        results.head, parts, listed(cited), facts=_facts(prepared), tiles=_tiles(prepared), verdicts=prepared.verdicts,
         missing=missing, instants=instants, motion=motion, muscles_colored=results.tension is not None,
         arrows="" if acting_forces(results) is None else forces,
         pages=() if prepared.gait is None else (Link("Gait on one page", GAIT_PAGE),),
