@@ -175,7 +175,7 @@ def _turned_misfit(inspection: Inspection, choices: list[Turn], forces: int, poi
     used = [number for number in inspection.numbers if inspection.weights(number).any()]
     samples = inspection.samples
     for index in used:
-        samples = samples.changed(index, _changed(choices[forces].matrix, choices[points].matrix))
+        samples = changed_wrenches(samples, index, _changed(choices[forces].matrix, choices[points].matrix))
     return float(np.mean([_own_misfit(inspection, number, samples) for number in used])) if used else 0.0
 
 

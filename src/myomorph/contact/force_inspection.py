@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -139,10 +139,6 @@ class ForceSamples:
         shift = np.cross(up, self.torques) / np.where(firm, lift, np.inf)[..., None]
         return np.asarray(self.points + shift)
 
-    def changed(self, number: int, change: Change) -> ForceSamples:
-        """The same with one wrench changed."""
-        return replace(self, **_changed(self, number, change))
-
 
 def sampled(wrenches: Wrenches, time: Array, least: float) -> ForceSamples:
     """The nearest samples of wrenches, 0 at times not covered; `least`: force from which one counts as loaded [N]."""
@@ -159,18 +155,16 @@ def sampled(wrenches: Wrenches, time: Array, least: float) -> ForceSamples:
     return ForceSamples(forces, points, torques, np.linalg.norm(forces, axis=2) > least)
 
 
-def changed_wrenches(wrenches: Wrenches, number: int, change: Change) -> Wrenches:
+Forces = TypeVar("Forces", ForceSamples, Wrenches)
+
+
+def changed_wrenches(wrenches: Forces, number: int, change: Change) -> Forces:
     """Wrenches with one of them changed in all samples."""
-    return replace(wrenches, **_changed(wrenches, number, change))
-
-
-def _changed(forces: ForceSamples | Wrenches, number: int, change: Change) -> dict[str, Any]:
-    """Forces, points and torques with those of one wrench changed."""
-    parts = {name: np.array(getattr(forces, name)) for name in ("forces", "points", "torques")}
+    parts: dict[str, Any] = {name: np.array(getattr(wrenches, name)) for name in ("forces", "points", "torques")}
     changed = change(*(part[:, number] for part in parts.values()))
     for part, other in zip(parts.values(), changed, strict=True):
         part[:, number] = other
-    return parts
+    return replace(wrenches, **parts)
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from myomorph.contact.assign import shared_out
-from myomorph.contact.force_inspection import Change, Inspection, change_repair, standing
+from myomorph.contact.force_inspection import Change, Inspection, change_repair, changed_wrenches, standing
 from myomorph.model.arrays import Array, runs
 from myomorph.model.findings import Finding, Repair
 from myomorph.model.series import Wrenches
@@ -48,7 +48,7 @@ def check_origins(inspection: Inspection) -> Iterator[Finding]:
             continue
         best, left = None, np.inf
         for remedy in _remedies(inspection, number):
-            after = inspection.misfit(number, inspection.samples.changed(number, remedy.change))
+            after = inspection.misfit(number, changed_wrenches(inspection.samples, number, remedy.change))
             if after < 0.9 * left:
                 best, left = remedy, after
         if best is not None and left < min(FITS * unit, MARKED * before):

@@ -86,20 +86,14 @@ def uncertainty_of(
                 continue
             finally:
                 progress(1)
+            shapes = {name: series.values.shape for name, series in result.items()}
             if not first:
-                first = result
-                tables = kept.enter_context(Draws(draws, {name: series.values.shape for name, series in first.items()}))
-            _check_alike(first, result)
+                first, expected = result, shapes
+                tables = kept.enter_context(Draws(draws, shapes))
+            if shapes != expected:
+                raise BadData(f"a draw has series of shapes {shapes}, the first has {expected}: expected the same")
             tables.put(number, {name: series.values for name, series in result.items()})
         if draws - failed < MIN_DRAWS:
             raise BadData(f"{draws - failed} of {draws} draws have a solution: expected {MIN_DRAWS} or more{last}")
         spreads = FrozenMap({name: tables.spread(name, series.time, series.names) for name, series in first.items()})
     return Uncertainty(spreads, draws=draws, failed=failed, sizes=source_sizes(sources, sizes))
-
-
-def _check_alike(first: Mapping[str, Series], result: Mapping[str, Series]) -> None:
-    """Refuse series of other names or shapes than those of the first draw."""
-    expected = {name: series.values.shape for name, series in first.items()}
-    shapes = {name: series.values.shape for name, series in result.items()}
-    if shapes != expected:
-        raise BadData(f"a draw has series of shapes {shapes}, the first has {expected}: expected the same")
