@@ -6,7 +6,7 @@ import difflib
 import importlib
 import re
 from collections.abc import Collection, Iterable
-from typing import Any
+from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 LONGEST, LAST = 20_000, 2_000  # Characters of a message at most, and how many of them are its end
 MAX_NAMES = 5  # Names that a message lists at most
@@ -70,6 +70,15 @@ def check_name(kind: str, name: str, existing: Collection[str], where: str = "th
     """Raise `UnknownName` where a name is not among those that exist."""
     if name not in existing:
         raise UnknownName(kind, name, existing, where)
+
+
+def check_choices(options: object) -> None:
+    """Raise `BadData` where a field of a dataclass has none of the values that its `Literal` names."""
+    for name, kind in get_type_hints(type(options)).items():
+        value = getattr(options, name)
+        if get_origin(kind) is Literal and value not in get_args(kind):
+            listed = ", ".join(f"'{choice}'" for choice in get_args(kind))
+            raise BadData(f"unknown {name.replace('_', ' ')} '{value}': there are {listed}")
 
 
 def from_extra(extra: str, module: str, package: str = "") -> Any:

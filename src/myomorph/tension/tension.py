@@ -12,7 +12,7 @@ import numpy as np
 
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.contacts import ContactForces
-from myomorph.model.errors import BadData
+from myomorph.model.errors import BadData, check_choices
 from myomorph.model.findings import Finding
 from myomorph.model.labelled import Labelled, Variable
 from myomorph.model.model import index_of
@@ -97,13 +97,6 @@ class Fibers:
 RESERVE, RESIDUAL = "reserve_", "residual_"
 """With what the names of actuators begin that are added by default: of coordinates, and of a body that floats."""
 MISSING = 0.25  # Share of the weight, root mean square, from which on forces that come from nowhere void the result
-_CHOICES = {
-    "recruitment": ("power", "minmax"),
-    "weights": ("equal", "volume", "strength"),
-    "min_activation": ("zero", "model"),
-    "curves": ("auto", "rigid-tendon", "opensim", "constant"),
-    "tendons": ("rigid", "elastic"),
-}
 
 
 @dataclass(frozen=True)
@@ -166,10 +159,7 @@ class TensionOptions:
             value = getattr(self, name)
             if value is not None and not value > 0.0:
                 raise BadData(f"the optimal force of a {name} is {value:g}: expected above 0")
-        for name, choices in _CHOICES.items():
-            if getattr(self, name) not in choices:
-                listed = ", ".join(f"'{choice}'" for choice in choices)
-                raise BadData(f"unknown {name.replace('_', ' ')} '{getattr(self, name)}': there are {listed}")
+        check_choices(self)
 
     @property
     def convention(self) -> Convention:

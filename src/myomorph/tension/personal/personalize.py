@@ -11,7 +11,7 @@ from scipy.stats import norm, qmc
 from threadpoolctl import threadpool_limits
 
 from myomorph.model.arrays import Array, read_only
-from myomorph.model.errors import BadData
+from myomorph.model.errors import BadData, check_choices
 from myomorph.model.model import Model
 from myomorph.tension.personal.fibers import MuscleShapes, muscle_shapes, rigid_lengths
 from myomorph.tension.personal.fit import Fitted, HeldOut, fit, held_out, path_ends, split
@@ -49,8 +49,7 @@ class PersonalizeOptions(PriorOptions):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.tendons not in ("elastic", "rigid"):
-            raise BadData(f"unknown tendons '{self.tendons}': there are 'elastic', 'rigid'")
+        check_choices(self)
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ import numpy as np
 
 from myomorph.model.arrays import Array, freeze, read_only
 from myomorph.model.contacts import SharedWrench, Site
-from myomorph.model.errors import BadData, check_name
+from myomorph.model.errors import BadData, check_choices, check_name
 from myomorph.model.model import GROUND
 from myomorph.model.series import Series
 from myomorph.motion.sync import refuse_other_times
@@ -55,8 +55,7 @@ class ContactOptions:
     sweeps: int = 200
 
     def __post_init__(self) -> None:
-        if self.formulation not in ("simultaneous", "sequential"):
-            raise BadData(f"unknown formulation '{self.formulation}': there are 'simultaneous', 'sequential'")
+        check_choices(self)
         if not (self.compliance > 0.0 and self.smoothness >= 0.0):
             raise BadData(
                 f"compliance {self.compliance:g}, smoothness {self.smoothness:g} of contacts: expected above 0, and "
