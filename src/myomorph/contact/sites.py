@@ -88,20 +88,13 @@ def foot_sites(
     --------
     >>> import numpy as np
     >>> import myomorph as mm
-    >>> at = {"pelvis": ("ground", (0.0, 1.0, 0.0))}
-    >>> for side, z in (("r", 0.1), ("l", -0.1)):
-    ...     at |= {f"femur_{side}": ("pelvis", (0.0, -0.1, z)), f"tibia_{side}": (f"femur_{side}", (0.0, -0.4, 0.0))}
-    ...     at |= {f"calcn_{side}": (f"tibia_{side}", (-0.05, -0.42, 0.0))}
-    ...     at |= {f"toes_{side}": (f"calcn_{side}", (0.18, 0.0, 0.0))}
-    >>> def pose(place):
-    ...     return mm.model.Transform(np.eye(3), np.array(place))
-    >>> bodies = [mm.model.Body(name, 5.0, np.zeros(3), 0.05 * np.eye(3)) for name in at]
-    >>> joints = [
-    ...     mm.model.Joint(f"to_{name}", "WeldJoint", parent, name, pose(place), pose((0.0, 0.0, 0.0)))
-    ...     for name, (parent, place) in at.items()
-    ... ]
-    >>> model = mm.Model("legs", tuple(bodies), tuple(joints), (), [0.0, -9.80665, 0.0])
-    >>> [site.name for site in mm.contact.foot_sites(model) if site.group == "foot_r"]
+    >>> still = mm.model.Transform.identity()
+    >>> ahead = mm.model.Transform(np.eye(3), np.array([0.18, 0.0, 0.0]))
+    >>> bodies = [mm.model.Body(name, 1.0, np.zeros(3), 0.01 * np.eye(3)) for name in ("calcn_r", "toes_r")]
+    >>> ankle = mm.model.Joint("ankle_r", "WeldJoint", "ground", "calcn_r", still, still)
+    >>> toes = mm.model.Joint("mtp_r", "WeldJoint", "calcn_r", "toes_r", ahead, still)
+    >>> model = mm.Model("foot", tuple(bodies), (ankle, toes), (), [0.0, -9.80665, 0.0])
+    >>> [site.name for site in mm.contact.foot_sites(model)]
     ['heel_medial_r', 'heel_lateral_r', 'ball_medial_r', 'ball_lateral_r', 'toe_medial_r', 'toe_lateral_r']
     """
     options = options or FootOptions()

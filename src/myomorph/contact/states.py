@@ -15,6 +15,7 @@ from myomorph.contact.site_motion import Floor, SiteMotion, center_of, floor_und
 from myomorph.model.arrays import Array, runs
 from myomorph.model.contacts import Contacts, Site, Touch
 from myomorph.model.errors import BadData
+from myomorph.model.frozen_map import grouped
 from myomorph.model.model import GROUND, Model
 from myomorph.model.series import Motion, Series, Wrenches
 from myomorph.motion.sync import refuse_other_times
@@ -182,7 +183,7 @@ def by_plates(
     sites touch that are less than `high` above the lowest of them.
     """
     refuse_other_times("forces of plates", plates.time, moving.time)
-    groups = tuple(dict.fromkeys(site.group for site in sites))
+    groups = list(grouped((site.group, index) for index, site in enumerate(sites)).values())
     weight = model.weight
     pressing = plates.forces @ moving.up
     touching = np.zeros((len(moving.time), len(sites)), np.bool_)
@@ -195,11 +196,9 @@ def by_plates(
             here = slice(start, stop)
             share = load[here, None] * np.isfinite(away[here])
             mean = (np.nan_to_num(away[here]) * share).sum(axis=0) / np.maximum(share.sum(axis=0), 1e-12)
-            by_group = [min(mean[index] for index, site in enumerate(sites) if site.group == group) for group in groups]
-            best = int(np.argmin(by_group))
-            if not by_group[best] < options.reach * moving.height:
+            members = min(groups, key=lambda group: mean[group].min())
+            if not mean[members].min() < options.reach * moving.height:
                 continue
-            members = [index for index, site in enumerate(sites) if site.group == groups[best]]
             level = moving.lowest[here][:, members]
             low = level < np.nanmin(level, axis=1, keepdims=True) + options.high * moving.height
             touching[here, members] |= low

@@ -24,7 +24,7 @@ from myomorph.tension.joint_contact import JointContactForces, JointPoints, join
 from myomorph.tension.problem import TensionInputs
 from myomorph.tension.reaction import joint_reactions
 from myomorph.tension.recruitment import RecruitmentOptions, recruitment_terms
-from myomorph.tension.relaxation import Relaxation, relaxation_lines, relaxations
+from myomorph.tension.relaxation import Relaxation, relaxations
 from myomorph.tension.solve import ContactSolution, solve_contacts, solve_tension, with_contacts
 from myomorph.tension.tension import Tension, TensionOptions, passive_notes
 from myomorph.tension.terms.actuators import default_reserves
@@ -72,7 +72,6 @@ class ContactWarnings:
 
     intervals: ContactIntervals | None  # what the data leave open, None where no instant was asked for
     infeasible: tuple[Relaxation, ...]  # frames whose contacts cannot carry the motion
-    lines: tuple[str, ...]  # the same for runs of frames, one line each
 
     def table(self) -> Table:
         """Forces with what the data leave open: `<group>_fx`, `<group>_fx_low`, `<group>_fx_high`, ... [N]."""
@@ -231,10 +230,9 @@ def contact_warnings(
     solution: ContactSolution, frames: Sequence[int], advance: Callable[[int], None]
 ) -> ContactWarnings:
     """Ask at some instants what the data leave open, and of all frames whether contacts carry them."""
-    marked = relaxations(*solution)
     options = CertificateOptions(near=CertificateOptions.near if len(solution.found.muscles) <= LARGE else 0.0)
     intervals = contact_intervals(*solution, frames, options, advance, AT_ONCE) if frames else None
-    return ContactWarnings(intervals, marked, relaxation_lines(marked))
+    return ContactWarnings(intervals, relaxations(*solution))
 
 
 def evenly_spaced(count: int, frames: int) -> list[int]:

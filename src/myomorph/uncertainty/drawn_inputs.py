@@ -10,6 +10,7 @@ import numpy as np
 from myomorph.model.arrays import Array, runs
 from myomorph.model.contacts import Site
 from myomorph.model.errors import BadData, check_name
+from myomorph.model.frozen_map import grouped
 from myomorph.model.model import Model
 from myomorph.model.segments import segments_of
 from myomorph.model.series import Emg, Markers, Motion, Series, Wrenches
@@ -260,9 +261,8 @@ def drawn_activations(ready: Series, sites: Sequence[Site], draw: Draw) -> Serie
     if not draw.sources.contact_time or len(ready) < 2:
         return ready
     values = np.array(ready.values)
-    for group in dict.fromkeys(site.group for site in sites):
+    for group, members in grouped((site.group, index) for index, site in enumerate(sites)).items():
         begin, end = draw.of("contact_time", group, 2)
-        members = [index for index, site in enumerate(sites) if site.group == group]
         values[:, members] = _moved(ready.time, values[:, members], float(begin), float(end))
     return replace(ready, values=values)
 

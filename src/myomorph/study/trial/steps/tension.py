@@ -50,6 +50,7 @@ from myomorph.tension.dual import INFEASIBLE, STALLED
 from myomorph.tension.emg_targets import EmgOptions
 from myomorph.tension.joint_contact import JointPoints
 from myomorph.tension.recruitment import RecruitmentOptions
+from myomorph.tension.relaxation import relaxation_lines
 from myomorph.tension.solve import ContactSolution
 from myomorph.tension.task import (
     EmgRecording,
@@ -234,7 +235,7 @@ def _write_warnings(trial: TrialInputs, solution: ContactSolution, output: StepO
     contact_store.put_warnings(output.writer, warnings.intervals, warnings.infeasible)
     if warnings.intervals is not None:
         write_sto(warnings.table(), output.folder / "contact_intervals.sto")
-    return warnings.lines
+    return relaxation_lines(warnings.infeasible)
 
 
 def _read(stored: Stored, options: OptionSet) -> Tensions | None:
