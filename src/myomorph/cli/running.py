@@ -12,7 +12,7 @@ from cyclopts import Parameter
 
 from myomorph.cli.options import documented, use_threads
 from myomorph.cli.output import said
-from myomorph.model.errors import BadData
+from myomorph.model.errors import BadData, counted
 
 if TYPE_CHECKING:
     from myomorph.store.outcome import Excluded, Outcome
@@ -105,7 +105,7 @@ def print_outcome(outcome: Outcome) -> None:
     if outcome.error:
         said(f"{name}: FAILED: {outcome.error}")
         return
-    kept = f" ({len(outcome.reused)} step{'s' if len(outcome.reused) != 1 else ''} unchanged)" if outcome.reused else ""
+    kept = f" ({counted(len(outcome.reused), 'step')} unchanged)" if outcome.reused else ""
     again = f" (again, because {', '.join(outcome.changed)})" if outcome.changed else ""
     if not outcome.trial:
         said(f"{name}: {', '.join(outcome.done)} in {outcome.seconds:.1f} s{kept}{again}")

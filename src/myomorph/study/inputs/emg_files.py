@@ -23,7 +23,7 @@ from myomorph.study.inputs.emg import EmgFiles, RecordedEmg
 from myomorph.study.inputs.emg_gains import read_gains, rescaled
 from myomorph.study.inputs.emg_names import muscles_of_channels
 from myomorph.study.inputs.input import Opened, Opening
-from myomorph.study.inputs.markers import NO_RECORDING, Recording
+from myomorph.study.inputs.markers import Recording
 from myomorph.study.inputs.motion import RecordedMotion
 from myomorph.study.inputs.reading import TABLE_FILES, about, read_recording
 from myomorph.tension.emg_targets import EmgOptions
@@ -60,7 +60,7 @@ def opened(settings: EmgFiles, opening: Opening) -> Opened:
         emg = rescaled(recorded.emg, recorded.scale, gains.scale)
         recorded = replace(recorded, emg=emg, scale=gains.scale, gains=gains.calibration)
     motion = opening.values.get(RecordedMotion)
-    markers = (opening.values.get(Recording) or NO_RECORDING).trial.markers
+    markers = opening.values.or_default(Recording).trial.markers
     clocked = markers if motion is None else motion.motion
     rate = "" if clocked is None else emg_checks.rate_against(recorded.emg, clocked.time)
     # Options of EMG count wherever a recording has EMG.

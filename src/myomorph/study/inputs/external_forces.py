@@ -65,7 +65,7 @@ def opened(settings: LoadsFile, opening: Opening) -> Opened:
         bodies=settings.bodies,
         trial=markers.markers,
         plates=settings.plates,
-        laboratory=opening.settings.get(Laboratory) or AS_RECORDED,
+        laboratory=opening.settings.or_default(Laboratory),
         options=_force_options(opening),
     )
     sources += (file_source("loads", path), *load_tables(path, markers.markers))

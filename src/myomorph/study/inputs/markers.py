@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
 
@@ -13,7 +13,7 @@ from myomorph.study.inputs import reading
 from myomorph.study.inputs.input import Input, Opened, Opening, Recorded
 from myomorph.study.inputs.keys import File
 from myomorph.study.inputs.labels import Labels
-from myomorph.study.inputs.laboratory import AS_RECORDED, Laboratory
+from myomorph.study.inputs.laboratory import Laboratory
 
 
 @dataclass(frozen=True)
@@ -27,15 +27,12 @@ class MarkersFile:
 class Recording(Recorded):
     """A recording in the model's ground, its markers under the model's names."""
 
-    trial: Trial
+    trial: Trial = field(default_factory=Trial)
 
     def put(self, writer: ResultWriter) -> None:
         """Write events and outlines of plates."""
         store.put_events(writer, self.trial.events)
         store.put_plates(writer, self.trial.plates)
-
-
-NO_RECORDING = Recording(Trial())
 
 
 def _open(settings: MarkersFile, opening: Opening) -> Opened:
@@ -45,7 +42,7 @@ def _open(settings: MarkersFile, opening: Opening) -> Opened:
         return Opened()
     labels = opening.settings.or_default(Labels).labels
     reading.check_labels(labels, model)
-    upright = (opening.settings.get(Laboratory) or AS_RECORDED).trial(reading.read_recording(path))
+    upright = opening.settings.or_default(Laboratory).trial(reading.read_recording(path))
     recording = reading.fitted_to(model, reading.with_labels(upright, labels))
     return Opened(
         (Recording(recording),),

@@ -10,7 +10,7 @@ from typing import Annotated
 from myomorph.model.frozen_map import FrozenMap
 from myomorph.study.inputs.input import Input, Opened, Opening, Recorded
 from myomorph.study.inputs.keys import Spans
-from myomorph.study.inputs.markers import NO_RECORDING, Recording
+from myomorph.study.inputs.markers import Recording
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Phases(Recorded):
 
 def _open(settings: Phases, opening: Opening) -> Opened:
     """Themselves, with a warning of those outside the recording."""
-    markers = (opening.values.get(Recording) or NO_RECORDING).trial.markers
+    markers = opening.values.or_default(Recording).trial.markers
     if markers is None:
         return Opened((settings,))
     start, stop = float(markers.time[0]), float(markers.time[-1])

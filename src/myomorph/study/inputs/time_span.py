@@ -8,7 +8,7 @@ from typing import Annotated
 from myomorph.study.inputs import reading
 from myomorph.study.inputs.input import Input, Opened, Opening
 from myomorph.study.inputs.keys import Span
-from myomorph.study.inputs.markers import NO_RECORDING, MarkersFile, Recording
+from myomorph.study.inputs.markers import MarkersFile, Recording
 from myomorph.study.inputs.motion import MotionFile, RecordedMotion
 
 
@@ -22,7 +22,7 @@ class TimeSpan:
 def _open(settings: TimeSpan, opening: Opening) -> Opened:
     """Itself, held against the recording."""
     motion = opening.values.get(RecordedMotion)
-    recorded = (opening.values.get(Recording) or NO_RECORDING).trial.markers
+    recorded = opening.values.or_default(Recording).trial.markers
     series = recorded if motion is None else motion.motion
     if series is None:
         return Opened((settings,))

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from myomorph import __version__
 from myomorph.io.parsing.text import csv_text
-from myomorph.model.errors import BadFile
+from myomorph.model.errors import BadFile, counted
 from myomorph.store.locks import write_whole
 from myomorph.store.outcome import GATHERED, Key, Outcome
 from myomorph.store.progress import PATIENCE, shown_bar, silence
@@ -105,7 +105,7 @@ class StudyWatcher:
         self._written = time.monotonic()
         self._progress = StudyProgress(graph.name or "study", len(graph.works), workers.count)
         memory = "" if workers.memory is None else f", {workers.memory / 2**30:.2f} GiB of memory each"
-        count = f"{workers.count} worker{'s' if workers.count != 1 else ''}"
+        count = counted(workers.count, "worker")
         self._say(f"begin: Myomorph {__version__}, {len(graph.works)} jobs, {count}{memory}")
 
     def _say(self, text: str) -> None:

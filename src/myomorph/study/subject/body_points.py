@@ -23,7 +23,7 @@ from myomorph.model.series import DEFAULT_POSE
 from myomorph.model.surface import Surface
 from myomorph.store.progress import progress
 from myomorph.study.inputs.reading import about
-from myomorph.study.subject.subject_files import WEIGHTS, BodyOptions, BodyShape
+from myomorph.study.subject.subject_files import BodyOptions, BodyShape
 
 if TYPE_CHECKING:
     from myomorph.identify.body.shape import Shape
@@ -119,7 +119,7 @@ def _in_skin(
         points = fill(posed, options.spacing)
     links = links_of(model, fitted.motion)
     first = options.weights or "bone"
-    names = (first, *(kind for kind in WEIGHTS if kind != first and compare))
+    names = (first, *(kind for kind in WEIGHT_MAPS if kind != first and compare))
     weights = _weights(model, points, links, names)
     regions = _regions(model, weights[first]) if options.density == "segments" else None
     made = _made(points, reference_masses(points, mass, regions), weights, links, options.spacing, source)

@@ -81,11 +81,9 @@ def personalize_files(
     """Fit muscles to the recordings of files."""
     files.check()
     model = reading.open_model(files.model) if model is None else model
-    settings_fields = {field.name for kind in (Differentiation, ForceOptions) for field in fields(kind)}
-    options = with_settings(
-        PersonalizeOptions(), {name: v for name, v in settings.items() if name not in settings_fields}
-    )
-    cutoff = {name: v for name, v in settings.items() if name in settings_fields and v is not None}
+    options = with_settings(PersonalizeOptions(), settings)
+    of_forces = {field.name for kind in (Differentiation, ForceOptions) for field in fields(kind)}
+    cutoff = {name: value for name, value in settings.items() if name in of_forces and value is not None}
     warnings = list(model.warnings)
     sources, trials = [file_source("model", files.model)], []
     named, channels = files.inputs.or_default(LoadsFile), files.inputs.or_default(EmgFiles)

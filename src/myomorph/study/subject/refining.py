@@ -215,11 +215,10 @@ def _page(refined: Made[Refinement]) -> str:
     )
 
 
-def _run(subject: SubjectInputs, output: FolderOutput) -> Made[Refinement]:
+def _run(subject: SubjectInputs, output: FolderOutput) -> None:
     options = with_settings(RefineOptions(), subject.settings.get("refine", {}))
     result = refined(subject.trials(), check_mass(subject.model, subject.files.mass), options, subject.files.name)
     write_refined(replace(result, provenance=output.made), output.path("model"), output.tables)
-    return result
 
 
 def _made_from(subject: SubjectInputs) -> Provenance:

@@ -20,8 +20,6 @@ from myomorph.study.step.step_table import STEPS
 from myomorph.study.subject.morph_files import MorphFiles
 from myomorph.study.trial.trial_inputs import Settings, TrialFiles, TrialInputs, open_trial
 
-WEIGHTS = ("bone", "cog", "nearest")
-
 
 @dataclass(frozen=True)
 class BodyOptions:

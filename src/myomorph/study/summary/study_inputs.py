@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import astuple, dataclass
 from pathlib import Path
 from typing import Any
 
-from myomorph.model.provenance import Provenance, Source
+from myomorph.model.provenance import Provenance
 from myomorph.store.netcdf import open_netcdf
 from myomorph.store.outcome import Outcome
 from myomorph.store.results import DAMAGED, STORED, file_name, file_source, made_from, provenance_of, value_source
@@ -54,16 +53,12 @@ def groups_provenance(study: StudyInputs) -> Provenance:
     groups = study.plan.groups
     assert groups is not None
     options = {"name": study.plan.name, "groups": [groups.first, groups.second], "strides": repr(groups.strides)}
-    return provenance_of("groups", _trial_results(study), options | {"trials": sorted(groups.trials.items())})
-
-
-def _trial_results(study: StudyInputs) -> Iterator[Source]:
-    groups = study.plan.groups
-    assert groups is not None
+    sources = []
     for subject in (*groups.first[1], *groups.second[1]):
         for trial in groups.trials[subject]:
             path = study.out / file_name(subject) / file_name(trial) / f"{file_name(trial)}{STORED}"
-            yield value_source("trial", f"{subject}/{trial}", _result_key(path))
+            sources.append(value_source("trial", f"{subject}/{trial}", _result_key(path)))
+    return provenance_of("groups", sources, options | {"trials": sorted(groups.trials.items())})
 
 
 def _result_key(path: Path) -> tuple[object, ...]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -168,7 +169,7 @@ def join_trials(together: Together, parts: Mapping[str, Part], settings: Setting
         options=options,
         inputs=ByType(
             Recording(Trial(plates=plates)),
-            ExternalLoads(_JoinedLoads(parts, motions)),
+            ExternalLoads(partial(_joined_loads, parts, motions)),
             _emg(parts),
             read_contacts(together.contacts, model, together.measured) if together.contacts else None,
             first.get(Phases),
@@ -219,25 +220,19 @@ def _on_first_clock(series: Mapping[str, Series]) -> Series:
     )
 
 
-class _JoinedLoads:
+def _joined_loads(parts: Mapping[str, Part], motions: Mapping[str, Motion], recorded: Motion) -> Wrenches:
     """External forces of all parts, at the times of the first that has any."""
-
-    def __init__(self, parts: Mapping[str, Part], motions: Mapping[str, Motion]):
-        loads = {name: part.trial.get(ExternalLoads) for name, part in parts.items()}
-        self.loads = {name: load for name, load in loads.items() if load is not None}
-        self.motions = motions
-
-    def __call__(self, recorded: Motion) -> Wrenches:
-        wrenches = {name: loads.of(self.motions[name]) for name, loads in self.loads.items()}
-        if not wrenches:
-            nothing = np.zeros((len(recorded), 0, 3))
-            return Wrenches(recorded.time, (), (), nothing, nothing, nothing)
-        if clock_difference(wrenches):
-            time = next(iter(wrenches.values())).time
-            start = max(wrench.time[0] for wrench in wrenches.values())
-            stop = min(wrench.time[-1] for wrench in wrenches.values())
-            if stop <= start:
-                raise BadData("external forces of " + " and ".join(wrenches) + " have no time in common")
-            common = time[(time >= start) & (time <= stop)]
-            wrenches = {name: resample_wrenches(wrench, common) for name, wrench in wrenches.items()}
-        return join_wrenches(wrenches)
+    loads = {name: part.trial.get(ExternalLoads) for name, part in parts.items()}
+    wrenches = {name: load.of(motions[name]) for name, load in loads.items() if load is not None}
+    if not wrenches:
+        nothing = np.zeros((len(recorded), 0, 3))
+        return Wrenches(recorded.time, (), (), nothing, nothing, nothing)
+    if clock_difference(wrenches):
+        time = next(iter(wrenches.values())).time
+        start = max(wrench.time[0] for wrench in wrenches.values())
+        stop = min(wrench.time[-1] for wrench in wrenches.values())
+        if stop <= start:
+            raise BadData("external forces of " + " and ".join(wrenches) + " have no time in common")
+        common = time[(time >= start) & (time <= stop)]
+        wrenches = {name: resample_wrenches(wrench, common) for name, wrench in wrenches.items()}
+    return join_wrenches(wrenches)

@@ -22,7 +22,7 @@ from myomorph.store.results import ResultWriter, file_source
 from myomorph.store.settings import ReportOptions, with_settings
 from myomorph.study.inputs.imu import ImuFiles
 from myomorph.study.inputs.input import ByType, Opened, Opening, OptionSet, Recorded
-from myomorph.study.inputs.markers import NO_RECORDING, MarkersFile, Recording
+from myomorph.study.inputs.markers import MarkersFile, Recording
 from myomorph.study.inputs.mass import BodyMass
 from myomorph.study.inputs.motion import MotionFile
 from myomorph.study.inputs.reading import open_model
@@ -136,7 +136,7 @@ class TrialInputs:
     @property
     def recording(self) -> Trial:
         """Markers, events and plates; one without any where the trial begins with coordinates."""
-        return (self.inputs.get(Recording) or NO_RECORDING).trial
+        return self.inputs.or_default(Recording).trial
 
     @property
     def time(self) -> tuple[float, float] | None:
