@@ -113,23 +113,14 @@ def _bone(model: Model, knee: Joint, surfaces: Mapping[str, Surface]) -> tuple[A
     if vertices is not None:
         return vertices, ""
     other = other_side(knee.parent)
-    if other not in model.body_names:
-        return None, ""
-    mirrored = _vertices(model.body(other), surfaces)
+    mirrored = _vertices(model.body(other), surfaces) if other in model.body_names else None
     if mirrored is None:
         return None, ""
-    # Both femurs have their axes the same way, with the plane of symmetry across the body's third axis.
+    # Both femurs have their axes the same way; the plane of symmetry is across the axis along which hips are apart.
+    hips = {joint.child: joint.parent_frame.translation for joint in model.joints}
+    across = int(np.argmax(np.abs(hips[knee.parent] - hips[other])))
     note = f"{knee.name}: no mesh of '{knee.parent}' lies beside the model: that of '{other}' is taken, mirrored"
-    return mirrored * _mirror(model, knee.parent, other), note
-
-
-def _mirror(model: Model, body: str, other: str) -> Array:
-    """Signs that turn points of one side's body into those of the other: of the axis along which hips are apart."""
-    hips = [
-        next(joint for joint in model.joints if joint.child == name).parent_frame.translation for name in (body, other)
-    ]
-    across = int(np.argmax(np.abs(hips[0] - hips[1])))
-    return np.where(np.arange(3) == across, -1.0, 1.0)
+    return mirrored * np.where(np.arange(3) == across, -1.0, 1.0), note
 
 
 def _vertices(body: Body, surfaces: Mapping[str, Surface]) -> Array | None:

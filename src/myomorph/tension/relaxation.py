@@ -146,8 +146,7 @@ class Roots:
 
     def _dense(self, generators: ConeGenerators) -> Array:
         entries, _, _, _ = generators.evaluate(self.problem.coordinates)
-        owner = np.repeat(np.arange(len(generators)), np.diff(generators.arrays.first))
-        return self._spread(entries, generators.arrays.coordinate, owner, len(generators))
+        return self._spread(entries, generators.arrays.coordinate, generators.arrays.first)
 
     def _residuals(self) -> Array:
         tree, c = self.problem.assembly.tree, self.problem.coordinates
@@ -155,10 +154,12 @@ class Roots:
         P = compile_body_actuators(tree, added)
         entries = np.empty((len(c), len(P.coordinate)))
         body_directions(tree.arrays, P, np.array(c, order="C"), entries)
-        return self._spread(entries, P.coordinate, np.repeat(np.arange(len(added)), np.diff(P.start)), len(added))
+        return self._spread(entries, P.coordinate, P.start)
 
-    def _spread(self, entries: Array, coordinate: np.ndarray, owner: np.ndarray, count: int) -> Array:
-        result = np.zeros((len(entries), len(self._rows), count))
+    def _spread(self, entries: Array, coordinate: np.ndarray, start: np.ndarray) -> Array:
+        """Entries (frames, entries) as (frames, rows, columns); those of a column from its `start` (columns + 1,)."""
+        owner = np.repeat(np.arange(len(start) - 1), np.diff(start))
+        result = np.zeros((len(entries), len(self._rows), len(start) - 1))
         for i, j in enumerate(self._rows):
             mine = coordinate == j
             result[:, i, owner[mine]] = entries[:, mine]

@@ -120,19 +120,16 @@ class MarkerErrors:
 
     def _moved(self, time: float) -> Array:
         """(draws, markers, 3) how far markers are from where they would be seen without noise and skin [m]."""
-        sizes = self._sizes()
+        residuals = np.sqrt(self._squares / np.maximum(self._seen, 1.0))
+        by_name = skin_sizes(self._model, self._draw, dict(zip(self._names, residuals.tolist(), strict=True)))
+        # (markers, 2) movement of the segment's skin and of each marker's own.
+        sizes = np.array([by_name[name] for name in self._names])
         slow = self._skin.at(time).reshape(self._shape)
         markers = len(self._names)
         moved = sizes[:, 1:] * slow[:, :markers] + sizes[:, :1] * slow[:, markers:][:, self._of]
         if self._noise:
             moved += self._noise * self._random.standard_normal(moved.shape)
         return np.asarray(moved)
-
-    def _sizes(self) -> Array:
-        """(markers, 2) size of skin movement of the segment and of each marker's own [m]."""
-        residuals = np.sqrt(self._squares / np.maximum(self._seen, 1.0))
-        sizes = skin_sizes(self._model, self._draw, dict(zip(self._names, residuals.tolist(), strict=True)))
-        return np.array([sizes[name] for name in self._names])
 
 
 class AngleErrors:
