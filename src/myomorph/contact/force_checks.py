@@ -65,7 +65,8 @@ def check_mirrors(inspection: Inspection) -> Iterator[Finding]:
             continue
         feet = inspection.feet
         owner = feet.owners.get(inspection.wrenches.bodies[number])
-        carriers = _carriers(stands, owner)
+        # Feet that may carry the force: the one that it is put on, else those that stand.
+        carriers = stands if owner is None else np.tile(np.arange(stands.shape[1]) == owner, (len(stands), 1))
         centers = inspection.samples.centers(feet.up)[:, number]
         before = _distance(inspection, centers, carriers, weights)
         if before < NEAR * feet.unit:
@@ -97,15 +98,6 @@ def check_mirrors(inspection: Inspection) -> Iterator[Finding]:
                 "was changed; check the plate's corners, or name its body (--bodies, --plates)"
             )
             yield Finding(UNSURE, name, text)
-
-
-def _carriers(stands: NDArray[np.bool_], own: int | None) -> NDArray[np.bool_]:
-    """Feet (frames, feet) that may carry a force: the one it is put on, else those that stand."""
-    if own is None:
-        return stands
-    result = np.zeros_like(stands)
-    result[:, own] = True
-    return result
 
 
 def _share(frames: NDArray[np.bool_], weights: Array) -> float:
@@ -227,10 +219,11 @@ def checked_forces(wrenches: Wrenches, model: Model, motion: Motion, mend: bool 
     m]; `mend`: put right what is safe to put right. Returns the wrenches, as they were where nothing was mended, and
     the findings.
     """
-    inside = np.zeros(len(motion), bool)
-    if len(wrenches):
-        inside = (motion.time >= wrenches.time[0] - 1e-6) & (motion.time <= wrenches.time[-1] + 1e-6)
-        inside &= _between_gaps(motion)
+    inside, seen = np.zeros(len(motion), bool), np.flatnonzero(np.isfinite(motion.values).all(axis=1))
+    if len(wrenches) and len(seen):
+        # Before the first frame with a pose and after the last, a body is out of the cameras' view.
+        inside[seen[0] : seen[-1] + 1] = True
+        inside &= (motion.time >= wrenches.time[0] - 1e-6) & (motion.time <= wrenches.time[-1] + 1e-6)
     if not np.any(inside) or not model.mass > 0.0 or not wrenches.names:
         return CheckedForces(wrenches, ())
     feet = foot_poses(model, _smooth(motion, inside))
@@ -245,13 +238,6 @@ def checked_forces(wrenches: Wrenches, model: Model, motion: Motion, mend: bool 
         right, _ = repaired(inspection.wrenches, findings)
         inspection = Inspection(right, feet, (*inspection.findings, *findings)) if findings else inspection
     return CheckedForces(*repaired(wrenches, inspection.findings, mend))
-
-
-def _between_gaps(motion: Motion) -> NDArray[np.bool_]:
-    """Frames (frames,) from the first with a pose to the last: before and after, a body is out of the cameras' view."""
-    seen = np.flatnonzero(np.isfinite(motion.values).all(axis=1))
-    frames = np.arange(len(motion))
-    return (frames >= seen[0]) & (frames <= seen[-1]) if len(seen) else np.zeros(len(motion), bool)
 
 
 def _smooth(motion: Motion, inside: NDArray[np.bool_]) -> Motion:

@@ -226,20 +226,14 @@ def all_loads(exact: Wrenches | None, estimated: ContactForces) -> Wrenches:
     if exact is None:
         return result
     bodies = tuple(dict.fromkeys((*exact.bodies, *result.bodies)))
-    shape = (len(result), len(bodies), 3)
-    forces, points, torques = np.zeros(shape), np.zeros(shape), np.zeros(shape)
+    summed = np.zeros((3, len(result), len(bodies), 3))
     for j, body in enumerate(bodies):
         parts = [(values, i) for values in (exact, result) for i, other in enumerate(values.bodies) if other == body]
-        forces[:, j], points[:, j], torques[:, j] = _summed(parts)
-    return Wrenches(result.time, bodies, bodies, forces, points, torques)
-
-
-def _summed(parts: list[tuple[Wrenches, int]]) -> tuple[Array, Array, Array]:
-    """Force, point of application and free torque (frames, 3) of several loads together."""
-    force = np.stack([part.forces[:, i] for part, i in parts])
-    point = np.nan_to_num(np.stack([part.points[:, i] for part, i in parts]))
-    torque = np.stack([part.torques[:, i] for part, i in parts])
-    size = np.linalg.norm(force, axis=2, keepdims=True)
-    share = size / np.where(size.sum(axis=0) > 0.0, size.sum(axis=0), 1.0)
-    middle = (share * point).sum(axis=0)
-    return force.sum(axis=0), middle, (torque + np.cross(point - middle, force)).sum(axis=0)
+        force = np.stack([part.forces[:, i] for part, i in parts])
+        point = np.nan_to_num(np.stack([part.points[:, i] for part, i in parts]))
+        torque = np.stack([part.torques[:, i] for part, i in parts])
+        size = np.linalg.norm(force, axis=2, keepdims=True)
+        share = size / np.where(size.sum(axis=0) > 0.0, size.sum(axis=0), 1.0)
+        middle = (share * point).sum(axis=0)
+        summed[:, :, j] = force.sum(axis=0), middle, (torque + np.cross(point - middle, force)).sum(axis=0)
+    return Wrenches(result.time, bodies, bodies, *summed)

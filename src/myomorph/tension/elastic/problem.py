@@ -63,8 +63,12 @@ class ElasticProblem(TensionProblem):
         self.lengths, self.speeds = np.empty((frames, muscles)), np.empty((frames, muscles))
         over_frames(self._measure, frames)
         self.unreachable = self._take_off_unreachable()
-        self._refuse_rows()
-        if not self.muscles.elastic.any():
+        # Activations at frames are no unknowns here; forces of tendons are.
+        elastic = np.flatnonzero(self.muscles.elastic)
+        for rows in self.rows:
+            if not rows.on_forces and np.isin(rows.column, elastic).any():
+                raise BadData(f"term '{rows.names[0]}' has rows on activations, which elastic tendons do not take yet")
+        if not len(elastic):
             raise BadData("no muscle has an elastic tendon that its fibers can reach: take rigid tendons")
         self.parts = windows.parts_of(self.separable, self.muscles.elastic)
         step = float(np.median(np.diff(time))) if frames > 1 else MARGIN
@@ -97,13 +101,6 @@ class ElasticProblem(TensionProblem):
             result.append(Unreachable(name, int(np.flatnonzero(cannot[:, m])[0]), float(lengths[worst])))
             self.muscles.elastic[m] = False
         return tuple(result)
-
-    def _refuse_rows(self) -> None:
-        """Rows of terms on activations at frames, which are no unknowns here; forces of tendons are."""
-        elastic = np.flatnonzero(self.muscles.elastic)
-        for rows in self.rows:
-            if not rows.on_forces and np.isin(rows.column, elastic).any():
-                raise BadData(f"term '{rows.names[0]}' has rows on activations, which elastic tendons do not take yet")
 
     def solve(self, start: int, stop: int) -> None:
         """Solve the frames start ... stop - 1, and frames before and after them that are felt."""
