@@ -176,6 +176,10 @@ def usable(
     # Where every frame seems to lack a contact, the best carried ones say what the mass may be.
     say = use if use.any() else _best_carried(common.time, needed, measured, known)
     weighs = mass * measured[say].mean() / needed[say].mean() if say.any() else float("nan")
+    note = (
+        f"{name}: the forces correspond to {weighs:.1f} kg, but the specified mass is {mass:.1f}: a plate's zero or "
+        "gain is off, a load is carried, or the mass is wrong"
+    )
     return Usable(
         Recording(common, at, use, finer),
         FrozenMap(_counted({OUTSIDE: frames - len(common)}, marks)),
@@ -183,7 +187,7 @@ def usable(
         int(flight.sum()),
         float(weighs),
         name,
-        _weight_note(name, weighs, mass),
+        (note,) if abs(weighs / mass - 1.0) > MASS_TOLERANCE else (),
     )
 
 
@@ -330,15 +334,6 @@ def _counted(first: Mapping[str, int], marks: Mapping[str, np.ndarray]) -> dict[
 
 def _listed(counts: Mapping[str, int]) -> str:
     return ", ".join(f"{count} ({reason})" for reason, count in counts.items())
-
-
-def _weight_note(name: str, weighs: float, mass: float) -> tuple[str, ...]:
-    if not abs(weighs / mass - 1.0) > MASS_TOLERANCE:
-        return ()
-    return (
-        f"{name}: the forces correspond to {weighs:.1f} kg, but the specified mass is {mass:.1f}: a plate's zero or "
-        "gain is off, a load is carried, or the mass is wrong",
-    )
 
 
 def _largest_turn(model: Model, recording: Recording) -> float:

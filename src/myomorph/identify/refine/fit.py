@@ -209,7 +209,11 @@ def refine(
     True
     """
     options = options or RefineOptions()
-    _check_model(model)
+    if model.loops:
+        raise BadModel(model.source or model.name, "bodies tied in loops cannot be refined; remove the loops")
+    if len(floating_coordinates(model)) < 6:
+        free = "its base does not move freely in the ground, so that plates say nothing of its root"
+        raise BadModel(model.source or model.name, free)
     if not trials:
         raise BadData("refine needs at least one recording with markers and forces")
     mass = model.mass if mass is None else mass
@@ -220,16 +224,6 @@ def refine(
         problem = problem_of(weighed, recorded, choice.options)
         solution = settle(thinned(problem), progress)
     return _refinement(weighed, recorded, problem, solution, choice, path_lengths)
-
-
-def _check_model(model: Model) -> None:
-    if model.loops:
-        raise BadModel(model.source or model.name, "bodies tied in loops cannot be refined; remove the loops")
-    if len(floating_coordinates(model)) < 6:
-        raise BadModel(
-            model.source or model.name,
-            "its base does not move freely in the ground, so that plates say nothing of its root",
-        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -162,7 +162,9 @@ def path_depths(
     moves[paths.arm_muscle, paths.arm_coordinate] = True
     column = np.array([model.coordinate_names.index(name) if name else -1 for name in poses.moved], dtype=np.int64)
     looked = wanted[None] & ((column < 0)[:, None] | moves[:, column].T)
-    points, muscle, pose = _samples(paths, poses.coordinates, looked, _step(bones))
+    lengths = [solid.length for solid in bones.values()]
+    step = max(STEP * min(lengths), FINEST * max(lengths)) if lengths else np.inf
+    points, muscle, pose = _samples(paths, poses.coordinates, looked, step)
     placed = forward_kinematics(tree, np.ascontiguousarray(poses.coordinates))
     beside = [bones_beside(model, muscle) for muscle in model.muscles]
     result: dict[tuple[str, str], Depth] = {}
@@ -197,11 +199,6 @@ def bones_beside(model: Model, muscle: Muscle) -> frozenset[str]:
     between.add(next((body for body in chains[0] if body in common), chains[0][0]))
     inner = set(parents.values())
     return frozenset(between | {body for body, parent in parents.items() if parent in between and body not in inner})
-
-
-def _step(bones: Mapping[str, Solid]) -> float:
-    lengths = [solid.length for solid in bones.values()]
-    return max(STEP * min(lengths), FINEST * max(lengths)) if lengths else np.inf
 
 
 def _samples(

@@ -302,13 +302,9 @@ def match_radii(
     beside = [fit_smoothly(ours, goal, fit.before, landmarks, softer).apply(points) - here]
     turned = None if landmarks is None else FeaturePoints(landmarks.names, landmarks.target, landmarks.source)
     back = fit_smoothly(goal, ours, fit.before.inverse(), turned, few).apply(here) - points
-    beside.append(_size(fit.before) * back)
+    stretch = float(np.linalg.svd(fit.before.matrix, compute_uv=False).mean())
+    beside.append(stretch * back)
     apart = [np.linalg.norm(difference, axis=1) for difference in beside] + [np.full(len(points), fit.rms)]
     constant, *factors = COEFFICIENTS
     logs = sum(b * np.log(distance + FLOOR) for b, distance in zip(factors, apart, strict=True))
     return np.asarray(1.0 / np.hypot(np.exp(-constant - logs), 1.0 / MAX_DISTANCE))
-
-
-def _size(affine: AffineMap) -> float:
-    """Mean stretch of an affine map."""
-    return float(np.linalg.svd(affine.matrix, compute_uv=False).mean())

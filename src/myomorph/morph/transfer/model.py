@@ -8,7 +8,7 @@ from typing import Any
 
 from myomorph.model.errors import BadData, UnknownName, quoted
 from myomorph.model.frozen_map import FrozenMap
-from myomorph.model.model import GROUND, Marker, Model, index_of
+from myomorph.model.model import GROUND, Model, index_of
 from myomorph.model.paths import Ligament, Muscle, PathPoint, PathWrap
 from myomorph.model.scale import taut_ligaments
 from myomorph.morph.checks.clearance import cleared
@@ -220,6 +220,7 @@ def graft_muscles(
 
     def transferred(by: Transfers) -> tuple[Model, LinesOfAction]:
         strings = transferred_lines(source, muscles, ligaments, by, known, {}, options.surface_within)
+        further = (mark for mark in source.markers if mark.body in by and mark.name not in target.marker_names)
         made = replace(
             target,
             name=name or target.name,
@@ -227,7 +228,7 @@ def graft_muscles(
             ligaments=strings.ligaments,
             kept=(*target.kept, *kept),
             wrap_objects=strings.wrap_objects,
-            markers=(*target.markers, *_markers(source, target, by)),
+            markers=(*target.markers, *(transferred_marker(marker, by) for marker in further)),
             warnings=(),
         )
         return made, strings
@@ -310,12 +311,3 @@ def _translated(
     if straight:
         notes.append(f"paths no longer go around surfaces of bodies that the target does not have: {quoted(straight)}")
     return paths, notes
-
-
-def _markers(source: Model, target: Model, transfers: Mapping[str, Transfer]) -> tuple[Marker, ...]:
-    """The source's markers on bodies that have a counterpart, unless the target has one of that name."""
-    return tuple(
-        transferred_marker(marker, transfers)
-        for marker in source.markers
-        if marker.body in transfers and marker.name not in target.marker_names
-    )

@@ -160,9 +160,13 @@ def study_specimen(files: SpecimenFiles, options: StudyOptions, advance: Advance
     report = with_cutoffs(report, tracked, *filtered, identified.options.identification, hidden)
     report, model = _with_model(report, viscosity, tracked, identified.cutoff)
     residuals = (*opened.residuals, *_marker_residuals(identified.conditions))
-    report = replace(report, truth=files.truth, paper=files.paper, calibration=residuals, scans=opened.scans)
-    report = replace(report, errors=identified.shares, instruments=identified.instruments)
-    return Studied(viscosity, replace(report, shoulder=_is_shoulder(specimen)), model, tracked)
+    shoulder = "scapula" in specimen.base.lower() and "humer" in specimen.first.lower()
+    report = replace(
+        report, truth=files.truth, paper=files.paper, calibration=residuals, scans=opened.scans,
+        errors=identified.shares, instruments=identified.instruments,
+        shoulder=shoulder and len(specimen.joint_coordinates) == 3,
+    )  # fmt: skip
+    return Studied(viscosity, report, model, tracked)
 
 
 def read_swings(files: SpecimenFiles, cutoff: float | None = None) -> Mapping[str, tuple[SwingRecording, ...]]:
@@ -234,12 +238,6 @@ def _opened(
     if not conditions:
         raise BadData("; ".join(lost))
     return replace(opened, notes=notes, residuals=residuals), conditions, lost
-
-
-def _is_shoulder(specimen: Specimen) -> bool:
-    """Whether the joint is that of the paper and of its literature, by the names of its bones."""
-    names = specimen.base.lower(), specimen.first.lower()
-    return "scapula" in names[0] and "humer" in names[1] and len(specimen.joint_coordinates) == 3
 
 
 def _tracked(
