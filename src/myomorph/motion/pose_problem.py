@@ -8,7 +8,7 @@ from myomorph.model.arrays import Array
 from myomorph.motion.tasks.coordinates import CoordinateArrays
 from myomorph.motion.tasks.loops import Ties
 from myomorph.motion.tasks.markers import MarkerArrays
-from myomorph.motion.tasks.task import add_tasks
+from myomorph.motion.tasks.task import add_gradient, add_pair, add_tasks
 from myomorph.rigid.coordinates import KIND, SINES, WIDTH, Ints, evaluate_at, fold_dependents
 from myomorph.rigid.kernels import bare
 from myomorph.rigid.tree import ROTATION
@@ -116,14 +116,14 @@ def normal_equations(T, P, frame, c, work):
                     F1 += row_product(rows[4], field)
                     F2 += row_product(rows[5], field)
                     along += row_product(work.row_gradient[b], field)
-                add_gradient(T, work, axis, along)
+                add_gradient(T, work, H, g, axis, along)
                 a, h = axis, b
                 while h > 0:
                     while a >= T.axis_start[h]:
                         plain = fields[a, 3] * F0 + fields[a, 4] * F1 + fields[a, 5] * F2
                         plain += fields[a, 0] * N0 + fields[a, 1] * N1 + fields[a, 2] * N2
                         curved = fields[a, 0] * Q0 + fields[a, 1] * Q1 + fields[a, 2] * Q2
-                        add_pair(T, work, axis, a, plain, curved)
+                        add_pair(T, work, H, D, axis, a, plain, curved)
                         a -= 1
                     h = T.parent[h]
                     a = T.axis_start[h + 1] - 1
@@ -174,35 +174,3 @@ def axis_fields(T, c, work):
             i, j = T.axis_coordinate[axis, 0], T.axis_coordinate[axis, 1]
             _, _, _, d11, d12, d22 = evaluate_at(T.functions, f, i, j, c)
             curvature[axis, 0], curvature[axis, 1], curvature[axis, 2] = d11, d12, d22
-
-
-@bare
-def add_gradient(T, work, axis, along):
-    """Gradient through axis axis, and what the curvature of its function adds to the Hessian."""
-    i, j = T.axis_coordinate[axis, 0], T.axis_coordinate[axis, 1]
-    work.g[i] += work.dphi[axis, 0] * along
-    work.H[i, i] += work.curvature[axis, 0] * along
-    if j >= 0:
-        work.g[j] += work.dphi[axis, 1] * along
-        work.H[j, j] += work.curvature[axis, 2] * along
-        work.H[max(i, j), min(i, j)] += work.curvature[axis, 1] * along
-
-
-@bare
-def add_pair(T, work, axis, a, plain, curved):
-    """Lower triangle of the Hessian between the coordinates of axis axis and of an earlier axis a (or axis)."""
-    for s in range(2):
-        i = T.axis_coordinate[axis, s]
-        if i < 0:
-            break
-        for t in range(2):
-            j = T.axis_coordinate[a, t]
-            # Two coordinates of one axis pair up both ways: the lower triangle takes one of them.
-            if j < 0 or (a == axis and i < j):
-                continue
-            share = work.dphi[axis, s] * work.dphi[a, t]
-            if i == j and a != axis:
-                share *= 2.0
-            work.H[max(i, j), min(i, j)] += share * (plain + curved)
-            if i == j:
-                work.D[i] += share * plain

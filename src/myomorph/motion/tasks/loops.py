@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from myomorph.model.arrays import Array
+from myomorph.motion.tasks.task import add_gradient, add_pair
 from myomorph.rigid.coordinates import Ints, couple, fold_dependents, gather_dependents
 from myomorph.rigid.kernels import bare, in_place, inner
 from myomorph.rigid.kinematics import body_poses
@@ -271,33 +272,16 @@ def tie_curvature(T, ties, c, work, closing):
 @in_place
 def add_curvature(T, work, closing, axis, b, top, x, f, sign):
     """What axis axis of body b, with all axes between it and the body `top`, adds for a force f at the point x."""
-    H, g = closing.H, closing.g
     u = vector(work.w, axis)
-    rotates = T.axis_kind[axis] == ROTATION
-    moved = cross(u, minus(x, vector(work.o, axis))) if rotates else u
-    i, j = T.axis_coordinate[axis, 0], T.axis_coordinate[axis, 1]
+    moved = cross(u, minus(x, vector(work.o, axis))) if T.axis_kind[axis] == ROTATION else u
     # `normal_equations` has left the second derivatives of the axes' motions.
-    d11, d12, d22 = work.curvature[axis, 0], work.curvature[axis, 1], work.curvature[axis, 2]
-    along = sign * dot(f, moved)
-    if i >= 0:
-        g[i] += work.dphi[axis, 0] * along
-        H[i, i] += d11 * along
-    if j >= 0:
-        g[j] += work.dphi[axis, 1] * along
-        H[j, j] += d22 * along
-        H[max(i, j), min(i, j)] += d12 * along
+    add_gradient(T, work, closing.H, closing.g, axis, sign * dot(f, moved))
     turning = cross(moved, f)
     h, a = b, axis
     while h != top:
         while a >= T.axis_start[h]:
             if T.axis_kind[a] == ROTATION:
-                curved = sign * dot(vector(work.w, a), turning)
-                for s in range(2):
-                    for t in range(2):
-                        i, j = T.axis_coordinate[axis, s], T.axis_coordinate[a, t]
-                        if i >= 0 and j >= 0 and not (a == axis and i < j):
-                            both = 2.0 if i == j and a != axis else 1.0
-                            H[max(i, j), min(i, j)] += both * work.dphi[axis, s] * work.dphi[a, t] * curved
+                add_pair(T, work, closing.H, closing.D, axis, a, 0.0, sign * dot(vector(work.w, a), turning))
             a -= 1
         h = T.parent[h]
         a = T.axis_start[h + 1] - 1

@@ -130,6 +130,38 @@ def add_row(work, body, slope, residual, weight):
 
 
 @bare
+def add_gradient(T, work, H, g, axis, along):
+    """Add to g the gradient through axis axis, and to H what the curvature of its function makes of it."""
+    i, j = T.axis_coordinate[axis, 0], T.axis_coordinate[axis, 1]
+    g[i] += work.dphi[axis, 0] * along
+    H[i, i] += work.curvature[axis, 0] * along
+    if j >= 0:
+        g[j] += work.dphi[axis, 1] * along
+        H[j, j] += work.curvature[axis, 2] * along
+        H[max(i, j), min(i, j)] += work.curvature[axis, 1] * along
+
+
+@bare
+def add_pair(T, work, H, D, axis, a, plain, curved):
+    """Lower triangle of the Hessian between the coordinates of axis axis and of an earlier axis a (or axis)."""
+    for s in range(2):
+        i = T.axis_coordinate[axis, s]
+        if i < 0:
+            break
+        for t in range(2):
+            j = T.axis_coordinate[a, t]
+            # Two coordinates of one axis pair up both ways: the lower triangle takes one of them.
+            if j < 0 or (a == axis and i < j):
+                continue
+            share = work.dphi[axis, s] * work.dphi[a, t]
+            if i == j and a != axis:
+                share *= 2.0
+            H[max(i, j), min(i, j)] += share * (plain + curved)
+            if i == j:
+                D[i] += share * plain
+
+
+@bare
 def point_slope(work, x, direction):
     """Slope for `add_row` of the component along a direction of a point of a body at x [m], both in ground."""
     arm = cross(minus(x, (work.origin[0], work.origin[1], work.origin[2])), direction)
