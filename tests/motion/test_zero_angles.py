@@ -9,7 +9,7 @@ from myomorph.model.model import Model
 from myomorph.model.scale import scale
 from myomorph.model.series import Markers
 from myomorph.model.spatial import axis_rotation
-from myomorph.motion.body.angle_slopes import Slides, angle_slopes, sliding
+from myomorph.motion.body.angle_slopes import angle_slopes, sliding
 from myomorph.motion.body.priors import symmetric_posture
 from myomorph.motion.body.shared_fit import reduce, settle
 from myomorph.motion.body.shared_problem import FrameSet, Prior, SharedProblem
@@ -143,7 +143,7 @@ def test_sliding_skin_adds_the_spread_of_its_gradients():
     markers = walk(model, frames=1, noise=0.0)
     problem, x, angles = shared(model, markers)
     at = settle(problem, x, [angles], 1e-4)
-    slides = Slides(shift=1e-4, turn=1e-3, independent_frames=1)
+    shift, turn = 1e-4, 1e-3
     poses = forward_kinematics(compile_tree(model), at.angles[0])
     bodies, places = problem.pose.markers.body, problem.placed(x)
     before = reduce(problem, at).g
@@ -152,14 +152,14 @@ def test_sliding_skin_adds_the_spread_of_its_gradients():
         of = np.flatnonzero(bodies == body)
         apart = places[of] - places[of].mean(axis=0)
         for axis in np.eye(3):
-            for move in (np.tile(slides.shift * axis, (len(of), 1)), slides.turn * np.cross(axis, apart)):
+            for move in (np.tile(shift * axis, (len(of), 1)), turn * np.cross(axis, apart)):
                 observed = markers.values.copy()
                 observed[0, of] += move @ poses.rotations[0, body].T
                 slid = replace(problem, sets=(replace(problem.sets[0], observed=observed),))
                 there = settle(slid, x, [at.angles[0]], 1e-4)
                 moves.append(np.concatenate([reduce(slid, there).g - before, (there.angles[0] - at.angles[0])[0]]))
     expected = np.array(moves).T @ np.array(moves)
-    found = sliding(problem, at, slides)
+    found = sliding(problem, at, shift, turn, 1)
     for part in (slice(None, len(x)), slice(len(x), None)):
         np.testing.assert_allclose(found[part, part], expected[part, part], atol=0.03 * expected[part, part].max())
 

@@ -14,7 +14,7 @@ from myomorph.model.errors import BadData, listing
 from myomorph.model.model import Model, index_of
 from myomorph.model.scale import scale
 from myomorph.model.series import Markers
-from myomorph.motion.body.angle_slopes import Slides, sliding, widened
+from myomorph.motion.body.angle_slopes import sliding, widened
 from myomorph.motion.body.priors import calibration_prior, overall_size, spread_postures, usual_shifts
 from myomorph.motion.body.shared_fit import Search, reduce, search_minimum, settle
 from myomorph.motion.body.shared_problem import FrameSet, SharedProblem
@@ -227,8 +227,8 @@ def _calibration(
     locations = dict(zip(names, problem.placed(x), strict=True))
     result = scale(model, factors, options.mass, path_lengths=path_lengths)
     placed = tuple(replace(marker, location=locations.get(marker.name, marker.location)) for marker in result.markers)
-    slides = Slides(distances.slide, distances.turn if distances.slide else 0.0, options.independent_frames)
-    skin = sliding(problem, search.found.point, slides)
+    turn = distances.turn if distances.slide else 0.0
+    skin = sliding(problem, search.found.point, distances.slide, turn, options.independent_frames)
     sd, prior_sd, place_sd = _deviations(problem, search, skin)
     lengths = tuple(
         LengthEstimate(length, float(x[i]), float(sd[i]), float(prior_sd[i]))

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
-from myomorph.model.arrays import Array
 from myomorph.muscles import path_arrays as columns
 from myomorph.muscles import path_chain as chain
-from myomorph.rigid.coordinates import Ints, couple, evaluate, evaluate_at
+from myomorph.rigid.coordinates import couple, evaluate, evaluate_at
 from myomorph.rigid.kernels import in_place, inner, kernel
 from myomorph.rigid.kinematics import body_poses, pose_room
 from myomorph.rigid.vectors import cross, dot, matrix, minus, plus, put_vector, times, turned, vector
@@ -18,29 +15,20 @@ COINCIDENT = 1e-14
 SLACK = 1e-5
 
 
-class PathScratch(NamedTuple):
-    """Room to work in, one per thread."""
-
-    # (nodes, 8) place in ground [m], NODE_WEIGHT: share in the length of what follows the node, NODE_ARC: length on the
-    # surface up to a node that leaves it [m], SEEN ...: place at which OpenSim takes the node to be in ground [m]
-    x: Array
-    # (nodes, 5) NODE_LOCAL: number of the body among the muscle's, NODE_OBJECT: surface, NODE_POINT: row of `point`,
-    # NODE_WRAP: row of `wrap`, NODE_END: row of `seen`; -1 for none
-    node: Ints
-    seen: Array  # (2 wraps, 4) places first seen of the points on surfaces [m], and 1 once they are
-    turns: Ints  # (2, wraps) order of the wraps, and their latest results
-    pull: Array  # (muscle's bodies, 6) force of unit tension and its moment about the ground's origin
-    pose: Array  # (surfaces, 12) rotation row by row and place in ground
-    slopes: Array  # (couplers, 2)
-    moved: Array  # (moving points, 6) place in the body [m], and its derivative in the coordinates
-    ends: Array  # (9, 3) the arguments of `wrap_tendon`
-
-
 @inner
 def path_scratch(P):
-    """Room for `path_frames`."""
+    """Room for `path_frames`, one per thread: x, node, seen, turns, pull, pose, slopes, moved, ends.
+    `x` (nodes, 8) place in ground [m], NODE_WEIGHT: share in the length of what follows the node, NODE_ARC: length on
+    the surface up to a node that leaves it [m], SEEN ...: place at which OpenSim takes the node to be in ground [m];
+    `node` (nodes, 5) NODE_LOCAL: number of the body among the muscle's, NODE_OBJECT: surface, NODE_POINT: row of
+    `point`, NODE_WRAP: row of `wrap`, NODE_END: row of `seen`, -1 for none; `seen` (2 wraps, 4) places first seen of
+    the points on surfaces [m], and 1 once they are; `turns` (2, wraps) order of the wraps, and their latest results;
+    `pull` (muscle's bodies, 6) force of unit tension and its moment about the ground's origin; `pose` (surfaces, 12)
+    rotation row by row and place in ground; `slopes` (couplers, 2); `moved` (moving points, 6) place in the body [m],
+    and its derivative in the coordinates; `ends` (9, 3) the arguments of `wrap_tendon`.
+    """
     nodes, wraps, bodies = P.sizes[0] + 2, P.sizes[1], P.sizes[2]
-    return PathScratch(
+    return (
         np.zeros((nodes, 8)), np.zeros((nodes, 5), np.int64), np.zeros((2 * wraps, 4)), np.zeros((2, wraps), np.int64),
         np.zeros((bodies, 6)), np.zeros((P.object.shape[0], 12)), np.zeros((P.coupler.shape[0], 2)),
         np.zeros((P.moving.shape[0], 6)), np.zeros((9, 3)),
@@ -66,10 +54,8 @@ def path_frames(T, P, surfaces, tendons, c, cdot, lengths, velocities, arms, pul
     start, point, place, moving = P.start, P.point, P.place, P.moving
     wrap, surface, size, side = P.wrap, P.object, P.object_size, P.wrap_side
     axis, support, arm, follow, fixed_pose = P.axis, P.support, P.arm, P.follow, P.object_pose
-    S = path_scratch(P)
-    x, node, seen, turns, pull = S.x, S.node, S.seen, S.turns, S.pull
-    pose, slopes, moved = S.pose, S.slopes, S.moved
-    rotation, out, rows = S.ends[:3], S.ends[3:5], (S.ends[5], S.ends[6], S.ends[7], S.ends[8])
+    x, node, seen, turns, pull, pose, slopes, moved, ends = path_scratch(P)
+    rotation, out, rows = ends[:3], ends[3:5], (ends[5], ends[6], ends[7], ends[8])
     R, p, w, o, dphi = pose_room(T)
     for f in range(c.shape[0]):
         here, speeds, row = c[f], cdot[f], arms[f]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -105,33 +104,22 @@ def _between(slopes: Array) -> Array:
     return (pairs[:, 1] - pairs[:, 0]).reshape(-1, slopes.shape[1])
 
 
-@dataclass(frozen=True)
-class Slides:
-    """Standard deviations of what all markers of a segment share while the body moves: along each axis [m] and about
-    each axis through the markers' middle [rad]. Slides are alike from frame to frame: so many independent frames say as
-    much as all.
-    """
-
-    shift: float
-    turn: float
-    independent_frames: int
-
-
-def sliding(problem: SharedProblem, at: Point, slides: Slides) -> Array:
+def sliding(problem: SharedProblem, at: Point, shift: float, turn: float, independent_frames: int) -> Array:
     """(unknowns + coordinates, same) covariance that slides give the gradient [m^2 per unknown] and the angles' means.
     A slide u of a segment's markers moves them by E u, and the gradient by J^T W E u, where J are the slopes with the
-    angles at their best; the angles follow the markers as well. Slides of neighboring frames are alike: their sum
-    counts as that of `independent_frames`.
+    angles at their best; the angles follow the markers as well. `shift`, `turn`: standard deviations of what all
+    markers of a segment share while the body moves, along each axis [m] and about each axis through the markers' middle
+    [rad]. Slides of neighboring frames are alike: their sum counts as that of `independent_frames`.
     """
     unknowns, n = len(at.x), len(problem.lengths)
     size = unknowns + len(problem.posture)
     result = np.zeros((size, size))
-    if slides.shift <= 0.0 and slides.turn <= 0.0:
+    if shift <= 0.0 and turn <= 0.0:
         return result
     bodies, places = problem.pose.markers.body, problem.placed(at.x)
-    modes = [_modes(places, bodies == body, slides) for body in np.unique(bodies)]
+    modes = [_modes(places, bodies == body, shift, turn) for body in np.unique(bodies)]
     frames = sum(len(angle) for angle in at.angles)
-    alike = max(1.0, frames / slides.independent_frames)
+    alike = max(1.0, frames / independent_frames)
     for frame in frame_slopes(problem, at):
         R = frame.rotations[bodies]
         moved = []
@@ -159,10 +147,10 @@ def widened(spread: Array, variance: float, skin: Array, free: NDArray[np.bool_]
     return spread + spread @ inner @ spread / variance**2
 
 
-def _modes(places: Array, of: NDArray[np.bool_], slides: Slides) -> tuple[NDArray[np.int64], Array]:
+def _modes(places: Array, of: NDArray[np.bool_], shift: float, turn: float) -> tuple[NDArray[np.int64], Array]:
     """Markers of a body, and (markers, 3, 6) their moves in it: three shifts and three turns about their middle."""
     chosen = np.flatnonzero(of)
     apart = places[chosen] - places[chosen].mean(axis=0)
-    shift = np.repeat(slides.shift * np.eye(3)[None], len(chosen), axis=0)
-    turn = slides.turn * np.cross(np.eye(3)[None], apart[:, None]).transpose(0, 2, 1)
-    return chosen, np.concatenate([shift, turn], axis=2)
+    shifts = np.repeat(shift * np.eye(3)[None], len(chosen), axis=0)
+    turns = turn * np.cross(np.eye(3)[None], apart[:, None]).transpose(0, 2, 1)
+    return chosen, np.concatenate([shifts, turns], axis=2)
