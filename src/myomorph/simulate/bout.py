@@ -220,7 +220,13 @@ def simulate_bout(
     data.qpos[:] = plan.poses[0]
     controller = Controller(m, weight, tone)
     steps = round(min(plan.duration, until) / STEP)
-    record = _room(m, steps)
+    contacts = len(FEET) + len(GRIPS)
+    record: dict[str, Array] = {
+        "time": np.empty(steps), "qpos": np.empty((steps, m.nq)), "activations": np.empty((steps, m.nu)),
+        "tensions": np.empty((steps, m.nu)), "forces": np.zeros((steps, contacts, 3)),
+        "moments": np.zeros((steps, contacts, 3)), "places": np.zeros((steps, len(GRIPS), 3)),
+        "strayed": np.zeros(steps),
+    }  # fmt: skip
     anchors: dict[str, list[tuple[int, Array, Array]]] = {}
     activation, chosen = tone.copy(), tone
     error = np.empty(m.nv)
@@ -241,16 +247,6 @@ def simulate_bout(
         record["tensions"][index] = -data.actuator_force
         _record_forces(m, data, record, index)
     return Run(**record)
-
-
-def _room(m: Any, steps: int) -> dict[str, Array]:
-    contacts = len(FEET) + len(GRIPS)
-    return {
-        "time": np.empty(steps), "qpos": np.empty((steps, m.nq)), "activations": np.empty((steps, m.nu)),
-        "tensions": np.empty((steps, m.nu)), "forces": np.zeros((steps, contacts, 3)),
-        "moments": np.zeros((steps, contacts, 3)), "places": np.zeros((steps, len(GRIPS), 3)),
-        "strayed": np.zeros(steps),
-    }  # fmt: skip
 
 
 def _standing(

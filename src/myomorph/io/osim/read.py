@@ -98,7 +98,13 @@ def read_osim(path: str | os.PathLike[str]) -> Model:
         raise BadFile(path, problem, "open and save it in OpenSim 3.3")
     if document.version > NEWEST:
         document.warn(f"document version {document.version} is newer than OpenSim 4.6 ({NEWEST}): read as if of 4.6")
-    _check_units(node)
+    for tag, usual in (
+        ("length_units", ("meters", "metres", "meter", "m")),
+        ("force_units", ("N", "newtons", "Newtons")),
+    ):
+        unit = node.text("", tag)
+        if unit and unit not in usual:
+            document.warn(f"{tag} is '{unit}': read as {usual[0]}, as OpenSim does")
     frames = Frames(node)
     ground = node.child("Ground")
     bodies = []
@@ -139,16 +145,6 @@ def read_osim(path: str | os.PathLike[str]) -> Model:
         read_bushings(node, frames),
         forces.ligaments,
     )
-
-
-def _check_units(node: Node) -> None:
-    for tag, usual in (
-        ("length_units", ("meters", "metres", "meter", "m")),
-        ("force_units", ("N", "newtons", "Newtons")),
-    ):
-        unit = node.text("", tag)
-        if unit and unit not in usual:
-            node.document.warn(f"{tag} is '{unit}': read as {usual[0]}, as OpenSim does")
 
 
 def _joints(node: Node, bodies: list[Node], frames: Frames) -> list[ReadJoint]:

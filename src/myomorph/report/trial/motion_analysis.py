@@ -81,10 +81,14 @@ def analyse(prepared: Prepared) -> MotionAnalysis | None:
     named = results.analysis.preset
     preset = preset_of(named) if named else fitting_preset(walks, sources, people, len(who) > people > 0)
     persons = _persons(prepared, who, results.analysis.muscles or preset.muscles)
-    period = _period(persons)
+    # The clearest of the longest periods of the first person's center of gravity.
+    periodic = [period for period in persons[0].periods if period.periodic] if persons else []
+    longest = max((period.period for period in periodic), default=0.0)
+    alike = [period for period in periodic if period.period > NEARLY * longest]
+    clearest = max(alike, key=lambda period: period.likeness).period if alike else float("nan")
     nothing = "no plate loaded" if sources == ("plates",) else "no contact"
     labels = tuple(limb.label for limb in limbs)
-    cuttable = Cuttable(prepared.span, clock, prepared.events, labels, touching, nothing, period)
+    cuttable = Cuttable(prepared.span, clock, prepared.events, labels, touching, nothing, clearest)
     cutting = cut(cuttable, preset.cuts, results.analysis.phases)
     center, muscles = (persons[0].center, persons[0].activations) if persons else (None, None)
     measures = tuple(measure(stage, center, muscles, clock, touching) for stage in cutting.stages)
@@ -155,14 +159,6 @@ def _still(center: Series) -> float:
     moved = float(np.ptp(part, axis=0).max())
     least = min(REST_SPEED * REST_TIME, REST_SHARE * float(np.nanmax(np.ptp(center.values, axis=0))))
     return float(part[:, 0].mean()) if moved < least else float("nan")
-
-
-def _period(persons: tuple[Person, ...]) -> float:
-    """The clearest of the longest periods of the first person's center of gravity [s]; NaN for none."""
-    periodic = [period for period in persons[0].periods if period.periodic] if persons else []
-    longest = max((period.period for period in periodic), default=0.0)
-    alike = [period for period in periodic if period.period > NEARLY * longest]
-    return max(alike, key=lambda period: period.likeness).period if alike else float("nan")
 
 
 def _activations(prepared: Prepared, muscles: tuple[Pair, ...]) -> Series | None:
