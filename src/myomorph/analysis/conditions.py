@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.special import stdtrit as student_quantile
 
 from myomorph.analysis.groups import Animal, Comparison, Group, GroupOptions, compare_groups, compare_paired
 from myomorph.analysis.permutations import MIN_SUBJECTS
@@ -46,7 +46,7 @@ def mean_curves(names: Sequence[str], count: Array, mean: Array, squares: Array)
     some = count > 0
     freedom = np.maximum(count - 1.0, 1.0)
     deviation = np.where(count > 1, np.sqrt(squares / freedom), np.nan)
-    half = student_quantile(freedom, 0.975) * deviation / np.sqrt(np.maximum(count, 1.0))
+    half = scipy.special.stdtrit(freedom, 0.975) * deviation / np.sqrt(np.maximum(count, 1.0))
     mean = np.where(some, mean, np.nan)
     return MeanCurves(tuple(names), mean, deviation, mean - half, mean + half, count)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.special import stdtr
+import scipy
 
 from myomorph.analysis.permutations import benjamini_hochberg
 from myomorph.model.arrays import Array, read_only
@@ -79,7 +79,8 @@ def correlate(rows: Series, columns: Series) -> Correlations:
     freedom = _freedom(x, y)
     degrees = np.maximum(freedom - 1.0, 0.1)
     square = np.clip(np.nan_to_num(values) ** 2, 0.0, 1.0 - 1e-12)
-    chance = np.where(np.isnan(values), np.nan, 2.0 * stdtr(degrees, -np.sqrt(degrees * square / (1.0 - square))))
+    tails = scipy.special.stdtr(degrees, -np.sqrt(degrees * square / (1.0 - square)))
+    chance = np.where(np.isnan(values), np.nan, 2.0 * tails)
     significant = benjamini_hochberg(chance.ravel()).reshape(chance.shape) <= FALSE_DISCOVERIES
     return Correlations(rows.names, columns.names, values, freedom, chance, np.asarray(significant))
 

@@ -6,10 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.fft import next_fast_len
-from scipy.special import ndtr
-from scipy.special import stdtrit as student_quantile
 
 from myomorph.model.arrays import Array, freeze, read_only
 from myomorph.model.errors import BadData
@@ -115,7 +113,7 @@ def find_period(time: Array, values: Array, options: PeriodOptions | None = None
     memory = 1.0 + 2.0 * float(np.sum(likeness[1:lobe] ** 2))
     score = float(likeness[lag]) / np.sqrt(memory / pairs[lag])
     tries = max(1.0, (longest - lobe) / memory)
-    confidence = float(ndtr(score) ** tries)
+    confidence = float(scipy.special.ndtr(score) ** tries)
     period = step * _refined(likeness, lag, longest)
     duration = step * (count - 1)
     high = float(likeness[lag])
@@ -143,7 +141,7 @@ def _evenly(time: Array, values: Array) -> tuple[float, Array, Array] | None:
 
 def _autocorrelation(signal: Array, seen: Array) -> tuple[Array, Array]:
     """r(k) of `find_period` for every lag, and how many pairs of values it compares."""
-    size = next_fast_len(2 * len(signal), real=True)
+    size = scipy.fft.next_fast_len(2 * len(signal), real=True)
     wave, square, mask = np.fft.rfft(np.stack([signal, signal**2, seen]), size, axis=1)
     spectra = [np.abs(wave) ** 2, square * np.conj(mask), mask * np.conj(square), np.abs(mask) ** 2]
     products, later, earlier, pairs = np.fft.irfft(np.stack(spectra), size, axis=1)[:, : len(signal)]
@@ -257,6 +255,6 @@ def band(curves: ArrayLike, confidence: float = 0.95) -> Band:
     squares = (np.where(known, curves - mean, 0.0) ** 2).sum(axis=0)
     freedom = np.maximum(count - 1, 1)
     error = np.sqrt(squares / freedom / np.maximum(count, 1))
-    half = np.where(count > 1, student_quantile(freedom, 0.5 + 0.5 * confidence) * error, np.nan)
+    half = np.where(count > 1, scipy.special.stdtrit(freedom, 0.5 + 0.5 * confidence) * error, np.nan)
     spread = np.where(count > 0, np.sqrt(squares / np.maximum(count, 1)), np.nan)
     return Band(mean, mean - half, mean + half, spread, count.astype(np.float64))

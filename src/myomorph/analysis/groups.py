@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from math import comb
 
 import numpy as np
-from scipy.special import stdtrit as student_quantile
+import scipy
 
 from myomorph.analysis import permutations
 from myomorph.analysis.cycles import Band, Cycles, band
@@ -260,7 +260,8 @@ def _mean_interval(samples: Sequence[Array], confidence: float) -> tuple[Array, 
     with np.errstate(divide="ignore", invalid="ignore"):
         parts = sum(error**2 / (len(sample) - 1) for sample, error in zip(samples, errors, strict=True))
         freedom = sum(errors) ** 2 / parts
-    half = student_quantile(np.where(np.isfinite(freedom), freedom, 1.0), 0.5 + 0.5 * confidence) * np.sqrt(sum(errors))
+    deviations = scipy.special.stdtrit(np.where(np.isfinite(freedom), freedom, 1.0), 0.5 + 0.5 * confidence)
+    half = deviations * np.sqrt(sum(errors))
     return difference, difference - half, difference + half
 
 

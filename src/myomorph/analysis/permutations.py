@@ -20,10 +20,8 @@ from math import comb
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import brentq
-from scipy.special import nctdtr as noncentral_chance
-from scipy.special import stdtrit as student_quantile
 
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
@@ -180,11 +178,11 @@ def g_interval(g: float, *sizes: int, confidence: float = 0.95) -> tuple[float, 
 
     def below(shift: float) -> float:
         """Chance of a statistic up to the observed one; far out, where the series does not converge, 0 or 1."""
-        chance = float(noncentral_chance(freedom, shift, t))
+        chance = float(scipy.special.nctdtr(freedom, shift, t))
         return chance if np.isfinite(chance) else float(shift < t)
 
     def end(share: float) -> float:
-        shift = brentq(lambda shift: below(shift) - share, t - reach, t + reach)
+        shift = scipy.optimize.brentq(lambda shift: below(shift) - share, t - reach, t + reach)
         return float(shift / scale)
 
     return end(1.0 - tail), end(tail)
@@ -195,7 +193,7 @@ def g_curve_interval(g: Array, *sizes: int, confidence: float = 0.95) -> tuple[A
     if min(sizes) < 2:
         return np.full_like(g, np.nan), np.full_like(g, np.nan)
     error = np.sqrt(sum(1.0 / size for size in sizes) + g**2 / (2.0 * sum(sizes)))
-    half = student_quantile(sum(sizes) - len(sizes), 0.5 + 0.5 * confidence) * error
+    half = scipy.special.stdtrit(sum(sizes) - len(sizes), 0.5 + 0.5 * confidence) * error
     return g - half, g + half
 
 

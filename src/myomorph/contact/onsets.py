@@ -9,8 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.fft import irfft, next_fast_len, rfft
-from scipy.ndimage import maximum_filter1d
+import scipy
 
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.series import Sound
@@ -74,7 +73,7 @@ def onsets(heard: Heard) -> tuple[Onset, ...]:
     # Where nothing has been learnt yet everything is unforeseen, and at the end too little is heard.
     excess[: round(LEARNT / HOP)] = excess[-round(AHEAD / HOP) :] = 0.0
     rest = 2 * round(0.5 * REST / HOP) + 1
-    peaks = np.flatnonzero((excess > 0.0) & (excess == maximum_filter1d(excess, rest)))
+    peaks = np.flatnonzero((excess > 0.0) & (excess == scipy.ndimage.maximum_filter1d(excess, rest)))
     results: list[Onset] = []
     for peak in peaks:
         # The fastest level that shows it has the time best.
@@ -164,12 +163,13 @@ def _innovation(signal: Array, rate: float) -> Array:
     padded = np.concatenate([np.zeros(learnt), signal[: count * block]])
     result = np.zeros(len(signal))
     lags = np.abs(np.subtract.outer(np.arange(ORDER), np.arange(ORDER)))
-    size, window = next_fast_len(learnt + ORDER + 1, real=True), np.hanning(learnt)
+    size, window = scipy.fft.next_fast_len(learnt + ORDER + 1, real=True), np.hanning(learnt)
     pasts = np.lib.stride_tricks.sliding_window_view(padded, learnt)[::block]
     reaches = np.lib.stride_tricks.sliding_window_view(padded[learnt - ORDER :], block + ORDER)[::block]
     for first in range(0, count, 512):
         chunk = slice(first, min(first + 512, count))
-        alike = irfft(np.abs(rfft(pasts[chunk] * window, size, axis=1)) ** 2, size, axis=1)[:, : ORDER + 1]
+        power = np.abs(scipy.fft.rfft(pasts[chunk] * window, size, axis=1)) ** 2
+        alike = scipy.fft.irfft(power, size, axis=1)[:, : ORDER + 1]
         alike[:, 0] = alike[:, 0] * (1.0 + 1e-9) + 1e-300
         weights = np.linalg.solve(alike[:, lags], alike[:, 1:, None])[:, ::-1, 0]
         rows = np.lib.stride_tricks.sliding_window_view(reaches[chunk], ORDER + 1, axis=1)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
+import scipy
 
 from myomorph.contact.plates import plate_axes, plate_wrench
 from myomorph.model.arrays import Array, freeze, frozen_array, read_only, runs
@@ -177,8 +177,9 @@ def _speed(markers: Markers, weight: MarkedWeight) -> Array:
     frames = np.arange(len(markers))
     seen: Array = np.isfinite(values[:, :, :1]).astype(np.float64)
     width = 2 * (reach // 2) + 1
-    shares = uniform_filter1d(seen, width, axis=0)
-    smooth = uniform_filter1d(np.where(seen > 0, values, 0.0), width, axis=0) / np.where(shares > 1e-9, shares, np.nan)
+    shares = scipy.ndimage.uniform_filter1d(seen, width, axis=0)
+    sums = scipy.ndimage.uniform_filter1d(np.where(seen > 0, values, 0.0), width, axis=0)
+    smooth = sums / np.where(shares > 1e-9, shares, np.nan)
     before, after = np.maximum(frames - reach, 0), np.minimum(frames + reach, len(frames) - 1)
     moved = np.linalg.norm(smooth[after] - smooth[before], axis=2)
     fastest = np.where(np.isfinite(moved), moved, -np.inf).max(axis=1)

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.optimize import nnls
+import scipy
 
 from myomorph.contact.onsets import REST, Heard, Onset, energy_after, listen, onsets
 from myomorph.model.arrays import Array, runs
@@ -177,7 +177,7 @@ def _told_apart(
     impacts = []
     for group, energy in zip(groups, energies, strict=True):
         scale = np.where(loud > 0.0, loud, 1.0)
-        shares, _ = nnls(bleed * scale / scale[:, None], energy / scale)
+        shares, _ = scipy.optimize.nnls(bleed * scale / scale[:, None], energy / scale)
         scaled = shares * scale
         # The first arrival of every instrument.
         first = {i: (time, onset) for time, i, onset in reversed(group)}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
+import scipy
 
 from myomorph.contact.force_inspection import CARRIED, FOOT, LOADED, MOVES, PAUSE, ground_velocity, sole_distances
 from myomorph.contact.states import steady
@@ -44,8 +44,8 @@ def undetermined_loads(
     # Noise of plates moves the center of pressure of a light body far from sample to sample.
     size = max(1, round(shortest / float(np.median(np.diff(time)))))
     lift = np.linalg.norm(np.nan_to_num(wrenches.forces), axis=2, keepdims=True)
-    turning = uniform_filter1d(lift * np.nan_to_num(wrenches.points), size, axis=0)
-    points = turning / np.maximum(uniform_filter1d(lift, size, axis=0), 1e-12)
+    turning = scipy.ndimage.uniform_filter1d(lift * np.nan_to_num(wrenches.points), size, axis=0)
+    points = turning / np.maximum(scipy.ndimage.uniform_filter1d(lift, size, axis=0), 1e-12)
     distances = sole_distances(points, heels, balls, up)
     others = np.where(stands[:, None, None] & ~np.eye(len(places), dtype=bool), distances[:, :, None], np.inf)
     limits = np.minimum(BESIDE * lengths, CLOSER * others.min(axis=3))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from scipy.linalg import qr
+import scipy
 
 from myomorph.identify.null_space import (
     SCALE,
@@ -121,7 +121,7 @@ def _tared(model: Model, held: Mapping[str, float], columns: np.ndarray) -> Arra
     rows = base_regressor(model, random_states(model, held, frames=64 + len(columns) // 3, seed=1), np.zeros(3))
     rows = (rows - rows.mean(axis=0))[:, :, columns].reshape(-1, len(columns))
     scale = SCALE[columns % 10]
-    R, order = qr(rows * scale, mode="r", pivoting=True)
+    R, order = scipy.linalg.qr(rows * scale, mode="r", pivoting=True)
     diagonal = np.abs(np.diag(R))
     rank = int(np.sum(diagonal > TOLERANCE * diagonal[0])) if diagonal[0] > 0.0 else 0
     vectors = np.zeros((len(columns), len(columns) - rank))

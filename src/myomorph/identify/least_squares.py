@@ -13,7 +13,7 @@ from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import solve_triangular
+import scipy
 
 from myomorph.identify.base_parameters import BaseParameters
 from myomorph.model.arrays import Array, checked_array, read_only, runs
@@ -158,12 +158,13 @@ def solve(factors: Array, sigma: Array, mean: Array, sd: Array) -> Solution:
     for factor, noise in zip(factors, sigma, strict=True):
         data = absorb(data, factor / noise)
     R, z = with_prior(data[:size], mean, sd)
-    return Solution(data[:size, :size], data[:size, size], solve_triangular(R, z), row_lengths_of_inverse(R))
+    estimate = scipy.linalg.solve_triangular(R, z)
+    return Solution(data[:size, :size], data[:size, size], estimate, row_lengths_of_inverse(R))
 
 
 def row_lengths_of_inverse(R: Array) -> Array:
     """(k,) standard deviations of unknowns whose information is R^T R."""
-    return np.linalg.norm(solve_triangular(R, np.eye(len(R))), axis=1)
+    return np.linalg.norm(scipy.linalg.solve_triangular(R, np.eye(len(R))), axis=1)
 
 
 def levels(R: Array, mean: Array, sizes: Array) -> Array:

@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
-from scipy import linalg, sparse
+import scipy
 
 from myomorph.identify.body.point_sums import PointSums
 from myomorph.identify.body.points import MassPoints
@@ -245,10 +245,10 @@ class _Problem:
         H *= scale[:, None] * scale
         for ridge in (0.0, 1e-14, 1e-12, 1e-10, 1e-8):
             try:
-                factor = linalg.cho_factor(H + ridge * np.eye(len(H)), lower=True, check_finite=False)
-            except linalg.LinAlgError:
+                factor = scipy.linalg.cho_factor(H + ridge * np.eye(len(H)), lower=True, check_finite=False)
+            except scipy.linalg.LinAlgError:
                 continue
-            return scale * linalg.cho_solve(factor, scale * left, check_finite=False)
+            return scale * scipy.linalg.cho_solve(factor, scale * left, check_finite=False)
         raise BadData("the mass-point problem has no Newton direction: A is too badly scaled")
 
     def _step(self, y: Array, s: Array, soft: Array, direction: Array, ds: Array) -> float:
@@ -300,8 +300,8 @@ class _Problem:
         )
 
 
-def _squares(W: sparse.csr_array) -> sparse.csr_array:
-    return sparse.csr_array((W.data**2, W.indices, W.indptr), shape=W.shape)
+def _squares(W: scipy.sparse.csr_array) -> scipy.sparse.csr_array:
+    return scipy.sparse.csr_array((W.data**2, W.indices, W.indptr), shape=W.shape)
 
 
 def _fewer_rows(A: Array, b: Array) -> tuple[Array, Array]:
@@ -309,5 +309,5 @@ def _fewer_rows(A: Array, b: Array) -> tuple[Array, Array]:
     if len(A) <= A.shape[1]:
         return A, b
     n = A.shape[1]
-    R = linalg.qr(np.column_stack([A, b]), mode="r")[0]
+    R = scipy.linalg.qr(np.column_stack([A, b]), mode="r")[0]
     return R[:n, :n], R[:n, n]

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import qr
+import scipy
 
 from myomorph.model.arrays import Array
 from myomorph.model.inertia import parameters_of, pseudo_inertias
@@ -96,7 +96,7 @@ def numerical_null_space(
     # A column that is nothing but rounding (the inertia of a body that never turns) must not be scaled up.
     silent = length <= tolerance * (length / SCALE[looked_at % 10]).max() * SCALE[looked_at % 10]
     length[silent] = np.inf
-    R, order = qr(rows / length, mode="r", pivoting=True, overwrite_a=True)
+    R, order = scipy.linalg.qr(rows / length, mode="r", pivoting=True, overwrite_a=True)
     diagonal = np.abs(np.diag(R))
     rank = int(np.sum(diagonal > tolerance * diagonal[0]))
     vectors = np.zeros((size, len(looked_at) - rank))
@@ -237,7 +237,7 @@ def _turned(rotations: Array, vectors: Array) -> Array:
 def _nicest(vectors: Array) -> np.ndarray:
     """Rows of vectors (10 n, k) that make an invertible matrix, masses before moments before inertias."""
     scaled = (vectors / np.tile(SCALE, len(vectors) // 10)[:, None]) * np.tile(_PREFERENCE, len(vectors) // 10)[:, None]
-    _, order = qr(scaled.T, mode="r", pivoting=True)
+    _, order = scipy.linalg.qr(scaled.T, mode="r", pivoting=True)
     return np.sort(order[: vectors.shape[1]])
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.linalg import lstsq, solve_triangular
+import scipy
 
 from myomorph.identify.base_parameters import BaseParameters
 from myomorph.identify.least_squares import Recording, absorb
@@ -123,7 +123,7 @@ class Parts:
         g = self.groups
         factor = self._absorbed(noise, parts)
         left = factor[:g, -1] - factor[:g, g:-1] @ self.base.of(parameters)
-        found = solve_triangular(factor[:g, :g], left) if self.tissue is not None else np.zeros(0)
+        found = scipy.linalg.solve_triangular(factor[:g, :g], left) if self.tissue is not None else np.zeros(0)
         least = np.zeros(0) if self.tissue is None else self.tissue.least
         return np.maximum(found, least), np.linalg.norm(np.linalg.inv(factor[:g, :g]), axis=1)
 
@@ -175,7 +175,7 @@ class Parts:
         """(n,) base parameters by least squares, with a prior of (mean, spread) for what no frame shows."""
         R, z = self.factor(noise)
         rows = np.vstack([R, np.diag(1.0 / spread)])
-        return lstsq(rows, np.concatenate([z, mean / spread]))[0]
+        return scipy.linalg.lstsq(rows, np.concatenate([z, mean / spread]))[0]
 
 
 def parts_of(

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 
 import clarabel
 import numpy as np
-from scipy import linalg, sparse
+import scipy
 
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
@@ -183,43 +183,44 @@ def _solve(problem: _Changes, mass: float | None, residuals: bool) -> clarabel.D
     takes ten times longer: for measurements that no body near the reference can meet.
     """
     n, links = problem.A.shape[1], len(problem.moved)
-    rows, cones = -sparse.eye_array(n), [clarabel.PSDTriangleConeT(4)] * links
+    rows, cones = -scipy.sparse.eye_array(n), [clarabel.PSDTriangleConeT(4)] * links
     right = np.tile([1.0 - problem.options.margin if i == j else 0.0 for i, j in TRIANGLE], links)
     if mass is not None:
-        rows, cones = sparse.vstack([sparse.csr_array(problem.total[None]), rows]), [clarabel.ZeroConeT(1), *cones]
+        rows = scipy.sparse.vstack([scipy.sparse.csr_array(problem.total[None]), rows])
+        cones = [clarabel.ZeroConeT(1), *cones]
         right = np.append(problem.lacking, right)
     if residuals:
         A, b = problem.A, problem.b
         if len(A) > n:
             Q, A = np.linalg.qr(A)
             b = Q.T @ b
-        misses = sparse.hstack([sparse.csr_array(A), -sparse.eye_array(len(A))])
-        rows = sparse.vstack([misses, sparse.hstack([rows, sparse.csr_array((len(right), len(A)))])])
+        misses = scipy.sparse.hstack([scipy.sparse.csr_array(A), -scipy.sparse.eye_array(len(A))])
+        rows = scipy.sparse.vstack([misses, scipy.sparse.hstack([rows, scipy.sparse.csr_array((len(right), len(A)))])])
         right, cones = np.concatenate([b, right]), [clarabel.ZeroConeT(len(A)), *cones]
-        H, linear = sparse.block_diag([problem.prior, sparse.eye_array(len(A))]), np.zeros(n + len(A))
+        H, linear = scipy.sparse.block_diag([problem.prior, scipy.sparse.eye_array(len(A))]), np.zeros(n + len(A))
     else:
         full = problem.A.T @ problem.A + problem.prior
         scale = 1.0 / np.diagonal(full).mean()
-        H, linear = sparse.csc_array(scale * full), -scale * (problem.A.T @ problem.b)
+        H, linear = scipy.sparse.csc_array(scale * full), -scale * (problem.A.T @ problem.b)
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.tol_feas = settings.tol_gap_abs = settings.tol_gap_rel = problem.options.tolerance
     return clarabel.DefaultSolver(
-        sparse.csc_matrix(sparse.triu(H)), linear, sparse.csc_matrix(rows), right, cones, settings
+        scipy.sparse.csc_matrix(scipy.sparse.triu(H)), linear, scipy.sparse.csc_matrix(rows), right, cones, settings
     ).solve()
 
 
 def _least_squares(problem: _Changes, mass: float | None) -> Array:
     """(10 moved links,) changes without the inequalities, by QR of the stacked rows."""
-    root = linalg.cholesky(problem.prior)
+    root = scipy.linalg.cholesky(problem.prior)
     n = len(root)
     rows = np.block([[problem.A, problem.b[:, None]], [root, np.zeros((n, 1))]])
-    factor = linalg.qr(rows, mode="r")[0]
+    factor = scipy.linalg.qr(rows, mode="r")[0]
     R, right = factor[:n, :n], factor[:n, n]
-    x: Array = linalg.solve_triangular(R, right)
+    x: Array = scipy.linalg.solve_triangular(R, right)
     if mass is not None:
         # The least change of the total in the metric of the problem: (R^T R)^-1 total.
-        toward = linalg.solve_triangular(R, linalg.solve_triangular(R, problem.total, trans="T"))
+        toward = scipy.linalg.solve_triangular(R, scipy.linalg.solve_triangular(R, problem.total, trans="T"))
         x = x + toward * ((problem.lacking - problem.total @ x) / (problem.total @ toward))
     return x
 

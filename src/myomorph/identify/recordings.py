@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.ndimage import binary_dilation, uniform_filter1d
+import scipy
 
 from myomorph.identify.least_squares import Finer, Recording
 from myomorph.model.arrays import Array
@@ -309,16 +309,17 @@ def _unmeasured(time: Array, lacking: Array, known: np.ndarray, weight: float) -
     """(frames,) whether so much force lacks for so long that something beside the plates must carry the body."""
     frames = max(1, round(WINDOW / max(_step(time), 1e-9)))
     share = np.where(known, lacking / weight, 0.0)
-    counted = uniform_filter1d(known.astype(np.float64), frames)
-    mean = uniform_filter1d(share, frames) / np.maximum(counted, 1e-9)
-    return binary_dilation(known & (mean > MISSING_WEIGHT), iterations=max(1, frames // 2)) & known
+    counted = scipy.ndimage.uniform_filter1d(known.astype(np.float64), frames)
+    mean = scipy.ndimage.uniform_filter1d(share, frames) / np.maximum(counted, 1e-9)
+    return scipy.ndimage.binary_dilation(known & (mean > MISSING_WEIGHT), iterations=max(1, frames // 2)) & known
 
 
 def _best_carried(time: Array, needed: Array, measured: Array, known: np.ndarray) -> np.ndarray:
     """(frames,) the tenth of the known frames around which the plates carry most of what the body needs."""
     frames = max(1, round(WINDOW / max(_step(time), 1e-9)))
-    carried = uniform_filter1d(np.where(known, measured, 0.0), frames)
-    share = np.where(known, carried / np.maximum(uniform_filter1d(np.where(known, needed, 1.0), frames), 1.0), -np.inf)
+    carried = scipy.ndimage.uniform_filter1d(np.where(known, measured, 0.0), frames)
+    weighed = scipy.ndimage.uniform_filter1d(np.where(known, needed, 1.0), frames)
+    share = np.where(known, carried / np.maximum(weighed, 1.0), -np.inf)
     return known & (share >= np.quantile(share[known], 0.9)) if known.any() else known
 
 

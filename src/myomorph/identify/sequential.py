@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.linalg import solve_triangular
 
 from myomorph.identify.base_parameters import BaseParameters, base_parameters, base_sizes, link_levels, root_coordinates
 from myomorph.identify.least_squares import fold, levels, rank_and_condition, with_prior
@@ -149,7 +149,7 @@ class SequentialFit:
     def _solve(self) -> Array:
         """Refresh the estimate; returns the triangular factor with the prior."""
         R, z = with_prior(self._factor, self._mean, PRIOR * self.sizes)
-        self._estimate = solve_triangular(R, z)
+        self._estimate = scipy.linalg.solve_triangular(R, z)
         self._due = self.frames + 1 + min(self.frames // 10, 100)
         return R
 
@@ -160,7 +160,7 @@ class SequentialFit:
     def state(self) -> SequentialState:
         """Everything known by now."""
         R = self._solve()
-        inverse = solve_triangular(R, np.eye(len(R)))
+        inverse = scipy.linalg.solve_triangular(R, np.eye(len(R)))
         sd = np.linalg.norm(inverse, axis=1)
         basis = levels(self._factor[:, :-1], self._mean, self.sizes)
         rank, condition = rank_and_condition(self._factor[:, :-1])
@@ -192,7 +192,7 @@ class SequentialFit:
         if not swings.coordinates:
             return ()
         R, _ = with_prior(self._factor, self._mean, self.sizes)
-        spread = swings.rows @ solve_triangular(R, np.eye(len(R)))
+        spread = swings.rows @ scipy.linalg.solve_triangular(R, np.eye(len(R)))
         size = spread.shape[1]
         information = np.eye(size) + (_SAMPLES / _PHASES) * spread @ spread.transpose(0, 2, 1)
         gains = np.linalg.slogdet(information)[1] / 2.0

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import sparse
+import scipy
 
 from myomorph.identify.base_parameters import BaseParameters, base_sizes
 from myomorph.identify.body.points import MassPoints
@@ -232,5 +232,5 @@ def thinned(points: MassPoints, most: int = POINTS_PER_LINK) -> MassPoints:
     mass = np.bincount(owner, points.reference, links)
     left = np.bincount(owner[index], points.reference[index], links)
     reference = points.reference[index] * (mass / np.maximum(left, 1e-300))[owner[index]]
-    weights = sparse.csr_array(points.weights[index])
+    weights = scipy.sparse.csr_array(points.weights[index])
     return replace(points, points=points.points[index], reference=reference, weights=weights)

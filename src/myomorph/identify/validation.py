@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.spatial import cKDTree
 
 from myomorph.identify.body.points import MassPoints
 from myomorph.identify.least_squares import Recording
@@ -183,7 +183,7 @@ def consistency(
 
 
 def _near(points: MassPoints) -> Inside:
-    tree = cKDTree(points.points)
+    tree = scipy.spatial.cKDTree(points.points)
     reach = np.sqrt(3.0) * points.spacing
 
     def test(ground: Array) -> np.ndarray:

@@ -14,7 +14,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.linalg import solveh_banded
+import scipy
 
 from myomorph.model.arrays import Array, checked_array, read_only, runs
 from myomorph.model.errors import BadData
@@ -94,7 +94,7 @@ def _smoothed(values: Array, stiffness: float) -> Array:
     band[1, [0, -1]] -= stiffness
     if len(values) < 2:
         return values
-    return solveh_banded(band, values)
+    return scipy.linalg.solveh_banded(band, values)
 
 
 def coordinate_groups(model: Model) -> tuple[str, ...]:

@@ -6,9 +6,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import sparse
-from scipy.sparse.csgraph import connected_components
 
 from myomorph.model.arrays import Array, freeze, read_only
 from myomorph.model.errors import BadData, from_extra
@@ -108,8 +107,8 @@ def edges_of(faces: np.ndarray) -> np.ndarray:
 
 def connected(count: int, edges: np.ndarray) -> np.ndarray:
     """(count,) number of the connected piece that each of so many vertices is in, by edges (n, 2)."""
-    graph = sparse.coo_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(count, count))
-    return connected_components(graph, directed=False)[1]
+    graph = scipy.sparse.coo_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(count, count))
+    return scipy.sparse.csgraph.connected_components(graph, directed=False)[1]
 
 
 def pieces_of(count: int, faces: np.ndarray) -> list[np.ndarray]:

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.fft import irfft, next_fast_len, rfft
-from scipy.interpolate import BSpline
-from scipy.ndimage import minimum_filter1d
+import scipy
 
 from myomorph.model.arrays import Array, read_only, runs
 from myomorph.model.errors import BadData
@@ -33,8 +31,8 @@ class Compared:
     time: Array
     rows: Array
     usable: np.ndarray
-    spline: BSpline
-    slope: BSpline
+    spline: scipy.interpolate.BSpline
+    slope: scipy.interpolate.BSpline
     start: float
     end: float
     middle: float
@@ -66,7 +64,7 @@ def main_frequency(time: Array, other_time: Array, other: Array) -> float:
     rate = (len(other_time) - 1) / float(other_time[-1] - other_time[0])
     spread = np.std(other, axis=0)
     values = (other - other.mean(axis=0)) / np.where(spread > 0, spread, 1.0)
-    squared = np.sum(np.abs(rfft(values * np.hanning(len(values))[:, None], axis=0)) ** 4, axis=1)
+    squared = np.sum(np.abs(scipy.fft.rfft(values * np.hanning(len(values))[:, None], axis=0)) ** 4, axis=1)
     frequencies = np.arange(len(squared)) * rate / len(values)
     squared = squared * (frequencies < 0.25 * (len(time) - 1) / float(time[-1] - time[0]))
     return float(max((frequencies @ squared) / max(squared.sum(), 1e-300), 2.0 * rate / len(values)))
@@ -85,7 +83,7 @@ def compare(
     if used is not None:
         # Through the filter, frames feel those nearby: the rim of what is used is left out.
         rim = 2 * int(np.ceil(RIM * rate / cutoff)) + 1
-        usable &= np.asarray(minimum_filter1d(np.asarray(used, dtype=np.int8), rim, mode="nearest"), dtype=bool)
+        usable &= scipy.ndimage.minimum_filter1d(np.asarray(used, dtype=np.int8), rim, mode="nearest") > 0
     if not usable.any():
         raise BadData(f"no run of frames without gaps is long enough for a low-pass filter at {cutoff:g} Hz")
     other_rate = (len(other_time) - 1) / (end - start)
@@ -161,15 +159,15 @@ def _peaks(compared: Compared, weights: Array, search: float) -> tuple[list[floa
     values = compared.spline(np.clip(around, compared.start, compared.end)) * weights
     values = np.where(inside[:, None], values - values[inside].mean(axis=0), 0.0)
     basis = _centered_basis(compared, weights)
-    size = next_fast_len(len(around) + frames)
-    spectra = rfft(values, size, axis=0)
+    size = scipy.fft.next_fast_len(len(around) + frames)
+    spectra = scipy.fft.rfft(values, size, axis=0)
     explained = np.zeros(2 * most + 1)
     for index in range(basis.shape[2]):
-        product = (np.conj(rfft(basis[:, :, index], size, axis=0)) * spectra).sum(axis=1)
-        explained += irfft(product, size)[: 2 * most + 1] ** 2
-    counted = np.conj(rfft(compared.usable.astype(np.float64), size))
-    power = irfft(counted * rfft((values**2).sum(axis=1), size), size)[: 2 * most + 1]
-    common = irfft(counted * rfft(inside.astype(np.float64), size), size)[: 2 * most + 1]
+        product = (np.conj(scipy.fft.rfft(basis[:, :, index], size, axis=0)) * spectra).sum(axis=1)
+        explained += scipy.fft.irfft(product, size)[: 2 * most + 1] ** 2
+    counted = np.conj(scipy.fft.rfft(compared.usable.astype(np.float64), size))
+    power = scipy.fft.irfft(counted * scipy.fft.rfft((values**2).sum(axis=1), size), size)[: 2 * most + 1]
+    common = scipy.fft.irfft(counted * scipy.fft.rfft(inside.astype(np.float64), size), size)[: 2 * most + 1]
     enough = (common > 0.5 * common.max()) & (power > 1e-9 * power.max())
     share = np.where(enough, explained / np.where(enough, power, 1.0), 0.0)
     best = float(share.max())

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import field
 
 import numpy as np
-from scipy.optimize import nnls
+import scipy
 
 from myomorph.model.arrays import Array, freeze, frozen_array, read_only
 from myomorph.model.errors import BadData
@@ -173,7 +173,7 @@ class Synergies:
         result = np.full((len(scaled), len(self)), np.nan)
         for frame in np.flatnonzero(known.any(axis=1)):
             use = known[frame]
-            result[frame] = nnls(self.vectors[:, use].T, np.maximum(scaled[frame, use], 0.0))[0]
+            result[frame] = scipy.optimize.nnls(self.vectors[:, use].T, np.maximum(scaled[frame, use], 0.0))[0]
         return result
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.interpolate import BSpline, make_interp_spline
+import scipy
 
 from myomorph.model.arrays import Array, runs
 from myomorph.model.errors import BadData
@@ -17,7 +17,7 @@ _NATURAL = {3: [(2, 0.0)], 5: [(3, 0.0), (4, 0.0)]}
 REACH = 60  # Samples beyond an end after which a quintic spline does not feel it: 0.43^60 is less than rounding
 
 
-def natural_spline(time: Array, values: Array, degree: int = 5) -> BSpline:
+def natural_spline(time: Array, values: Array, degree: int = 5) -> scipy.interpolate.BSpline:
     """Interpolating natural spline of degree 3 or 5 through every column of `values` (frames, ...). OpenSim's
     `GCVSpline` with no error variance (Woltring 1986): the derivatives of order (degree + 1) / 2 ... degree - 1 vanish
     at both ends.
@@ -29,7 +29,7 @@ def natural_spline(time: Array, values: Array, degree: int = 5) -> BSpline:
             "a spline needs finite values, but some are NaN or infinite: fill the gaps or choose another time"
         )
     ends = [(order, np.full(values.shape[1:], at)) for order, at in _NATURAL[degree]]
-    return make_interp_spline(time, values, k=degree, bc_type=(ends, ends))
+    return scipy.interpolate.make_interp_spline(time, values, k=degree, bc_type=(ends, ends))
 
 
 def lowpass(values: Array, rate: float, cutoff: float) -> Array:
@@ -142,7 +142,7 @@ def differentiate(motion: Motion, cutoff: float | None = None) -> Motion:
     return replace(motion, values=values, velocities=velocities, accelerations=accelerations)
 
 
-def _lowpass_spline(time: Array, values: Array, cutoff: float) -> BSpline:
+def _lowpass_spline(time: Array, values: Array, cutoff: float) -> scipy.interpolate.BSpline:
     """Spline through filtered values; values at uneven times go through one at even times, as OpenSim's `Storage`."""
     step = np.diff(time)
     if step.max() - step.min() >= 1e-3 * step.mean():

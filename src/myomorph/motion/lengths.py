@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
+import scipy
 
 from myomorph.model.arrays import Array
 from myomorph.model.frozen_map import grouped
@@ -138,7 +138,7 @@ def joint_centers(tree: Tree, axis_points: Array, origins: Array) -> Array:
 
 def _nearest_axes(first: Array, other: Array) -> list[int]:
     """For each axis of one frame, the axis of another that lies nearest to it, each taken once."""
-    _, columns = linear_sum_assignment(-np.abs(first.T @ other))
+    _, columns = scipy.optimize.linear_sum_assignment(-np.abs(first.T @ other))
     return [int(axis) for axis in columns]
 
 

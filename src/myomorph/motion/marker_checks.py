@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import quoted
@@ -326,7 +326,7 @@ def exchanges(values: Array, edges: Sequence[Steps]) -> tuple[Exchange, ...]:
         here = np.array([values[frame, marker] for marker, _ in group])
         ahead = np.array([edges[marker].predicted[before] for marker, before in group])
         apart = np.linalg.norm(here[:, None] - ahead, axis=2)
-        taken = linear_sum_assignment(apart)[1]
+        taken = scipy.optimize.linear_sum_assignment(apart)[1]
         for i, j in enumerate(taken):
             stayed = apart[i, i] + apart[j, j]
             if i < j and taken[j] == i and apart[i, j] + apart[j, i] < CLOSES * stayed:

@@ -8,7 +8,7 @@ balance b - A x is left to solve for: it is the gradient of the concave dual. It
 diagonal D = dx/ds, of the size of the coordinates and not of the muscles, and sparse where muscles
 cross few joints (Qi and Sun 1993; Hintermueller, Ito and Kunisch 2002 for the p = 2 case).
 
-The first variables may lie under a common bound besides, which costs something (`ceiling.py`).
+The first variables may lie under a common bound besides, which costs something (`separable.py`).
 
 A tiny slack eps y in the balance makes the solution exist always: where no activations can
 balance the torques it is, nearly, the one that misses them least, and the frame says so.

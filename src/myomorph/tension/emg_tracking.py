@@ -18,8 +18,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import solve_triangular
-from scipy.optimize import nnls
+import scipy
 
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.series import Emg, Motion, Series
@@ -385,8 +384,9 @@ def _bounded(matrix: Array, right: Array, upper: Array) -> Array:
         part = matrix[np.ix_(free, free)]
         part = part + 1e-12 * np.trace(part) / max(len(part), 1) * np.eye(len(part))
         lower = np.linalg.cholesky(part)
-        target = solve_triangular(lower, right[free] - matrix[np.ix_(free, held)] @ upper[held], lower=True)
-        x[free] = nnls(lower.T, target, maxiter=30 * len(part))[0]
+        left = right[free] - matrix[np.ix_(free, held)] @ upper[held]
+        target = scipy.linalg.solve_triangular(lower, left, lower=True)
+        x[free] = scipy.optimize.nnls(lower.T, target, maxiter=30 * len(part))[0]
         over = free & (x > upper * (1.0 + 1e-9))
         if not over.any():
             return x

@@ -22,9 +22,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.sparse import coo_array, csr_array
-from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from myomorph.model.arrays import Array, read_only
 from myomorph.rigid.kernels import inner
@@ -42,7 +41,7 @@ class Separable(NamedTuple):
     lower: Array
     upper: Array
     capped: int = 0  # the first so many variables lie under a common bound besides
-    peak: float = 0.0  # what one unit of that bound costs, 0 for no such bound (see `ceiling.py`)
+    peak: float = 0.0  # what one unit of that bound costs, 0 for no such bound
 
     @property
     def column(self) -> NDArray[np.int64]:
@@ -87,13 +86,13 @@ class Pattern:
 def pattern(rows: NDArray[np.int64], columns: NDArray[np.int64], shape: tuple[int, int]) -> Pattern:
     """Pattern of a matrix of `shape` (rows, variables) from `rows`, `columns` (entries,), each place at most once."""
     n, variables = shape
-    filled = csr_array(coo_array((np.ones(len(rows)), (rows, columns)), shape=shape))
-    coupled = csr_array(filled @ filled.T)
-    order = np.asarray(reverse_cuthill_mckee(coupled, symmetric_mode=True), dtype=np.int64)
+    filled = scipy.sparse.csr_array(scipy.sparse.coo_array((np.ones(len(rows)), (rows, columns)), shape=shape))
+    coupled = scipy.sparse.csr_array(filled @ filled.T)
+    order = np.asarray(scipy.sparse.csgraph.reverse_cuthill_mckee(coupled, symmetric_mode=True), dtype=np.int64)
     rank = np.empty(n, np.int64)
     rank[order] = np.arange(n)
     first = np.arange(n, dtype=np.int64)
-    links = coo_array(coupled)
+    links = scipy.sparse.coo_array(coupled)
     np.minimum.at(first, rank[links.coords[0]], rank[links.coords[1]])
     sorted_entries = np.lexsort((rank[rows], columns))
     place = np.empty(len(rows), np.int64)

@@ -8,7 +8,7 @@ from functools import lru_cache
 from zlib import crc32
 
 import numpy as np
-from scipy.special import ndtri
+import scipy
 
 from myomorph.model.arrays import Array
 
@@ -67,7 +67,7 @@ class Normals:
 
 @lru_cache(maxsize=8192)
 def _hypercube(draws: int, seed: int, source: str, name: str, size: int) -> Array:
-    return np.asarray(ndtri(_evenly(draws, seed, source, name, size)))
+    return np.asarray(scipy.special.ndtri(_evenly(draws, seed, source, name, size)))
 
 
 def _evenly(draws: int, seed: int, source: str, name: str, size: int) -> Array:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from itertools import combinations, product
 
 import numpy as np
-from scipy.optimize import least_squares
+import scipy
 
 from myomorph.identify.body.regions import HINGES, Center, Region, Standing, centers_of
 from myomorph.model.arrays import Array, read_only
@@ -201,7 +201,7 @@ class CenterFit:
                 start += count
             return np.array(rows)
 
-        return np.array(least_squares(residuals, logs, method="lm", xtol=1e-7, ftol=1e-9, gtol=1e-12).x)
+        return np.array(scipy.optimize.least_squares(residuals, logs, method="lm", xtol=1e-7, ftol=1e-9, gtol=1e-12).x)
 
     def _pose(self, model: Model) -> Motion:
         """The pose in which the joint centers lie nearest to the lower model's.

@@ -7,8 +7,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from scipy import sparse
-from scipy.spatial import ConvexHull, QhullError
+import scipy
 
 from myomorph.identify.body.points import MAX_GRID_POINTS, SPACING, Links, MassPoints, fill, links_of
 from myomorph.identify.body.skin import Skin
@@ -96,7 +95,7 @@ def own_points(
     links = links_of(model, pose)
     points, owners, masses, words = envelope_points(model, pose, spacing, surfaces)
     entries = (np.ones(len(owners)), (np.arange(len(owners)), owners))
-    weights = sparse.csr_array(entries, (len(owners), len(links.names)))
+    weights = scipy.sparse.csr_array(entries, (len(owners), len(links.names)))
     return MassPoints(points, masses * (mass / masses.sum()), weights, links, spacing, words)
 
 
@@ -124,12 +123,12 @@ def _of_inertia(mass: float, moments: Array) -> Solid | None:
 def _of_hull(mass: float, corners: Array) -> Solid | None:
     """The convex hull of points under soft tissue of even thickness; without it and smaller where it is too large."""
     try:
-        hull = ConvexHull(corners)
+        hull = scipy.spatial.ConvexHull(corners)
         wanted = mass / TISSUE
         if hull.volume < wanted:
             thickness = _thickness(hull, wanted)
-            hull = ConvexHull((corners[hull.vertices][:, None] + thickness * _DIRECTIONS).reshape(-1, 3))
-    except QhullError:
+            hull = scipy.spatial.ConvexHull((corners[hull.vertices][:, None] + thickness * _DIRECTIONS).reshape(-1, 3))
+    except scipy.spatial.QhullError:
         return None
     surface = used_part(hull.points, hull_faces(hull))
     middle = surface.vertices.mean(axis=0)
@@ -137,7 +136,7 @@ def _of_hull(mass: float, corners: Array) -> Solid | None:
     return Solid(HULL, middle, np.zeros((3, 3)), Surface(vertices, surface.faces))
 
 
-def _thickness(hull: ConvexHull, wanted: float) -> float:
+def _thickness(hull: scipy.spatial.ConvexHull, wanted: float) -> float:
     """Thickness t of soft tissue over a convex body whose volume becomes V + A t + M t^2 + 4/3 pi t^3 (Steiner) [m].
     M is pi times the mean width; the width is averaged over the three axes.
     """

@@ -7,7 +7,7 @@ from dataclasses import field
 from functools import cached_property
 
 import numpy as np
-from scipy import sparse
+import scipy
 
 from myomorph.identify.body.skin import Skin, inside
 from myomorph.model.arrays import Array, freeze, frozen_array, read_only
@@ -65,7 +65,7 @@ class MassPoints:
 
     points: Array
     reference: Array
-    weights: sparse.csr_array
+    weights: scipy.sparse.csr_array
     links: Links
     spacing: float
     source: str = ""

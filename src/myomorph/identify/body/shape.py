@@ -6,10 +6,7 @@ from collections.abc import Mapping
 from typing import Literal
 
 import numpy as np
-from scipy import sparse
-from scipy.optimize import least_squares
-from scipy.spatial import ConvexHull
-from scipy.spatial.transform import Rotation
+import scipy
 
 from myomorph.identify.body.skin import Skin, check_height, check_skin
 from myomorph.identify.body.statistical_body import FREE, LOCAL, StatisticalBody, segment_of_bone, statistical_body
@@ -49,7 +46,7 @@ class Shape:
     # anatomical points on the skin by name, (3,) [m]: "right ASIS", "C7", "left heel", ...
     landmarks: Mapping[str, Array]
     segments: tuple[Segment, ...]  # of the body, the columns of `skinning`
-    skinning: sparse.csr_array  # (vertices, segments) share of each segment in each vertex of the skin
+    skinning: scipy.sparse.csr_array  # (vertices, segments) share of each segment in each vertex of the skin
     measured: Mapping[str, float]  # what was asked for, by name: "height" [m], "chest" [m], "mass" [kg]
     reached: Mapping[str, float]  # the same of the skin, and its "volume" [m^3]
     notes: tuple[str, ...] = ()  # what was taken for granted or missed, one line each
@@ -93,7 +90,7 @@ def body_shape(
         centers=FrozenMap(_centers(body, vertices, heads)),
         landmarks=FrozenMap({name: frozen_array(vertices[v]) for name, v in marks.items()}),
         segments=segments,
-        skinning=sparse.csr_array(table[used]),
+        skinning=scipy.sparse.csr_array(table[used]),
         measured=FrozenMap(measured),
         reached=FrozenMap(reached),
         notes=(
@@ -123,7 +120,7 @@ def _likely_traits(
         return np.array([*errors, *((values - average) / spread)])
 
     # The measures have kinks where a trait passes an average, at which steps may shrink without end.
-    minimum = least_squares(
+    minimum = scipy.optimize.least_squares(
         misfit, average, bounds=(lowest, 1.0), diff_step=1e-4, x_scale=spread, xtol=1e-6, ftol=1e-6, max_nfev=MAX_STEPS
     )
     return traits_of(minimum.x)
@@ -164,7 +161,7 @@ def circumference(vertices: Array, edges: np.ndarray, level: float) -> float:
     a, b = vertices[cut[:, 0]], vertices[cut[:, 1]]
     share = (level - a[:, 1]) / (b[:, 1] - a[:, 1])
     points = (a + share[:, None] * (b - a))[:, [0, 2]]
-    return float(ConvexHull(points).area)
+    return float(scipy.spatial.ConvexHull(points).area)
 
 
 def _check(height: float, chest: float, mass: float | None, sex: str | None) -> None:
@@ -204,7 +201,7 @@ def _legs_apart(body: StatisticalBody, vertices: Array, heads: Array) -> tuple[A
     vertices, heads = vertices.copy(), heads.copy()
     for side, sign in (("R", 1.0), ("L", -1.0)):
         center = heads[body.bones.index(f"upperleg01.{side}")].copy()
-        turn = Rotation.from_rotvec([-sign * LEGS_APART, 0.0, 0.0]).as_matrix()
+        turn = scipy.spatial.transform.Rotation.from_rotvec([-sign * LEGS_APART, 0.0, 0.0]).as_matrix()
         moves = (vertices - center) @ turn.T + center - vertices
         vertices += _share(body, _LEGS, f".{side}")[:, None] * moves
         leg = [i for i, bone in enumerate(body.bones) if bone.startswith(_LEGS) and bone.endswith(f".{side}")]
@@ -212,13 +209,13 @@ def _legs_apart(body: StatisticalBody, vertices: Array, heads: Array) -> tuple[A
     return vertices, heads
 
 
-def _by_segment(body: StatisticalBody) -> tuple[tuple[Segment, ...], sparse.csr_array]:
+def _by_segment(body: StatisticalBody) -> tuple[tuple[Segment, ...], scipy.sparse.csr_array]:
     """The segments, and the share of each in each vertex."""
     owner = [segment_of_bone(bone) for bone in body.bones]
     segments = tuple(dict.fromkeys(owner))
     columns = [segments.index(segment) for segment in owner]
-    merge = sparse.csr_array((np.ones(len(owner)), (np.arange(len(owner)), columns)))
-    return segments, sparse.csr_array(body.skinning @ merge)
+    merge = scipy.sparse.csr_array((np.ones(len(owner)), (np.arange(len(owner)), columns)))
+    return segments, scipy.sparse.csr_array(body.skinning @ merge)
 
 
 def _centers(body: StatisticalBody, vertices: Array, heads: Array) -> dict[str, Array]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, from_extra
@@ -209,7 +209,7 @@ def _up(vertices: Array) -> str:
     """Axis along which the body is longest, that across which it is symmetric set aside; "" if none is."""
     middle = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
     few = vertices[:: max(1, len(vertices) // 3000)] - middle
-    tree, extent = cKDTree(vertices - middle), np.ptp(vertices, axis=0)
+    tree, extent = scipy.spatial.cKDTree(vertices - middle), np.ptp(vertices, axis=0)
     asymmetry = np.array([np.median(tree.query(few * np.where(np.arange(3) == i, -1.0, 1.0))[0]) for i in range(3)])
     across = int(asymmetry.argmin())
     others = [index for index in range(3) if index != across]

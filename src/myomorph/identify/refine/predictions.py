@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve, cho_solve_banded, cholesky_banded
+import scipy
 
 from myomorph.identify.determined import LINK_SD
 from myomorph.identify.pseudo_inertia import tangents
@@ -79,7 +79,7 @@ def solve(problem: Problem, start: Unknowns, progress: Callable[[], None] = lamb
 def step(problem: Problem, equations: Equations, damping: float) -> tuple[tuple[Array, ...], Array]:
     """Changes of each trial's coefficients, and of the shared unknowns."""
     reduced, right, solved = _reduce(equations, damping)
-    shared = -cho_solve(cho_factor(reduced), right) if len(right) else np.zeros(0)
+    shared = -scipy.linalg.cho_solve(scipy.linalg.cho_factor(reduced), right) if len(right) else np.zeros(0)
     n = len(problem.pose.free)
     motions = tuple((-block[:, 0] - block[:, 1:] @ shared).reshape(-1, n) for block in solved)
     return motions, shared
@@ -93,8 +93,8 @@ def _reduce(equations: Equations, damping: float) -> tuple[Array, Array, list[Ar
     for trial in equations.trials:
         band = trial.band.copy()
         band[0] = band[0] * (1.0 + damping) + 1e-12 * band[0].max()
-        factor = cholesky_banded(band, lower=True, overwrite_ab=True)
-        reduced = cho_solve_banded((factor, True), np.column_stack([trial.right, trial.cross]))
+        factor = scipy.linalg.cholesky_banded(band, lower=True, overwrite_ab=True)
+        reduced = scipy.linalg.cho_solve_banded((factor, True), np.column_stack([trial.right, trial.cross]))
         H -= trial.cross.T @ reduced[:, 1:]
         g -= trial.cross.T @ reduced[:, 0]
         solved.append(reduced)

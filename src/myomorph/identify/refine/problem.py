@@ -9,8 +9,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.interpolate import BSpline
-from scipy.linalg import cho_solve_banded, cholesky_banded
+import scipy
 
 from myomorph.identify.pseudo_inertia import SMALLEST_SHARE, possible_reference, symmetric, tangents
 from myomorph.identify.refine.frame_kernels import predict_frames
@@ -54,7 +53,7 @@ class Basis:
         # All pieces are the same function: the piece of each coefficient, shifted into the first interval.
         local = (time - start - first * step)[:, None] + start
         for index in range(WIDTH):
-            bspline = BSpline(knots[: 2 * WIDTH], np.eye(WIDTH)[index], DEGREE, extrapolate=True)
+            bspline = scipy.interpolate.BSpline(knots[: 2 * WIDTH], np.eye(WIDTH)[index], DEGREE, extrapolate=True)
             for nu in range(3):
                 weights[nu, :, index] = bspline(local, nu)[:, 0]
         return cls(first, weights, pieces + DEGREE)
@@ -77,7 +76,7 @@ class Basis:
                 if known[f]:
                     right[at + i] += w[i] * values[f]
         band[0] += 1e-12
-        return cho_solve_banded((cholesky_banded(band, lower=True), True), right)
+        return scipy.linalg.cho_solve_banded((scipy.linalg.cholesky_banded(band, lower=True), True), right)
 
 
 @read_only

@@ -11,8 +11,8 @@ from dataclasses import dataclass, field, replace
 from typing import Literal, Protocol, TypeAlias
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial import cKDTree
 
 from myomorph.model.arrays import Array, freeze, frozen_array, read_only
 from myomorph.model.errors import BadData
@@ -170,7 +170,7 @@ def _merged(features: FeaturePoints) -> FeaturePoints:
     if len(features) < 2:
         return features
     size = float(np.ptp(features.source, axis=0).max())
-    pairs = cKDTree(features.source).query_pairs(SAME_PLACE * size, output_type="ndarray")
+    pairs = scipy.spatial.cKDTree(features.source).query_pairs(SAME_PLACE * size, output_type="ndarray")
     if not len(pairs):
         return features
     count = len(features)
@@ -237,7 +237,7 @@ def radii_around(places: Array, radii: Array | None, asked: Array) -> Array:
     known = np.zeros(0, dtype=np.intp) if radii is None else np.flatnonzero(np.isfinite(radii))
     if radii is None or len(known) < AROUND:
         return np.full(len(asked), np.nan)
-    away, index = cKDTree(places[known]).query(asked, AROUND)
+    away, index = scipy.spatial.cKDTree(places[known]).query(asked, AROUND)
     share = 1.0 / np.maximum(away, SAME_PLACE)
     return np.asarray((share * radii[known][index]).sum(axis=1) / share.sum(axis=1))
 

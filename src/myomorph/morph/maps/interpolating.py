@@ -10,9 +10,8 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.linalg import lu_factor, lu_solve
-from scipy.spatial.distance import cdist
 from threadpoolctl import threadpool_limits
 
 from myomorph.model.arrays import Array, freeze, read_only
@@ -42,7 +41,7 @@ class RadialMap:
         flat = array.reshape(-1, 3)
         moved = self.whole.apply(flat)
         for part in _chunks(len(flat), len(self.points), RADIAL_PAIRS):
-            moved[part] += _phi(cdist(flat[part], self.points), self.kernel) @ self.coefficients
+            moved[part] += _phi(scipy.spatial.distance.cdist(flat[part], self.points), self.kernel) @ self.coefficients
         return moved.reshape(array.shape)
 
     def jacobian(self, points: ArrayLike) -> Array:
@@ -72,7 +71,8 @@ def fit_radial(source: Array, target: Array, whole: AffineMap, kernel: Kernel, s
     across = unknown_directions(source)
     known = np.linalg.svd(np.eye(3) - across.T @ across)[2][: 3 - len(across)]
     scaled = (source - middle) / size
-    system = _System(_phi(cdist(scaled, scaled), kernel), np.column_stack([np.ones(len(source)), scaled @ known.T]))
+    values = _phi(scipy.spatial.distance.cdist(scaled, scaled), kernel)
+    system = _System(values, np.column_stack([np.ones(len(source)), scaled @ known.T]))
     with threadpool_limits(1, "blas"):
         if smoothing > 0.0 and np.sqrt(np.mean(np.sum(rest**2, axis=1))) <= smoothing:
             return RadialMap(whole, source, np.zeros_like(source), kernel)
@@ -95,7 +95,8 @@ class _System:
         full[:count, :count] = self.values + penalty * np.eye(count)
         full[:count, count:] = self.polynomials
         full[count:, :count] = self.polynomials.T
-        solution = lu_solve(lu_factor(full, overwrite_a=True), np.vstack([rest, np.zeros((width, 3))]))
+        factors = scipy.linalg.lu_factor(full, overwrite_a=True)
+        solution = scipy.linalg.lu_solve(factors, np.vstack([rest, np.zeros((width, 3))]))
         return solution[:count], solution[count:]
 
     def penalty(self, rest: Array, smoothing: float, kernel: Kernel) -> float:
@@ -191,7 +192,7 @@ class SubspaceMap:
 
     def _squared(self, points: Array) -> Array:
         """(m, n) squared distances, 0 at a feature."""
-        squared: Array = cdist(points, self.points, "sqeuclidean")
+        squared: Array = scipy.spatial.distance.cdist(points, self.points, "sqeuclidean")
         least = AT_FEATURE**2 * np.ptp(self.points, axis=0).max() ** 2
         if squared.min(initial=np.inf) < least:
             squared[squared < least] = 0.0
@@ -236,7 +237,7 @@ def _slopes(source: Array, shifts: Array) -> Array:
     with threadpool_limits(1, "blas"):
         for part in _chunks(len(source), len(source)):
             away = source[None] - source[part][:, None]
-            squared = cdist(source[part], source, "sqeuclidean")
+            squared = scipy.spatial.distance.cdist(source[part], source, "sqeuclidean")
             weights = np.divide(1.0, squared, out=np.zeros_like(squared), where=squared > 0) ** (GRADIENT_EXPONENT / 2)
             weighted = weights[:, :, None] * away
             spread = np.matmul(weighted.transpose(0, 2, 1), away)

@@ -17,8 +17,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.spatial import cKDTree
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadModel
@@ -261,7 +261,7 @@ def _unlike(body: str, twin: str, plane: Reflection, surfaces: Mapping[str, Surf
     if body not in surfaces or twin not in surfaces:
         return []
     image, vertices = plane.points(surfaces[twin].vertices), surfaces[body].vertices
-    apart = float(np.sqrt(np.mean(cKDTree(vertices).query(image)[0] ** 2)))
+    apart = float(np.sqrt(np.mean(scipy.spatial.cKDTree(vertices).query(image)[0] ** 2)))
     length = float(np.ptp(vertices, axis=0).max())
     if apart <= ALIKE * length:
         return []

@@ -12,8 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import ConvexHull, cKDTree
-from scipy.spatial.transform import Rotation
+import scipy
 
 from myomorph.model.arrays import Array
 from myomorph.morph.maps.fields import FeaturePoints
@@ -70,7 +69,7 @@ class Way:
 def hull_moments(points: Array) -> tuple[Array, Array]:
     """Middle (3,) and second central moments (3, 3) per volume of the convex hull of points (n, 3)."""
     center = points.mean(axis=0)
-    corners = (points - center)[ConvexHull(points).simplices]
+    corners = (points - center)[scipy.spatial.ConvexHull(points).simplices]
     volumes = np.abs(np.linalg.det(corners)) / 6.0
     sums = corners.sum(axis=1)
     first = 0.25 * volumes @ sums / volumes.sum()
@@ -110,7 +109,7 @@ def _unlikely(matrices: Array) -> Array:
 
 def _rotations(samples: Samples, theirs: Samples, unlikely: Callable[[Array], Array]) -> list[Array]:
     """The few rotations (3, 3) that lay samples of unit moments on others, the best first."""
-    tree = cKDTree(theirs.points)
+    tree = scipy.spatial.cKDTree(theirs.points)
 
     def found(rotations: Array, step: int) -> tuple[Array, np.ndarray, Array]:
         moved = samples.points[::step] @ rotations.swapaxes(1, 2)
@@ -150,7 +149,7 @@ def rotation_grid(count: int) -> Array:
     first, second = turn / np.sqrt(2.0), turn / 1.533751168755204288118041
     inner, outer = np.sqrt(share), np.sqrt(1.0 - share)
     parts = (inner * np.sin(first), inner * np.cos(first), outer * np.sin(second), outer * np.cos(second))
-    return np.asarray(Rotation.from_quat(np.column_stack(parts)).as_matrix())
+    return np.asarray(scipy.spatial.transform.Rotation.from_quat(np.column_stack(parts)).as_matrix())
 
 
 def lay_affinely(ours: Shape, goal: Shape, start: AffineMap, landmarks: FeaturePoints | None = None) -> Way:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from itertools import combinations
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
+import scipy
 
 from myomorph.model.arrays import Array, frozen_array
 from myomorph.model.errors import BadData, from_extra, quoted
@@ -157,7 +157,7 @@ def _orders(landmarks: FeaturePoints) -> list[np.ndarray]:
         order[[a, b]] = b, a
         swaps.append(order)
     swaps.sort(key=lambda order: _left(landmarks.source, landmarks.target[order]))
-    return [linear_sum_assignment(cost)[1], *swaps[:2]]
+    return [scipy.optimize.linear_sum_assignment(cost)[1], *swaps[:2]]
 
 
 def _settled(landmarks: FeaturePoints, order: np.ndarray) -> tuple[np.ndarray, float]:
@@ -166,7 +166,7 @@ def _settled(landmarks: FeaturePoints, order: np.ndarray) -> tuple[np.ndarray, f
     for _ in range(20):
         laid = procrustes(landmarks.source, landmarks.target[order], True).apply(landmarks.source)
         cost = np.sum((laid[:, None] - landmarks.target[None]) ** 2, axis=2)
-        other = linear_sum_assignment(cost)[1]
+        other = scipy.optimize.linear_sum_assignment(cost)[1]
         remain = _left(landmarks.source, landmarks.target[other])
         if remain >= left:
             break

@@ -7,7 +7,7 @@ from dataclasses import replace
 from itertools import permutations
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from myomorph.model.arrays import Array, frozen_array, read_only
 from myomorph.model.errors import BadData
@@ -82,7 +82,7 @@ def _covered(away: Array, left: Array, radius: float) -> float:
     on = away[left < 0.2 * radius]
     if not len(on):
         return 0.0
-    nearest = cKDTree(on / np.linalg.norm(on, axis=1)[:, None]).query(spread_directions(200))[0]
+    nearest = scipy.spatial.cKDTree(on / np.linalg.norm(on, axis=1)[:, None]).query(spread_directions(200))[0]
     return float(np.mean(nearest < 0.3))
 
 
@@ -124,7 +124,7 @@ def _voted(part: Surface, radius: float) -> list[Ball]:
     every = max(1, len(places) // VOTERS)
     voters = places[::every]
     # The sum of the area vectors of a patch depends on its rim only, so a scan's noise hardly turns it.
-    patches = cKDTree(places).query_ball_point(voters, PATCH * radius)
+    patches = scipy.spatial.cKDTree(places).query_ball_point(voters, PATCH * radius)
     normals = np.array([crossed[patch].sum(axis=0) for patch in patches])
     lengths = np.linalg.norm(normals, axis=1, keepdims=True)
     sizes = np.linalg.norm(crossed, axis=1)
@@ -138,7 +138,7 @@ def _voted(part: Surface, radius: float) -> list[Ball]:
         return []
     votes = votes[voting]
     share = sizes.sum() / len(voters)
-    tree = cKDTree(votes)
+    tree = scipy.spatial.cKDTree(votes)
     counts = tree.query_ball_point(votes, AGREE * radius, return_length=True)
     weight = np.where(counts >= MIN_COUNT, share * counts, 0.0)
     balls: list[Ball] = []

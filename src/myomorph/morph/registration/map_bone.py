@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from myomorph.model.errors import BadData
 from myomorph.model.frozen_map import FrozenMap
@@ -180,7 +180,7 @@ def _features(
     dense = surface_match.pairs.at(np.arange(min(match.feature_count, len(surface_match.pairs))))
     if landmarks is None:
         return dense
-    spacing = float(np.median(cKDTree(dense.source).query(dense.source, 2)[0][:, 1]))
+    spacing = float(np.median(scipy.spatial.cKDTree(dense.source).query(dense.source, 2)[0][:, 1]))
     apart = np.linalg.norm(fit_map(dense, map_options).apply(landmarks.source) - landmarks.target, axis=1)
     reach = np.maximum(BESIDE * spacing, STEEP * apart / surface_match.placed.similarity.scale)
     away = np.linalg.norm(dense.source[:, None] - landmarks.source, axis=2)
@@ -199,7 +199,7 @@ def _unfolded(
         wrong = source.vertices[inverted(mapping, source.vertices)]
         if not len(wrong):
             break
-        near = cKDTree(features.source).query(wrong, 2)[1]
+        near = scipy.spatial.cKDTree(features.source).query(wrong, 2)[1]
         kept = np.ones(len(features), dtype=bool)
         kept[np.unique(near)] = False
         kept[:first] = True

@@ -21,8 +21,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from scipy.spatial import cKDTree
-from scipy.spatial.distance import cdist
+import scipy
 
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
@@ -195,7 +194,7 @@ def _basis(ours: Shape, options: MatchOptions) -> Callable[[Array], Array]:
     centers = spread_points(ours, CENTERS)
 
     def kernel(asked: Array) -> Array:
-        squares = cdist(asked, centers, "sqeuclidean")
+        squares = scipy.spatial.distance.cdist(asked, centers, "sqeuclidean")
         parts = (s**2 * np.exp(-squares / (2.0 * (width * h) ** 2)) for h, s in zip(WIDTHS, SIZES, strict=True))
         return np.asarray(sum(parts)) / options.stiffness
 
@@ -249,7 +248,7 @@ def _pairs(moving: _Moving, dense: _Moving, theirs: Samples, goal: Shape, coeffi
     closest = onto(goal, here.points, here.normals)
     away = np.linalg.norm(closest.points - here.points, axis=1)
     near = counting(away, closest.normals, here.normals, PAIR_FACING, TRIMMED) & ~closest.rim
-    tree = cKDTree(np.column_stack([many.points, NORMAL * many.normals]))
+    tree = scipy.spatial.cKDTree(np.column_stack([many.points, NORMAL * many.normals]))
     back = tree.query(np.column_stack([theirs.points, NORMAL * theirs.normals]))[1]
     off = np.abs(np.einsum("ij,ij->i", theirs.points - many.points[back], theirs.normals))
     reached = counting(off, theirs.normals, many.normals[back], PAIR_FACING, TRIMMED)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData, from_extra
@@ -96,15 +96,15 @@ class Shape:
         return Samples(points[order], self.normals[face][order], self.rim[face][order])
 
     @cached_property
-    def _spread(self) -> tuple[Samples, cKDTree]:
+    def _spread(self) -> tuple[Samples, scipy.spatial.cKDTree]:
         samples = self.samples(SPREAD)
-        return samples, cKDTree(samples.points)
+        return samples, scipy.spatial.cKDTree(samples.points)
 
     @cached_property
-    def dense(self) -> tuple[Samples, cKDTree]:
+    def dense(self) -> tuple[Samples, scipy.spatial.cKDTree]:
         """Many samples, and the tree of their points."""
         samples = self.samples(DENSE)
-        return samples, cKDTree(samples.points)
+        return samples, scipy.spatial.cKDTree(samples.points)
 
     @cached_property
     def _boxes(self) -> Boxes:

@@ -11,8 +11,8 @@ from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.spatial import cKDTree
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, quoted
@@ -99,7 +99,7 @@ class Transfer:
         features = self.bone.features
         if features is None or features.radii is None or not len(asked):
             return np.full(len(asked), np.nan)
-        around = cKDTree(features.source)
+        around = scipy.spatial.cKDTree(features.source)
         feet = features.source[around.query(asked)[1]] if self.shapes is None else self.shapes[0].closest(asked)[0]
         spacing = float(np.median(around.query(features.source, 2)[0][:, 1]))
         unmatched = np.maximum(around.query(feet)[0] - COVERED * spacing, 0.0) * (self.bone.basis == "bone")

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.optimize import lsq_linear
+import scipy
 
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData, check_name
@@ -93,7 +93,7 @@ def branch_load(model: Model, link: str) -> BranchLoad:
     # The last of the stiff rows keeps the tensions' sum: less of all of them is no balance.
     rows = np.concatenate([STIFF * np.vstack([slopes, np.ones(len(force))]) * force / force.sum(), np.eye(len(force))])
     wanted = np.concatenate([np.zeros(3), [STIFF], np.ones(len(force))])
-    tensions = force * lsq_linear(rows, wanted, (MIN_SHARE, MAX_SHARE)).x
+    tensions = force * scipy.optimize.lsq_linear(rows, wanted, (MIN_SHARE, MAX_SHARE)).x
     return BranchLoad(link, freed.muscles, tensions, slopes @ tensions)
 
 

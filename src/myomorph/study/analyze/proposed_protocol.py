@@ -6,8 +6,7 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
-from scipy.spatial import cKDTree
+import scipy
 
 from myomorph.model.arrays import Array
 from myomorph.model.model import Model
@@ -129,7 +128,7 @@ def _candidates() -> Iterator[Site]:
 def _ways(places: Array, pose: Array, bony: Array) -> Iterator[tuple[float, Array, float]]:
     """Ways in which markers may stand on the model's ground: how far off, places on the model, the body's size."""
     extent = np.ptp(places, axis=0)
-    tree = cKDTree(pose)
+    tree = scipy.spatial.cKDTree(pose)
     low = pose[:, 1] < FOOT
     for axis in np.flatnonzero(extent > 0.6 * extent.max()):
         for sign in (1.0, -1.0):
@@ -146,14 +145,14 @@ def _ways(places: Array, pose: Array, bony: Array) -> Iterator[tuple[float, Arra
                     yield off, moved, float(size)
 
 
-def _settled(placed: Array, pose: Array, bony: Array, tree: cKDTree) -> tuple[float, Array]:
+def _settled(placed: Array, pose: Array, bony: Array, tree: scipy.spatial.cKDTree) -> tuple[float, Array]:
     """Markers shifted to where most lie near landmarks, and how far those and the landmarks are from each other."""
     for _ in range(4):
         far, nearest = tree.query(placed)
         near = far < CAP
         if near.any():
             placed = placed + np.mean(pose[nearest[near]] - placed[near], axis=0)
-    back, _ = cKDTree(placed).query(pose[bony])
+    back, _ = scipy.spatial.cKDTree(placed).query(pose[bony])
     return float(np.minimum(tree.query(placed)[0], CAP).mean() + np.minimum(back, CAP).mean()), placed
 
 
@@ -179,7 +178,7 @@ def _assigned(placed: Array, pose: Array, bony: Array, limit: float) -> tuple[Ar
     """Markers, and the landmarks that they are nearest to together."""
     apart = np.linalg.norm(placed[:, None] - pose[None], axis=2)
     cost = np.minimum(apart, limit) + np.where(bony, 0.0, 10.0)
-    rows, columns = linear_sum_assignment(cost)
+    rows, columns = scipy.optimize.linear_sum_assignment(cost)
     kept = bony[columns] & (apart[rows, columns] < limit)
     return rows[kept], columns[kept]
 

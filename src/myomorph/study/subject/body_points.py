@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import sparse
+import scipy
 
 from myomorph.identify.body.envelope import own_points
 from myomorph.identify.body.points import Links, MassPoints, fill, links_of, reference_masses
@@ -79,10 +79,10 @@ def body_points(
     return _made(points.points, points.reference, weights, points.links, options.spacing, points.source), None, ()
 
 
-def _weights(model: Model, points: Array, links: Links, names: Sequence[str]) -> dict[str, sparse.csr_array]:
+def _weights(model: Model, points: Array, links: Links, names: Sequence[str]) -> dict[str, scipy.sparse.csr_array]:
     """Weights of points by the maps' names, links without mass left out."""
     taking = links_with_mass(model)
-    result: dict[str, sparse.csr_array] = {}
+    result: dict[str, scipy.sparse.csr_array] = {}
     with progress("weights of mass points", len(names), "maps") as advance:
         for name in names:
             result[name] = WEIGHT_MAPS[name](points, links, taking=taking)
@@ -91,7 +91,12 @@ def _weights(model: Model, points: Array, links: Links, names: Sequence[str]) ->
 
 
 def _made(
-    points: Array, reference: Array, weights: Mapping[str, sparse.csr_array], links: Links, spacing: float, source: str
+    points: Array,
+    reference: Array,
+    weights: Mapping[str, scipy.sparse.csr_array],
+    links: Links,
+    spacing: float,
+    source: str,
 ) -> dict[str, MassPoints]:
     return {name: MassPoints(points, reference, weight, links, spacing, source) for name, weight in weights.items()}
 
@@ -126,7 +131,7 @@ def _in_skin(
     return made, lambda places: inside(posed, places), (*notes, *fitted.notes)
 
 
-def _regions(model: Model, weights: sparse.csr_array) -> np.ndarray:
+def _regions(model: Model, weights: scipy.sparse.csr_array) -> np.ndarray:
     """(points,) segment of the body that has the largest share of each point."""
     segments = segments_of(model)
     names = np.array([segments[body].name for body in model.body_names])

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from operator import attrgetter
 
 import numpy as np
-from scipy.special import ndtri
-from scipy.special import stdtrit as student_quantile
+import scipy
 
 from myomorph.model.arrays import Array, read_only
 from myomorph.report.study.study_input import ValueDifference
@@ -192,8 +191,8 @@ def _intervals(
     """Interval by the spread (squared standard error, NaN for none), standard deviation by draws (their variance, NaN
     for none), and interval with both: held, the spread holds the errors of the draws, else they add to it.
     """
-    student = float(student_quantile(freedom, 0.5 + 0.5 * CONFIDENCE)) if np.isfinite(square) else np.nan
-    normal = float(ndtri(0.5 + 0.5 * CONFIDENCE))
+    student = float(scipy.special.stdtrit(freedom, 0.5 + 0.5 * CONFIDENCE)) if np.isfinite(square) else np.nan
+    normal = float(scipy.special.ndtri(0.5 + 0.5 * CONFIDENCE))
     half = student * np.sqrt(square)
     open_ = normal * np.sqrt(drawn)
     if np.isnan(half) or np.isnan(open_):

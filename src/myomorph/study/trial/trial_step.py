@@ -16,6 +16,7 @@ from myomorph.store.settings import ReportOptions, plain_settings
 from myomorph.study.inputs.input import ByType
 from myomorph.study.inputs.reading import about
 from myomorph.study.step.step import Step, StepOutput, step_of, trial_steps
+from myomorph.study.step.step_table import STEPS
 from myomorph.study.trial.trial_inputs import TrialInputs
 
 
@@ -31,8 +32,8 @@ class StepResults(ByType):
 def steps_before(step: Step[Any]) -> tuple[Step[Any], ...]:
     """The steps whose results a step reads, and those before these, in their order."""
     read, before = {*step.needs, *step.uses}, list[Step[Any]]()
-    names = [each.name for each in trial_steps()]
-    for earlier in reversed(trial_steps()[: names.index(step.name)]):
+    names = list(STEPS["trial"])
+    for earlier in map(step_of, reversed(names[: names.index(step.name)])):
         if earlier.gives in read:
             before.insert(0, earlier)
             read |= {*earlier.needs, *earlier.uses}

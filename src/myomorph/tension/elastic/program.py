@@ -24,8 +24,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dpbtrf, dpbtrs
 
 from myomorph.model.arrays import Array
 from myomorph.muscles.fiber_jets import fiber_jet, tendon_jet
@@ -358,10 +358,10 @@ class BandSystem:
     def factorize(self, d: Array, e: Array, g: Array, C: Array) -> bool:
         """Whether the matrix is positive definite; then it can be solved with."""
         _fill(d, e, g, C, self._band)
-        self._factor, info = dpbtrf(self._band.T, lower=1, overwrite_ab=1)
+        self._factor, info = scipy.linalg.lapack.dpbtrf(self._band.T, lower=1, overwrite_ab=1)
         return bool(info == 0)
 
     def solve(self, right: Array) -> Array:
         """(frames, muscles)."""
-        result, _ = dpbtrs(self._factor, right.reshape(-1), lower=1)
+        result, _ = scipy.linalg.lapack.dpbtrs(self._factor, right.reshape(-1), lower=1)
         return result.reshape(self.shape)

@@ -12,10 +12,8 @@ from dataclasses import dataclass, fields, replace
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from myomorph.model.arrays import Array
 from myomorph.model.arrays import runs as unbroken
@@ -114,8 +112,9 @@ def parts_of(separable: Separable, elastic: NDArray[np.bool_]) -> list[Part]:
     """The parts with a muscle on an elastic tendon, the largest first; `elastic` (muscles,) of first unknowns."""
     unknowns, rows = len(separable.weight), len(separable.first)
     column = separable.column
-    links = coo_array((np.ones(len(column)), (column, unknowns + separable.row)), shape=(unknowns + rows,) * 2)
-    count, label = connected_components(links, directed=False)
+    places = column, unknowns + separable.row
+    links = scipy.sparse.coo_array((np.ones(len(column)), places), shape=(unknowns + rows,) * 2)
+    count, label = scipy.sparse.csgraph.connected_components(links, directed=False)
     stretches = np.zeros(unknowns, np.bool_)
     stretches[: len(elastic)] = elastic
     result = [
@@ -294,7 +293,7 @@ def along(time: Array, known: NDArray[np.int64], values: Array) -> Array:
     """Values (frames, ...) at all times from those at some, by cubics that leave their range nowhere."""
     if len(known) < 2:
         return np.repeat(values, len(time), axis=0)
-    return np.asarray(PchipInterpolator(time[known], values, axis=0)(time))
+    return np.asarray(scipy.interpolate.PchipInterpolator(time[known], values, axis=0)(time))
 
 
 def balanced(shared: Separable, values: Array, right: Array, held: Array, muscles: NDArray[np.bool_]) -> Array:

@@ -15,8 +15,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import nnls
-from scipy.stats import qmc
+import scipy
 
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadModel
@@ -100,7 +99,7 @@ def _least_squares(w: Array, t: Array, length: Array, fiber: float, slack: float
     if np.ptp(length) < 0.01 * fiber or np.linalg.cond(A / np.linalg.norm(A, axis=0)) > 1e4:
         factor = float(np.mean(length) / np.mean(fiber * w + slack * t))
         return factor * fiber, factor * slack
-    (lo, ls), _ = nnls(A, length)
+    (lo, ls), _ = scipy.optimize.nnls(A, length)
     return float(lo), float(ls)
 
 
@@ -108,7 +107,7 @@ def _lengths(generic: Model, scaled: Model, poses: int) -> tuple[Array, Array]:
     """(poses, muscles) path lengths of both models in the same poses."""
     shared = [coordinate for coordinate in free_coordinates(generic) if coordinate in scaled.coordinate_names]
     ranges = {coordinate.name: coordinate.range for coordinate in generic.coordinates}
-    unit = qmc.Halton(len(shared), scramble=False).random(poses) if shared else np.zeros((poses, 0))
+    unit = scipy.stats.qmc.Halton(len(shared), scramble=False).random(poses) if shared else np.zeros((poses, 0))
     results = []
     for model in (generic, scaled):
         c = np.tile([coordinate.default for coordinate in model.coordinates], (poses, 1))

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
-from scipy.stats import norm, qmc
+import scipy
 from threadpoolctl import threadpool_limits
 
 from myomorph.model.arrays import Array, read_only
@@ -25,7 +25,7 @@ PARTLY, WELL = 0.5, 0.25
 CLOSE = {"optimal_fiber_length": 0.05, "tendon_slack_length": 0.03}
 """Half width of the interval of an identifiable parameter, as a share of its value."""
 OVERSTRETCHED = 1.8
-_NORMAL = norm.ppf(qmc.Halton(2, scramble=False).random(2001)[1:])
+_NORMAL = scipy.stats.norm.ppf(scipy.stats.qmc.Halton(2, scramble=False).random(2001)[1:])
 """Two independent normal numbers, spread evenly: for intervals of what is not linear in the parameters."""
 FIBER, SLACK, FORCE, STRAIN, GAIN = (
     "optimal_fiber_length", "tendon_slack_length", "strength", "passive_strain", "emg_gain",

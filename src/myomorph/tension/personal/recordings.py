@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+import scipy
 
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
@@ -125,7 +125,8 @@ class _Read:
         start, stop = self.time[good][0], self.time[good][-1]
         count = max(int(np.floor((stop - start) / FRAME + 1e-6)) + 1, 2)
         time = start + FRAME * np.arange(count)
-        lengths, speeds, arms, torques = (CubicSpline(self.time[good], part[good])(time) for part in parts)
+        curves = (scipy.interpolate.CubicSpline(self.time[good], part[good]) for part in parts)
+        lengths, speeds, arms, torques = (curve(time) for curve in curves)
         emg = np.array([_known_at(time, self.time, column) for column in self.emg.T]).T
         # A frame is compared where its neighbours in the recording are known.
         near = _gap(self.time[good], time) < 1.5 * np.median(np.diff(self.time))

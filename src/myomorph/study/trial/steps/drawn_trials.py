@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
-from scipy.interpolate import make_interp_spline
+import scipy
 
 from myomorph.contact.plan import ContactPlan
 from myomorph.contact.site_motion import root_places, walked
@@ -183,7 +183,7 @@ class Chain:
         errors = solved.values - near.values
         if self.pose_step > 1:
             known = np.isfinite(errors).all(axis=1)
-            errors = make_interp_spline(markers.time[known], errors[known])(self.recorded.time)
+            errors = scipy.interpolate.make_interp_spline(markers.time[known], errors[known])(self.recorded.time)
         return replace(self.recorded, values=self.recorded.values + errors)
 
     def _mounted(self, draw: Draw) -> SensorMounting:
