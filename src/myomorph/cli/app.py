@@ -125,7 +125,7 @@ COMMANDS = {
     ),
     "viscosity": Command(
         "viscosity",
-        "Viscosity of a joint and of its muscles from swings of a limb, with and without muscles.",
+        "Viscosity of a joint and of its muscles from a swinging limb, in vitro or relaxed.",
         "myomorph viscosity shoulder.toml --out shoulder",
     ),
     "report": Command("files", "Make report.html of a folder of results.", "myomorph report results"),
