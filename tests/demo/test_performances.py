@@ -30,6 +30,7 @@ def judo(tmp_path_factory):
     return out
 
 
+@pytest.mark.long
 def test_forces_of_two_fighters_are_laid_beside_the_truth(judo):
     with (judo / ERRORS).open(encoding="utf-8") as stream:
         rows = {row["contact"]: row for row in csv.DictReader(stream)}
@@ -40,6 +41,7 @@ def test_forces_of_two_fighters_are_laid_beside_the_truth(judo):
     assert all(float(rows[name]["error, RMS [N]"]) < 0.4 * float(rows[name]["true, RMS [N]"]) for name in FEET)
 
 
+@pytest.mark.long
 def test_forces_between_fighters_are_opposite(judo):
     loads = read_external_loads(judo / "results" / "judo" / "contact_forces.xml")
     on = {body: loads.forces[:, k] for k, body in enumerate(loads.bodies)}
@@ -48,12 +50,14 @@ def test_forces_between_fighters_are_opposite(judo):
     np.testing.assert_allclose(on["tori_forearm_l"], -on["uke_forearm_r"], atol=1e-6)
 
 
+@pytest.mark.long
 def test_touches_of_a_grip_name_the_body_that_it_holds(judo):
     touches = read_events(judo / "results" / "judo" / "contacts.csv").intervals
     surfaces = {touch.site: touch.surface for touch in touches}
     assert (surfaces["lapel"], surfaces["sleeve"]) == ("uke_torso", "uke_forearm_r")
 
 
+@pytest.mark.long
 def test_the_page_says_that_it_is_simulated_and_shows_the_truth(judo):
     text = (judo / "results" / "judo" / "report.html").read_text(encoding="utf-8")
     assert "nobody was measured" in text

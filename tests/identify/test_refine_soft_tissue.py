@@ -88,7 +88,7 @@ def test_what_predicts_no_better_is_not_taken(truth, monkeypatch):
     """`identify` has soft tissue of this recording; predictions of `refine` decide."""
     tried = []
 
-    def predictions(model, trials, recorded, options, progress):
+    def predictions(model, recorded, options, progress):
         tried.append(options.soft_tissue)
         given, gain = Errors(0.006, 20.0, 10.0), 0.96 if options.soft_tissue == "always" else 1.0
         return (Prediction("a", given, Errors(0.006, 20.0 * gain, 10.0 * gain), 0.006),)
