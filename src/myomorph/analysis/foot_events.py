@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 
 from myomorph.analysis.phases import contacts
 from myomorph.model.arrays import Array, read_only
@@ -140,10 +141,8 @@ def _extremes(time: Array, values: Array, options: StrideOptions) -> Array:
     way = float(np.ptp(np.percentile(values[known], (5.0, 95.0))))
     if not way > 0.0:
         return np.zeros(0)
-    from scipy.signal import find_peaks  # Takes half a second to import, and only a walk needs it.
-
     # A foot that begins or ends at its extreme has not been seen to turn there.
-    peaks, _ = find_peaks(filled, prominence=options.prominence * way, plateau_size=1)
+    peaks, _ = scipy.signal.find_peaks(filled, prominence=options.prominence * way, plateau_size=1)
     if not len(peaks):
         return np.zeros(0)
     usual = float(np.median(np.diff(time[peaks]))) if len(peaks) > 1 else 0.2 * float(np.ptp(time))

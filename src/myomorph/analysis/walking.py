@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+import scipy
 
 from myomorph.analysis.center_of_mass import centroid
 from myomorph.analysis.foot_events import Limb
@@ -33,9 +34,7 @@ def vertical_force(model: Model, motion: Motion) -> Array:
     height = centroid(model, motion).values @ np.asarray(model.up)
     rate = 1.0 / float(np.median(np.diff(motion.time)))
     if rate > 2.0 * CUTOFF:
-        from scipy.signal import butter, sosfiltfilt  # Takes half a second to import, and only a run needs it.
-
-        height = sosfiltfilt(butter(2, CUTOFF, fs=rate, output="sos"), height)
+        height = scipy.signal.sosfiltfilt(scipy.signal.butter(2, CUTOFF, fs=rate, output="sos"), height)
     return 1.0 + np.gradient(np.gradient(height, motion.time), motion.time) / g
 
 

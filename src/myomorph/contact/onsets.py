@@ -53,12 +53,11 @@ def listen(sound: Sound, channel: str) -> Heard:
     """One channel made ready; the filter is causal, so that nothing comes before its cause."""
     lowest = min(LOWEST, 0.4 * sound.rate)
     # Half a second to import, which only sound needs.
-    from scipy.signal import butter, resample_poly, sosfilt
-
-    signal = sosfilt(butter(2, lowest, "highpass", fs=sound.rate, output="sos"), sound[channel].astype(np.float64))
+    high = scipy.signal.butter(2, lowest, "highpass", fs=sound.rate, output="sos")
+    signal = scipy.signal.sosfilt(high, sound[channel].astype(np.float64))
     levels = [(signal, sound.rate)]
     while levels[-1][1] / 4.0 >= SLOWEST:
-        levels.append((resample_poly(levels[-1][0], 1, 4), levels[-1][1] / 4.0))
+        levels.append((scipy.signal.resample_poly(levels[-1][0], 1, 4), levels[-1][1] / 4.0))
     return Heard(channel, tuple(levels), sound.start)
 
 

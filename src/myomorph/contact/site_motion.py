@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from myomorph.contact.sites import foot_sites
@@ -343,8 +344,6 @@ def _low_pass(time: Array, weights: Array, weighted: Array, cutoff: float, rates
     (frames, columns) are known, (x' - rate)^2 / (2 pi `JOINED`)^2 takes the place of the second derivative.
     """
     # Half a second to import, which few trials need.
-    from scipy.linalg import solveh_banded
-
     count, step = len(time), float(np.median(np.diff(time)))
     # Rows of the band: the second diagonal above the main one first, the main one last.
     band, right = np.zeros((3, count)), np.array(weighted)
@@ -356,7 +355,7 @@ def _low_pass(time: Array, weights: Array, weighted: Array, cutoff: float, rates
     _add_squares(
         band, right, np.array([1.0, -2.0, 1.0]) / (2.0 * np.pi * cutoff * step) ** 2, ~(known[1:] & known[:-1])
     )
-    return np.asarray(solveh_banded(band, right))
+    return np.asarray(scipy.linalg.solveh_banded(band, right))
 
 
 def _add_squares(band: Array, right: Array, stencil: Array, used: np.ndarray, targets: Array | None = None) -> None:

@@ -15,6 +15,7 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
+import scipy
 
 from myomorph.identify.least_squares import Recording
 from myomorph.identify.parts import Parts, parts_of
@@ -104,9 +105,7 @@ def noise_of(motion: Motion, sd: float, cutoff: float, random: np.random.Generat
     rate = 1.0 / float(np.median(np.diff(motion.time)))
     white = random.normal(size=motion.values.shape)
     if 2.0 * cutoff < 0.95 * rate and len(white) > 30:
-        from scipy.signal import butter, sosfiltfilt  # Half a second to import, for every command that reads a step.
-
-        white = sosfiltfilt(butter(2, cutoff, fs=rate, output="sos"), white, axis=0)
+        white = scipy.signal.sosfiltfilt(scipy.signal.butter(2, cutoff, fs=rate, output="sos"), white, axis=0)
     seen = np.where(np.isfinite(motion.values), motion.values, np.nanmean(motion.values, axis=0))
     moving = np.ptp(seen, axis=0) > STILL
     # The noise is differentiated by itself: derivatives of the motion stay those of its own filter.

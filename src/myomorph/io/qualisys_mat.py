@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy
 
 from myomorph.io.parsing.text import mapped_bytes, unique_names, without_far_away
 from myomorph.model.arrays import Array
@@ -109,10 +110,8 @@ def _unpacked(data: np.ndarray, path: Path) -> int:
 def _recording(path: Path) -> tuple[str, Any]:
     """The first structure with trajectories, and its name."""
     # Brings SciPy: loaded only where it is needed.
-    from scipy.io import loadmat
-
     try:
-        content = loadmat(path, struct_as_record=False, squeeze_me=True, chars_as_strings=True)
+        content = scipy.io.loadmat(path, struct_as_record=False, squeeze_me=True, chars_as_strings=True)
     except Exception as error:  # a damaged file makes the reader fail in many ways
         raise BadFile(path, f"is damaged ({' '.join(str(error).split())[:120]})", HINT) from None
     names = [name for name in content if not name.startswith("__")]

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 
 from myomorph.model.arrays import Array, runs
 from myomorph.model.errors import BadData
@@ -220,12 +221,10 @@ def _fast(emg: Emg, name: str, column: Array) -> list[EmgFault]:
 def _off_rate(series: Series, name: str, column: Array) -> list[EmgFault]:
     """Median frequency outside what surface EMG has: the declared rate is wrong, or this is an envelope."""
     # Brings SciPy: loaded only where it is needed.
-    from scipy.signal import welch
-
     if len(column) < 256:
         return []
     signal = np.nan_to_num(column - np.nanmean(column))
-    frequencies, power = welch(signal, series.rate, nperseg=min(len(signal), 1024))
+    frequencies, power = scipy.signal.welch(signal, series.rate, nperseg=min(len(signal), 1024))
     # Below 10 Hz cables move; a slow rate or an envelope has nothing else.
     heard = frequencies >= 10.0
     share = power[heard].sum() / max(power.sum(), 1e-300)

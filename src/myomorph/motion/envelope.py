@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+import scipy
 
 from myomorph.model.arrays import Array
 from myomorph.model.errors import BadData, check_name
@@ -94,8 +95,6 @@ def linear_envelope(raw: Series, options: EnvelopeOptions | None = None) -> Seri
     samples (NaN) count as silence.
     """
     # Brings SciPy: loaded only where it is needed.
-    from scipy.signal import butter, sosfiltfilt
-
     options = options or EnvelopeOptions()
     rate, (low, high) = raw.rate, options.band
     high = min(high, 0.45 * rate)
@@ -111,10 +110,10 @@ def linear_envelope(raw: Series, options: EnvelopeOptions | None = None) -> Seri
     level = [np.median(column[use]) if use.any() else 0.0 for column, use in zip(raw.values.T, known.T, strict=True)]
     signal = np.where(known, raw.values - level, 0.0)
     for notch in _notches(options, rate, high):
-        signal = sosfiltfilt(notch, signal, axis=0)
-    band = butter(options.order, (low, high), "bandpass", fs=rate, output="sos")
-    smooth = butter(options.order, options.cutoff, "lowpass", fs=rate, output="sos")
-    smoothed = sosfiltfilt(smooth, np.abs(sosfiltfilt(band, signal, axis=0)), axis=0)
+        signal = scipy.signal.sosfiltfilt(notch, signal, axis=0)
+    band = scipy.signal.butter(options.order, (low, high), "bandpass", fs=rate, output="sos")
+    smooth = scipy.signal.butter(options.order, options.cutoff, "lowpass", fs=rate, output="sos")
+    smoothed = scipy.signal.sosfiltfilt(smooth, np.abs(scipy.signal.sosfiltfilt(band, signal, axis=0)), axis=0)
     return Series(raw.time, raw.names, np.clip(smoothed, 0.0, None))
 
 
@@ -130,9 +129,8 @@ def largest(trials: Sequence[Series], options: EnvelopeOptions | None = None) ->
 def _notches(options: EnvelopeOptions, rate: float, high: float) -> list[Array]:
     """Second-order sections of the notches at the mains and at its harmonics within the band."""
     # Half a second to import, for raw EMG only.
-    from scipy.signal import iirnotch, tf2sos
-
     if options.notch is None:
         return []
     places = np.arange(options.notch, high, options.notch)
-    return [tf2sos(*iirnotch(place, place / options.notch_width, fs=rate)) for place in places]
+    notches = (scipy.signal.iirnotch(place, place / options.notch_width, fs=rate) for place in places)
+    return [scipy.signal.tf2sos(*notch) for notch in notches]

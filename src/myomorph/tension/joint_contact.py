@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 
 from myomorph.model.arrays import Array, freeze, read_only
 from myomorph.model.errors import BadData, UnknownName, check_name
@@ -273,8 +274,6 @@ def shared_force(
     (frames, 3) and (frames, points, 3) in the same axes [m]; normals of unit length. Returns forces (frames, points),
     shear (frames,), the force that would pull (frames,) [N], the moment left (frames,) [N m].
     """
-    from scipy.optimize import nnls  # Only where contact points are given: it takes longer to import than a command.
-
     mean = normals.sum(axis=1)
     size = np.linalg.norm(mean, axis=1)
     if (size < 0.1 * points.shape[1]).any():
@@ -298,7 +297,7 @@ def shared_force(
         wanted = [FORCE_ALONG_NORMAL * along[f : f + 1], across[f], axes.T @ about[f] / spread[f]]
         if count > 1 + axes.shape[1]:
             rows, wanted = [*rows, EVEN * np.eye(count)], [*wanted, np.zeros(count)]
-        forces[f] = nnls(np.vstack(rows), np.concatenate(wanted))[0]
+        forces[f] = scipy.optimize.nnls(np.vstack(rows), np.concatenate(wanted))[0]
         pulled[f] = max(0.0, -along[f])
         left[f] = np.linalg.norm(axes.T @ (about[f] - arms[f].T @ forces[f]))
     return forces, np.linalg.norm(across, axis=1), pulled, left

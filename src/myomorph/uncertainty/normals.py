@@ -57,11 +57,10 @@ class Normals:
             white[:, index] = rng.standard_normal((len(white), size))
         if not before:
             return white
-        from scipy.signal import oaconvolve  # Takes half a second to import, and only draws need it.
-
         offsets = np.arange(-before, before + 1)
         weights = np.exp(-0.5 * (offsets / width) ** 2)
-        flat = oaconvolve(white.reshape(len(white), -1), weights[:, None] / np.linalg.norm(weights), "valid", axes=0)
+        weights = weights[:, None] / np.linalg.norm(weights)
+        flat = scipy.signal.oaconvolve(white.reshape(len(white), -1), weights, "valid", axes=0)
         return np.asarray(flat.reshape(frames, len(names), size))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from lxml import etree
 
 from myomorph.io.osim.document import Node, child, put
@@ -96,10 +97,8 @@ def natural_spline(x: Array, y: Array, half: int) -> PiecewisePolynomial:
     ends it goes on as a polynomial of degree half - 1.
     """
     # SciPy takes a while to import, and hardly any model has such a spline.
-    from scipy.interpolate import make_interp_spline
-
     zero = [(order, 0.0) for order in range(half, 2 * half - 1)]
-    spline = make_interp_spline(x, y, k=2 * half - 1, bc_type=(zero, zero) if zero else None)
+    spline = scipy.interpolate.make_interp_spline(x, y, k=2 * half - 1, bc_type=(zero, zero) if zero else None)
     faculties = np.cumprod([1.0, *range(1, 2 * half)])
     pieces = np.column_stack([spline(x, nu=order) / faculties[order] for order in range(2 * half)])
     before = pieces[0].copy()

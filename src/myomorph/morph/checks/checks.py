@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
+import scipy
 
 from myomorph.model.findings import Finding
 from myomorph.model.frozen_map import FrozenMap
@@ -180,9 +181,7 @@ def _rank_correlation(moment_arms: MomentArms) -> float:
     """Spearman's, of the muscles' mean moment arms; NaN of fewer than four muscles."""
     if len(moment_arms.muscles) < 4:
         return float("nan")
-    from scipy.stats import spearmanr  # Takes half a second to import, for every report that is written.
-
-    return float(spearmanr(moment_arms.source.mean(axis=0), moment_arms.target.mean(axis=0)).statistic)
+    return float(scipy.stats.spearmanr(moment_arms.source.mean(axis=0), moment_arms.target.mean(axis=0)).statistic)
 
 
 def _folded(morph: Morph) -> tuple[tuple[str, str, str], ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.errors import BadData
@@ -50,27 +51,23 @@ class Influences:
     @property
     def by_trial(self) -> np.ndarray:
         """(estimates,) whether trials differ more than their blocks tell (a test of variances)."""
-        from scipy import stats  # Slow to import, and reports need this module without it.
-
         if len(self.trials) < 2:
             return np.zeros(len(self.values), bool)
         inner, outer = (np.square(parts).sum(axis=0) for parts in (self.blocks, self.trials))
         inner = inner / self.parted
         ratio = np.divide(outer, inner, out=np.zeros_like(outer), where=inner > 0.0)
-        most = stats.f.ppf(1.0 - REJECT, _freedom(self.trials), _freedom(self.blocks))
+        most = scipy.stats.f.ppf(1.0 - REJECT, _freedom(self.trials), _freedom(self.blocks))
         return ratio > most
 
     def draws(self, count: int, generator: np.random.Generator) -> Array:
         """(count, estimates) of the bootstrap."""
-        from scipy import stats  # As above.
-
         chance = generator.uniform(size=(count, 1))
         sampled = []
         # Influences of blocks have their leverage; of n trials n / (n - 1) times the sum of squares is the variance.
         few = len(self.trials) / max(len(self.trials) - 1, 1)
         for parts, factor in ((self.blocks, 1.0 / self.parted), (self.trials, few)):
             freedom = _freedom(parts)
-            heavy = np.sqrt(factor * freedom / stats.chi2.ppf(chance, freedom))
+            heavy = np.sqrt(factor * freedom / scipy.stats.chi2.ppf(chance, freedom))
             sampled.append(heavy * (generator.standard_normal((count, len(parts))) @ parts))
         return self.values + np.where(self.by_trial, sampled[1], sampled[0])
 
