@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from benchmarks.accuracy.faults import faults
 
-from myomorph.contact.force_checks import checked_forces
+from myomorph.contact.force_checks import check_signs, checked_forces
 from myomorph.contact.force_inspection import LOAD, ForceSamples
 from myomorph.contact.undetermined import UNDETERMINED
 from myomorph.model.series import Motion, Wrenches
@@ -196,3 +197,17 @@ def test_center_of_a_wrench_is_that_of_its_moment():
     moment = np.cross(-move, force)
     moved = ForceSamples(force, point + move, moment * [1.0, 0.0, 1.0], loaded).centers(up)
     np.testing.assert_allclose(moved, plain, atol=1e-12)
+
+
+@pytest.mark.parametrize(("upwards", "kinds"), [(0.3, []), (-0.3, []), (-0.9, ["swapped sign"])])
+def test_only_a_force_that_points_down_more_than_sideways_pulls(upwards, kinds):
+    force = 300.0 * np.array([np.sqrt(1.0 - upwards**2), upwards, 0.0])
+    inspection = SimpleNamespace(
+        feet=SimpleNamespace(up=np.array([0.0, 1.0, 0.0]), unit=0.25, model=SimpleNamespace(weight=700.0)),
+        samples=SimpleNamespace(forces=np.tile(force, (20, 1, 1)), loaded=np.ones((20, 1), bool)),
+        numbers=[0],
+        weights=lambda number: np.full(20, 300.0),
+        name=lambda number: "plate",
+        misfit=lambda number: 0.02,
+    )
+    assert [finding.kind for finding in check_signs(inspection)] == kinds

@@ -309,6 +309,9 @@ def test_bad_weights_and_recordings_are_named():
         find_placements(recording, fine, markers, MarkedWeight("disc", ("a",)), [(100.0, 101.0)])
     with pytest.raises(BadData, match="shares that sum to 1"):
         MarkedWeight("bar", ("a", "b"), shares=(0.5, 0.6))
+    with pytest.raises(BadData, match="2 shares that sum to 1"):
+        MarkedWeight("bar", ("a", "b"), shares=(1.0,))
+    assert MarkedWeight("bar", ("a", "b"), shares=(1.25, -0.25)).shares == (1.25, -0.25)
     with pytest.raises(BadData, match="is not among its markers"):
         MarkedWeight("rod", ("a", "b"), axis=("a", "c"))
     with pytest.raises(BadData, match="samples, but its clock has"):

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from myomorph.contact.plates import force_plate, force_plates, plate_axes, wrenches_from_plates
+from myomorph.contact.plates import _idle, force_plate, force_plates, plate_axes, wrenches_from_plates
 from myomorph.io.c3d.read import read_c3d
 from myomorph.io.sto import read_sto
 from myomorph.model.errors import BadData
@@ -260,3 +260,10 @@ def test_wrenches_need_a_plate_and_its_clock():
         wrenches_from_plates((), np.zeros(0))
     with pytest.raises(BadData, match="50 samples"):
         wrenches_from_plates((force_plate(a_plate(2)[0]),), np.arange(7.0))
+
+
+def test_what_an_unloaded_plate_reads_is_a_group_of_its_own():
+    small, loaded = 12.0 + np.linspace(-1.0, 1.0, 401), np.full(600, 700.0)
+    assert _idle(-np.concatenate([small, loaded]), 700.0) == pytest.approx(-12.0)
+    # A load that comes slowly passes all sizes: none of them is that of an empty plate.
+    assert _idle(np.concatenate([np.linspace(0.0, 210.0, 401), loaded]), 700.0) == 0.0

@@ -10,9 +10,16 @@ import pytest
 from figaroh_base import figaroh_combination
 
 from myomorph.identify.base import BaseOptions, fit_base
-from myomorph.identify.base_parameters import base_parameters, base_sizes, held_in, parameter_sizes
+from myomorph.identify.base_parameters import BaseParameters, base_parameters, base_sizes, held_in, parameter_sizes
 from myomorph.identify.least_squares import Recording
-from myomorph.identify.null_space import clusters, held_values, numerical_null_space, random_states, tree_null_space
+from myomorph.identify.null_space import (
+    SCALE,
+    clusters,
+    held_values,
+    numerical_null_space,
+    random_states,
+    tree_null_space,
+)
 from myomorph.io.formats import read_model
 from myomorph.model.errors import BadData, BadModel, UnknownName
 from myomorph.model.functions import linear, polynomial
@@ -400,3 +407,13 @@ def test_bad_options_are_named():
     given = recorded(random_tree(0), simulated(random_tree(0), 5))
     with pytest.raises(BadData, match="use"):
         replace(given, use=np.ones(3, bool))
+
+
+def test_larger_terms_of_a_base_parameter_come_first():
+    """By what a body of usual size has of them: a tenth of a mass is more than a whole moment of inertia."""
+    combination = np.zeros((1, 20))
+    combination[0, [0, 10, 14, 11]] = 1.0, 0.1, 1.0, 0.5
+    base = BaseParameters(("a", "b"), np.array([0]), combination, ("a m",), (), {}, 1, np.zeros((1, 0)))
+    size = {"m": 0.1 * SCALE[0], "m c_x": 0.5 * SCALE[1], "I_xx": 1.0 * SCALE[4]}
+    order = sorted(size, key=lambda name: -size[name])
+    assert [term.rpartition("b ")[2] for term in base.describe(0).split(" + ")[1:]] == order

@@ -142,6 +142,8 @@ def test_markers_of_a_protocol_lock_what_they_do_not_show():
         with_markers_of(animal(), (table,), "other")
     with pytest.raises(BadData, match=r"no coordinate fits"):
         with_markers_of(animal(), (replace(table, moving=("knee*",)),), "lab")
+    with pytest.raises(UnknownName, match="wing"):
+        with_markers_of(animal(), (replace(table, places={"TIP": ("wing", (0.0, 0.0, 0.0))}),), "lab")
 
 
 def test_a_tarsus_is_a_foot_and_a_metatarsus_is_none():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -85,3 +86,12 @@ def test_a_real_body_has_none_until_a_marker_is_moved(recording):
     assert found(recording) == []
     (finding,) = found(moved(recording, "RLFE", "RGT"))
     assert "'RLFE'" in finding.text
+
+
+def test_the_distances_told_are_those_of_the_markers_named():
+    markers = moved(walking(), "RANK", "RKNE")
+    (finding,) = found(markers)
+    told = re.search(r"'(\w+)' and '(\w+)' are ([\d.]+) cm apart, '(\w+)' and '(\w+)' ([\d.]+) cm", finding.text)
+    for first, other, length in (told.groups()[:3], told.groups()[3:]):
+        apart = np.linalg.norm(markers[first] - markers[other], axis=1)
+        assert float(length) == pytest.approx(100.0 * np.median(apart), abs=0.15)

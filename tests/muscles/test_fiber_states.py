@@ -11,7 +11,7 @@ from myomorph.model.model import Axis, Body, Coordinate, Joint, Model
 from myomorph.model.paths import Muscle, Path, PathPoint
 from myomorph.model.spatial import Transform
 from myomorph.muscles.fiber_states import default_states, fiber_states, state_names, without_fibers
-from myomorph.muscles.hill import hill_forces
+from myomorph.muscles.hill import hill_forces, muscle_model
 
 SIZES = {"max_isometric_force": 950.0, "optimal_fiber_length": 0.09, "tendon_slack_length": 0.21}
 ELASTIC = ("Thelen2003Muscle", "Millard2012EquilibriumMuscle", "DeGrooteFregly2016Muscle")
@@ -127,3 +127,15 @@ def test_fibers_on_a_rigid_tendon_pull_most_at_their_optimal_length(activation):
     assert shares[4] == pytest.approx(1.0, rel=2e-2)
     assert (np.diff(shares[:5]) > 0.0).all()
     assert (np.diff(shares[4:]) < 0.0).all()
+
+
+def test_millards_fiber_moves_at_the_speed_whose_force_is_left():
+    """a f_L f_V(v) + damping v = pull - passive, of fibers that shorten and of those that lengthen."""
+    muscle = one_muscle("Millard2012EquilibriumMuscle").muscles[0]
+    model = muscle_model(muscle)
+    pull = np.linspace(0.05, 1.2, 12)
+    v, f_v = model.balancing_velocity(muscle, np.full(12, 0.6), np.full(12, 0.9), np.full(12, 0.1), pull)
+    assert v.min() < -0.1
+    assert v.max() > 0.1
+    left = 0.6 * 0.9 * f_v + model.fiber_damping(muscle) * v + 0.1 - pull
+    np.testing.assert_allclose(left, 0.0, atol=1e-10)

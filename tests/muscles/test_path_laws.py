@@ -292,3 +292,23 @@ def test_turned_surface_is_the_same_surface():
     np.testing.assert_allclose(
         compile_paths(model).evaluate(poses())[0], compile_paths(turned).evaluate(poses())[0], atol=1e-12
     )
+
+
+@pytest.mark.parametrize(("way", "wraps"), [(0, False), (1, True)])
+def test_a_path_wraps_an_ellipsoid_between_it_and_not_where_both_ends_are_on_one_ray(way, wraps):
+    """One end on x; the other slides along x or, at a right angle as seen from the middle, along y."""
+    axis = Axis("translation", np.eye(3)[way], linear(1.0), ("out",))
+    joint = Joint("slider", "SliderJoint", GROUND, "block", HERE, HERE, (axis,), ("out",))
+    path = Path(
+        (PathPoint("a", GROUND, np.array([0.046, 0.0, 0.0])), PathPoint("b", "block", np.zeros(3))), (PathWrap("egg"),)
+    )
+    model = Model(
+        "egg", (Body("block", 1.0, np.zeros(3), np.eye(3)),), (joint,), (Coordinate("out", "translational"),),
+        np.zeros(3), muscles=(Muscle("m", "Thelen2003Muscle", path, 1.0, 0.1, 0.2),),
+        wrap_objects=(WrapObject("egg", GROUND, "ellipsoid", HERE, (0.04, 0.045, 0.05)),),
+    )  # fmt: skip
+    out = np.linspace(0.05, 0.09, 9)
+    motion = Motion(np.arange(9.0), ("out",), out[:, None])
+    lengths = muscle_kinematics(model, motion, velocities=False, moment_arms=False).lengths[:, 0]
+    straight = np.hypot(0.046, out) if wraps else out - 0.046
+    assert (lengths > straight + 1e-7).all() if wraps else np.allclose(lengths, straight, atol=1e-12)

@@ -7,10 +7,12 @@ import subprocess
 import sys
 import threading
 import types
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 from numba import config, njit
+from numba import types as numba_types
 from numba.core.caching import IndexDataCacheFile
 from numba.core.errors import NumbaError
 
@@ -150,3 +152,19 @@ def test_where_nothing_can_be_written_a_kernel_still_runs(tmp_path, cached):
     call = CALL.replace("assert signatures_on_disk(double)", "")
     done = subprocess.run([sys.executable, "-c", call], env=cached, input="\n", capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
+
+
+def test_arguments_are_ours_where_all_their_classes_are():
+    class Foreign(NamedTuple):
+        a: int
+
+    class Ours(NamedTuple):
+        a: int
+
+    Ours.__module__ = f"{kernels.OURS}made"
+    integer = numba_types.int64
+    ours, foreign = (numba_types.NamedUniTuple(integer, 1, kind) for kind in (Ours, Foreign))
+    assert kernels._ours(integer)
+    assert kernels._ours(numba_types.Tuple((ours, integer)))
+    assert not kernels._ours(foreign)
+    assert not kernels._ours(numba_types.Tuple((ours, foreign)))

@@ -227,3 +227,18 @@ def test_a_missing_bone_is_the_other_sides_or_a_distance_and_told(walker):
 def test_a_model_without_knees_is_told_so():
     with pytest.raises(BadModel, match="has no knee"):
         knee_points(random_tree(1), {})
+
+
+@pytest.mark.parametrize(("opposed", "refused"), [(0.95, True), (0.5, False)])
+def test_normals_that_nearly_cancel_are_refused(opposed, refused):
+    """Of eight points the mean normal is judged, not their sum: a sum of 0.4 is refused, one of 4 is not."""
+    normals = np.tile([0.0, 1.0, 0.0], (1, 8, 1))
+    normals[0, :, 1] = np.where(np.arange(8) % 2, 1.0, 1.0 - 2.0 * opposed)
+    normals[0, :, 0] = np.sqrt(1.0 - normals[0, :, 1] ** 2) * np.where(np.arange(8) % 4 < 2, 1.0, -1.0)
+    points = np.random.default_rng(0).uniform(-0.02, 0.02, (1, 8, 3))
+    given = np.array([[0.0, 500.0, 0.0]]), np.zeros((1, 3)), np.zeros((1, 3)), points, normals
+    if refused:
+        with pytest.raises(BadData, match="point against each other"):
+            shared_force(*given)
+    else:
+        assert np.isfinite(shared_force(*given)[0]).all()

@@ -14,13 +14,16 @@ from myomorph.rigid.dynamics import OnlineDynamics, inverse_dynamics, motion_arr
 from myomorph.rigid.tree import compile_tree
 from myomorph.tension.problem import OnlineTension
 from myomorph.tension.solve import solve_tension
+from myomorph.tension.tension import TensionOptions
 
 
-def test_frame_by_frame_is_the_whole_at_once(data: Callable[[str], Path]) -> None:
+@pytest.mark.parametrize("passive", [False, True])
+def test_frame_by_frame_is_the_whole_at_once(data: Callable[[str], Path], passive: bool) -> None:
     model, motion, wrenches = walk(data, slice(0, 1350, 25))
     torques = inverse_dynamics(model, motion, wrenches)
-    whole = solve_tension(model, motion, torques)
-    dynamics, tension = OnlineDynamics(model, wrenches.bodies), OnlineTension(model)
+    options = TensionOptions(passive=passive)
+    whole = solve_tension(model, motion, torques, options)
+    dynamics, tension = OnlineDynamics(model, wrenches.bodies), OnlineTension(model, options)
     parts = (one[:, :, None] for one in (wrenches.forces, wrenches.points, wrenches.torques))
     each = total_wrench(*parts)
     moved = motion_arrays(compile_tree(model), motion)
