@@ -7,7 +7,7 @@ all cores, then milliseconds a frame on one core beside other solvers. Walks are
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -42,7 +42,6 @@ class ContactCase:
     task: ContactTask
     asked: float
     compared: int = 30
-    options: mm.TensionOptions = field(default_factory=mm.TensionOptions)
 
 
 def at_rate(motion: mm.Motion, rate: float, start: float = -np.inf, stop: float = np.inf) -> mm.Motion:
@@ -101,15 +100,15 @@ def cyclist(folder: Path) -> ContactCase:
     bodies = ("calcn_r", "calcn_l", "toes_r", "toes_l", "hand_r", "hand_l", "pelvis", "thoracic5")
     corners = [[x, 0.0, z] for x in (-0.03, 0.03) for z in (-0.03, 0.03)]
     sites = tuple(Site(body, body, corners, Cone(torsion=0.01)) for body in bodies)
-    task = _task(motion, sites, np.ones((len(motion), len(sites))))
-    name = "simulated swing, 520 muscles, 171 coordinates, 8 patches of 4 points"
     # Some of its muscles are stretched so far in this pose that their passive forces mean nothing.
-    return ContactCase(name, model, motion, task, 50.0, 10, mm.TensionOptions(passive=False))
+    task = _task(motion, sites, np.ones((len(motion), len(sites))), passive=False)
+    name = "simulated swing, 520 muscles, 171 coordinates, 8 patches of 4 points"
+    return ContactCase(name, model, motion, task, 50.0, 10)
 
 
-def _task(motion: mm.Motion, sites: tuple[Site, ...], values: np.ndarray, smoothness: float = 0.0) -> ContactTask:
+def _task(motion: mm.Motion, sites: tuple[Site, ...], values: np.ndarray, passive: bool = True) -> ContactTask:
     ready = mm.Series(motion.time, tuple(site.name for site in sites), values)
-    return ContactTask(sites, ready, options=ContactOptions(smoothness=smoothness))
+    return ContactTask(sites, ready, options=ContactOptions(smoothness=0.0, contact_passive=passive))
 
 
 def quadratic(problem: TensionProblem, given: Balance, keep: np.ndarray) -> QuadraticFrames:
@@ -127,8 +126,8 @@ def quadratic(problem: TensionProblem, given: Balance, keep: np.ndarray) -> Quad
 def speed(case: ContactCase, rounds: int = 5) -> dict[str, object]:
     """Frames a second on all cores: the QP step alone, everything, and everything with forces smoothed."""
     torques = mm.inverse_dynamics(case.model, case.motion)
-    smooth = replace(case.task, options=ContactOptions())
-    problem = tension_problem(TensionInputs(case.model, case.motion, torques, case.options, contacts=case.task))
+    smooth = replace(case.task, options=ContactOptions(contact_passive=case.task.options.contact_passive))
+    problem = tension_problem(TensionInputs(case.model, case.motion, torques, contacts=case.task))
     frames = len(case.motion)
     parts = {start: problem.balance(start, min(start + 16, frames)) for start in range(0, frames, 16)}
     status: list[np.ndarray] = []
@@ -139,8 +138,8 @@ def speed(case: ContactCase, rounds: int = 5) -> dict[str, object]:
     seconds = alternate(
         {
             "qp": qp,
-            "whole": lambda: mm.solve_tension(case.model, case.motion, torques, case.options, contacts=case.task),
-            "smooth": lambda: mm.solve_tension(case.model, case.motion, torques, case.options, contacts=smooth),
+            "whole": lambda: mm.solve_tension(case.model, case.motion, torques, contacts=case.task),
+            "smooth": lambda: mm.solve_tension(case.model, case.motion, torques, contacts=smooth),
         },
         rounds,
     )
@@ -161,7 +160,7 @@ def speed(case: ContactCase, rounds: int = 5) -> dict[str, object]:
 def against_others(case: ContactCase, rounds: int = 3) -> Iterator[dict[str, object]]:
     """Milliseconds a frame on one core: ours and maintained solvers, same frames, alternating."""
     torques = mm.inverse_dynamics(case.model, case.motion)
-    problem = tension_problem(TensionInputs(case.model, case.motion, torques, case.options, contacts=case.task))
+    problem = tension_problem(TensionInputs(case.model, case.motion, torques, contacts=case.task))
     keep = (len(case.motion) - case.compared) // 2 + np.arange(case.compared)
     frames = quadratic(problem, problem.balance(0, len(case.motion)), keep)
     solvers = solvers_of(frames)
