@@ -42,6 +42,7 @@ COMPARISONS = {
     "draws": ("benchmarks.speed.draws", "limits of results: 200 draws of a 10 s walk beside the walk alone"),
     "study": ("benchmarks.speed.study", "1,000 short trials: workers side by side, memory, what a trial costs"),
     "fuzz": ("benchmarks.fuzz", "readers of files given wrong ones: inputs tried, and what came out"),
+    "revision": ("benchmarks.speed.revision", "functions and commands beside those of --before REVISION, in turns"),
     "house": ("benchmarks.house", "lines by room, words of documentation, vague names; --before REVISION"),
     "trial_path": ("benchmarks.trial_path", "through how many files the inputs of a trial pass; --tree PATH"),
     "release": ("benchmarks.release", "sdist and wheel: contents, and the wheel alone in a fresh environment"),
