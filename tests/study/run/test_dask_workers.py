@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import pickle
 import socket
 import sys
 import threading
@@ -19,7 +20,7 @@ from myomorph.model.errors import BadData, BadFile, MyomorphError
 from myomorph.model.model import Model
 from myomorph.store.outcome import Outcome
 from myomorph.study.run import dask_workers
-from myomorph.study.run.dask_cluster import connected, fitness, scheduler_address, unfit
+from myomorph.study.run.dask_cluster import connected, do_job, fitness, scheduler_address, unfit
 from myomorph.study.run.dask_workers import DaskWorkers
 from myomorph.study.workers.jobs import Ended, Job
 from truths.cluster import Cluster, cluster_in
@@ -145,6 +146,18 @@ def test_a_study_on_a_cluster_writes_the_bytes_of_one_process(
     assert compared > 20
     assert unequal == []
     assert left_over(arm.folder / "there") == []
+
+
+def date_of(model: Model | None) -> Outcome:
+    return Outcome("s", os.environ.get("SOURCE_DATE_EPOCH", "the clock"), Path())
+
+
+@pytest.mark.parametrize(("date", "told"), [("", "the clock"), ("5", "5")])
+def test_results_are_dated_as_the_sender_does(date: str, told: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An empty variable is none: libraries take it for a number that cannot be read."""
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "7")
+    assert do_job(pickle.dumps(date_of), date=date).trial == told
+    assert os.environ["SOURCE_DATE_EPOCH"] == "7"
 
 
 def test_workers_of_the_command_are_those_of_the_cluster(

@@ -72,8 +72,9 @@ def _dated(date: str) -> Iterator[None]:
     """Work silently on one thread, and date results as the sender does; settings before hold again after."""
     # Frames are not split over threads: the machine has as many processes as it should use cores.
     wanted = {"MYOMORPH_THREADS": "1", "SOURCE_DATE_EPOCH": date}
-    before = {name: os.environ[name] for name in wanted if name in os.environ}
-    os.environ |= wanted
+    before = {name: os.environ.pop(name) for name in wanted if name in os.environ}
+    # Libraries take an empty date for a number that cannot be read.
+    os.environ |= {name: value for name, value in wanted.items() if value}
     silent = silence()
     try:
         yield
