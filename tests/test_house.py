@@ -6,9 +6,9 @@ import pytest
 from benchmarks.house import CHECKOUT, checkout_texts, count
 
 LIMITS = {
-    ("lines", "src"): 122_487,
-    ("lines", "benchmarks"): 26_553,
-    ("words", "documentation"): 99_619,
+    ("lines", "src"): 122_488,
+    ("lines", "benchmarks"): 26_694,
+    ("words", "documentation"): 99_653,
     ("vague", "src"): 6.5,
 }
 
