@@ -8,7 +8,7 @@ from benchmarks.house import CHECKOUT, checkout_texts, count
 LIMITS = {
     ("lines", "src"): 122_488,
     ("lines", "benchmarks"): 26_694,
-    ("words", "documentation"): 99_653,
+    ("words", "documentation"): 99_686,
     ("vague", "src"): 6.5,
 }
 
