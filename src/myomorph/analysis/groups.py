@@ -196,14 +196,14 @@ def _compared(
     """Two groups, or pairs in one order, of `sizes`; `words` where they are too few to be tested, or to be called."""
     tested, paired = min(sizes) >= permutations.MIN_SUBJECTS, len(sizes) == 1
     floor = permutations.p_floor(*sizes, most=options.permutations) if tested else float("nan")
-    told = [*notes, *([] if tested else words[:1])]
-    told += [words[1].format(floor, options.alpha)] if floor > options.alpha else []
+    lines = [*notes, *([] if tested else words[:1])]
+    lines += [words[1].format(floor, options.alpha)] if floor > options.alpha else []
     members = [tuple((animal.name, animal.strides) for animal in group.animals) for group in (first, second)]
     exact = (2 ** sizes[0] if paired else comb(sum(sizes), sizes[0])) <= options.permutations
-    scalars = _scalars(first, second, options, tested, paired, told)
-    curves = _curves(first, second, options, tested, paired, told)
+    scalars = _scalars(first, second, options, tested, paired, lines)
+    curves = _curves(first, second, options, tested, paired, lines)
     names, animals = (first.name, second.name), (members[0], members[1])
-    return Comparison(names, animals, scalars, curves, options, tested, exact, floor, tuple(told), paired)
+    return Comparison(names, animals, scalars, curves, options, tested, exact, floor, tuple(lines), paired)
 
 
 def _common_names(names: Sequence[Sequence[str]], what: str, notes: list[str]) -> tuple[str, ...]:

@@ -180,8 +180,8 @@ def find_strides(
     if ground_speed is None and not travels:
         ground = foot_events.ground_speed_of(points.time, tracks, trunk, along, options)
         if ground:
-            told = "as standing feet do; give the belt's speed if it is known"
-            notes.append(f"the ground moves at {ground:.3g} m/s {told}")
+            advice = "as standing feet do; give the belt's speed if it is known"
+            notes.append(f"the ground moves at {ground:.3g} m/s {advice}")
     ways = along, np.cross(up, along)
     strides = [stride for name in tracks for stride in _strides(points.time, name, tracks, *ways, ground, options)]
     strikes, lifts = (

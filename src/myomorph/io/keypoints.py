@@ -66,11 +66,11 @@ def read_keypoints(
     sources = [stored]
     if not header.names or header.unit is None or header.rate is None:
         sources.append(_beside(path, tracks.shape[1], notes))
-    # Each fact from the first source that tells it.
+    # Each fact from the first source that has it.
     for other in sources:
         unit = other.unit if header.unit is None else header.unit
-        told = other.rate if header.rate is None else header.rate
-        header = replace(header, names=header.names or other.names, unit=unit, rate=told)
+        rate = other.rate if header.rate is None else header.rate
+        header = replace(header, names=header.names or other.names, unit=unit, rate=rate)
     if not header.names:
         raise BadFile(path, f"does not name its {tracks.shape[1]} points", f"name them in {path.stem}.txt, one a line")
     if len(header.names) != tracks.shape[1]:

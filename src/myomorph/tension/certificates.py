@@ -295,9 +295,9 @@ def open_bounds(problem: TensionProblem, solved: SolvedFrames, options: Certific
             more = options.residual * subject_weight(tree, actuator.body)
         reach = np.abs(x[:, i]) + more / actuator.optimal_force
         lower[:, i], upper[:, i] = np.maximum(lower[:, i], -reach), np.minimum(upper[:, i], reach)
-    told = (solved.penalties[:, 2] > 0.0) & (solved.penalties[:, 1] > solved.penalties[:, 0])
-    lower = np.where(told, np.maximum(lower, np.minimum(solved.penalties[:, 0], x)), lower)
-    upper = np.where(told, np.minimum(upper, np.maximum(solved.penalties[:, 1], x)), upper)
+    targeted = (solved.penalties[:, 2] > 0.0) & (solved.penalties[:, 1] > solved.penalties[:, 0])
+    lower = np.where(targeted, np.maximum(lower, np.minimum(solved.penalties[:, 0], x)), lower)
+    upper = np.where(targeted, np.minimum(upper, np.maximum(solved.penalties[:, 1], x)), upper)
     assert problem.contacts is not None
     measured_rows = np.concatenate([np.full(len(row), row.measured) for row in problem.rows] or [np.zeros(0, np.bool_)])
     measured = len(problem.unknowns) + np.flatnonzero(measured_rows)

@@ -61,7 +61,7 @@ def calibrate_emg(
         return uncalibrated(names, USUAL if options.delay is None else options.delay, options.shape or 0.0)
     cleaned = [without_faults(trial.emg, envelope_faults(trial.emg)) for trial in trials]
     cleaned = [Emg(emg.time, names, np.array([emg[name] for name in names]).T) for emg in cleaned]
-    told = [_smooth(emg) for emg in cleaned]
+    envelopes = [_smooth(emg) for emg in cleaned]
     every = max(sum(len(trial.motion) for trial in trials) // MAX_FRAMES, 1)
     tells = np.array([[muscle in channels[name] for name in names] for muscle in model.muscle_names], dtype=float)
     # The matrices are small: waking further threads of BLAS for them costs more than they save.
@@ -69,14 +69,14 @@ def calibrate_emg(
         setting = (tension or TensionOptions(), actuators)
         frames = [
             tracked_frames(TensionInputs(model, one.motion, one.torques, *setting, one.contacts), emg, tells, every)
-            for one, emg in zip(trials, told, strict=True)
+            for one, emg in zip(trials, envelopes, strict=True)
         ]
-        heights = [np.vstack([emg.values, np.zeros((1, len(names)))]) for emg in told]
+        heights = [np.vstack([emg.values, np.zeros((1, len(names)))]) for emg in envelopes]
         peaks = np.nanpercentile(np.vstack(heights), PEAK, axis=0)
         bounds = np.array([(maxima or {}).get(name, np.nan) for name in names])
         groups = synergy_groups(frames, names, tells, peaks)
         prior = gain_prior(peaks, bounds)
-        tracking = TorqueTracking(frames, tells, groups, prior, options.offsets, noise=_noise(cleaned, told))
+        tracking = TorqueTracking(frames, tells, groups, prior, options.offsets, noise=_noise(cleaned, envelopes))
         result = _Search(tracking, names, options, gain_prior(peaks, bounds, 0.0)).found(model.muscle_names)
     if any(trial.contacts is not None for trial in trials):
         # No channel is left out where forces of contacts are unknown: nothing shows that synergies tell of others.

@@ -44,9 +44,9 @@ def emg_conflicts(model: Model, tension: Tension, target: EmgTarget) -> tuple[Em
 
 def _by_muscle(tension: Tension, target: EmgTarget) -> Iterator[EmgConflict]:
     limit = APART + (target.slack if target.mode == "driven" else 0.0)
-    for name, told in zip(target.muscles, target.activations.T, strict=True):
+    for name, measured in zip(target.muscles, target.activations.T, strict=True):
         result = tension.activations[:, tension.muscles.index(name)]
-        yield from _stretches(tension.time, np.abs(result - told), limit, (name, ""), (told, result))
+        yield from _stretches(tension.time, np.abs(result - measured), limit, (name, ""), (measured, result))
 
 
 def _by_reserve(model: Model, tension: Tension, target: EmgTarget) -> Iterator[EmgConflict]:

@@ -41,7 +41,7 @@ class Swap(NamedTuple):
 def swapped_channels(envelopes: Array, activations: Array) -> tuple[Swap, ...]:
     """Pairs of channels that look exchanged, the clearest first; no channel is in two pairs.
     Both channels must follow the other's muscles better than their own. Muscles that work at the same time
-    (gastrocnemius and soleus, vasti and gluteus medius in walking) cannot be told apart so.
+    (gastrocnemius and soleus, vasti and gluteus medius in walking) cannot be distinguished so.
     `envelopes` (frames, channels) at the delay of EMG, NaN where unknown; `activations` (frames, channels) means of
     each channel's muscles, found without EMG from joint torques.
     """
@@ -108,7 +108,7 @@ class HeldOut:
     model: Model
     channels: ChannelMap
     options: EmgOptions
-    told: tuple[TensionOptions | None, Sequence[Actuator] | None]  # options and actuators of `solve_tension`
+    settings: tuple[TensionOptions | None, Sequence[Actuator] | None]  # options and actuators of `solve_tension`
     tracking: TorqueTracking
     calibration: EmgCalibration  # of all channels
     # peaks, maxima: as of `gain_prior`
@@ -117,7 +117,7 @@ class HeldOut:
     few: Sequence[tuple[Motion, Series]]  # some frames of each trial: a motion with velocities, its torques
 
     def __post_init__(self) -> None:
-        self.alone = [solve_tension(self.model, *recording, *self.told).activations for recording in self.few]
+        self.alone = [solve_tension(self.model, *recording, *self.settings).activations for recording in self.few]
 
     def swapped(self) -> tuple[Swap, ...]:
         """Pairs of channels that look exchanged."""
@@ -180,7 +180,7 @@ class HeldOut:
             solved = []
             for item, (motion, torques) in zip(emg, self.few, strict=True):
                 target = emg_targets(item, left, self.model, motion.time, options, calibration)
-                solved.append(solve_tension(self.model, motion, torques, *self.told, emg=target).activations)
+                solved.append(solve_tension(self.model, motion, torques, *self.settings, emg=target).activations)
             ways.append(solved)
         envelope = np.concatenate(measured)
         result = [np.concatenate([part[:, columns].mean(axis=1) for part in way]) for way in ways]

@@ -122,14 +122,14 @@ def gain_prior(peaks: Array, maxima: Array, shared: float = SHARED) -> Prior:
     `peaks` (channels,) largest envelope over all trials; `maxima` (channels,) envelope in a maximum voluntary
     contraction, NaN where none was measured; `shared`: standard deviation of what all channels share.
     """
-    told, alive = np.isfinite(maxima), peaks > 0.0
-    largest = np.where(told, maxima, np.where(alive, peaks, 1.0))
+    known, alive = np.isfinite(maxima), peaks > 0.0
+    largest = np.where(known, maxima, np.where(alive, peaks, 1.0))
     own = np.ptp(np.log(peaks[alive])) < np.log(ALIKE) if alive.any() else True
     usual = np.log(LEVEL) - np.log(largest) if own else np.full(len(peaks), np.log(COMMON))
     upper = -np.log(largest)
-    mean = np.where(told, np.log(AT_MAXIMUM) + upper, np.minimum(usual, upper))
-    level = np.where(told, 0.0, shared)
-    spread = np.where(told, NEAR_MAXIMUM, APART)
+    mean = np.where(known, np.log(AT_MAXIMUM) + upper, np.minimum(usual, upper))
+    level = np.where(known, 0.0, shared)
+    spread = np.where(known, NEAR_MAXIMUM, APART)
     covariance = np.diag(spread**2) + np.outer(level, level)
     return Prior(mean, np.linalg.inv(covariance), upper)
 

@@ -70,15 +70,15 @@ class Sheet:
             writer.writerow([_written(cell, digits) if isinstance(cell, float) else cell for cell in row])
         return text.getvalue()
 
-    def grid(self, title: str, folded: bool = False, told: str = "") -> Grid:
-        """The table for print, to about three digits and in millimeters; `told`: a unit that the title tells."""
+    def grid(self, title: str, folded: bool = False, unit: str = "") -> Grid:
+        """The table for print, to about three digits and in millimeters; `unit`: a unit that the title has."""
 
         def printed(name: str, cell: Cell) -> str:
             if isinstance(cell, float):
                 return number(1e3 * cell if "[m]" in name else cell)
             return "–" if cell is None else str(cell)
 
-        names = (name.removesuffix(told).replace("[m]", "[mm]") for name in self.head)
+        names = (name.removesuffix(unit).replace("[m]", "[mm]") for name in self.head)
         rows = tuple(tuple(map(printed, self.head, row)) for row in self.rows)
         return Grid(tuple(name[:1].upper() + name[1:] for name in names), rows, title, folded)
 

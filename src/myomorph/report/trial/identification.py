@@ -104,7 +104,7 @@ def mass_section(identification: Identification) -> Section:
     grids = (
         tables.mass_sheet(identification).grid("Mass of each link [kg]", len(bodies) > MAX_OPEN_ROWS, " [kg]"),
         tables.spine_sheet(bodies, masses).grid(
-            "Spread of the vertebrae's masses: population standard deviation [kg]", told=" [kg]"
+            "Spread of the vertebrae's masses: population standard deviation [kg]", unit=" [kg]"
         ),
         cut.grid(f"Physical consistency of {len(sheet.rows)} links", True, " [kg]"),
     )

@@ -214,14 +214,14 @@ def _cannot_reach(model: Model, shapes: MuscleShapes, windows: Sequence[Windows]
         if share:
             frame, long = divmod(int(np.argmax(excess)), 2)
             worst = float(excess[frame, long])
-            told = (
+            reason = (
                 f"stretches it beyond {OVERSTRETCHED:g} optimal fiber lengths, to {worst + OVERSTRETCHED:.2f}"
                 if long
                 else f"is shorter than its slack tendon by {1e3 * worst * fiber:.0f} mm"
             )
             notes.append(
                 f"muscle '{muscle.name}' cannot reach in {share} of {len(time)} frames of the model given: its path "
-                f"{told} at {time[frame]:.2f} s of '{where[frame]}'"
+                f"{reason} at {time[frame]:.2f} s of '{where[frame]}'"
             )
     return fixed, notes
 

@@ -203,8 +203,8 @@ def muscle_groups(
 def _shared_emg(names: Sequence[str], windows: Sequence[Windows]) -> tuple[tuple[str, ...], NDArray[np.int64]]:
     """Muscles whose EMG is the same all along share a gain; recordings at rest know none."""
     count, gain = len(names), np.full(len(names), -1, np.int64)
-    told = [window.emg.reshape(-1, count) for window in windows if np.isfinite(window.step)]
-    columns = enumerate(np.concatenate([np.zeros((0, count)), *told]).T)
+    targets = [window.emg.reshape(-1, count) for window in windows if np.isfinite(window.step)]
+    columns = enumerate(np.concatenate([np.zeros((0, count)), *targets]).T)
     known = ((np.nan_to_num(column, nan=-1.0).tobytes(), m) for m, column in columns if np.isfinite(column).any())
     members = list(grouped(known).values())
     for number, muscles in enumerate(members):

@@ -91,10 +91,10 @@ class Clusters:
 
     def put_right(self) -> None:
         """Relabel frames whose distances are wrong, or leave out what does not fit in them."""
-        doubt = {bone: self.wrong(self.values, bone) for bone in self.columns}
-        patterns = np.array(list(doubt.values()), bool)
+        flags = {bone: self.wrong(self.values, bone) for bone in self.columns}
+        patterns = np.array(list(flags.values()), bool)
         for pattern in np.unique(patterns, axis=1).T if patterns.any() else ():
-            left = [bone for bone, flagged in zip(doubt, pattern, strict=True) if flagged]
+            left = [bone for bone, flagged in zip(flags, pattern, strict=True) if flagged]
             frames = np.flatnonzero((patterns == pattern[:, None]).all(axis=0))
             for group in [(bone,) for bone in left] + list(combinations(left, 2)):
                 if not set(group) <= set(left):
