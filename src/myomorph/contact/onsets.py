@@ -52,7 +52,6 @@ class Heard:
 def listen(sound: Sound, channel: str) -> Heard:
     """One channel made ready; the filter is causal, so that nothing comes before its cause."""
     lowest = min(LOWEST, 0.4 * sound.rate)
-    # Half a second to import, which only sound needs.
     high = scipy.signal.butter(2, lowest, "highpass", fs=sound.rate, output="sos")
     signal = scipy.signal.sosfilt(high, sound[channel].astype(np.float64))
     levels = [(signal, sound.rate)]
