@@ -9,7 +9,7 @@ import pytest
 
 from myomorph.io.osim.read import read_osim
 from myomorph.model.scale import scale
-from myomorph.muscles.published_arms import BANDS, MARGIN, arm_warnings, knee_arms
+from myomorph.muscles.published_arms import BANDS, TOLERANCE, arm_warnings, knee_arms
 from myomorph.study.analyze.generic_model import generic_model
 from myomorph.study.info.inspect import inspect
 
@@ -68,7 +68,7 @@ def test_bands_grow_with_the_body(data) -> None:
 def test_an_arm_within_the_margin_is_no_alarm(data) -> None:
     model = read_osim(data(RAJAGOPAL))
     arms = next(each for each in knee_arms(model) if each.name == "semiten_r")
-    for beyond, named in ((0.9 * MARGIN, False), (1.1 * MARGIN, True)):
+    for beyond, named in ((0.9 * TOLERANCE, False), (1.1 * TOLERANCE, True)):
         moved = replace(arms, arms=np.where(arms.flexion == 40.0, arms.high + beyond, arms.arms))
         assert bool(moved.text) == named
         assert ("semiten_r" in moved.text and "at 40°" in moved.text) == named

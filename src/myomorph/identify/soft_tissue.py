@@ -9,7 +9,7 @@ import numpy as np
 
 from myomorph.identify.least_squares import Recording
 from myomorph.identify.parts import Parts, TissueColumns, held_out, parts_of
-from myomorph.identify.unseen import Strength
+from myomorph.identify.unseen import ChosenPrior, Strength
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.model import Model
 from myomorph.model.soft_tissue import SoftTissue, coordinate_groups
@@ -40,8 +40,7 @@ class Fitted:
     recordings: tuple[Recording, ...]  # whose motion is that of the body's mass
     parts: Parts
     tissue: SoftTissue | None  # that was taken from the motion of the markers; None for none
-    # of `Strength.choose`: noise (2,), held-out misfit (2,) by strength, strength
-    choice: tuple[Array, dict[float, Array], float]
+    choice: ChosenPrior  # on those parts
 
     def misfits(self, strength: Strength) -> Array:
         """(folds, 2) on each unseen part, moment [N m] and force [N]."""

@@ -1,13 +1,14 @@
 """How identified masses predict what they were not fitted to, and the prior that predicts it best.
 
-The figure to believe is nested: the strength of the prior and the noise are chosen without the part that is
-predicted, so that the choice takes nothing from it.
+The figure to believe is nested: the strength of the prior and the noise are chosen without the part
+that is predicted, so that the choice takes nothing from it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -16,28 +17,37 @@ from myomorph.identify.base_parameters import BaseParameters, base_sizes
 from myomorph.identify.body.points import MassPoints
 from myomorph.identify.mass_points import MassPointFit, MassPointOptions, solve_mass_points
 from myomorph.identify.parts import Parts, held_out, predicted
-from myomorph.identify.pseudo_inertia import PseudoInertiaOptions, possible_reference, solve_pseudo_inertia
+from myomorph.identify.pseudo_inertia import (
+    PseudoInertiaOptions,
+    possible_reference,
+    solve_pseudo_inertia,
+)
 from myomorph.model.arrays import Array, read_only
 from myomorph.model.inertia import inertial_parameters
 from myomorph.model.model import Model
 
 STRENGTHS = (0.02, 0.05, 0.1, 0.2)
-"""Relative standard deviations of a link's mass to choose from where none is given, up to how far people differ.
+"""Relative standard deviations of a link's mass to choose from where none is given, up to how far
+people differ.
 
-Looser ones predict more of the same motion and give masses that nobody has: faults of kinematics that come back
-every step are then blamed on hands and forearms.
+Looser ones predict more of the same motion and give masses that nobody has: faults of kinematics
+that come back every step are then blamed on hands and forearms.
 """
 
 POINTS_PER_LINK = 60  # Points a link that stand for all of them while strengths are tried
 ROUNDS = 5  # Times that the noise is taken anew from what the fit leaves of unseen parts
 PAPER_SD = 0.2
-"""Relative standard deviation of a link's mass that stands for [D]'s weights, which state none, in intervals."""
-WORSE = 1.02  # Ratio of misfits on unseen parts, identified over generic, from which one counts as worse
+"""Relative standard deviation of a link's mass that stands for [D]'s weights, which state none, in
+intervals.
+"""
+# Ratio of misfits on unseen parts, identified over generic, from which one counts as worse
+WORSE = 1.02
 
 
 @read_only
 class Unseen:
-    """Misfit on recordings, or parts of one, that took no part in the fit: identified beside the generic model.
+    """Misfit on recordings, or parts of one, that took no part in the fit: identified beside the
+    generic model.
 
     Attributes
     ----------
@@ -65,7 +75,9 @@ class Unseen:
 
     @property
     def worse(self) -> bool:
-        """Whether identified masses predict worse: moment and force together, as the mean of their squared ratios."""
+        """Whether identified masses predict worse: moment and force together, as the mean of their
+        squared ratios.
+        """
         return bool(len(self.frames)) and float(np.mean(np.square(self.ratio))) >= 1.0
 
     @property
@@ -76,7 +88,7 @@ class Unseen:
 
     @property
     def losses(self) -> tuple[str, ...]:
-        """Parts and kinds, moment or force, in which identified masses predict worse than `WORSE`."""
+        """Parts and kinds, moment or force, that identified masses predict worse by `WORSE`."""
         lost = []
         ratios = self.identified / np.maximum(self.generic, 1e-300)
         for i, row in enumerate(ratios):
@@ -93,16 +105,32 @@ class Unseen:
 class Paper:
     """The problem of [D] eq. 3.10: mass points with weights on base parameters by least squares."""
 
-    model: Model  # that holds what no frame shows, by a weak prior of 100 times its size, as in `fit_base`
+    # that holds what no frame shows, by a weak prior of 100 times its size, as in `fit_base`
+    model: Model
     options: MassPointOptions  # weights of both terms, and the least mass of a point
     mass: float | None  # of all points, kept exactly [kg]; None leaves it free, as [D] does
 
-    def solve(self, points: MassPoints, parts: Parts, noise: Array, others: np.ndarray | None = None) -> MassPointFit:
+    def solve(
+        self, points: MassPoints, parts: Parts, noise: Array, others: np.ndarray | None = None
+    ) -> MassPointFit:
         """Masses of points from all parts, or from some."""
         base: BaseParameters = parts.base
-        mean, spread = base.of(inertial_parameters(self.model)), 100.0 * base_sizes(self.model, base)
+        mean, spread = (
+            base.of(inertial_parameters(self.model)),
+            100.0 * base_sizes(self.model, base),
+        )
         estimate = (parts if others is None else parts.only(others)).estimate(noise, mean, spread)
-        return solve_mass_points(points, base.combination, estimate, mass=self.mass, options=self.options)
+        return solve_mass_points(
+            points, base.combination, estimate, mass=self.mass, options=self.options
+        )
+
+
+class ChosenPrior(NamedTuple):
+    """How far the data may move masses, by the misfit on parts that were held out."""
+
+    noise: Array  # (2,) of moments and forces [N m], [N]
+    misfits: dict[float, Array]  # relative standard deviation of the prior -> held-out misfit (2,)
+    mass_sd: float  # the standard deviation to use
 
 
 @read_only
@@ -113,7 +141,9 @@ class Strength:
     generic: Array  # (bodies, 10) parameters of the scaled model
     method: str  # "points" or "pseudo-inertia"
     mass_sd: float | None  # the strength to use; None chooses
-    paper: Paper | None = None  # how base parameters are met with weights as [D]'s; None weighs by noise and prior
+    paper: Paper | None = (
+        None  # how base parameters are met with weights as [D]'s; None weighs by noise and prior
+    )
 
     def fit(self, parts: Parts, noise: Array, sd: float, others: np.ndarray | None = None) -> Array:
         """(bodies, 10) parameters by the given strength from some parts."""
@@ -130,10 +160,12 @@ class Strength:
                 self.points, A, b, mass=mass, options=MassPointOptions(mass_sd=sd)
             ).parameters  # fmt: skip
         shape = possible_reference(self.points.parameters(self.points.reference))
-        return solve_pseudo_inertia(A, b, shape, mass=mass, options=PseudoInertiaOptions(mass_sd=sd)).parameters
+        return solve_pseudo_inertia(
+            A, b, shape, mass=mass, options=PseudoInertiaOptions(mass_sd=sd)
+        ).parameters
 
-    def choose(self, parts: Parts) -> tuple[Array, dict[float, Array], float]:
-        """Noise (2,) of moments and forces, held-out misfit (2,) by strength with it, and the strength to use."""
+    def choose(self, parts: Parts) -> ChosenPrior:
+        """The noise and the prior with which held-out parts are predicted best."""
         noise = parts.rms(self.generic)
         tried, best = self._tried(parts, noise)
         for _ in range(ROUNDS):
@@ -142,14 +174,17 @@ class Strength:
                 break
             noise = noise * better
             tried, best = self._tried(parts, noise)
-        return noise, tried, best
+        return ChosenPrior(noise=noise, misfits=tried, mass_sd=best)
 
     def _tried(self, parts: Parts, noise: Array) -> tuple[dict[float, Array], float]:
         """Held-out misfit by strength of the prior, and the strength with the least."""
         before = held_out(parts, lambda _: self.generic, noise)
         errors: dict[float, Array] = {}
         # Rows are the same for every strength.
-        rows = {fold: parts.rows(noise, parts.without(fold)) for fold in (() if self.paper else parts.names)}
+        rows = {
+            fold: parts.rows(noise, parts.without(fold))
+            for fold in (() if self.paper else parts.names)
+        }
 
         def fitting(sd: float) -> Callable[[int], Array]:
             if self.paper is not None:
@@ -173,10 +208,11 @@ class Strength:
 
 
 def _walk(scores: Callable[[float], Array], several: bool) -> float:
-    """The strength whose held-out score (parts,) is the least; of several recordings the tightest that is near it.
-    The rule of one standard error (Breiman et al. 1984): what predicts as well and moves masses less is taken, because
-    faults of the motion that few recordings share pass for masses in all of them. Parts of one recording are too much
-    alike for their differences to tell how sure a score is.
+    """The strength whose held-out score (parts,) is the least; of several recordings the tightest
+    that is near it. The rule of one standard error (Breiman et al. 1984): what predicts as well and
+    moves masses less is taken, because faults of the motion that few recordings share pass for
+    masses in all of them. Parts of one recording are too much alike for their differences to tell
+    how sure a score is.
     """
     at = len(STRENGTHS) // 2
 
@@ -197,7 +233,9 @@ def _walk(scores: Callable[[float], Array], several: bool) -> float:
     return STRENGTHS[at]
 
 
-def unseen_parts(parts: Parts, strength: Strength, names: tuple[str, ...], markers: Parts) -> Unseen:
+def unseen_parts(
+    parts: Parts, strength: Strength, names: tuple[str, ...], markers: Parts
+) -> Unseen:
     """Every fold predicted by what was fitted, and chosen, without it."""
     identified, generic, frames = [], [], []
     for fold in parts.names:

@@ -239,11 +239,14 @@ def _in_ground(tree: Tree, poses: Poses, joint: Joint, points: Sequence[ContactP
     places, normals = [], []
     for point in points:
         try:
-            _, R, p = frame_in_ground(tree, poses, point.frame or joint.child)
+            frame = frame_in_ground(tree, poses, point.frame or joint.child)
         except UnknownName as error:
             raise BadData(f"contact point '{point.name}' of joint '{joint.name}': {error}") from None
-        places.append(p + R @ np.asarray(point.point, dtype=np.float64))
-        normals.append(_down(tree, poses, joint, point) if point.normal is None else R @ _unit(point))
+        places.append(frame.origins + frame.rotations @ np.asarray(point.point, dtype=np.float64))
+        if point.normal is None:
+            normals.append(_down(tree, poses, joint, point))
+        else:
+            normals.append(frame.rotations @ _unit(point))
     return np.stack(places, axis=1), np.stack(normals, axis=1)
 
 

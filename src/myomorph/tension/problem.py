@@ -28,7 +28,17 @@ from myomorph.tension.terms.actuators import ActuatorTerm, default_reserves, fre
 from myomorph.tension.terms.contacts import ContactTask, ContactTerm, contact_terms
 from myomorph.tension.terms.emg import EmgTarget
 from myomorph.tension.terms.muscles import HIGHEST_POWER, MuscleTerm
-from myomorph.tension.terms.term import Columns, Frames, Term, Unknowns, Variables, added_up, joined
+from myomorph.tension.terms.term import (
+    Columns,
+    Frames,
+    IntervalPenalties,
+    Smoothing,
+    Term,
+    Unknowns,
+    Variables,
+    added_up,
+    joined,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,15 +65,18 @@ class TensionInputs:
         names = [actuator.name for actuator in enabled]
         if len(set(names)) != len(names):
             twice = next(name for name in names if names.count(name) > 1)
-            raise BadModel(f"two actuators are named '{twice}': leave one out or give it another name")
+            raise BadModel(
+                f"two actuators are named '{twice}': leave one out or give it another name"
+            )
         return enabled
 
 
 def tension_problem(inputs: TensionInputs, only: Collection[str] | None = None) -> TensionProblem:
-    """What `solve_tension` solves with rigid tendons, set up but not solved; errors are those of it.
-    With contacts it is the problem that finds their forces, with passive forces by `ContactOptions.contact_passive`.
-    Further terms may speak of contacts and muscles alike: with any, one problem finds both by the options as they are.
-    `only`: coordinates whose equations are kept, where not all are.
+    """What `solve_tension` solves with rigid tendons, set up but not solved; errors are those of
+    it. With contacts it is the problem that finds their forces, with passive forces by
+    `ContactOptions.contact_passive`. Further terms may speak of contacts and muscles alike: with
+    any, one problem finds both by the options as they are. `only`: coordinates whose equations are
+    kept, where not all are.
     """
     if inputs.contacts is not None and not inputs.terms and inputs.options.tendons == "rigid":
         options = replace(inputs.options, passive=inputs.contacts.options.contact_passive)
@@ -85,16 +98,23 @@ def _torques_of(tree: Tree, motion: Motion, torques: Series) -> Array:
 
 
 class Balance(NamedTuple):
-    """A x = b of some frames, and what the muscles can pull with."""
+    """A x = b of some frames, and the forces that muscles can pull with.
 
-    # values, right: (frames, entries) of A and (frames, rows) b, in the order of the pattern
+    Attributes
+    ----------
+    values : (frames, entries) of A, in the order of the pattern
+    right : (frames, rows) b
+    active : (frames, muscles) force per unit activation [N]
+    passive, viscous : (frames, muscles) passive elastic and viscous force [N]
+    torques : (frames, coordinates) that all of them have to balance [N m or N]
+    """
+
     values: Array
     right: Array
-    # active, passive, viscous: (frames, muscles) force per unit activation, passive elastic and viscous force [N]
     active: Array
     passive: Array
     viscous: Array
-    torques: Array  # (frames, coordinates) of the rows, passive and viscous forces of muscles not taken off [N m or N]
+    torques: Array
 
 
 SolvedSeparable = tuple[Array, Array, Array, np.ndarray, np.ndarray]
@@ -110,93 +130,192 @@ def solve_frames(
     links: Links | None = None,
     warm: Array | None = None,
 ) -> SolvedSeparable:
-    """Unknowns (frames, n), multipliers (frames, rows), residual, iterations and status; see `solve_separable`."""
-    frames, count = len(right), len(shared.weight)
-    x, y = np.empty((frames, count)), np.empty(right.shape)
-    residual, iterations, status = np.empty(frames), np.empty(frames, np.int64), np.empty(frames, np.int8)
-    targets, links = np.zeros((1, count)) if targets is None else targets, links or no_links()
-    warm = np.zeros(right.shape[1]) if warm is None else warm
-    solve_separable(shared, values, right, targets, penalties, links, warm, x, y, residual, iterations, status)
+    """Unknowns (frames, n), multipliers (frames, rows), residual, iterations and status; see
+    `solve_separable`.
+    """
+    frames = len(right)
+    count = len(shared.weight)
+    x = np.empty((frames, count))
+    y = np.empty(right.shape)
+    residual = np.empty(frames)
+    iterations = np.empty(frames, np.int64)
+    status = np.empty(frames, np.int8)
+    if targets is None:
+        targets = np.zeros((1, count))
+    if links is None:
+        links = no_links()
+    if warm is None:
+        warm = np.zeros(right.shape[1])
+    solve_separable(
+        shared, values, right, targets, penalties, links, warm, x, y, residual, iterations, status
+    )
     return x, y, residual, iterations, status
+
+
+def _adjoining_slices(counts: Sequence[int]) -> tuple[slice, ...]:
+    """Slices of so many places each, one after the other."""
+    ends = np.cumsum([0, *counts]).tolist()
+    return tuple(slice(start, stop) for start, stop in pairwise(ends))
 
 
 class TensionProblem:
     """The problem of all frames: the sum of its terms, set up and solved chunk by chunk.
-    `terms`: all that the problem is made of; `muscles`, `actuators`, `contacts`: the terms of these; contacts are None
-    for none; `unknowns`: of all terms: activations, controls, amplitudes of contacts, others; those of rows come behind
-    them; `assembly`: pattern of A and what fills it; `rows`: what terms add to the rows of the coordinates;
-    `separable`: weights, exponents and bounds of all unknowns; `options`: settings; `coordinates` (frames, coordinates)
-    all values; `penalties`: interval penalties of all unknowns; `smooth`: how frames are linked, None where they are
-    not; `window`: frames that are solved together.
+
+    Attributes
+    ----------
+    options : settings
+    coordinates : (frames, coordinates) of all coordinates, consistent [rad or m]
+    terms : all that the problem is made of; `muscles`, `actuators` and `contacts` are among them
+    contacts : None without contacts
+    unknowns : of all terms: activations, controls, amplitudes of contacts, others
+    rows : that terms add to the equations of the coordinates; their unknowns come last
+    assembly : pattern of A and what fills it
+    separable : weights, exponents and bounds of all unknowns, those of rows included
+    penalties : interval penalties of all unknowns
+    smooth : how frames are linked, None where they are not
+    window : frames that are solved together
     """
 
-    def __init__(self, inputs: TensionInputs, muscles: MuscleTerm, only: Collection[str] | None = None):
-        model, motion, options = inputs.model, inputs.motion, inputs.options
-        tree, self.options, self.muscles = compile_tree(model), options, muscles
-        coordinates, self._rates = rates_of(tree, motion)
-        self.coordinates = coordinates
-        enabled = inputs.enabled_actuators()
+    def __init__(
+        self, inputs: TensionInputs, muscles: MuscleTerm, only: Collection[str] | None = None
+    ):
+        model = inputs.model
+        tree = compile_tree(model)
+        self.options = inputs.options
+        self.muscles = muscles
+        self.coordinates, self._rates = rates_of(tree, inputs.motion)
+        enabled_actuators = inputs.enabled_actuators()
         if inputs.contacts is None and not any(muscle.enabled for muscle in model.muscles):
             raise BadModel(f"model '{model.name}' has no muscle that is switched on")
-        refuse_open(tree, coordinates)
-        self._tau = _torques_of(tree, motion, inputs.torques) - joint_forces(tree, coordinates, self._rates)
-        time = self._time = np.array(motion.time)
-        self.contacts = None if inputs.contacts is None else ContactTerm(tree, time, inputs.contacts)
-        self.actuators = ActuatorTerm(tree, enabled, options.exponent if options.exponent <= HIGHEST_POWER else 2.0)
-        measured = () if self.contacts is None else contact_terms(self.contacts)
-        known = () if inputs.emg is None else (inputs.emg,)
-        terms: tuple[Term, ...] = (muscles, self.actuators, *measured, *known, *inputs.terms)
-        self.terms = terms
-        parts = [term.variables() for term in terms]
-        all_variables = joined(parts)
-        first = np.cumsum([0, *(len(part) for part in parts)]).tolist()
-        places = tuple(slice(*ends) for ends in pairwise(first))
-        self.unknowns = Unknowns(all_variables.names, model.muscle_names, time, terms, places)
-        basis = loop_basis(tree, coordinates) if model.loops else None
-        self._slopes = loop_slopes(basis, coordinates)
-        self._adding = [(term, rows) for term in terms if (rows := term.rows(self.unknowns)) is not None]
-        self.rows = [rows for _, rows in self._adding]
-        entries = [(first[number] + i, j) for number, term in enumerate(terms) for i, j in term.entries()]
-        self.assembly = assemble(tree, entries, len(all_variables), self.rows, basis, only)
-        self.separable = self._separable(all_variables)
-        penalties = [drawn for term in terms if (drawn := term.penalties(self.unknowns)) is not None]
-        self.penalties = added_up(penalties, self.unknowns, len(self.separable.weight))
-        linked = [links for term in terms if (links := term.smoothing(self.unknowns)) is not None]
-        if len(linked) > 1:
-            raise BadData(f"{len(linked)} terms of the tension problem link frames: expected one")
-        self.smooth = linked[0] if linked else None
+        refuse_open(tree, self.coordinates)
+
+        # Springs and bushings of joints act whatever the muscles do: the rest is to be balanced.
+        required = _torques_of(tree, inputs.motion, inputs.torques)
+        self._torques = required - joint_forces(tree, self.coordinates, self._rates)
+        self._time = np.array(inputs.motion.time)
+
+        self.contacts = None
+        if inputs.contacts is not None:
+            self.contacts = ContactTerm(tree, self._time, inputs.contacts)
+        exponent = self.options.exponent if self.options.exponent <= HIGHEST_POWER else 2.0
+        self.actuators = ActuatorTerm(tree, enabled_actuators, exponent)
+        self.terms = self._all_terms(inputs)
+
+        parts = [term.variables() for term in self.terms]
+        variables = joined(parts)
+        places = _adjoining_slices([len(part) for part in parts])
+        self.unknowns = Unknowns(
+            names=variables.names,
+            muscles=model.muscle_names,
+            time=self._time,
+            terms=self.terms,
+            places=places,
+        )
+        asked_rows = [(term, term.rows(self.unknowns)) for term in self.terms]
+        self._row_terms = [(term, rows) for term, rows in asked_rows if rows is not None]
+        self.rows = [rows for _, rows in self._row_terms]
+
+        basis = loop_basis(tree, self.coordinates) if model.loops else None
+        self._slopes = loop_slopes(basis, self.coordinates)
+        entries = [
+            (place.start + unknown, coordinate)
+            for term, place in zip(self.terms, places, strict=True)
+            for unknown, coordinate in term.entries()
+        ]
+        self.assembly = assemble(tree, entries, len(variables), self.rows, basis, only)
+        self.separable = self._separable(variables)
+        self.penalties = self._all_penalties()
+        self.smooth = self._smoothing()
         self.window = CHUNK if self.smooth is None else self.smooth.window
-        frames, count = len(coordinates), len(model.muscles)
-        # Activations lie apart from the other unknowns: they become a part of the result as they are.
-        self._activations = np.empty((frames, count))
-        self._others = np.empty((frames, len(self.separable.weight) - count))
-        self._forces = np.empty((frames, count))
-        self._viscous = np.empty((frames, count)) if muscles.viscous else np.zeros((1, 1))
+        self._allocate_results()
+
+    def _all_terms(self, inputs: TensionInputs) -> tuple[Term, ...]:
+        """Terms in the order of their unknowns; activations of muscles come first."""
+        terms: list[Term] = [self.muscles, self.actuators]
+        if self.contacts is not None:
+            terms += contact_terms(self.contacts)
+        if inputs.emg is not None:
+            terms.append(inputs.emg)
+        return (*terms, *inputs.terms)
+
+    def _separable(self, variables: Variables) -> Separable:
+        """Weights, exponents and bounds of all unknowns, checked.
+
+        Parameters
+        ----------
+        variables : unknowns of all terms, without those of rows
+        """
+        for name, lower, upper in zip(
+            variables.names, variables.lower, variables.upper, strict=True
+        ):
+            if not lower <= upper:
+                raise BadModel(
+                    f"'{name}' has bounds {lower:g} ... {upper:g}: the first must not be greater"
+                )
+        of_rows = [
+            Variables(
+                names=row.names,
+                weight=row.weight,
+                exponent=np.full(len(row), 2.0),
+                lower=row.lower,
+                upper=row.upper,
+            )
+            for row in self.rows
+        ]
+        all_variables = joined([variables, *of_rows])
+        pattern = self.assembly.pattern
+        separable = Separable(
+            start=pattern.start,
+            row=pattern.row,
+            first=pattern.first,
+            weight=all_variables.weight,
+            exponent=all_variables.exponent,
+            lower=all_variables.lower,
+            upper=all_variables.upper,
+        )
+        if self.options.recruitment != "minmax":
+            return separable
+        # The common bound of all muscles ties all coordinates together: the envelope is full.
+        full = 0 * pattern.first
+        return separable._replace(first=full, capped=len(self.muscles.strength), peak=1.0)
+
+    def _all_penalties(self) -> IntervalPenalties:
+        asked = [term.penalties(self.unknowns) for term in self.terms]
+        penalties = [penalty for penalty in asked if penalty is not None]
+        return added_up(penalties, self.unknowns, len(self.separable.weight))
+
+    def _smoothing(self) -> Smoothing | None:
+        asked = [term.smoothing(self.unknowns) for term in self.terms]
+        linking = [smoothing for smoothing in asked if smoothing is not None]
+        if len(linking) > 1:
+            raise BadData(f"{len(linking)} terms of the tension problem link frames: expected one")
+        return linking[0] if linking else None
+
+    def _allocate_results(self) -> None:
+        """Arrays that `solve` fills, a row a frame."""
+        frames = len(self.coordinates)
+        muscles = len(self.unknowns.muscles)
+        # Apart from the other unknowns: activations become a part of the result without a copy.
+        self._activations = np.empty((frames, muscles))
+        self._others = np.empty((frames, len(self.separable.weight) - muscles))
+        self._forces = np.empty((frames, muscles))
+        self._viscous = np.empty((frames, muscles)) if self.muscles.viscous else np.zeros((1, 1))
+        self._passive = np.empty((frames, muscles if self.options.passive else 0))
         sites = 0 if self.contacts is None else len(self.contacts.generators.sites)
         self._contact_forces = np.empty((3, frames, sites, 3))
         self._balanced = np.empty((frames, len(self.assembly.rows)))
         self._residual = np.empty(frames)
         self._iterations = np.empty(frames, np.int64)
         self._status = np.empty(frames, np.int8)
-        self._passive = np.empty((frames, count if options.passive else 0))
-
-    def _separable(self, variables: Variables) -> Separable:
-        """Weights, exponents and bounds of all unknowns, checked."""
-        for name, low, high in zip(variables.names, variables.lower, variables.upper, strict=True):
-            if not low <= high:
-                raise BadModel(f"'{name}' has bounds {low:g} ... {high:g}: the first must not be greater")
-        parts = [Variables(row.names, row.weight, np.full(len(row), 2.0), row.lower, row.upper) for row in self.rows]
-        every, shape = joined([variables, *parts]), self.assembly.pattern
-        costs = (every.weight, every.exponent, every.lower, every.upper)
-        if self.options.recruitment == "minmax":
-            # Muscles that work at the common bound tie all coordinates together: no envelope to keep to.
-            return Separable(shape.start, shape.row, 0 * shape.first, *costs, len(self.muscles.strength), 1.0)
-        return Separable(shape.start, shape.row, shape.first, *costs)
 
     @property
     def amplitudes(self) -> Array:
         """(frames, generators) of contacts, filled by `solve`."""
-        return self._others[:, :0] if self.contacts is None else self._others[:, self._place(self.contacts)]
+        return (
+            self._others[:, :0]
+            if self.contacts is None
+            else self._others[:, self._place(self.contacts)]
+        )
 
     @property
     def x(self) -> Array:
@@ -209,38 +328,75 @@ class TensionProblem:
 
     def _place(self, term: Term) -> slice:
         """Where the unknowns of a term lie behind the activations."""
-        place, muscles = self.unknowns.of(term), self._activations.shape[1]
+        muscles = self._activations.shape[1]
+        place = self.unknowns.of(term)
         return slice(place.start - muscles, place.stop - muscles)
 
     def balance(self, start: int, stop: int) -> Balance:
         """What the frames start ... stop - 1 have to balance."""
-        assembly, part, count = self.assembly, slice(start, stop), stop - start
-        c = np.ascontiguousarray(self.coordinates[part])
-        frames = Frames(part, c, self._rates[part])
+        part = slice(start, stop)
+        frames = Frames(part, np.ascontiguousarray(self.coordinates[part]), self._rates[part])
         columns = [term.columns(frames) for term in self.terms]
-        entries, forces = (np.hstack([getattr(column, name) for column in columns]) for name in ("entries", "forces"))
-        values, whole = np.empty((count, len(self.separable.row))), np.zeros((count, len(assembly.pattern.order)))
-        inputs, right = (c, self._slopes[part], entries, forces, _given(columns), self._tau[part]), np.empty_like(whole)
-        fold(assembly.tree.arrays, assembly.links, *inputs, values, whole, right)
-        if self._adding:
-            filled = [item.row_values(rows, frames) for item, rows in self._adding]
-            units = np.concatenate([row.unit for row in self.rows])
-            own = np.broadcast_to(-units, (count, len(assembly.extra_row)))
-            values[:, assembly.extra_place] = np.hstack([*(row for row, _ in filled), own])
-            right[:, assembly.extra_row] = np.hstack([row for _, row in filled])
+        pattern = self.assembly.pattern
+        values = np.empty((len(frames), len(self.separable.row)))
+        right = np.empty((len(frames), len(pattern.order)))
+        required = np.zeros((len(frames), len(pattern.order)))
+        fold(
+            self.assembly.tree.arrays,
+            self.assembly.links,
+            frames.coordinates,
+            self._slopes[part],
+            np.hstack([column.entries for column in columns]),
+            np.hstack([column.forces for column in columns]),
+            _given(columns),
+            self._torques[part],
+            values,
+            required,
+            right,
+        )
+        self._fill_rows(frames, values, right)
         muscles = self.muscles.forces(frames)
-        torques = whole[:, assembly.coordinate_row]
-        return Balance(values, right, muscles.active, muscles.passive, muscles.viscous, torques)
+        return Balance(
+            values=values,
+            right=right,
+            active=muscles.active,
+            passive=muscles.passive,
+            viscous=muscles.viscous,
+            torques=required[:, self.assembly.coordinate_row],
+        )
+
+    def _fill_rows(self, frames: Frames, values: Array, right: Array) -> None:
+        """Write rows that terms add, S x - unit e = target, behind those of the coordinates.
+
+        Parameters
+        ----------
+        values : (frames, entries) of A
+        right : (frames, rows) b
+        """
+        if not self._row_terms:
+            return
+        filled = [term.row_values(rows, frames) for term, rows in self._row_terms]
+        units = np.concatenate([rows.unit for rows in self.rows])
+        own = np.broadcast_to(-units, (len(frames), len(units)))
+        values[:, self.assembly.extra_place] = np.hstack([*(S for S, _ in filled), own])
+        right[:, self.assembly.extra_row] = np.hstack([target for _, target in filled])
 
     def solve(self, start: int, stop: int) -> None:
-        """Solve the frames start ... stop - 1."""
+        """Solve the frames start ... stop - 1, with a margin on both sides where frames are
+        linked.
+        """
         margin = 0 if self.smooth is None else self.smooth.margin
-        begin, end = max(start - margin, 0), min(stop + margin, len(self._time))
+        begin = max(start - margin, 0)
+        end = min(stop + margin, len(self._time))
         balance = self.balance(begin, end)
-        kept, part = slice(start - begin, stop - begin), slice(start, stop)
-        x, _, residual, iterations, status = (array[kept] for array in self.solved(balance, begin))
-        self._residual[part], self._iterations[part], self._status[part] = residual, iterations, status
-        self._store(part, x, Balance(*(array[kept] for array in balance)))
+        x, _, residual, iterations, status = self.solved(balance, begin)
+
+        part = slice(start, stop)
+        kept = slice(start - begin, stop - begin)
+        self._residual[part] = residual[kept]
+        self._iterations[part] = iterations[kept]
+        self._status[part] = status[kept]
+        self._store(part, x[kept], Balance(*(array[kept] for array in balance)))
 
     def solve_all(self, progress: Callable[[int], None] | None = None) -> Tension:
         """Solve all frames; `progress` is called with the number of frames just done."""
@@ -249,20 +405,28 @@ class TensionProblem:
 
     def renew(self, coordinates: Array, rates: Array, torques: Array) -> None:
         """Put other frames in the place of those that were given, as many.
-        `coordinates`, `rates`, `torques` (frames, coordinates) consistent, torques of inverse dynamics [N m or N].
+        `coordinates`, `rates`, `torques` (frames, coordinates) consistent, torques of inverse
+        dynamics [N m or N].
         """
-        self.coordinates[:], self._rates[:] = coordinates, rates
-        self._tau[:] = torques
-        self._tau -= joint_forces(self.assembly.tree, coordinates, rates)
+        self.coordinates[:] = coordinates
+        self._rates[:] = rates
+        self._torques[:] = torques
+        self._torques -= joint_forces(self.assembly.tree, coordinates, rates)
 
-    def solved(self, balance: Balance, begin: int = 0, warm: Array | None = None) -> SolvedSeparable:
-        """Unknowns of some frames (frames, n), multipliers (frames, rows), residual, iterations and status.
-        `balance`: what to balance in the frames from `begin` on; `warm` (rows,) multipliers to begin with, afterwards
-        those of the last frame; None for none.
+    def solved(
+        self, balance: Balance, begin: int = 0, warm: Array | None = None
+    ) -> SolvedSeparable:
+        """Unknowns of some frames (frames, n), multipliers (frames, rows), residual, iterations and
+        status. `balance`: what to balance in the frames from `begin` on; `warm` (rows,) multipliers
+        to begin with, afterwards those of the last frame; None for none.
         """
-        links = None if self.smooth is None else self.smooth.links(begin, begin + len(balance.right))
+        links = (
+            None if self.smooth is None else self.smooth.links(begin, begin + len(balance.right))
+        )
         penalties = self.penalties[begin : begin + len(balance.right)]
-        return solve_frames(self.separable, balance.values, balance.right, penalties, links=links, warm=warm)
+        return solve_frames(
+            self.separable, balance.values, balance.right, penalties, links=links, warm=warm
+        )
 
     def _store(self, part: slice, x: Array, balance: Balance) -> None:
         """Keep what was found in some frames."""
@@ -314,8 +478,13 @@ class TensionProblem:
 
 def _given(columns: Sequence[Columns]) -> Array:
     """Forces that act whatever the unknowns are, (frames, unknowns up to the last that has any)."""
-    last = max((index for index, column in enumerate(columns) if column.given is not None), default=-1)
-    parts = [np.zeros_like(column.forces) if column.given is None else column.given for column in columns[: last + 1]]
+    last = max(
+        (index for index, column in enumerate(columns) if column.given is not None), default=-1
+    )
+    parts = [
+        np.zeros_like(column.forces) if column.given is None else column.given
+        for column in columns[: last + 1]
+    ]
     return np.hstack([np.zeros((len(columns[0].forces), 0)), *parts])
 
 
@@ -327,19 +496,23 @@ class TensionFrame:
     activations: Array
     forces: Array
     reserves: Array  # (actuators,) their forces [N] and torques [N m]
-    balanced: Array  # (rows,) what muscles and actuators had to give together, in the order of `OnlineTension.rows`
+    # (rows,) what muscles and actuators had to give together, in the order of `OnlineTension.rows`
+    balanced: Array
     status: int  # index into `STATUS_NAMES`
     equilibrium_residual: float  # greatest torque or force left unbalanced [N m or N]
 
 
 class OnlineTension:
     """The problem of `solve_tension`, set up once.
-    `actuators`: as of `solve_tension`. `muscles`, `actuators`: names; `rows`: names of the coordinates that are
-    balanced; `lower`, `upper` (muscles,) bounds of the activations.
+    `actuators`: as of `solve_tension`. `muscles`, `actuators`: names; `rows`: names of the
+    coordinates that are balanced; `lower`, `upper` (muscles,) bounds of the activations.
     """
 
     def __init__(
-        self, model: Model, options: TensionOptions | None = None, actuators: Sequence[Actuator] | None = None
+        self,
+        model: Model,
+        options: TensionOptions | None = None,
+        actuators: Sequence[Actuator] | None = None,
     ):
         if model.loops:
             raise BadModel(
@@ -349,7 +522,9 @@ class OnlineTension:
         rest = np.array([[coordinate.default for coordinate in model.coordinates]])
         still = Motion(np.zeros(1), model.coordinate_names, rest, np.zeros_like(rest))
         none = Series(np.zeros(1), model.coordinate_names, np.zeros_like(rest))
-        self._problem = tension_problem(TensionInputs(model, still, none, options or TensionOptions(), actuators))
+        self._problem = tension_problem(
+            TensionInputs(model, still, none, options or TensionOptions(), actuators)
+        )
         self.actuators = tuple(actuator.name for actuator in self._problem.actuators.actuators)
         self.muscles = model.muscle_names
         self.rows = self._problem.assembly.rows
@@ -359,7 +534,9 @@ class OnlineTension:
         self._warm = np.zeros(len(self._problem.assembly.pattern.order))
 
     def solve(self, coordinates: Array, rates: Array, torques: Array) -> TensionFrame:
-        """Share torques of a frame among muscles; all (1, coordinates), consistent, of inverse dynamics [N m or N]."""
+        """Share torques of a frame among muscles; all (1, coordinates), consistent, of inverse
+        dynamics [N m or N].
+        """
         self._problem.renew(coordinates, rates, torques)
         balance = self._problem.balance(0, 1)
         x, _, residual, _, status = self._problem.solved(balance, 0, self._warm)
@@ -369,4 +546,6 @@ class OnlineTension:
         activations = x[0, :muscles]
         forces = balance.active[0] * activations + balance.passive[0] + balance.viscous[0]
         reserves = x[0, muscles:] * self._optimal_forces
-        return TensionFrame(activations, forces, reserves, balance.torques[0], int(status[0]), float(residual[0]))
+        return TensionFrame(
+            activations, forces, reserves, balance.torques[0], int(status[0]), float(residual[0])
+        )

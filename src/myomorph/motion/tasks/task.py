@@ -1,16 +1,18 @@
-"""What a task of inverse kinematics is, and the sums that tasks add to. The problem of a frame is the sum of its tasks.
+"""What a task of inverse kinematics is, and the sums that tasks add to. The problem of a frame is
+the sum of its tasks.
 
-    minimise  sum_t cost_t(c)   over the free coordinates c, within their bounds, so that every loop stays closed
+    minimise  sum_t cost_t(c)   over the free coordinates c, within their bounds, so that every loop
+    stays closed
 
-A kind of task is a class derived from `Task` with four kernels, one file. Its values (one for each marker, sensor or
-coordinate) are compiled together into one named tuple of arrays, so that the Newton loop of `myomorph.motion.newton`,
-compiled once for each combination of kinds, adds up whatever it is handed. A kind from outside the package is compiled
-together with the same loop when it is first used.
+A kind of task is a class derived from `Task` with four kernels, one file. Its values (one for each
+marker, sensor or coordinate) are compiled together into one named tuple of arrays, so that the
+Newton loop of `myomorph.motion.newton`, compiled once for each combination of kinds, adds up
+whatever it is handed. A kind from outside the package is compiled together with the same loop when
+it is first used.
 """
 
 from __future__ import annotations
 
-from collections import namedtuple
 from collections.abc import Callable, Sequence
 from typing import Any, ClassVar, NamedTuple, Self
 
@@ -27,11 +29,12 @@ from myomorph.rigid.vectors import cross, minus
 class TaskKernels(NamedTuple):
     """The kernels of a kind of task, made with `myomorph.rigid.kernels.bare`.
 
-    All read the arrays of the kind, the named tuple `arrays` that `Task.together` returns, and the number of a frame;
-    `c` are the coordinates, dependent ones consistent, and `work` the sums and scratch arrays, whose poses are those at
-    c. `shown` (arrays, frame): whether the frame has a measurement of this kind, or is left out; `cost` (arrays, c,
-    frame, work); `add`: the same, and half its gradient and half its curvature are added to the sums; `keep`: called at
-    the solution of a frame, to store its residuals in `arrays`.
+    All read the arrays of the kind, the named tuple `arrays` that `Task.together` returns, and the
+    number of a frame; `c` are the coordinates, dependent ones consistent, and `work` the sums and
+    scratch arrays, whose poses are those at c. `shown` (arrays, frame): whether the frame has a
+    measurement of this kind, or is left out; `cost` (arrays, c, frame, work); `add`: the same, and
+    half its gradient and half its curvature are added to the sums; `keep`: called at the solution
+    of a frame, to store its residuals in `arrays`.
     """
 
     arrays: type
@@ -44,7 +47,8 @@ class TaskKernels(NamedTuple):
 class Task:
     """A summand of the cost of inverse kinematics; derived classes set `kernels`.
 
-    Where the arrays have a field `errors`, (frames, ...), the residuals stored there are those of the result.
+    Where the arrays have a field `errors`, (frames, ...), the residuals stored there are those of
+    the result.
     """
 
     kernels: ClassVar[TaskKernels]
@@ -59,7 +63,8 @@ class Task:
 
         Parameters
         ----------
-        targets : (frames, coordinates) reference values of the coordinates [rad or m], see `coordinate_targets`
+        targets : (frames, coordinates) reference values of the coordinates [rad or m], see
+            `coordinate_targets`
         """
         raise NotImplementedError
 
@@ -69,7 +74,9 @@ TASKS: dict[type, type[Task]] = {}
 
 
 def per_frame(values: Array, frames: int, what: str) -> Array:
-    """Values of each frame (frames, ...) as kernels read them; refused where markers have another number of frames."""
+    """Values of each frame (frames, ...) as kernels read them; refused where markers have another
+    number of frames.
+    """
     values = np.array(values, dtype=np.float64, order="C")
     if len(values) != frames:
         raise BadData(
@@ -78,43 +85,85 @@ def per_frame(values: Array, frames: int, what: str) -> Array:
     return values
 
 
-class Work(
-    namedtuple(
-        "Work",
-        "R p w o dphi H g D direct L step trial held stopped late solved origin points rows row_gradient has_rows "
-        "fields curvature",
-    )
-):
-    """Sums that tasks add to, and scratch arrays of one solver. Points are relative to `origin` (3,) [m] in sums over
-    bodies.
+class Work(NamedTuple):
+    """Sums that tasks add to, and scratch arrays of one solver.
 
-    `R` ... `dphi`: poses and axes of `body_poses`; `H`, `g`, `D`: Hessian and gradient of half the cost, and the
-    diagonal of its Gauss-Newton part; `direct`: curvature of tasks of single independent coordinates, added to H and D;
-    `L`, `step`, `trial`: factor, step and trial point; `held`, `stopped`, `late`: which coordinates are held at a bound
-    at first and within a step, and which come last where loops are closed; `solved`: numbers of those solved for;
-    `points` (bodies, 22): weighted sums over points of 1, x (3), x x^T (upper 6), e (3), x e^T (9), e the error;
-    `rows`, `row_gradient` (bodies, 6, ...): Gauss-Newton sums J J^T and J r of residuals r with slopes J in the twist
-    of the body, its angular velocity and the velocity at `origin`; `has_rows`: whether any was added; `fields`: (axes,
-    6) of `axis_fields`; `curvature` (axes, 3): second derivatives of the axes' motions.
+    Sums over bodies have points relative to `origin`, so that they stay exact far from the
+    ground's. A residual r of a body, with slopes J in the body's twist (its angular velocity and
+    the velocity at `origin`), is a row: it adds J J^T and J r.
     """
+
+    # Poses of bodies and of the axes that move them, as `body_poses` fills them
+    R: Array  # (bodies, 3, 3)
+    p: Array  # (bodies, 3) [m]
+    w: Array  # (axes, 3)
+    o: Array  # (axes, 3) [m]
+    dphi: Array  # (axes, 2)
+
+    # Half the cost, over the coordinates
+    H: Array  # (n, n) Hessian, lower triangle
+    g: Array  # (n,) gradient
+    D: Array  # (n,) diagonal of the Gauss-Newton part of H
+    direct: Array  # (n,) curvature of tasks of single independent coordinates, in H and D
+
+    # The Newton step
+    L: Array  # (n + 1, n) factor of H
+    step: Array  # (n,)
+    trial: Array  # (n,) coordinates after the step
+    held: Array  # (n,) whether a coordinate is at a bound before the step
+    stopped: Array  # (n,) ... and within it
+    late: Array  # (n,) whether a coordinate is solved for last, where loops are closed
+    solved: Array  # (n,) numbers of the coordinates that are solved for
+
+    # Sums over points and rows of each body
+    origin: Array  # (3,) in ground [m]
+    points: Array  # (bodies, 22) weighted sums of 1, x, x x^T (upper 6), e, x e^T; e the error
+    rows: Array  # (bodies, 6, 6) sums of J J^T
+    row_gradient: Array  # (bodies, 6) sums of J r
+    has_rows: Array  # (1,) whether any row was added
+
+    # Derivatives of the axes
+    fields: Array  # (axes, 6) of `axis_fields`
+    curvature: Array  # (axes, 3) second derivatives of the axes' motions
 
 
 @inner
 def new_work(T, n):
     """Sums and scratch arrays for a tree of n coordinates."""
-    bodies, axes = T.parent.shape[0], T.axis_kind.shape[0]
+    bodies = T.parent.shape[0]
+    axes = T.axis_kind.shape[0]
     return Work(
-        np.empty((bodies, 3, 3)), np.empty((bodies, 3)), np.empty((axes, 3)), np.empty((axes, 3)), np.empty((axes, 2)),
-        np.empty((n, n)), np.empty(n), np.empty(n), np.empty(n), np.empty((n + 1, n)), np.empty(n), np.empty(n),
-        np.empty(n, np.bool_), np.empty(n, np.bool_), np.empty(n, np.bool_), np.empty(n, np.int64), np.empty(3),
-        np.empty((bodies, 22)), np.zeros((bodies, 6, 6)), np.zeros((bodies, 6)), np.zeros(1, np.bool_),
-        np.empty((axes, 6)), np.empty((axes, 3)),
-    )  # fmt: skip
+        R=np.empty((bodies, 3, 3)),
+        p=np.empty((bodies, 3)),
+        w=np.empty((axes, 3)),
+        o=np.empty((axes, 3)),
+        dphi=np.empty((axes, 2)),
+        H=np.empty((n, n)),
+        g=np.empty(n),
+        D=np.empty(n),
+        direct=np.empty(n),
+        L=np.empty((n + 1, n)),
+        step=np.empty(n),
+        trial=np.empty(n),
+        held=np.empty(n, np.bool_),
+        stopped=np.empty(n, np.bool_),
+        late=np.empty(n, np.bool_),
+        solved=np.empty(n, np.int64),
+        origin=np.empty(3),
+        points=np.empty((bodies, 22)),
+        rows=np.zeros((bodies, 6, 6)),
+        row_gradient=np.zeros((bodies, 6)),
+        has_rows=np.zeros(1, np.bool_),
+        fields=np.empty((axes, 6)),
+        curvature=np.empty((axes, 3)),
+    )
 
 
 @bare
 def add_row(work, body, slope, residual, weight):
-    """Add weight residual^2 with Gauss-Newton curvature and return it; `slope` in the body's twist at `work.origin`."""
+    """Add weight residual^2 with Gauss-Newton curvature and return it; `slope` in the body's twist
+    at `work.origin`.
+    """
     if not work.has_rows[0]:
         work.has_rows[0] = True
         for b in range(work.rows.shape[0]):
@@ -131,8 +180,14 @@ def add_row(work, body, slope, residual, weight):
 
 @bare
 def add_gradient(T, work, H, g, axis, along):
-    """Add to g the gradient through axis axis, and to H what the curvature of its function makes of it."""
-    i, j = T.axis_coordinate[axis, 0], T.axis_coordinate[axis, 1]
+    """Add the gradient through an axis to g, and what the curvature of its function makes of it to
+    H.
+
+    An axis moves by a function phi of one coordinate i or of two, i and j; `along` is the slope of
+    half the cost along phi.
+    """
+    i = T.axis_coordinate[axis, 0]
+    j = T.axis_coordinate[axis, 1]
     g[i] += work.dphi[axis, 0] * along
     H[i, i] += work.curvature[axis, 0] * along
     if j >= 0:
@@ -143,7 +198,9 @@ def add_gradient(T, work, H, g, axis, along):
 
 @bare
 def add_pair(T, work, H, D, axis, a, plain, curved):
-    """Lower triangle of the Hessian between the coordinates of axis axis and of an earlier axis a (or axis)."""
+    """Lower triangle of the Hessian between the coordinates of axis axis and of an earlier axis a
+    (or axis).
+    """
     for s in range(2):
         i = T.axis_coordinate[axis, s]
         if i < 0:
@@ -163,7 +220,9 @@ def add_pair(T, work, H, D, axis, a, plain, curved):
 
 @bare
 def point_slope(work, x, direction):
-    """Slope for `add_row` of the component along a direction of a point of a body at x [m], both in ground."""
+    """Slope for `add_row` of the component along a direction of a point of a body at x [m], both in
+    ground.
+    """
     arm = cross(minus(x, (work.origin[0], work.origin[1], work.origin[2])), direction)
     return (arm[0], arm[1], arm[2], direction[0], direction[1], direction[2])
 
@@ -213,7 +272,9 @@ def _sum_of_costs(tasks, c, frame, work):
     first = TASKS[tasks[0].instance_class].kernels.cost
     if len(tasks) == 1:
         return lambda tasks, c, frame, work: first(tasks[0], c, frame, work)
-    return lambda tasks, c, frame, work: first(tasks[0], c, frame, work) + sum_of_costs(tasks[1:], c, frame, work)
+    return lambda tasks, c, frame, work: (
+        first(tasks[0], c, frame, work) + sum_of_costs(tasks[1:], c, frame, work)
+    )
 
 
 @overload(add_tasks)
@@ -221,7 +282,9 @@ def _add_tasks(tasks, c, frame, work):
     first = TASKS[tasks[0].instance_class].kernels.add
     if len(tasks) == 1:
         return lambda tasks, c, frame, work: first(tasks[0], c, frame, work)
-    return lambda tasks, c, frame, work: first(tasks[0], c, frame, work) + add_tasks(tasks[1:], c, frame, work)
+    return lambda tasks, c, frame, work: (
+        first(tasks[0], c, frame, work) + add_tasks(tasks[1:], c, frame, work)
+    )
 
 
 @overload(keep_residuals)

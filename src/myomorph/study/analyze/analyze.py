@@ -1,4 +1,6 @@
-"""Raw recordings to a study: protocol, axes, static trial, model, forces and EMG found, and the study file written."""
+"""Raw recordings to a study: protocol, axes, static trial, model, forces and EMG found, and the
+study file written.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,12 @@ from myomorph.study.analyze.arms import have_arms
 from myomorph.study.analyze.generic_model import generic_model
 from myomorph.study.analyze.plate_cover import weighed
 from myomorph.study.analyze.proposed_protocol import proposed_sites, proposed_table
-from myomorph.study.analyze.recorded_trial import AnalyzeRequest, laboratory_of, protocol_sentences, recorded_trial
+from myomorph.study.analyze.recorded_trial import (
+    AnalyzeRequest,
+    laboratory_of,
+    protocol_sentences,
+    recorded_trial,
+)
 from myomorph.study.analyze.recordings import (
     Recording,
     bare,
@@ -32,7 +39,13 @@ from myomorph.study.analyze.recordings import (
     stands_still,
     static_beside,
 )
-from myomorph.study.analyze.sensor_trials import MIN_FRAMES, check_sensors, unmarked_model, unmarked_request, with_pose
+from myomorph.study.analyze.sensor_trials import (
+    MIN_FRAMES,
+    check_sensors,
+    unmarked_model,
+    unmarked_request,
+    with_pose,
+)
 from myomorph.study.analyze.unfit_markers import is_arm, unfit_markers
 from myomorph.study.inputs.assumed import Assumed
 from myomorph.study.inputs.input import ByType
@@ -83,11 +96,13 @@ def prepare_study(
     keys: Mapping[str, object] = FrozenMap({}),
     options: Mapping[str, Mapping[str, object]] = FrozenMap({}),
 ) -> PreparedStudy:
-    """Look at raw recordings and write a study file that `run_study` takes from them to a report, as `analyze`.
+    """Look at raw recordings and write a study file that `run_study` takes from them to a report,
+    as `analyze`.
 
     Parameters
     ----------
-    recordings : files of markers (.c3d, .trc) or inertial sensors (.sto, .mvnx, .h5, .csv, .txt), or folders of them
+    recordings : files of markers (.c3d, .trc) or inertial sensors (.sto, .mvnx, .h5, .csv, .txt),
+        or folders of them
     out : folder for `study.toml`, the generic model where no other is given, and the results
     mass : of the subject [kg]; without it, plates weigh the subject where they can
     height : of the subject [m], which scales the generic model
@@ -117,12 +132,12 @@ def prepare_study(
     ('calibrate', 'ik', 'id', 'muscles', 'tension', 'report')
     """
     request = AnalyzeRequest(
-        tuple(map(Path, recordings)),
-        mass,
-        height,
-        None if static is None else Path(static),
-        None if model is None else Path(model),
-        arms,
+        recordings=tuple(map(Path, recordings)),
+        mass=mass,
+        height=height,
+        static=None if static is None else Path(static),
+        model=None if model is None else Path(model),
+        arms=arms,
         inputs=_inputs_of(keys),
         options=FrozenMap(options),
     )
@@ -131,7 +146,8 @@ def prepare_study(
 
 def _inputs_of(keys: Mapping[str, object]) -> ByType:
     """Settings of inputs from keys as a study file beside the program would have them."""
-    known, place = all_keys(), Place(Path(), "keys", Notes())
+    known = all_keys()
+    place = Place(Path(), "keys", Notes())
     for name in keys:
         if name not in known:
             raise UnknownName("key", name, known, "a study file")
@@ -141,91 +157,249 @@ def _inputs_of(keys: Mapping[str, object]) -> ByType:
     return settings_of_keys(values)
 
 
-def prepare_request(request: AnalyzeRequest, out: Path) -> PreparedStudy:
-    """Look at the recordings and write `study.toml`, and the generic model where none is given, into a folder. Raises
-    `MyomorphError` with one line that says what is missing, and the option that supplies it.
+@dataclass(frozen=True, eq=False)
+class SortedRecordings:
+    """Recordings of a request by what they are for.
+
+    Attributes
+    ----------
+    marked : motions that markers show
+    sensed : motions that inertial sensors alone show
+    static : markers of standing still, None for none
+    looked_at : all recordings of markers that were given
     """
-    _refuse_changed(out / STUDY)
-    paths, passed_over = files_of(request.recordings)
-    looked, sensed = by_what_shows(look_at(path, table=request.table) for path in paths)
-    static, marked, of_static, worth = None, looked, "", ""
-    if looked:
-        static, marked, of_static = _static(looked, request)
-    else:
-        request, worth = unmarked_request(request)
-    request, sensed, of_pose = with_pose(request, sensed, alone=not marked)
-    moving = [*marked, *sensed]
-    _check_inputs(request.inputs, moving)
-    loads = request.inputs.or_default(LoadsFile).loads
-    if loads is not None:
-        moving = [replace(moving[0], near=FrozenMap({**moving[0].near, "loads": loads}))]
-    for recording in sensed:
-        check_sensors(recording, request)
-    for recording in marked:
-        if request.model is None:
-            _check_markers(recording, [*looked, *([static] if static is not None else [])], out)
-        assert recording.trial.markers is not None
-        body = recording.found.sites if request.model is None else recording.trial.markers.names
-        _check_time(recording.path, recording.trial.markers, tuple(body), request.time)
+
+    marked: Sequence[Recording]
+    sensed: Sequence[Recording]
+    static: Recording | None
+    looked_at: Sequence[Recording]
+
+    @property
+    def moving(self) -> list[Recording]:
+        """Recordings of motion, of which each becomes a trial."""
+        return [*self.marked, *self.sensed]
+
+    @property
+    def of_body(self) -> list[Recording]:
+        """Recordings that show the lengths of segments."""
+        return self._with_static(self.marked)
+
+    @property
+    def of_standing(self) -> list[Recording]:
+        """Recordings in which somebody may stand still."""
+        return self._with_static(self.looked_at)
+
+    def _with_static(self, recordings: Sequence[Recording]) -> list[Recording]:
+        return [*recordings] if self.static is None else [*recordings, self.static]
+
+
+@dataclass(frozen=True)
+class RecordingSentences:
+    """Sentences on the recordings of a request, for the report.
+
+    Attributes
+    ----------
+    worth : what results of sensors alone are worth
+    passed_over : files that are no recordings
+    static, pose : the static trial, and the sensors' calibration pose
+    """
+
+    worth: Sequence[str] = ()
+    passed_over: Sequence[str] = ()
+    static: Sequence[str] = ()
+    pose: Sequence[str] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class ChosenModel:
+    """The subject's model.
+
+    Attributes
+    ----------
+    model, path : the model and its file
+    labels : names of its markers, by the labels of recordings that call them otherwise
+    of_height, of_model : sentences
+    """
+
+    model: Model
+    path: Path
+    labels: Mapping[str, str]
+    of_height: Sequence[str]
+    of_model: Sequence[str]
+
+
+def prepare_request(request: AnalyzeRequest, out: Path) -> PreparedStudy:
+    """Look at the recordings and write a study file, with the generic model where none is given.
+
+    Parameters
+    ----------
+    request : recordings, and what the user says of them
+    out : folder that both are written into
+
+    Returns
+    -------
+    the study file, and what it assumes
+
+    Raises
+    ------
+    MyomorphError
+        with one line that says what is missing, and the option that supplies it
+    """
+    study = out / STUDY
+    _refuse_changed(study)
+    request, recordings, of_recordings = _sorted_recordings(request)
+    _check_inputs(request.inputs, recordings.moving)
+    _check_recordings(recordings, request, out)
+    moving = _with_given_loads(recordings.moving, request.inputs)
+
     of_mass: list[str] = []
     if request.mass is None:
-        mass, text = weighed(static, moving, request.forces)
-        request, of_mass = replace(request, mass=mass), [text]
-    everyone = [*marked, *([static] if static is not None else [])]
+        mass, sentence = weighed(recordings.static, moving, request.forces)
+        request = replace(request, mass=mass)
+        of_mass.append(sentence)
     out.mkdir(parents=True, exist_ok=True)
-    of_height, labels = list[str](), dict[str, str]()
-    if marked:
-        height, of_height = _height(static or marked[0], request.height)
-        model, path, labels, of_model = _model(everyone, request, height, out)
-    else:
-        model, path, of_model = unmarked_model(request, out / GENERIC)
-    named = () if request.model is None else model.marker_names
-    protocols = protocol_sentences(marked, (*named, *labels))
-    texts = (worth, *of_mass, *of_height, *passed_over, of_static, *of_pose, *protocols, *of_model)
-    assumed = [text for text in texts if text]
-    if not model.muscles:
-        assumed.append(f"{path.name} has no muscles: the report ends with joint angles and torques.")
-    entries = [
-        recorded_trial(recording, TrialFiles(path, name, SUBJECT, request.inputs), model, request)
-        for recording, name in zip(moving, _names(moving), strict=True)
+    chosen = _chosen_model(recordings, request, out)
+
+    own_markers = () if request.model is None else chosen.model.marker_names
+    assumed = [
+        *of_recordings.worth,
+        *of_mass,
+        *chosen.of_height,
+        *of_recordings.passed_over,
+        *of_recordings.static,
+        *of_recordings.pose,
+        *protocol_sentences(recordings.marked, (*own_markers, *chosen.labels)),
+        *chosen.of_model,
     ]
-    common = (Labels(FrozenMap(labels)), BodyMass(request.mass))
-    trials = tuple(trial.having(*common, Assumed((*assumed, *texts))) for trial, texts in entries)
-    subject = SubjectFiles(
-        SUBJECT,
-        path,
-        request.mass,
-        None if static is None else static.path,
-        trials=trials,
-        labels=FrozenMap(labels),
-        static_laboratory=AS_RECORDED if static is None else laboratory_of(static, model, request),
-    )
-    steps = [step for step in STEPS if model.muscles or step not in OF_MUSCLES]
-    steps = steps if marked else steps[1:]
-    if UNCERTAINTY in request.options:
-        steps.append(UNCERTAINTY)
-    target = out / STUDY
-    plan = Plan(
-        out.resolve().name,
-        target,
-        trials,
-        (tuple(steps),) * len(trials),
-        request.options,
-        subjects=FrozenMap({SUBJECT: subject}),
-        flat=True,
-    )
+    if not chosen.model.muscles:
+        assumed.append(
+            f"{chosen.path.name} has no muscles: the report ends with joint angles and torques."
+        )
+    trials, of_trials = _trials(moving, chosen, request, assumed)
+    plan = _plan(study, trials, recordings, chosen, request)
     head = (
         f"Written by: {' '.join(request.command.split())}",
         "Change it as you like; these words run it again:",
-        f"myomorph run {_shell(target)} --out {_shell(out)}",
+        f"myomorph run {_shell(study)} --out {_shell(out)}",
     )
-    target.write_text(study_text(plan, out, head), encoding="utf-8")
-    own = [f"{trial.name}: {text}" for trial, texts in entries for text in texts]
-    return PreparedStudy(target, (*assumed, *own))
+    study.write_text(study_text(plan, out, head), encoding="utf-8")
+    return PreparedStudy(study=study, assumed=(*assumed, *of_trials))
+
+
+def _sorted_recordings(
+    request: AnalyzeRequest,
+) -> tuple[AnalyzeRequest, SortedRecordings, RecordingSentences]:
+    """Read the recordings of a request; the request gets what sensors alone need."""
+    paths, passed_over = files_of(request.recordings)
+    looked_at, sensed = by_what_shows(look_at(path, table=request.table) for path in paths)
+    static: Recording | None = None
+    marked = looked_at
+    sentences = RecordingSentences(passed_over=passed_over)
+    if looked_at:
+        static, marked, of_static = _static(looked_at, request)
+        sentences = replace(sentences, static=[of_static])
+    else:
+        request, worth = unmarked_request(request)
+        sentences = replace(sentences, worth=[worth])
+    request, sensed, of_pose = with_pose(request, sensed, alone=not marked)
+    recordings = SortedRecordings(marked=marked, sensed=sensed, static=static, looked_at=looked_at)
+    return request, recordings, replace(sentences, pose=of_pose)
+
+
+def _check_recordings(recordings: SortedRecordings, request: AnalyzeRequest, out: Path) -> None:
+    """Refuse motions that are too short, or whose markers or sensors do not show a body."""
+    for recording in recordings.sensed:
+        check_sensors(recording, request)
+    for recording in recordings.marked:
+        markers = recording.trial.markers
+        assert markers is not None
+        labels = markers.names
+        if request.model is None:
+            _check_markers(recording, recordings.of_standing, out)
+            labels = tuple(recording.found.sites)
+        _check_time(recording.path, markers, labels, request.time)
+
+
+def _with_given_loads(moving: list[Recording], inputs: ByType) -> list[Recording]:
+    """The recordings, with a file of forces that the user gave to the only one of them."""
+    loads = inputs.or_default(LoadsFile).loads
+    if loads is None:
+        return moving
+    near = FrozenMap({**moving[0].near, "loads": loads})
+    return [replace(moving[0], near=near)]
+
+
+def _chosen_model(recordings: SortedRecordings, request: AnalyzeRequest, out: Path) -> ChosenModel:
+    """The model that was given, or the generic one fitted to the recordings and written."""
+    if not recordings.marked:
+        model, path, of_model = unmarked_model(request, out / GENERIC)
+        return ChosenModel(model=model, path=path, labels={}, of_height=(), of_model=of_model)
+    height, of_height = _height(recordings.static or recordings.marked[0], request.height)
+    model, path, labels, of_model = _model(recordings.of_body, request, height, out)
+    return ChosenModel(
+        model=model, path=path, labels=labels, of_height=of_height, of_model=of_model
+    )
+
+
+def _trials(
+    moving: Sequence[Recording],
+    chosen: ChosenModel,
+    request: AnalyzeRequest,
+    assumed: Sequence[str],
+) -> tuple[tuple[TrialFiles, ...], list[str]]:
+    """A trial of each recording of motion, and sentences on single trials."""
+    labels = Labels(FrozenMap(chosen.labels))
+    mass = BodyMass(request.mass)
+    trials = []
+    sentences = []
+    for recording, name in zip(moving, _names(moving), strict=True):
+        files = TrialFiles(model=chosen.path, name=name, subject=SUBJECT, inputs=request.inputs)
+        trial, of_trial = recorded_trial(recording, files, chosen.model, request)
+        trials.append(trial.having(labels, mass, Assumed((*assumed, *of_trial))))
+        sentences += [f"{name}: {sentence}" for sentence in of_trial]
+    return tuple(trials), sentences
+
+
+def _plan(
+    study: Path,
+    trials: tuple[TrialFiles, ...],
+    recordings: SortedRecordings,
+    chosen: ChosenModel,
+    request: AnalyzeRequest,
+) -> Plan:
+    """The study: one subject, all of whose trials take the same steps."""
+    static = recordings.static
+    subject = SubjectFiles(
+        name=SUBJECT,
+        model=chosen.path,
+        mass=request.mass,
+        static=None if static is None else static.path,
+        trials=trials,
+        labels=FrozenMap(chosen.labels),
+        static_laboratory=(
+            AS_RECORDED if static is None else laboratory_of(static, chosen.model, request)
+        ),
+    )
+    steps = [step for step in STEPS if chosen.model.muscles or step not in OF_MUSCLES]
+    if not recordings.marked:
+        steps.remove("calibrate")
+    if UNCERTAINTY in request.options:
+        steps.append(UNCERTAINTY)
+    return Plan(
+        name=study.parent.resolve().name,
+        path=study,
+        trials=trials,
+        steps=(tuple(steps),) * len(trials),
+        settings=request.options,
+        subjects=FrozenMap({SUBJECT: subject}),
+        flat=True,
+    )
 
 
 def _check_inputs(inputs: ByType, moving: Sequence[Recording]) -> None:
-    """Refuse files that do not exist, and inputs that belong to one recording where there are several."""
+    """Refuse files that do not exist, and inputs that belong to one recording where there are
+    several.
+    """
     for name, (declared, key) in all_keys().items():
         value = getattr(inputs.or_default(declared.settings), name)
         if value == key.default:
@@ -254,7 +428,9 @@ def _refuse_changed(path: Path) -> None:
         )
 
 
-def _static(looked: list[Recording], request: AnalyzeRequest) -> tuple[Recording | None, list[Recording], str]:
+def _static(
+    looked: list[Recording], request: AnalyzeRequest
+) -> tuple[Recording | None, list[Recording], str]:
     """The recording of standing still, the others, and a sentence on it."""
     if request.static is not None:
         static = look_at(request.static, table=request.table)
@@ -267,23 +443,39 @@ def _static(looked: list[Recording], request: AnalyzeRequest) -> tuple[Recording
         return static, moving, f"{static.path.name} is the static trial: nobody moves in it."
     beside = static_beside(looked[0], request.table) if moving else None
     if beside is not None:
-        return beside, moving, f"{beside.path.name} beside the recording is the static trial: nobody moves in it."
-    return None, looked, "There is no static trial (--static FILE): segment lengths come from the motion alone."
+        return (
+            beside,
+            moving,
+            f"{beside.path.name} beside the recording is the static trial: nobody moves in it.",
+        )
+    return (
+        None,
+        looked,
+        "There is no static trial (--static FILE): segment lengths come from the motion alone.",
+    )
 
 
 def _check_markers(recording: Recording, everyone: Sequence[Recording], out: Path) -> None:
-    """Raise `BadData` where the labels that are known do not show a pelvis and a leg: what the markers are, and a table
-    of what they may lie on where somebody stands still with them.
+    """Raise `BadData` where the labels that are known do not show a pelvis and a leg: what the
+    markers are, and a table of what they may lie on where somebody stands still with them.
     """
     segments = {site.segment for site in recording.found.sites.values()}
-    lacking = [name for name in (OF_ARMS if is_arm(recording.found) else NEEDED) if name not in segments]
+    lacking = [
+        name for name in (OF_ARMS if is_arm(recording.found) else NEEDED) if name not in segments
+    ]
     if len(recording.found.sites) >= MIN_MARKERS and not lacking:
         return
     if not recording.found.sites and not recording.found.unknown:
-        raise BadData(f"{recording.path}: holds no marker that is ever seen: give the recording of the markers")
+        raise BadData(
+            f"{recording.path}: holds no marker that is ever seen: give the recording of the markers"
+        )
     why = unfit_markers(recording.found, lacking)
     standing = None if is_arm(recording.found) else next(filter(_all_still, everyone), None)
-    proposals = proposed_sites(standing.trial.markers) if standing is not None and standing.trial.markers else ()
+    proposals = (
+        proposed_sites(standing.trial.markers)
+        if standing is not None and standing.trial.markers
+        else ()
+    )
     if standing is None or not proposals:
         raise BadData(f"{recording.path}: {why}")
     table = out / PROPOSED
@@ -302,8 +494,12 @@ def _all_still(recording: Recording) -> bool:
     return markers is not None and stands_still(np.moveaxis(markers.values, 1, 0))
 
 
-def _check_time(path: Path, markers: Markers, labels: Sequence[str], time: tuple[float, float] | None) -> None:
-    """Raise `BadData` where the part of a recording that is used is too short, or shows too few of the markers."""
+def _check_time(
+    path: Path, markers: Markers, labels: Sequence[str], time: tuple[float, float] | None
+) -> None:
+    """Raise `BadData` where the part of a recording that is used is too short, or shows too few of
+    the markers.
+    """
     used = cut_to(time, markers, path)
     count = len(markers if used is None else cut(markers, *used))
     if count < MIN_FRAMES:
@@ -317,7 +513,11 @@ def _check_time(path: Path, markers: Markers, labels: Sequence[str], time: tuple
     seen = np.isfinite(places).all(axis=2).sum(axis=1) >= MIN_MARKERS
     if not seen[(markers.time >= time[0]) & (markers.time <= time[1])].any():
         known = markers.time[seen]
-        where = f"seen together from {known[0]:.2f} to {known[-1]:.2f} s" if len(known) else "never seen together"
+        where = (
+            f"seen together from {known[0]:.2f} to {known[-1]:.2f} s"
+            if len(known)
+            else "never seen together"
+        )
         raise BadData(
             f"{path}: from {time[0]:g} to {time[1]:g} s (--time) fewer than {MIN_MARKERS} markers of the body are "
             f"seen in any frame; they are {where}"
@@ -327,7 +527,9 @@ def _check_time(path: Path, markers: Markers, labels: Sequence[str], time: tuple
 def _model(
     everyone: Sequence[Recording], request: AnalyzeRequest, height: float | None, out: Path
 ) -> tuple[Model, Path, dict[str, str], list[str]]:
-    """The model, its file, what it calls markers that recordings call otherwise, and sentences on it."""
+    """The model, its file, what it calls markers that recordings call otherwise, and sentences on
+    it.
+    """
     if request.model is None:
         recorded = list(dict.fromkeys(label for one in everyone for label in one.found.sites))
         assert request.mass is not None
@@ -348,20 +550,33 @@ def _model(
                 "hangs from it, without muscles, and what holds the trunk is nobody's torque."
             )
         if not arms:
-            text += "The arms' mass is part of the trunk's" + (" (--arms gives it arms)." if seen else ".")
+            text += "The arms' mass is part of the trunk's" + (
+                " (--arms gives it arms)." if seen else "."
+            )
         if request.arms and not seen:
             text += " It has no arms, for no markers show two segments of one (--arms)."
         if without:
             text += f" Without a place on it: {few(without)}."
-        return model, path, {label: bare(label) for label in recorded if bare(label) != label}, [text]
+        return (
+            model,
+            path,
+            {label: bare(label) for label in recorded if bare(label) != label},
+            [text],
+        )
     model = open_model(request.model)
     names = model.marker_names
     # A model may have markers that no protocol knows.
-    recorded = list(dict.fromkeys(label for one in everyone for label in (*one.found.sites, *one.found.unknown)))
-    labels = {label: bare(label) for label in recorded if bare(label) != label and bare(label) in names}
+    recorded = list(
+        dict.fromkeys(label for one in everyone for label in (*one.found.sites, *one.found.unknown))
+    )
+    labels = {
+        label: bare(label) for label in recorded if bare(label) != label and bare(label) in names
+    }
     rest = [label for label in recorded if label not in labels]
     labels |= {
-        old: new for old, new in labels_between(rest, names, request.table).items() if new not in labels.values()
+        old: new
+        for old, new in labels_between(rest, names, request.table).items()
+        if new not in labels.values()
     }
     known = [label for label in recorded if label in names or label in labels]
     if len(known) < MIN_MARKERS:
@@ -372,13 +587,17 @@ def _model(
     texts = [f"{len(known)} labels are markers of {request.model.name}."]
     if labels:
         shown = few([f"{old} as {new}" for old, new in labels.items()])
-        texts.append(f"{len(labels)} labels lie on the landmark of a marker of another name: {shown}.")
+        texts.append(
+            f"{len(labels)} labels lie on the landmark of a marker of another name: {shown}."
+        )
     texts += [f"{request.model.name}: {line}." for line in arm_warnings(model)]
     return model, request.model, labels, texts
 
 
 def _height(recording: Recording, height: float | None) -> tuple[float | None, list[str]]:
-    """The height that the generic model begins with [m], None for its own; and a sentence on what markers show."""
+    """The height that the generic model begins with [m], None for its own; and a sentence on what
+    markers show.
+    """
     if height is None:
         return None, []
     found = standing_height(recording)
@@ -388,19 +607,26 @@ def _height(recording: Recording, height: float | None) -> tuple[float | None, l
         ]
     apart = found / height - 1.0
     shown = (
-        f"the markers of {recording.path.name} show a body of about {found:.2f} m, {100.0 * apart:+.0f} % of --height"
+        f"the markers of {recording.path.name} show a body of about {found:.2f} m, "
+        f"{100.0 * apart:+.0f} % of --height"
     )
     if abs(apart) < HEIGHT_TOLERANCE:
         return height, [f"Height {height:g} m (--height): {shown}."]
-    return None, [f"WARNING: {shown} {height:g} m, which is not used: is the unit right, and are they of this person?"]
+    return None, [
+        f"WARNING: {shown} {height:g} m, which is not used: is the unit right, and are they of this person?"
+    ]
 
 
 def _names(recordings: Sequence[Recording]) -> list[str]:
-    """Names of trials: those of the files, and of their folders where these say nothing or are alike."""
+    """Names of trials: those of the files, and of their folders where these say nothing or are
+    alike.
+    """
     names = [one.name for one in recordings]
     result = []
     for recording, name in zip(recordings, names, strict=True):
         plain = name.lower() in ("markers", "marker", "motion", "motion_capture")
         parent = recording.path.resolve().parent.name
-        result.append(parent if plain and parent else f"{parent}_{name}" if names.count(name) > 1 else name)
+        result.append(
+            parent if plain and parent else f"{parent}_{name}" if names.count(name) > 1 else name
+        )
     return result

@@ -239,9 +239,9 @@ class ElasticProblem(TensionProblem):
         """Mark frames near a beginning or an end of what could be solved in one go, unless a window only ends there."""
         time = self._time
         known = np.asarray(np.isfinite(self.lengths).all(axis=1))
-        if first == 0 or not known[first - 1] or np.isnan(self._tau[first - 1]).any():
+        if first == 0 or not known[first - 1] or np.isnan(self._torques[first - 1]).any():
             self._transient[first:last] |= time[first:last] < time[first] + TRANSIENT
-        if last == len(time) or not known[last] or np.isnan(self._tau[last]).any():
+        if last == len(time) or not known[last] or np.isnan(self._torques[last]).any():
             self._transient[first:last] |= time[first:last] > time[last - 1] - TRANSIENT
 
     def result(self) -> Tension:

@@ -1,11 +1,13 @@
 """What a term of the tension problem is, and what it may add. The problem is the sum of its terms.
 
-    minimise  sum_i w_i |x_i|^p_i + k_i dist(x_i, [l_i, h_i])^2   subject to  A x = b,  lower <= x <= upper
+    minimise  sum_i w_i |x_i|^p_i + k_i dist(x_i, [l_i, h_i])^2   subject to  A x = b,  lower <= x
+    <= upper
 
-A term may bring unknowns in (with weights w, exponents p and bounds), generalized forces of these unknowns (columns of
-the equations of motion), rows (linear costs and constraints on any unknowns) and interval penalties (k, l, h). Nothing
-else is needed for any convex quadratic term: a cost without a diagonal and an inequality are rows with an unknown of
-their own, so that the problem stays separable and the solver of `myomorph.tension.dual` takes it.
+A term may bring unknowns in (with weights w, exponents p and bounds), generalized forces of these
+unknowns (columns of the equations of motion), rows (linear costs and constraints on any unknowns)
+and interval penalties (k, l, h). Nothing else is needed for any convex quadratic term: a cost
+without a diagonal and an inequality are rows with an unknown of their own, so that the problem
+stays separable and the solver of `myomorph.tension.dual` takes it.
 """
 
 from __future__ import annotations
@@ -24,7 +26,9 @@ from myomorph.tension.separable import Links
 
 T = TypeVar("T")
 LIMIT_COST = 1e-6
-"""Cost of the unknown of a constraint, squared: small enough to change nothing, above 0 for a unique solution."""
+"""Cost of the unknown of a constraint, squared: small enough to change nothing, above 0 for a
+unique solution.
+"""
 
 
 @read_only
@@ -50,9 +54,13 @@ class Variables:
 
 def joined(parts: Sequence[Variables]) -> Variables:
     """The unknowns of several terms, one after the other."""
-    names = tuple(name for part in parts for name in part.names)
-    values = ("weight", "exponent", "lower", "upper")
-    return Variables(names, *(np.concatenate([getattr(part, name) for part in parts]) for name in values))
+    return Variables(
+        names=tuple(name for part in parts for name in part.names),
+        weight=np.concatenate([part.weight for part in parts]),
+        exponent=np.concatenate([part.exponent for part in parts]),
+        lower=np.concatenate([part.lower for part in parts]),
+        upper=np.concatenate([part.upper for part in parts]),
+    )
 
 
 @read_only
@@ -61,10 +69,12 @@ class Unknowns:
 
     Attributes
     ----------
-    names : activations by the muscles' names, controls by the actuators', amplitudes as "<site> point 0 generator 3"
+    names : activations by the muscles' names, controls by the actuators', amplitudes as "<site>
+        point 0 generator 3"
     muscles : the first of them, whose unknowns are activations
     time : (frames,) of the motion [s]
-    terms, places : the terms, that of the muscles first, and the places of the unknowns that each brings in
+    terms, places : the terms, that of the muscles first, and the places of the unknowns that each
+        brings in
     """
 
     names: tuple[str, ...]
@@ -78,7 +88,9 @@ class Unknowns:
 
     @property
     def muscle_term(self) -> Term:
-        """The term of the muscles; its `columns` have their forces of full activation, and those that act anyway."""
+        """The term of the muscles; its `columns` have their forces of full activation, and those
+        that act anyway.
+        """
         return self.terms[0]
 
     def of(self, term: Term) -> slice:
@@ -86,7 +98,9 @@ class Unknowns:
         for each_term, place in zip(self.terms, self.places, strict=True):
             if each_term is term:
                 return place
-        raise BadData(f"a term refers to the unknowns of {type(term).__name__}, which is not a part of the problem")
+        raise BadData(
+            f"a term refers to the unknowns of {type(term).__name__}, which is not a part of the problem"
+        )
 
     def row(self, factors: Mapping[str, float]) -> Array:
         """(unknowns,) a linear function of the unknowns, from the factors of those that are in it.
@@ -107,11 +121,14 @@ class Frames:
     Attributes
     ----------
     part : their numbers
-    coordinates, rates : (frames, coordinates) of all coordinates, consistent [rad or m], [rad/s or m/s]
+    coordinates, rates : (frames, coordinates) of all coordinates, consistent [rad or m], [rad/s or
+        m/s]
     """
 
     def __init__(self, part: slice, coordinates: Array, rates: Array):
-        self.part, self.coordinates, self.rates = part, coordinates, rates
+        self.part = part
+        self.coordinates = coordinates
+        self.rates = rates
         self._made: dict[int, object] = {}
 
     def __len__(self) -> int:
@@ -129,9 +146,11 @@ class Columns(NamedTuple):
 
     Attributes
     ----------
-    entries : (frames, entries) generalized forces of unit forces, in the order of `Term.entries` [m or 1]
+    entries : (frames, entries) generalized forces of unit forces, in the order of `Term.entries` [m
+        or 1]
     forces : (frames, unknowns) force of one unit of each unknown [N or N m]
-    given : (frames, unknowns) forces along the same columns that act whatever the unknowns are, None for none [N, N m]
+    given : (frames, unknowns) forces along the same columns that act whatever the unknowns are,
+        None for none [N, N m]
     """
 
     entries: Array
@@ -141,7 +160,8 @@ class Columns(NamedTuple):
 
 @read_only
 class Rows:
-    """Linear functions of the unknowns, each with an unknown e of its own: S x - unit e = target, cost weight e^2.
+    """Linear functions of the unknowns, each with an unknown e of its own: S x - unit e = target,
+    cost weight e^2.
 
     Attributes
     ----------
@@ -153,8 +173,8 @@ class Rows:
     weight : (rows,) cost of e^2, above 0, in units of the effort a^2 of one muscle
     lower, upper : (rows,) bounds of e: infinite for a cost, 0 for an equation
     measured : whether targets are measurements, whose standard deviations are the units
-    on_forces : whether S has, of each activation, a factor times the muscle's force of full activation, so that elastic
-        tendons can put their forces in its place
+    on_forces : whether S has, of each activation, a factor times the muscle's force of full
+        activation, so that elastic tendons can put their forces in its place
     """
 
     names: tuple[str, ...]
@@ -174,7 +194,8 @@ class Rows:
 
     @classmethod
     def cost(cls, name: str, L: ArrayLike, m: ArrayLike, weight: float) -> Rows:
-        """Weight |L x - m|^2, that is 1/2 x^T H x + c^T x and a constant with H = 2 weight L^T L, c = -2 weight L^T m.
+        """Weight |L x - m|^2, that is 1/2 x^T H x + c^T x and a constant with H = 2 weight L^T L, c
+        = -2 weight L^T m.
 
         Parameters
         ----------
@@ -182,17 +203,18 @@ class Rows:
         m : (rows,) or (frames, rows)
         weight : above 0, in units of the effort a^2 of one muscle
         """
-        return cls._dense(name, L, m, weight, -np.inf, np.inf)
+        return cls._dense(name, S=L, target=m, weight=weight, lower=-np.inf, upper=np.inf)
 
     @classmethod
     def equal(cls, name: str, A: ArrayLike, b: ArrayLike) -> Rows:
         """A x = b; A (rows, unknowns), b (rows,) or (frames, rows)."""
-        return cls._dense(name, A, b, 1.0, 0.0, 0.0)
+        return cls._dense(name, S=A, target=b, weight=1.0, lower=0.0, upper=0.0)
 
     @classmethod
     def at_most(cls, name: str, G: ArrayLike, h: ArrayLike) -> Rows:
         """G x <= h; G (rows, unknowns), h (rows,) or (frames, rows)."""
-        return cls._dense(name, G, h, LIMIT_COST, -np.inf, 0.0)
+        # G x + slack = h: the slack, -e, is at least 0 and costs next to nothing.
+        return cls._dense(name, S=G, target=h, weight=LIMIT_COST, lower=-np.inf, upper=0.0)
 
     @classmethod
     def of_frames(
@@ -205,25 +227,62 @@ class Rows:
         measured: bool = False,
         on_forces: bool = False,
     ) -> Rows:
-        """Rows that `Term.row_values` fills: `columns` has the unknowns of each; e from -`bound` to `bound`."""
-        row = np.repeat(np.arange(len(names)), [len(column) for column in columns])
-        units, weights, wide = (np.full(len(names), values, np.float64) for values in (unit, weight, bound))
-        none = np.zeros(len(row)), np.zeros(len(names))
-        column = np.concatenate([np.zeros(0, np.int64), *columns])
-        return cls(names, row, column, *none, units, weights, -wide, wide, measured, on_forces)
+        """Rows whose values and targets `Term.row_values` fills, chunk by chunk of frames.
+
+        Parameters
+        ----------
+        names : one a row
+        columns : of each row, the unknowns that it has factors of
+        unit : what one unit of e stands for, in the unit of the target; one for all or one a row
+        weight : cost of e^2, in units of the effort a^2 of one muscle
+        bound : e lies between -bound and bound
+        measured, on_forces : see `Rows`
+        """
+        count = len(names)
+        row = np.repeat(np.arange(count), [len(column) for column in columns])
+        bounds = np.full(count, bound, np.float64)
+        return cls(
+            names=names,
+            row=row,
+            column=np.concatenate([np.zeros(0, np.int64), *columns]),
+            values=np.zeros(len(row)),
+            target=np.zeros(count),
+            unit=np.full(count, unit, np.float64),
+            weight=np.full(count, weight, np.float64),
+            lower=-bounds,
+            upper=bounds,
+            measured=measured,
+            on_forces=on_forces,
+        )
 
     @classmethod
-    def _dense(cls, name: str, S: ArrayLike, target: ArrayLike, weight: float, lower: float, upper: float) -> Rows:
+    def _dense(
+        cls, name: str, S: ArrayLike, target: ArrayLike, weight: float, lower: float, upper: float
+    ) -> Rows:
+        """S x - e = target; S (rows, unknowns), target (rows,) or (frames, rows), the rest alike in
+        all rows.
+        """
         S = np.atleast_2d(np.asarray(S, dtype=np.float64))
         target = np.atleast_1d(np.asarray(target, dtype=np.float64))
-        if target.shape[-1] != len(S):
-            raise BadData(f"term '{name}' has {len(S)} rows and {target.shape[-1]} targets: expected as many")
+        count = len(S)
+        if target.shape[-1] != count:
+            raise BadData(
+                f"term '{name}' has {count} rows and {target.shape[-1]} targets: expected as many"
+            )
         if not weight > 0.0:
             raise BadData(f"the weight of term '{name}' is {weight:g}: expected above 0")
         row, column = np.nonzero(S)
-        names = (name,) if len(S) == 1 else tuple(f"{name} {index}" for index in range(len(S)))
-        unit, weights, low, high = (np.full(len(S), values) for values in (1.0, weight, lower, upper))
-        return cls(names, row, column, S[row, column], target, unit, weights, low, high)
+        return cls(
+            names=(name,) if count == 1 else tuple(f"{name} {number}" for number in range(count)),
+            row=row,
+            column=column,
+            values=S[row, column],
+            target=target,
+            unit=np.full(count, 1.0),
+            weight=np.full(count, weight),
+            lower=np.full(count, lower),
+            upper=np.full(count, upper),
+        )
 
 
 @read_only
@@ -233,7 +292,8 @@ class Penalties:
     Attributes
     ----------
     columns : (penalised,) which unknowns
-    low, high, weight : (frames, penalised), or (1, penalised) for all frames; a weight of 0 leaves low and high unread
+    low, high, weight : (frames, penalised), or (1, penalised) for all frames; a weight of 0 leaves
+        low and high unread
     """
 
     columns: Sequence[int]
@@ -244,7 +304,8 @@ class Penalties:
 
 @read_only
 class Smoothing:
-    """How unknowns of neighbouring frames are linked: stiffness_k w_i (scale_k x_k - scale_(k-1) x_(k-1))^2.
+    """How unknowns of neighbouring frames are linked: stiffness_k w_i (scale_k x_k - scale_(k-1)
+    x_(k-1))^2.
 
     Attributes
     ----------
@@ -270,15 +331,25 @@ class Smoothing:
     def links(self, begin: int, end: int) -> Links:
         """Links of the frames begin ... end - 1."""
         # Copies: read-only arrays would compile the solver once more.
-        scale, stiffness = self.scale[begin:end].copy(), self.stiffness[begin : end - 1].copy()
-        return Links(self.first, scale, np.zeros_like(scale), stiffness, self.over, self.sweeps, self.tolerance)
+        scale = self.scale[begin:end].copy()
+        stiffness = self.stiffness[begin : end - 1].copy()
+        return Links(
+            first=self.first,
+            scale=scale,
+            amount=np.zeros_like(scale),
+            stiffness=stiffness,
+            over=self.over,
+            sweeps=self.sweeps,
+            tolerance=self.tolerance,
+        )
 
 
 class Term:
     """A part of the tension problem. A term overrides what it adds; the rest adds nothing.
 
-    What is asked of a term: once, when the problem is set up, `variables`, `entries`, `rows`, `penalties` and
-    `smoothing`; chunk by chunk of frames, from several threads, `columns` and `row_values`.
+    What is asked of a term: once, when the problem is set up, `variables`, `entries`, `rows`,
+    `penalties` and `smoothing`; chunk by chunk of frames, from several threads, `columns` and
+    `row_values`.
     """
 
     def variables(self) -> Variables:
@@ -286,12 +357,15 @@ class Term:
         return Variables()
 
     def entries(self) -> Sequence[tuple[int, int]]:
-        """(own unknown, coordinate) of every generalized force of its unknowns; a coordinate of -1 takes none."""
+        """(own unknown, coordinate) of every generalized force of its unknowns; a coordinate of -1
+        takes none.
+        """
         return ()
 
     def columns(self, frames: Frames) -> Columns:
         """Generalized forces of its unknowns in some frames."""
-        return Columns(np.zeros((len(frames), 0)), np.zeros((len(frames), 0)))
+        nothing = np.zeros((len(frames), 0))
+        return Columns(entries=nothing, forces=nothing)
 
     def rows(self, unknowns: Unknowns) -> Rows | None:
         """Costs and constraints that are linear functions of unknowns, its own or others'."""
@@ -299,9 +373,12 @@ class Term:
 
     def row_values(self, rows: Rows, frames: Frames) -> tuple[Array, Array]:
         """Values (frames, entries) and targets (frames, rows) of its rows in some frames."""
-        shapes = (len(frames), len(rows.row)), (len(frames), len(rows))
-        values, target = (values[frames.part] if values.ndim == 2 else values for values in (rows.values, rows.target))
-        return np.broadcast_to(values, shapes[0]), np.broadcast_to(target, shapes[1])
+        values = rows.values[frames.part] if rows.values.ndim == 2 else rows.values
+        target = rows.target[frames.part] if rows.target.ndim == 2 else rows.target
+        return (
+            np.broadcast_to(values, (len(frames), len(rows.row))),
+            np.broadcast_to(target, (len(frames), len(rows))),
+        )
 
     def penalties(self, unknowns: Unknowns) -> Penalties | None:
         """Intervals that unknowns, its own or others', are drawn into."""
@@ -314,14 +391,18 @@ class Term:
 
 @read_only
 class IntervalPenalties:
-    """The interval penalties of all terms, kept for those unknowns alone that differ from frame to frame."""
+    """The interval penalties of all terms, kept for those unknowns alone that differ from frame to
+    frame.
+    """
 
     base: Array  # (3, unknowns) l, h and k of all frames
     columns: NDArray[np.int64]  # (changing,) unknowns that have others in each frame
     values: Array  # (frames, 3, changing) l, h and k of these
 
     def __getitem__(self, frames: slice | NDArray[np.int64]) -> Array:
-        """Those of some frames for `solve_separable`, (frames, 3, unknowns), or (1, 3, unknowns) if all are alike."""
+        """Those of some frames for `solve_separable`, (frames, 3, unknowns), or (1, 3, unknowns) if
+        all are alike.
+        """
         if not len(self.columns):
             return self.base[None].copy()  # read-only arrays would compile the solver once more
         changing = self.values[frames]
@@ -331,33 +412,87 @@ class IntervalPenalties:
 
 
 def added_up(parts: Sequence[Penalties], unknowns: Unknowns, count: int) -> IntervalPenalties:
-    """The sum of interval penalties, of `count` unknowns with those of rows."""
+    """Sum the interval penalties of all terms.
+
+    Parameters
+    ----------
+    parts : penalties of one term each
+    unknowns : of all terms
+    count : number of unknowns, those of rows included
+
+    Raises
+    ------
+    BadData : penalties of another number of frames, or two intervals of one unknown
+    """
     frames = len(unknowns.time)
-    by_name: dict[int, Array] = {}
+    by_column: dict[int, Array] = {}
     for part in parts:
-        for index, column in enumerate(part.columns):
-            mine = np.stack([values[:, index] for values in (part.low, part.high, part.weight)], axis=1)
-            if len(mine) not in (1, frames):
-                raise BadData(f"a term has penalties of {len(mine)} frames, the motion {frames}: expected as many")
-            known = by_name.get(column)
-            by_name[column] = mine if known is None else _sum(known, mine, unknowns.names[column])
-    base, changing = np.zeros((3, count)), []
-    for column, mine in by_name.items():
-        if len(mine) == 1:
-            base[:, column] = mine[0]
+        for place, column in enumerate(part.columns):
+            penalty = np.stack(
+                [part.low[:, place], part.high[:, place], part.weight[:, place]], axis=1
+            )
+            if len(penalty) not in (1, frames):
+                raise BadData(
+                    f"a term has penalties of {len(penalty)} frames, the motion {frames}: "
+                    "expected as many"
+                )
+            if column in by_column:
+                penalty = _sum(by_column[column], penalty, unknowns.names[column])
+            by_column[column] = penalty
+
+    base = np.zeros((3, count))
+    changing = []
+    for column, penalty in by_column.items():
+        if len(penalty) == 1:
+            base[:, column] = penalty[0]
         else:
             changing.append(column)
-    values = np.stack([by_name[column] for column in changing], axis=2) if changing else np.zeros((0, 3, 0))
-    return IntervalPenalties(base, np.array(changing, np.int64), checked_array(values, ("frames", 3, "n"), "penalties"))
+    values = np.zeros((0, 3, 0))
+    if changing:
+        values = np.stack([by_column[column] for column in changing], axis=2)
+    return IntervalPenalties(
+        base=base,
+        columns=np.array(changing, np.int64),
+        values=checked_array(values, ("frames", 3, "n"), "penalties"),
+    )
 
 
-def _sum(one: Array, other: Array, name: str) -> Array:
-    """Two penalties (frames or 1, 3) of one unknown as one, exact but for a constant."""
-    (l1, h1, k1), (l2, h2, k2) = np.moveaxis(np.stack(np.broadcast_arrays(one, other)), -1, 1)
-    first, both = k1 > 0.0, (k1 > 0.0) & (k2 > 0.0)
-    if np.any(both & ((l1 != h1) | (l2 != h2))):
-        raise BadData(f"two terms draw '{name}' into intervals: write one of them as rows (`Rows.cost`)")
-    index = k1 + k2
-    mean = np.where(both, (k1 * np.nan_to_num(l1) + k2 * np.nan_to_num(l2)) / np.where(both, index, 1.0), 0.0)
-    low, high = (np.where(both, mean, np.where(first, a, b)) for a, b in ((l1, l2), (h1, h2)))
-    return np.stack([low, high, index], axis=1)
+def _sum(first: Array, second: Array, name: str) -> Array:
+    """Add two interval penalties of one unknown, exactly but for a constant.
+
+    Where both act, each must draw to one value, l = h = m. Then
+
+        k1 (x - m1)^2 + k2 (x - m2)^2 = (k1 + k2) (x - m)^2 + constant,
+        m = (k1 m1 + k2 m2) / (k1 + k2)
+
+    The sum of two proper intervals is no interval penalty.
+
+    Parameters
+    ----------
+    first, second : (frames, 3) or (1, 3) l, h and k of each; a k of 0 leaves l and h unread
+    name : of the unknown, for the error
+
+    Returns
+    -------
+    (frames, 3) or (1, 3) l, h and k
+
+    Raises
+    ------
+    BadData : both act in a frame, and one of them has an interval
+    """
+    first, second = np.broadcast_arrays(first, second)
+    low_1, high_1, stiffness_1 = first.T
+    low_2, high_2, stiffness_2 = second.T
+    first_acts = stiffness_1 > 0.0
+    both_act = first_acts & (stiffness_2 > 0.0)
+    if np.any(both_act & ((low_1 != high_1) | (low_2 != high_2))):
+        raise BadData(
+            f"two terms draw '{name}' into intervals: write one of them as rows (`Rows.cost`)"
+        )
+    stiffness = stiffness_1 + stiffness_2
+    # One that does not act may have NaN for its interval.
+    weighted_sum = stiffness_1 * np.nan_to_num(low_1) + stiffness_2 * np.nan_to_num(low_2)
+    mean = np.divide(weighted_sum, stiffness, out=np.zeros_like(stiffness), where=both_act)
+    low = np.where(both_act, mean, np.where(first_acts, low_1, low_2))
+    high = np.where(both_act, mean, np.where(first_acts, high_1, high_2))
+    return np.stack([low, high, stiffness], axis=1)

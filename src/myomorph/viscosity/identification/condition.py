@@ -1,4 +1,6 @@
-"""Steps 1 and 2 of one condition, once with all blocks of swings and once with half of each block left out."""
+"""Steps 1 and 2 of one condition, once with all blocks of swings and once with half of each block
+left out.
+"""
 
 from __future__ import annotations
 
@@ -17,25 +19,28 @@ REJECT = 0.05  # Share of specimens with equal trials whose trials are taken to 
 
 
 LACKING = 0.5
-"""How much of a block is left out: half. With leverage h the change is then 1 / (1 - h / 2) times what it would be
-without, almost the 1 / sqrt(1 - h) that makes its square unbiased; leaving out all gives 1 / (1 - h)."""
+"""How much of a block is left out: half. With leverage h the change is then 1 / (1 - h / 2) times
+what it would be without, almost the 1 / sqrt(1 - h) that makes its square unbiased; leaving out all
+gives 1 / (1 - h)."""
 
 
 @read_only
 class Influences:
-    """What blocks add to estimates: intervals by a studentised wild bootstrap over blocks of swings, or over trials.
+    """What blocks add to estimates: intervals by a studentised wild bootstrap over blocks of
+    swings, or over trials.
 
-    Swings of a trial die away, so that few blocks hold most of what is known: draws with replacement, which lose the
-    first swing of a trial every third time, scatter far more than the estimate does. Here the swings stay as they are
-    and only their misfits are drawn: with u_b (`blocks`) twice what the estimate changes when half of block b is left
-    out,
+    Swings of a trial die away, so that few blocks hold most of what is known: draws with
+    replacement, which lose the first swing of a trial every third time, scatter far more than the
+    estimate does. Here the swings stay as they are and only their misfits are drawn: with u_b
+    (`blocks`) twice what the estimate changes when half of block b is left out,
 
         draw = estimate + t sum_b z_b u_b,    z_b normal,  t = sqrt(dof / chi^2_dof)
 
-    (the wild bootstrap of Wu 1986 in clusters, Cameron, Gelbach, Miller 2008, of influences that grow with a block's
-    leverage as MacKinnon and White 1985 ask; t with the degrees of freedom of Satterthwaite 1946). Where the sums of
-    u_b over trials (`trial` of each block) scatter more than independent blocks could make them, trials are drawn
-    instead of blocks; `parted` is by how much less blocks scatter because they share frames (`SwingSums.parted`).
+    (the wild bootstrap of Wu 1986 in clusters, Cameron, Gelbach, Miller 2008, of influences that
+    grow with a block's leverage as MacKinnon and White 1985 ask; t with the degrees of freedom of
+    Satterthwaite 1946). Where the sums of u_b over trials (`trial` of each block) scatter more than
+    independent blocks could make them, trials are drawn instead of blocks; `parted` is by how much
+    less blocks scatter because they share frames (`SwingSums.parted`).
     """
 
     values: Array
@@ -46,7 +51,9 @@ class Influences:
     @property
     def trials(self) -> Array:
         """(trials, estimates) sums over the blocks of each trial."""
-        return np.stack([self.blocks[self.trial == number].sum(axis=0) for number in np.unique(self.trial)])
+        return np.stack(
+            [self.blocks[self.trial == number].sum(axis=0) for number in np.unique(self.trial)]
+        )
 
     @property
     def by_trial(self) -> np.ndarray:
@@ -63,7 +70,8 @@ class Influences:
         """(count, estimates) of the bootstrap."""
         chance = generator.uniform(size=(count, 1))
         sampled = []
-        # Influences of blocks have their leverage; of n trials n / (n - 1) times the sum of squares is the variance.
+        # Influences of blocks have their leverage; of n trials n / (n - 1) times the sum of squares
+        # is the variance.
         few = len(self.trials) / max(len(self.trials) - 1, 1)
         for parts, factor in ((self.blocks, 1.0 / self.parted), (self.trials, few)):
             freedom = _freedom(parts)
@@ -73,8 +81,9 @@ class Influences:
 
 
 def _freedom(parts: Array) -> Array:
-    """(estimates,) degrees of freedom of sums of squares of normal parts, from 1 to one less than the parts.
-    Satterthwaite's (sum s^2)^2 / sum s^4 of the variances s^2, with sum s^4 = sum u^4 / 3 and (sum s^2)^2 = (sum u^2)^2
+    """(estimates,) degrees of freedom of sums of squares of normal parts, from 1 to one less than
+    the parts. Satterthwaite's (sum s^2)^2 / sum s^4 of the variances s^2, with sum s^4 = sum u^4 /
+    3 and (sum s^2)^2 = (sum u^2)^2
     - 2 sum s^4 on average.
     """
     squares = np.square(parts)
@@ -84,10 +93,15 @@ def _freedom(parts: Array) -> Array:
     return np.clip(free, 1.0, max(len(parts) - 1, 1))
 
 
+ESTIMATED = ("mass", "com", "first_moment", "viscosity", "plate_viscosity", "least_mass")
+"""Estimates of a condition, by name; the viscosity of each axis follows, by the name of the axis.
+"""
+
+
 @read_only
 class Solution:
-    """Steps 1 and 2 from blocks that count `counts` times: viscosity of the joint by inverse dynamics (`joint`), and
-    from the moment about the joint that the plate measures (`plate`).
+    """Steps 1 and 2 from blocks that count `counts` times: viscosity of the joint by inverse
+    dynamics (`joint`), and from the moment about the joint that the plate measures (`plate`).
     """
 
     counts: Array
@@ -97,15 +111,24 @@ class Solution:
 
     @property
     def estimates(self) -> Array:
-        """(6 + axes,) mass, mass center, first moment, viscosity, that of the plate, least mass, one an axis."""
-        inertia = self.inertia
-        limb = inertia.mass, inertia.com, inertia.first_moment
-        return np.array([*limb, self.joint.one, self.plate.one, inertia.least_mass, *self.joint.axes])
+        """(6 + axes,) in the order of `ESTIMATED`, then the viscosity of each axis."""
+        limb = self.inertia
+        by_name = {
+            "mass": limb.mass,
+            "com": limb.com,
+            "first_moment": limb.first_moment,
+            "viscosity": self.joint.one,
+            "plate_viscosity": self.plate.one,
+            "least_mass": limb.least_mass,
+        }
+        return np.array([*(by_name[name] for name in ESTIMATED), *self.joint.axes])
 
 
 @dataclass(frozen=True, eq=False)
 class ConditionSolution:
-    """All swings of a condition; `lacking` (blocks,) is the solution with `LACKING` of one block left out."""
+    """All swings of a condition; `lacking` (blocks,) is the solution with `LACKING` of one block
+    left out.
+    """
 
     sums: SwingSums
     whole: Solution
@@ -121,26 +144,42 @@ class ConditionSolution:
 
     def torque(self, solution: Solution) -> Array:
         """(axes, 2 + muscles, 2 + muscles) `torque_problem` of a solution."""
-        return torque_problem(self.sums.torque_total(solution.counts), solution.inertia.parameters, self.stiffness)
+        return torque_problem(
+            self.sums.torque_total(solution.counts), solution.inertia.parameters, self.stiffness
+        )
 
 
-def solve_condition(sums: SwingSums, inertial: InertiaOptions, stiffness: bool) -> ConditionSolution:
+def solve_condition(
+    sums: SwingSums, inertial: InertiaOptions, stiffness: bool
+) -> ConditionSolution:
     """Inertia and joint viscosity of the sums, with all blocks and with a part of each left out."""
     if len(sums) < 3:
         advice = "record longer, release more often, or make the blocks smaller"
-        raise BadData(f"{len(sums)} blocks of swings in all: intervals need at least three; {advice}")
+        raise BadData(
+            f"{len(sums)} blocks of swings in all: intervals need at least three; {advice}"
+        )
     every = np.ones(len(sums))
     whole = solve_blocks(sums, every, inertial, stiffness)
     parts = [every - LACKING * block for block in np.eye(len(sums))]
-    lacking = [solve_blocks(sums, counts, inertial, stiffness, whole.inertia.noise) for counts in parts]
+    lacking = [
+        solve_blocks(sums, counts, inertial, stiffness, whole.inertia.noise) for counts in parts
+    ]
     return ConditionSolution(sums, whole, tuple(lacking), stiffness)
 
 
 def solve_blocks(
-    sums: SwingSums, counts: Array, inertial: InertiaOptions, stiffness: bool, noise: Array | None = None
+    sums: SwingSums,
+    counts: Array,
+    inertial: InertiaOptions,
+    stiffness: bool,
+    noise: Array | None = None,
 ) -> Solution:
-    """Inertia and joint viscosity of blocks that count `counts` (blocks,) times, without what intervals need."""
+    """Inertia and joint viscosity of blocks that count `counts` (blocks,) times, without what
+    intervals need.
+    """
     inertia = limb_inertia(sums, counts, inertial, noise)
     products, frames = sums.torque_total(counts), float(counts @ sums.frames)
-    problems = (torque_problem(products, parameters, stiffness) for parameters in (inertia.parameters, None))
+    problems = (
+        torque_problem(products, parameters, stiffness) for parameters in (inertia.parameters, None)
+    )
     return Solution(counts, inertia, *(joint_viscosity(problem, frames) for problem in problems))

@@ -1,10 +1,13 @@
-"""The dynamics of one specimen in three steps: inertia, joint viscosity, muscle viscosity ([S] section II)."""
+"""The dynamics of one specimen in three steps: inertia, joint viscosity, muscle viscosity ([S]
+section II).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from itertools import compress
 from typing import Any, Literal
 
 import numpy as np
@@ -15,26 +18,49 @@ from myomorph.model.errors import BadData, MyomorphError, check_name
 from myomorph.model.provenance import Estimate
 from myomorph.viscosity.identification import torque as torques
 from myomorph.viscosity.identification.condition import (
+    ESTIMATED,
     LACKING,
     ConditionSolution,
     Influences,
     Solution,
     solve_condition,
 )
-from myomorph.viscosity.identification.inertia import InertiaOptions, LimbInertia, least_mass, limb_inertia
+from myomorph.viscosity.identification.inertia import (
+    InertiaOptions,
+    LimbInertia,
+    least_mass,
+    limb_inertia,
+)
 from myomorph.viscosity.swings.recording import SwingRecording
-from myomorph.viscosity.swings.sums import swing_sums
+from myomorph.viscosity.swings.sums import SwingSums, swing_sums
 
-MAX_RELATIVE_WIDTH = 0.5  # An axis is excited where its interval is narrower than +- this share of the one value.
-STATES = {"without": "muscles removed", "with": "muscles intact"}  # The conditions of a specimen in texts.
+MAX_RELATIVE_WIDTH = (
+    0.5  # An axis is excited where its interval is narrower than +- this share of the one value.
+)
+STATES = {
+    "without": "muscles removed",
+    "with": "muscles intact",
+}  # The conditions of a specimen in texts.
 
 QUANTITIES_OF = {
-    "without": ("mass_muscles_removed", "com_muscles_removed", "first_moment_muscles_removed", "joint_viscosity"),
+    "without": (
+        "mass_muscles_removed",
+        "com_muscles_removed",
+        "first_moment_muscles_removed",
+        "joint_viscosity",
+    ),
     "with": ("mass_intact", "com_intact", "first_moment_intact", "total_viscosity"),
 }
-"""Mass, distance of the mass center, their product and viscosity of a condition, as tables call them."""
+"""Mass, distance of the mass center, their product and viscosity of a condition, as tables call
+them.
+"""
 
-NEUTRAL_ROUNDS = 3  # How often a ball joint's spring is found again from angles counted from its last rest.
+STREAMS = {"without": 0, "with": 1, "muscle mass": 2, "muscles": 3}
+"""Streams of random numbers, so that what one estimate draws does not change another."""
+
+NEUTRAL_ROUNDS = (
+    3  # How often a ball joint's spring is found again from angles counted from its last rest.
+)
 
 
 def is_narrow(estimate: Estimate) -> bool:
@@ -48,19 +74,24 @@ class ViscosityOptions(InertiaOptions):
 
     Attributes
     ----------
-    tare : what the plate's zero leaves beside the limb: "known", nothing; "loaded", a constant load of the base, so
-        that the mass is at most what the constant force shows; "unknown": a constant force and moment of every trial,
-        as a zero set with the limb on it leaves: the mass hides and only its moment shows
-    prior_sd : relative standard deviation of the prior of the limb's inertia: a uniform cylinder from the joint through
-        the estimated mass center to twice its distance, of a tenth of that distance as radius
-    instruments : find the inertia free of the noise of twice differentiated markers, by least squares as the rows see
-        it that hold the acceleration predicted from the state; without, plain ones as the paper writes them
-    stiffness : fit a spring and a constant torque of each axis beside the viscosity, so that they do not bias it;
-        off, least squares as the paper writes them; by default a study does where a law with a spring predicts
-        held-out swings better than viscosity alone (this function alone compares no laws, and fits it)
+    tare : what the plate's zero leaves beside the limb: "known", nothing; "loaded", a constant load
+        of the base, so that the mass is at most what the constant force shows; "unknown": a
+        constant force and moment of every trial, as a zero set with the limb on it leaves: the mass
+        hides and only its moment shows
+    prior_sd : relative standard deviation of the prior of the limb's inertia: a uniform cylinder
+        from the joint through the estimated mass center to twice its distance, of a tenth of that
+        distance as radius
+    instruments : find the inertia free of the noise of twice differentiated markers, by least
+        squares as the rows see it that hold the acceleration predicted from the state; without,
+        plain ones as the paper writes them
+    stiffness : fit a spring and a constant torque of each axis beside the viscosity, so that they
+        do not bias it; off, least squares as the paper writes them; by default a study does where a
+        law with a spring predicts held-out swings better than viscosity alone (this function alone
+        compares no laws, and fits it)
     subtract : joint viscosity that step 3 takes off: the one value, or one an axis
     spread : relative standard deviation of single muscles' viscosities about the common one
-    min_relative_speed : swings slower than this share of the fastest are left out (root mean square of the rates)
+    min_relative_speed : swings slower than this share of the fastest are left out (root mean square
+        of the rates)
     block : swings that the bootstrap draws together
     draws : of the bootstrap
     seed : of the draws
@@ -81,9 +112,13 @@ class ViscosityOptions(InertiaOptions):
         if not self.spread > 0.0:
             raise BadData(f"spread of the viscosity is {self.spread:g}: expected above 0")
         if not 0.0 <= self.min_relative_speed < 1.0:
-            raise BadData(f"min_relative_speed is {self.min_relative_speed:g}: expected from 0 to below 1")
+            raise BadData(
+                f"min_relative_speed is {self.min_relative_speed:g}: expected from 0 to below 1"
+            )
         if self.block < 1 or self.draws < 2:
-            raise BadData(f"expected block from 1 and draws from 2, but got {self.block} and {self.draws}")
+            raise BadData(
+                f"expected block from 1 and draws from 2, but got {self.block} and {self.draws}"
+            )
         if not 0.0 < self.level < 1.0:
             raise BadData(f"the level of the intervals is {self.level:g}: expected between 0 and 1")
 
@@ -100,13 +135,15 @@ class Condition:
     com : distance of the mass center from the joint's center [m]
     first_moment : mass times that distance, which no load of the base changes [kg m]
     least_mass : the least that a body of this first moment and inertia weighs [kg]
-    viscosity : the one value over all axes, as the paper prints it [N m s/rad]; with muscles d_{M+J}
+    viscosity : the one value over all axes, as the paper prints it [N m s/rad]; with muscles
+        d_{M+J}
     axis_viscosity : one an axis
     excited : one an axis: whether the swings moved it enough to tell its viscosity
     residual : (6,) root mean square of measured less predicted wrench [N m], [N]
-    plate_viscosity : the one value from the moment about the joint that the plate measures, instead of the
-        torque by inverse dynamics: a check that shares hardly any noise with `viscosity`
-    by_trial : which intervals are drawn by trial, because trials differ more than their swings explain
+    plate_viscosity : the one value from the moment about the joint that the plate measures, instead
+        of the torque by inverse dynamics: a check that shares hardly any noise with `viscosity`
+    by_trial : which intervals are drawn by trial, because trials differ more than their swings
+        explain
     """
 
     recordings: tuple[SwingRecording, ...]
@@ -136,7 +173,8 @@ class MuscleViscosity:
     by_muscle : regularised values, one a muscle [N s/m]
     rank : number of independent combinations that the swings show, of `len(muscles)`
     singular_values : (muscles,) of the normalised problem, descending
-    resolved : how many of those combinations are known to better than their own size, were all muscles alike
+    resolved : how many of those combinations are known to better than their own size, were all
+        muscles alike
     """
 
     muscles: tuple[str, ...]
@@ -182,9 +220,12 @@ class SpecimenViscosity:
     def changed(
         self, conditions: Mapping[str, Condition], notes: Iterable[str] = (), **parts: Any
     ) -> SpecimenViscosity:
-        """The same with other conditions, by "without" and "with", with further notes and with other parts."""
+        """The same with other conditions, by "without" and "with", with further notes and with
+        other parts.
+        """
         named: dict[str, Any] = {
-            "intact" if name == "with" else name: condition for name, condition in conditions.items()
+            "intact" if name == "with" else name: condition
+            for name, condition in conditions.items()
         }
         return replace(self, **named, **parts, notes=(*self.notes, *notes))
 
@@ -212,10 +253,11 @@ def identify_specimen(
 ) -> SpecimenViscosity:
     """Inertia, joint viscosity and muscle viscosity of one specimen, each with its interval.
 
-    A condition that is lacking or that fails is None and named in the notes; the other is still identified.
-    The intervals hold what swings and trials scatter; what all trials share (the joint's center, the plate's
-    place and gain, the held pose, moment arms) they cannot know. Masses and centers are those of limb and base load
-    together, as the constant force shows them; a study gives the range that the limb's can have.
+    A condition that is lacking or that fails is None and named in the notes; the other is still
+    identified. The intervals hold what swings and trials scatter; what all trials share (the
+    joint's center, the plate's place and gain, the held pose, moment arms) they cannot know. Masses
+    and centers are those of limb and base load together, as the constant force shows them; a study
+    gives the range that the limb's can have.
 
     Source: [S] section II.
 
@@ -229,7 +271,8 @@ def identify_specimen(
 
     Returns
     -------
-    mass [kg], mass center [m] and viscosity [N m s/rad] of each condition, viscosity of the muscles [N s/m]
+    mass [kg], mass center [m] and viscosity [N m s/rad] of each condition, viscosity of the muscles
+    [N s/m]
 
     Raises
     ------
@@ -248,108 +291,211 @@ def identify_specimen(
     """
     options = options or ViscosityOptions()
     recordings = {"without": without, "with": intact}
+    muscles = muscle_mass = least_muscle_mass = None
+    # One thread of BLAS each: the matrices are small, and the two conditions are solved side by
+    # side.
     with threadpool_limits(1, "blas"), ThreadPoolExecutor(2) as pool:
-        tried = dict(
-            zip(recordings, pool.map(lambda condition: _solved(condition, options), recordings.values()), strict=True)
-        )
-        notes = [f"{STATES[key]}: {problem}" for key, problem in tried.items() if isinstance(problem, str)]
-        solved = {key: solution for key, solution in tried.items() if not isinstance(solution, str)}
-        if not solved:
+        outcomes = pool.map(lambda swings: _solved(swings, options), recordings.values())
+        solutions: dict[str, ConditionSolution] = {}
+        notes: list[str] = []
+        for condition, outcome in zip(recordings, outcomes, strict=True):
+            if isinstance(outcome, str):
+                notes.append(f"{STATES[condition]}: {outcome}")
+            else:
+                solutions[condition] = outcome
+        if not solutions:
             raise BadData(f"specimen '{name}': " + "; ".join(notes))
+
         identified = {
-            key: _condition(solution, recordings[key], options, int(key == "with")) for key, solution in solved.items()
+            condition: _condition(solution, recordings[condition], options, STREAMS[condition])
+            for condition, solution in solutions.items()
         }
-        muscles = mass = least = None
-        if len(solved) == len(recordings):
-            bare, full = solved["without"], solved["with"]
-            mass, least = _muscle_mass(bare, full, options)
-            muscles = _muscles(bare, full, pcsa, options) if full.sums.muscles else None
-    notes += [f"{STATES[key]}: {warning}" for key, solution in solved.items() for warning in _warnings(solution)]
-    conditions = identified.get("without"), identified.get("with")
-    return SpecimenViscosity(name, *conditions, muscles, mass, measured_muscle_mass, tuple(notes), least)
+        if len(solutions) == len(recordings):
+            bare = solutions["without"]
+            full = solutions["with"]
+            muscle_mass, least_muscle_mass = _muscle_mass(bare, full, options)
+            if full.sums.muscles:
+                muscles = _muscles(bare, full, pcsa, options)
+    for condition, solution in solutions.items():
+        notes += [f"{STATES[condition]}: {warning}" for warning in _warnings(solution)]
+    return SpecimenViscosity(
+        name=name,
+        without=identified.get("without"),
+        intact=identified.get("with"),
+        muscles=muscles,
+        muscle_mass=muscle_mass,
+        measured_muscle_mass=measured_muscle_mass,
+        notes=tuple(notes),
+        least_muscle_mass=least_muscle_mass,
+    )
 
 
-def _solved(recordings: Sequence[SwingRecording], options: ViscosityOptions) -> ConditionSolution | str:
-    """Steps 1 and 2, or why not."""
+def _solved(
+    recordings: Sequence[SwingRecording], options: ViscosityOptions
+) -> ConditionSolution | str:
+    """Steps 1 and 2 of a condition, or the reason why they failed."""
+    has_spring = options.stiffness is not False
     try:
         sums = swing_sums(recordings, options.block, options.min_relative_speed)
-        if options.stiffness is not False and len(sums.axes) == 3:
-            parameters = limb_inertia(sums, None, options).parameters
-            for _ in range(NEUTRAL_ROUNDS):
-                moved = torques.counted_from(recordings, torques.neutral_position(sums, parameters))
-                there = swing_sums(moved, options.block, options.min_relative_speed)
-                if torques.spring_misfit(there, parameters) >= torques.spring_misfit(sums, parameters):
-                    break
-                recordings, sums = moved, there
-        return solve_condition(sums, options, options.stiffness is not False)
+        if has_spring and len(sums.axes) == 3:
+            sums = _sums_about_neutral(recordings, sums, options)
+        return solve_condition(sums, options, has_spring)
     except MyomorphError as error:
         return str(error)
 
 
-def _estimates(influences: Influences, options: ViscosityOptions, stream: int, least: Array) -> list[Estimate]:
-    """One an estimate, draws below `least` (estimates,) lifted to it."""
-    drawn = influences.draws(options.draws, np.random.default_rng((options.seed, stream)))
-    drawn = np.maximum(drawn, least)
+def _sums_about_neutral(
+    recordings: Sequence[SwingRecording], sums: SwingSums, options: ViscosityOptions
+) -> SwingSums:
+    """Sums of a ball joint with angles counted from the neutral position of its spring.
+
+    Torques of a spring are linear in the angles about that position alone, and the position
+    follows from the spring: they are found in turn as long as the misfit falls.
+    """
+    parameters = limb_inertia(sums, None, options).parameters
+    for _ in range(NEUTRAL_ROUNDS):
+        neutral = torques.neutral_position(sums, parameters)
+        shifted = torques.counted_from(recordings, neutral)
+        shifted_sums = swing_sums(shifted, options.block, options.min_relative_speed)
+        shifted_misfit = torques.spring_misfit(shifted_sums, parameters)
+        if shifted_misfit >= torques.spring_misfit(sums, parameters):
+            break
+        recordings = shifted
+        sums = shifted_sums
+    return sums
+
+
+def _estimates(
+    influences: Influences, options: ViscosityOptions, stream: int, lowest: Array
+) -> list[Estimate]:
+    """Values with their intervals, from draws of the bootstrap.
+
+    Parameters
+    ----------
+    stream : of random numbers, another one for each set of estimates
+    lowest : (estimates,) the least possible values, to which lower draws are raised
+    """
+    generator = np.random.default_rng((options.seed, stream))
+    drawn = np.maximum(influences.draws(options.draws, generator), lowest)
     return [
-        Estimate.of_draws(value, draws, options.level) for value, draws in zip(influences.values, drawn.T, strict=True)
+        Estimate.of_draws(value, draws, options.level)
+        for value, draws in zip(influences.values, drawn.T, strict=True)
     ]
 
 
 def _condition(
-    solved: ConditionSolution, recordings: Sequence[SwingRecording], options: ViscosityOptions, stream: int
+    solved: ConditionSolution,
+    recordings: Sequence[SwingRecording],
+    options: ViscosityOptions,
+    stream: int,
 ) -> Condition:
+    """Estimates of a condition with their intervals; none of them can be below 0."""
+    axes = solved.sums.axes
+    names = (*ESTIMATED, *axes)
     influences = solved.influences
-    drawn = _estimates(influences, options, stream, np.zeros(len(influences.values)))
-    mass, com, moment, joint, plate, least, *axes = drawn
-    names = ("mass", "com", "first_moment", "viscosity", "plate_viscosity", "least_mass", *solved.sums.axes)
-    excited = tuple(0.5 * (axis.high - axis.low) <= MAX_RELATIVE_WIDTH * joint.value for axis in axes)
-    by_trial = tuple(name for name, by in zip(names, influences.by_trial, strict=True) if by)
-    inertia = solved.whole.inertia
-    estimates = (mass, com, moment, least, joint, tuple(axes), excited)
-    return Condition(tuple(recordings), inertia.parameters, *estimates, inertia.noise, plate, by_trial)
+    estimates = _estimates(influences, options, stream, lowest=np.zeros(len(names)))
+    by_name = dict(zip(names, estimates, strict=True))
+    viscosity = by_name["viscosity"]
+    axis_viscosity = tuple(by_name[axis] for axis in axes)
+    return Condition(
+        recordings=tuple(recordings),
+        parameters=solved.whole.inertia.parameters,
+        mass=by_name["mass"],
+        com=by_name["com"],
+        first_moment=by_name["first_moment"],
+        least_mass=by_name["least_mass"],
+        viscosity=viscosity,
+        axis_viscosity=axis_viscosity,
+        excited=tuple(_is_excited(axis, viscosity) for axis in axis_viscosity),
+        residual=solved.whole.inertia.noise,
+        plate_viscosity=by_name["plate_viscosity"],
+        by_trial=tuple(compress(names, influences.by_trial)),
+    )
 
 
-def _both(bare: ConditionSolution, full: ConditionSolution, values: Array, blocks: Array) -> Influences:
+def _is_excited(axis: Estimate, viscosity: Estimate) -> bool:
+    """Whether the swings moved an axis enough to determine its viscosity."""
+    half_width = 0.5 * (axis.high - axis.low)
+    return half_width <= MAX_RELATIVE_WIDTH * viscosity.value
+
+
+def _both(
+    bare: ConditionSolution, full: ConditionSolution, values: Array, blocks: Array
+) -> Influences:
     """Influences of the blocks without muscles, then those with."""
     trial = np.concatenate([bare.sums.trial, full.sums.trial + len(bare.sums.names)])
-    return Influences(values, (values - blocks) / LACKING, trial, min(bare.sums.parted, full.sums.parted))
+    return Influences(
+        values, (values - blocks) / LACKING, trial, min(bare.sums.parted, full.sums.parted)
+    )
 
 
 def muscle_masses(bare: LimbInertia, full: LimbInertia) -> Array:
-    """(2,) mass of the muscles by the constant forces, and the least that their first moment and inertia weigh [kg]."""
+    """(2,) mass of the muscles by the constant forces, and the least that their first moment and
+    inertia weigh [kg].
+    """
     return np.array([full.mass - bare.mass, least_mass(full.parameters - bare.parameters)])
 
 
-def _muscle_mass(bare: ConditionSolution, full: ConditionSolution, options: ViscosityOptions) -> list[Estimate]:
-    less, more = bare.whole.inertia, full.whole.inertia
-    blocks = [muscle_masses(block.inertia, more) for block in bare.lacking]
-    blocks += [muscle_masses(less, block.inertia) for block in full.lacking]
-    influences = _both(bare, full, muscle_masses(less, more), np.array(blocks))
-    return _estimates(influences, options, 2, np.array([-np.inf, 0.0]))
+def _muscle_mass(
+    bare: ConditionSolution, full: ConditionSolution, options: ViscosityOptions
+) -> list[Estimate]:
+    """Mass of the muscles and the least that it can be [kg]: intact less muscles removed."""
+    without = bare.whole.inertia
+    intact = full.whole.inertia
+    values = muscle_masses(without, intact)
+    fewer_blocks = [muscle_masses(solution.inertia, intact) for solution in bare.lacking]
+    fewer_blocks += [muscle_masses(without, solution.inertia) for solution in full.lacking]
+    influences = _both(bare, full, values, np.array(fewer_blocks))
+    # A difference of two masses may come out negative; the least mass may not.
+    lowest = np.array([-np.inf, 0.0])
+    return _estimates(influences, options, STREAMS["muscle mass"], lowest)
 
 
 def _muscles(
-    bare: ConditionSolution, full: ConditionSolution, pcsa: Mapping[str, float] | None, options: ViscosityOptions
+    bare: ConditionSolution,
+    full: ConditionSolution,
+    pcsa: Mapping[str, float] | None,
+    options: ViscosityOptions,
 ) -> MuscleViscosity:
+    """Step 3: what the intact limb's damping has beside the joint's, over the muscles."""
     names = full.sums.muscles
     shares = _shares(names, pcsa)
-    whole, joint = full.torque(full.whole), bare.whole.joint.taken_off(options.subtract)
+    whole = full.torque(full.whole)
+    joint = bare.whole.joint.taken_off(options.subtract)
     problem = torques.muscle_problem(whole, joint)
     common = problem.along(np.ones(len(names)))
     phi = full.whole.inertia.parameters
-    blocks = np.stack([torques.torque_problem(sums, phi, options.stiffness is not False) for sums in full.sums.torque])
+    blocks = np.stack(
+        [
+            torques.torque_problem(sums, phi, options.stiffness is not False)
+            for sums in full.sums.torque
+        ]
+    )
     variance = torques.noise_variance(blocks, joint)
     strength = torques.ridge_strength(problem, variance, common, options.spread)
 
-    def values(torque: Array, less: Solution) -> Array:
-        return torques.muscle_problem(torque, less.joint.taken_off(options.subtract)).solved(shares, strength)
+    def values(torque: Array, without: Solution) -> Array:
+        """(2 + muscles,) the common value, the factor of the cross-sections, one a muscle."""
+        joint = without.joint.taken_off(options.subtract)
+        return torques.muscle_problem(torque, joint).solved(shares, strength)
 
-    others = [values(whole, block) for block in bare.lacking]
-    others += [values(full.torque(block), bare.whole) for block in full.lacking]
     best = values(whole, bare.whole)
-    drawn = _estimates(_both(bare, full, best, np.array(others)), options, 3, np.zeros(len(best)))
-    known = (problem.rank, problem.singular_values, problem.resolved(variance, common))
-    return MuscleViscosity(names, drawn[0], shares, drawn[1], tuple(drawn[2:]), *known)
+    fewer_blocks = [values(whole, solution) for solution in bare.lacking]
+    fewer_blocks += [values(full.torque(solution), bare.whole) for solution in full.lacking]
+    influences = _both(bare, full, best, np.array(fewer_blocks))
+    common_value, pcsa_factor, *by_muscle = _estimates(
+        influences, options, STREAMS["muscles"], lowest=np.zeros(len(best))
+    )
+    return MuscleViscosity(
+        muscles=names,
+        common=common_value,
+        pcsa=shares,
+        by_pcsa=pcsa_factor,
+        by_muscle=tuple(by_muscle),
+        rank=problem.rank,
+        singular_values=problem.singular_values,
+        resolved=problem.resolved(variance, common),
+    )
 
 
 def _shares(names: tuple[str, ...], pcsa: Mapping[str, float] | None) -> Array:
@@ -360,17 +506,23 @@ def _shares(names: tuple[str, ...], pcsa: Mapping[str, float] | None) -> Array:
         check_name("muscle", name, pcsa, "the table of cross-sections")
     shares = np.array([pcsa[name] for name in names], dtype=np.float64)
     if not (np.isfinite(shares).all() and (shares > 0.0).all()):
-        raise BadData(f"a muscle's cross-section must be above 0: got {dict(zip(names, shares.tolist(), strict=True))}")
+        raise BadData(
+            f"a muscle's cross-section must be above 0: got {dict(zip(names, shares.tolist(), strict=True))}"
+        )
     return shares / shares.mean()
 
 
 def _warnings(solved: ConditionSolution) -> list[str]:
     """What a reader should know of steps 1 and 2."""
-    result, sums, inertia = [], solved.sums, solved.whole.inertia
+    result = []
+    sums = solved.sums
+    inertia = solved.whole.inertia
     if inertia.hidden:
         result.append("the plate's zero is unknown, so the mass hides; viscosities do not need it")
     if not inertia.possible:
-        result.append("the wrench asks for inertia that no body has; the nearest that one can have is used")
+        result.append(
+            "the wrench asks for inertia that no body has; the nearest that one can have is used"
+        )
     if len(sums.names) < 2:
         result.append("one trial only: how trials differ is not in the intervals")
     lost = [name for i, name in enumerate(sums.names) if not (sums.trial == i).any()]
